@@ -1,3 +1,128 @@
+// fltea._native: the device's encoder for the tests, so that Python can compare it with its own bytes.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/string.h>
 
-NB_MODULE(_native, m) { m.doc() = "Native parts of fltea."; }
+#include <cstring>
+#include <limits>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "cobs.h"
+#include "crc32.h"
+#include "frame.h"
+#include "messages.h"
+
+namespace nb = nanobind;
+
+namespace {
+
+const uint8_t* data(const nb::bytes& bytes) { return static_cast<const uint8_t*>(bytes.data()); }
+
+[[noreturn]] void reject(const char* field, const std::string& why) {
+    throw nb::value_error((std::string(field) + ": " + why).c_str());
+}
+
+// Visitor of a message's fields (messages.h) that fills them from a tuple, in order.
+class FieldReader {
+  public:
+    explicit FieldReader(nb::tuple values) : values_(values) {}
+
+    template <typename T>
+    void operator()(const char* name, T& field) {
+        if constexpr (std::is_enum_v<T>) {
+            field = static_cast<T>(integer<std::underlying_type_t<T>>(name));
+        } else {
+            field = integer<T>(name);
+        }
+    }
+
+    template <size_t N>
+    void operator()(const char* name, uint8_t (&field)[N]) {
+        nb::bytes value = nb::cast<nb::bytes>(next(name));
+        if (value.size() != N) reject(name, "must be " + std::to_string(N) + " bytes");
+        std::memcpy(field, value.data(), N);
+    }
+
+    template <size_t N>
+    void operator()(const char* name, char (&field)[N]) {
+        std::string value = nb::cast<std::string>(next(name));
+        if (value.size() > N) reject(name, "at most " + std::to_string(N) + " characters fit");
+        std::memset(field, 0, N);
+        std::memcpy(field, value.data(), value.size());
+    }
+
+    void end() const {
+        if (used_ != values_.size()) throw nb::value_error("more values than fields");
+    }
+
+  private:
+    nb::object next(const char* name) {
+        if (used_ == values_.size()) reject(name, "no value");
+        return nb::borrow(values_[used_++]);
+    }
+
+    template <typename T>
+    T integer(const char* name) {
+        long long value = nb::cast<long long>(next(name));
+        if (value < std::numeric_limits<T>::min() || value > std::numeric_limits<T>::max()) {
+            reject(name, std::to_string(value) + " does not fit");
+        }
+        return static_cast<T>(value);
+    }
+
+    nb::tuple values_;
+    size_t used_ = 0;
+};
+
+template <typename Message>
+nb::bytes encode_struct(uint16_t sequence, uint32_t device_us, nb::tuple fields) {
+    Message message;
+    FieldReader read(fields);
+    Message::visit_fields(message, read);
+    read.end();
+    uint8_t wire[fltea::kMaxWire];
+    size_t n = fltea::encode_message(message, sequence, device_us, wire);
+    return nb::bytes(wire, n);
+}
+
+nb::bytes encode_message(uint8_t type, uint16_t sequence, uint32_t device_us, nb::tuple fields) {
+    switch (type) {
+        case fltea::Hello::type():
+            return encode_struct<fltea::Hello>(sequence, device_us, fields);
+        case fltea::Sample::type():
+            return encode_struct<fltea::Sample>(sequence, device_us, fields);
+        case fltea::Status::type():
+            return encode_struct<fltea::Status>(sequence, device_us, fields);
+        case fltea::Fault::type():
+            return encode_struct<fltea::Fault>(sequence, device_us, fields);
+        default:
+            throw nb::value_error("no message of this type");
+    }
+}
+
+nb::bytes encode_frame(uint8_t type, uint16_t sequence, uint32_t device_us, nb::bytes payload) {
+    uint8_t wire[fltea::kMaxWire];
+    size_t n = fltea::encode_frame(type, sequence, device_us, data(payload), payload.size(), wire);
+    if (n == 0) throw nb::value_error("the payload is too long");
+    return nb::bytes(wire, n);
+}
+
+nb::bytes cobs_encode(nb::bytes bytes) {
+    std::vector<uint8_t> out(fltea::cobs_max_encoded(bytes.size()));
+    size_t n = fltea::cobs_encode(data(bytes), bytes.size(), out.data());
+    return nb::bytes(out.data(), n);
+}
+
+}  // namespace
+
+NB_MODULE(_native, m) {
+    m.doc() = "Native parts of fltea.";
+    m.attr("SCHEMA_HASH") = fltea::kSchemaHash;
+    m.def("crc32", [](nb::bytes bytes) { return fltea::crc32(data(bytes), bytes.size()); }, nb::arg("data"));
+    m.def("cobs_encode", &cobs_encode, nb::arg("data"));
+    m.def("encode_frame", &encode_frame, nb::arg("type"), nb::arg("sequence"), nb::arg("device_us"),
+          nb::arg("payload"));
+    m.def("encode_message", &encode_message, nb::arg("type"), nb::arg("sequence"), nb::arg("device_us"),
+          nb::arg("fields"));
+}

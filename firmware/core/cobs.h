@@ -1,0 +1,56 @@
+// Consistent Overhead Byte Stuffing (Cheshire and Baker, IEEE/ACM Transactions on Networking 7(2), 1999):
+// rewrites any bytes without 0x00, so that 0x00 can close a frame.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+namespace fltea {
+
+// Bytes that n bytes take at most after encoding.
+constexpr size_t cobs_max_encoded(size_t n) { return n == 0 ? 1 : n + (n + 253) / 254; }
+
+// Encodes byte by byte into `out`, which must hold cobs_max_encoded() of all that is put.
+class CobsEncoder {
+  public:
+    explicit CobsEncoder(uint8_t* out) : out_(out) {}
+
+    void put(uint8_t byte) {
+        // A full block is closed only when a byte follows: at the end no empty block comes after it.
+        if (code_ == kFull) open_block();
+        if (byte == 0) {
+            open_block();
+        } else {
+            out_[end_++] = byte;
+            ++code_;
+        }
+    }
+
+    // Bytes written, without a closing 0x00. Put nothing after it.
+    size_t finish() {
+        out_[block_] = code_;
+        return end_;
+    }
+
+  private:
+    static constexpr uint8_t kFull = 0xFF;
+
+    void open_block() {
+        out_[block_] = code_;
+        block_ = end_++;
+        code_ = 1;
+    }
+
+    uint8_t* out_;
+    size_t block_ = 0;  // where the code of the open block goes
+    size_t end_ = 1;
+    uint8_t code_ = 1;  // distance from the code to the zero that it replaces
+};
+
+inline size_t cobs_encode(const uint8_t* data, size_t n, uint8_t* out) {
+    CobsEncoder encoder(out);
+    for (size_t i = 0; i < n; ++i) encoder.put(data[i]);
+    return encoder.finish();
+}
+
+}  // namespace fltea

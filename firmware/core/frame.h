@@ -1,0 +1,96 @@
+// One frame on the wire: COBS( type u8 | sequence u16 | device_us u32 | payload | CRC-32 u32 ), then 0x00.
+// The bytes go through CRC and COBS straight into the caller's buffer, so no second buffer is needed.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include <type_traits>
+
+#include "cobs.h"
+#include "crc32.h"
+#include "messages.h"
+
+namespace fltea {
+
+// `out` must hold kMaxWire bytes; the caller puts at most kMaxPayload bytes of payload.
+class FrameWriter {
+  public:
+    FrameWriter(uint8_t type, uint16_t sequence, uint32_t device_us, uint8_t* out) : out_(out), cobs_(out) {
+        u8(type);
+        u16(sequence);
+        u32(device_us);
+    }
+
+    void u8(uint8_t value) {
+        crc_.add(value);
+        cobs_.put(value);
+    }
+    void u16(uint16_t value) {
+        u8(static_cast<uint8_t>(value & 0xFF));
+        u8(static_cast<uint8_t>(value >> 8));
+    }
+    void u32(uint32_t value) {
+        u16(static_cast<uint16_t>(value & 0xFFFF));
+        u16(static_cast<uint16_t>(value >> 16));
+    }
+
+    // Bytes on the wire, the 0x00 included. Put nothing after it.
+    size_t finish() {
+        u32(crc_.value());
+        const size_t n = cobs_.finish();
+        out_[n] = 0;
+        return n + 1;
+    }
+
+  private:
+    uint8_t* out_;
+    Crc32 crc_;
+    CobsEncoder cobs_;
+};
+
+// Visitor of a message's fields (messages.h) that writes them as payload.
+class FieldWriter {
+  public:
+    explicit FieldWriter(FrameWriter& frame) : frame_(frame) {}
+
+    void operator()(const char*, uint8_t value) { frame_.u8(value); }
+    void operator()(const char*, uint16_t value) { frame_.u16(value); }
+    void operator()(const char*, uint32_t value) { frame_.u32(value); }
+    void operator()(const char*, int16_t value) { frame_.u16(static_cast<uint16_t>(value)); }
+
+    template <typename Enum>
+    typename std::enable_if<std::is_enum<Enum>::value>::type operator()(const char*, Enum value) {
+        frame_.u8(static_cast<uint8_t>(value));
+    }
+
+    // bytesN, and textN, which is padded with NUL by whoever fills it.
+    template <typename Byte, size_t N>
+    void operator()(const char*, const Byte (&value)[N]) {
+        for (size_t i = 0; i < N; ++i) frame_.u8(static_cast<uint8_t>(value[i]));
+    }
+
+  private:
+    FrameWriter& frame_;
+};
+
+// Bytes on the wire, the 0x00 included; 0 and nothing written if the payload is longer than kMaxPayload.
+inline size_t encode_frame(uint8_t type, uint16_t sequence, uint32_t device_us, const uint8_t* payload,
+                           size_t n, uint8_t* out) {
+    if (n > kMaxPayload) return 0;
+    FrameWriter frame(type, sequence, device_us, out);
+    for (size_t i = 0; i < n; ++i) frame.u8(payload[i]);
+    return frame.finish();
+}
+
+// The same for a struct of messages.h.
+template <typename Message>
+size_t encode_message(const Message& message, uint16_t sequence, uint32_t device_us, uint8_t* out) {
+    static_assert(Message::size() <= kMaxPayload, "the payload does not fit a frame");
+    FrameWriter frame(Message::type(), sequence, device_us, out);
+    FieldWriter write(frame);
+    Message::visit_fields(message, write);
+    return frame.finish();
+}
+
+}  // namespace fltea

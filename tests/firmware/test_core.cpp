@@ -1,0 +1,186 @@
+// The device's encoder against the vectors, and at its edges. Sources of the vectors: published values typed
+// by hand, and PyPI cobs and zlib (tools/make_vectors.py).
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+#include <type_traits>
+
+#include "cobs.h"
+#include "crc32.h"
+#include "frame.h"
+#include "messages.h"
+#include "vectors.h"
+
+namespace {
+
+// A heap block of exactly the size promised, so that the sanitizer sees the first byte beyond it.
+Bytes cobs(const Bytes& plain) {
+    Bytes out(fltea::cobs_max_encoded(plain.size()));
+    out.resize(fltea::cobs_encode(plain.data(), plain.size(), out.data()));
+    return out;
+}
+
+// Visitor of a message's fields that fills them from the lines "field NAME VALUE" of a record, in their
+// order.
+class RecordReader {
+  public:
+    explicit RecordReader(const Record& record) {
+        for (const std::pair<std::string, std::string>& line : record) {
+            if (line.first == "field") fields_.push_back(line.second);
+        }
+    }
+
+    template <typename T>
+    typename std::enable_if<std::is_integral<T>::value>::type operator()(const char* name, T& field) {
+        field = static_cast<T>(std::stoll(next(name)));
+    }
+    template <typename T>
+    typename std::enable_if<std::is_enum<T>::value>::type operator()(const char* name, T& field) {
+        field = static_cast<T>(std::stoll(next(name)));
+    }
+    template <size_t N>
+    void operator()(const char* name, uint8_t (&field)[N]) {
+        Bytes bytes = from_hex(next(name));
+        REQUIRE(bytes.size() == N);
+        std::memcpy(field, bytes.data(), N);
+    }
+    template <size_t N>
+    void operator()(const char* name, char (&field)[N]) {
+        std::string text = next(name);
+        REQUIRE(text.size() <= N);
+        std::memset(field, 0, N);
+        std::memcpy(field, text.data(), text.size());
+    }
+
+    bool empty() const { return used_ == fields_.size(); }
+
+  private:
+    std::string next(const char* name) {
+        REQUIRE(used_ < fields_.size());
+        const std::string& line = fields_[used_++];
+        size_t blank = line.find(' ');
+        REQUIRE(line.substr(0, blank) == name);
+        return blank == std::string::npos ? "" : line.substr(blank + 1);
+    }
+
+    std::vector<std::string> fields_;
+    size_t used_ = 0;
+};
+
+template <typename Message>
+Bytes encode_record(const Record& record, uint16_t sequence, uint32_t device_us) {
+    Message message;
+    RecordReader read(record);
+    Message::visit_fields(message, read);
+    CHECK(read.empty());
+    Bytes out(fltea::kMaxWire);
+    out.resize(fltea::encode_message(message, sequence, device_us, out.data()));
+    CHECK(out.size() == Message::size() + 13);
+    return out;
+}
+
+}  // namespace
+
+TEST_CASE("crc32: published values") {
+    for (const auto& row : table("crc32.txt")) {
+        CAPTURE(row.second);
+        Bytes data = from_runs(row.second);
+        CHECK(fltea::crc32(data.data(), data.size()) == std::stoul(row.first, nullptr, 16));
+    }
+}
+
+TEST_CASE("crc32: bytes one by one, and a value in between disturbs nothing") {
+    fltea::Crc32 crc;
+    for (char c : std::string("123456789")) {
+        crc.value();
+        crc.add(static_cast<uint8_t>(c));
+    }
+    CHECK(crc.value() == 0xCBF43926);
+}
+
+TEST_CASE("cobs: published examples") {
+    for (const auto& row : table("cobs.txt")) {
+        CAPTURE(row.first);
+        CHECK(cobs(from_runs(row.first)) == from_runs(row.second));
+    }
+}
+
+TEST_CASE("cobs: no zero inside and never longer than promised") {
+    for (size_t n = 0; n < 1100; ++n) {
+        CAPTURE(n);
+        for (uint8_t fill : {uint8_t(0), uint8_t(1), uint8_t(255)}) {
+            Bytes encoded = cobs(Bytes(n, fill));
+            CHECK(std::count(encoded.begin(), encoded.end(), 0) == 0);
+            CHECK(encoded.size() == (fill ? fltea::cobs_max_encoded(n) : n + 1));
+        }
+    }
+}
+
+TEST_CASE("frame: the good vectors, from bytes and from structs") {
+    std::map<int, int> seen;
+    for (const Record& record : records("good.txt")) {
+        CAPTURE(value_of(record, "name"));
+        int type = std::stoi(value_of(record, "type"));
+        uint16_t sequence = static_cast<uint16_t>(std::stoul(value_of(record, "sequence")));
+        uint32_t device_us = static_cast<uint32_t>(std::stoul(value_of(record, "device_us")));
+        Bytes payload = from_hex(value_of(record, "payload"));
+        Bytes expected = from_hex(value_of(record, "wire"));
+
+        Bytes out(fltea::kMaxWire);
+        out.resize(fltea::encode_frame(static_cast<uint8_t>(type), sequence, device_us, payload.data(),
+                                       payload.size(), out.data()));
+        CHECK(out == expected);
+
+        ++seen[type];
+        switch (type) {
+            case fltea::Hello::type():
+                CHECK(encode_record<fltea::Hello>(record, sequence, device_us) == expected);
+                break;
+            case fltea::Sample::type():
+                CHECK(encode_record<fltea::Sample>(record, sequence, device_us) == expected);
+                break;
+            case fltea::Status::type():
+                CHECK(encode_record<fltea::Status>(record, sequence, device_us) == expected);
+                break;
+            case fltea::Fault::type():
+                CHECK(encode_record<fltea::Fault>(record, sequence, device_us) == expected);
+                break;
+            default:
+                break;
+        }
+    }
+    for (int type : {1, 2, 3, 4, 200}) CHECK(seen[type] > 0);
+}
+
+TEST_CASE("frame: 240 bytes fit into kMaxWire, 241 are refused and nothing is written") {
+    Bytes payload(241, 0x55);
+    Bytes out(fltea::kMaxWire, 0xEE);
+    CHECK(fltea::encode_frame(9, 1, 2, payload.data(), 241, out.data()) == 0);
+    CHECK(out == Bytes(fltea::kMaxWire, 0xEE));
+    CHECK(fltea::encode_frame(9, 1, 2, payload.data(), 240, out.data()) == fltea::kMaxWire);
+    CHECK(out.back() == 0);
+    CHECK(std::count(out.begin(), out.end(), 0) == 1);
+}
+
+TEST_CASE("frame: without payload the data pointer may be null") {
+    uint8_t out[fltea::kMaxWire];
+    CHECK(fltea::encode_frame(9, 1, 2, nullptr, 0, out) == 13);
+}
+
+TEST_CASE("messages: limits and version") {
+    CHECK(size_t(fltea::kMaxPayload) == 240);
+    CHECK(size_t(fltea::kMaxFrame) == 251);
+    CHECK(size_t(fltea::kMaxWire) == 253);
+    CHECK(int(fltea::kProtocolMajor) == 1);
+    bool stated = false;
+    for (const Record& record : records("good.txt")) {
+        for (const auto& line : record) {
+            if (line.second.compare(0, 12, "schema_hash ") != 0) continue;
+            CHECK(line.second == "schema_hash " + std::to_string(fltea::kSchemaHash));
+            stated = true;
+        }
+    }
+    CHECK(stated);
+}

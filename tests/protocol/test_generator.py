@@ -1,0 +1,198 @@
+"""The generator: its files are up to date, `--check` says what is not, and a wrong definition is named."""
+
+import shutil
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import pytest
+from fltea import wire
+from protocol_definition import DefinitionError, load
+from protocol_support import DEFINITION, PROTOCOL, ROOT, TOOLS
+
+FILES = ["firmware/core/messages.h", "host/fltea/wire.py", "protocol/README.md"]
+
+
+def generate(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", str(TOOLS / "gen_protocol.py"), "--root", str(root), *options]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    for name in [*FILES, "protocol/messages.toml"]:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, tmp_path / name)
+    return tmp_path
+
+
+def test_committed_files_are_up_to_date() -> None:
+    done = generate(ROOT, "--check")
+    assert done.returncode == 0, done.stderr
+
+
+def test_check_names_what_differs_and_writes_nothing(tree: Path) -> None:
+    definition = tree / "protocol/messages.toml"
+    definition.write_text(DEFINITION.replace('name = "boot_id"', 'name = "boot_number"'))
+    before = {name: (tree / name).read_bytes() for name in FILES}
+    done = generate(tree, "--check")
+    assert done.returncode == 1
+    assert [line.split()[0] for line in done.stderr.splitlines()] == FILES
+    assert before == {name: (tree / name).read_bytes() for name in FILES}
+
+
+def test_generate_writes_only_what_differs(tree: Path) -> None:
+    (tree / FILES[1]).write_text("")
+    stamps = {name: (tree / name).stat().st_mtime_ns for name in FILES}
+    done = generate(tree)
+    assert (done.returncode, done.stdout) == (0, f"wrote {FILES[1]}\n")
+    assert (tree / FILES[1]).read_text() == (ROOT / FILES[1]).read_text()
+    for name in (FILES[0], FILES[2]):
+        assert (tree / name).stat().st_mtime_ns == stamps[name]
+
+
+def test_readme_without_markers_is_an_error(tree: Path) -> None:
+    (tree / "protocol/README.md").write_text("# Protocol\n")
+    done = generate(tree)
+    assert done.returncode == 1
+    assert "markers" not in done.stdout
+    assert "<!-- generated: tables -->" in done.stderr
+
+
+# One more of everything, to see that the emitters need no help from a formatter.
+ANOTHER = """
+[[message]]
+name = "THELONGESTNAMETHATTHERE"
+id = 9
+doc = "A message with a text about it that is much too long for one line of any of the three outputs, in order to see it wrapped."
+[[message.field]]
+name = "a_name_as_long_as_it_ma"
+type = "bytes100"
+doc = "a field with a text about it that is much too long for one line of any of the three outputs, in order to see it wrapped"
+[[message.field]]
+name = "factor"
+type = "i16"
+unit = "m/s^2"
+scale = 0.00000012
+doc = "one | two"
+[[message.field]]
+name = "mode"
+type = "u8"
+enum = "one_more"
+doc = "of the other kind"
+[enum.one_more]
+first = { value = 9, doc = "a value with a text about it that is much too long for one line of any of the outputs, to see it wrapped" }
+"""  # noqa: E501
+
+
+def test_output_is_in_the_style_of_the_formatters(tree: Path) -> None:
+    folder = Path(sys.executable).parent
+    (tree / "protocol/messages.toml").write_text(DEFINITION + ANOTHER)
+    assert generate(tree).returncode == 0
+    python, header = tree / FILES[1], tree / FILES[0]
+    shutil.copy(ROOT / ".clang-format", tree)
+    for command in (
+        [folder / "ruff", "format", "--check", "--config", ROOT / "pyproject.toml", python],
+        [folder / "ruff", "check", "--config", ROOT / "pyproject.toml", python],
+        [folder / "clang-format", "--dry-run", "-Werror", header],
+    ):
+        if not command[0].exists():
+            pytest.skip(f"{command[0].name} is not installed")
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
+    assert zlib.crc32(PROTOCOL.canonical.encode()) == wire.SCHEMA_HASH
+    for old, new in [
+        ("id = 4", "id = 5"),
+        ('name = "gyro_x"', 'name = "gyro_w"'),
+        ('name = "FAULT"', 'name = "FAILURE"'),
+        ('type = "i16"\nunit = "LSB"', 'type = "u16"\nunit = "LSB"'),
+        ("scale = 0.001", "scale = 0.01"),
+        ('unit = "g"', 'unit = "m/s^2"'),
+        ("timer = { value = 0", "timer = { value = 9"),
+        ("late = { bit = 0", "late = { bit = 7"),
+        ("retried = {", "repeated_read = {"),
+    ]:
+        assert old in DEFINITION
+        assert load(DEFINITION.replace(old, new, 1)).schema_hash != PROTOCOL.schema_hash, new
+    for old, new in [
+        ('doc = "what happened"', 'doc = "what came to pass"'),
+        ("scale = 0.001", "scale = 0.0010"),
+        ("minor = 0", "minor = 1"),
+        ("max_payload = 240", "max_payload = 200"),
+    ]:
+        assert old in DEFINITION
+        assert load(DEFINITION.replace(old, new, 1)).schema_hash == PROTOCOL.schema_hash, new
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error"),
+    [
+        ("id = 2", "id = 1", r"message: id 1 is there twice"),
+        ('name = "STATUS"', 'name = "SAMPLE"', r"message: name SAMPLE is there twice"),
+        ('name = "gyro_y"', 'name = "gyro_x"', r"message SAMPLE: field gyro_x is there twice"),
+        ("id = 2", "id = 256", r"message SAMPLE: id: 256 is not an integer from 1 to 255"),
+        ("id = 2", "id = 0", r"message SAMPLE: id: 0 is not an integer"),
+        ("id = 2", "id = true", r"message SAMPLE: id: True is not an integer"),
+        (
+            'type = "text24"',
+            'type = "text"',
+            r"HELLO, field firmware_version: unknown type 'text'; known: u8",
+        ),
+        ('type = "text24"', 'type = "u12"', r"unknown type 'u12'"),
+        ('type = "text24"', 'type = "text0"', r"unknown type 'text0'"),
+        ('type = "text24"', "type = 24", r"unknown type 24"),
+        ('type = "text24"', 'type = "text199"', r"message HELLO: 241 bytes of payload; at most 240 fit"),
+        ("max_payload = 240", "max_payload = 243", r"\[protocol\] max_payload: 243 is not an integer from 0"),
+        ("minor = 0", "minor = 256", r"\[protocol\] minor: 256 is not"),
+        ("fifo = { value = 2", "fifo = { value = 256", r"enum sampling_mode, fifo: value: 256 is not"),
+        ("fifo = { value = 2", "fifo = { value = -1", r"enum sampling_mode, fifo: value: -1 is not"),
+        ("fifo = { value = 2", "fifo = { value = 1", r"enum sampling_mode: value 1 is there twice"),
+        (
+            "late = { bit = 0",
+            "late = { bit = 8",
+            r"flags sample_flags, late: bit: 8 is not an integer from 0 to 7",
+        ),
+        ("late = { bit = 0", "late = { value = 0", r"flags sample_flags, late: bit is missing"),
+        ('enum = "fault_code"', 'enum = "fault"', r"FAULT, field code: no \[enum.fault\] in the file"),
+        ('enum = "fault_code"', "", r"enum fault_code: no field uses it"),
+        ("scale = 0.001", "scale = 0", r"HELLO, field sample_rate: scale 0 is not a number above 0"),
+        ("scale = 0.001", 'scale = "1"', r"scale '1' is not a number"),
+        ("scale = 0.001", "scale = nan", r"scale .* is not a number above 0"),
+        ('unit = "Hz"\nscale', "scale", r"HELLO, field sample_rate: a scale needs a unit"),
+        ("scale = 0.001", "scal = 0.001", r"HELLO, field sample_rate: unknown key 'scal'"),
+        ('doc = "what happened"', "", r"FAULT, field code: doc is missing"),
+        (
+            'doc = "what happened"',
+            'doc = "what \\"happened\\""',
+            r"FAULT, field code: doc: .* without quotes",
+        ),
+        (
+            'name = "overruns"',
+            'name = "over runs"',
+            r"STATUS, field over runs: name 'over runs' does not match",
+        ),
+        ('name = "overruns"', 'name = "register"', r"STATUS, field register: name 'register' is reserved"),
+        ('name = "overruns"', 'name = "count"', r"name 'count' is reserved"),
+        ('name = "FAULT"', 'name = "MPU"', r"message MPU: name 'MPU' is reserved"),
+        ('name = "overruns"', f'name = "{"o" * 24}"', r"is longer than 23 characters"),
+        ('name = "HELLO"', 'name = "HI"', r"message HELLO with id 1 is missing"),
+        ('name = "schema_hash"', 'name = "hash"', r"HELLO must begin with protocol_major u8"),
+        ("[protocol]", "[protocols]", r"top level: protocol is missing"),
+        ("[protocol]", "[protocol", r"not TOML"),
+    ],
+)
+def test_wrong_definitions_are_named(old: str, new: str, error: str) -> None:
+    assert old in DEFINITION
+    with pytest.raises(DefinitionError, match=error):
+        load(DEFINITION.replace(old, new, 1))
+
+
+def test_wrong_definition_ends_the_command(tree: Path) -> None:
+    (tree / "protocol/messages.toml").write_text(DEFINITION.replace("id = 2", "id = 1"))
+    done = generate(tree)
+    assert done.returncode == 1
+    assert done.stderr == "protocol/messages.toml: message: id 1 is there twice\n"

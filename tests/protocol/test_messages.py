@@ -1,0 +1,150 @@
+"""Messages: there and back, what does not fit, and the version rule."""
+
+import struct
+
+import pytest
+from cobs import cobs
+from fltea import wire
+from fltea.framing import encode_frame
+from fltea.messages import (
+    Frame,
+    FrameError,
+    FrameReader,
+    ProtocolError,
+    Refused,
+    VersionMismatch,
+    check_version,
+    decode,
+    encode,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from protocol_support import PROTOCOL, fixed, messages, sequences, times
+
+
+def body(data: bytes) -> bytes:
+    return cobs.decode(data[:-1])
+
+
+HELLO = wire.Hello(
+    1, 0, wire.SCHEMA_HASH, 7, bytes(16), "fltea 0.1.0", 0x71, 100_000, 2000, 164, 2, 16384, 184, 3
+)
+
+
+@given(messages, sequences, times)
+@fixed(1000)
+def test_decode_undoes_encode(message: wire.Message, sequence: int, device_us: int) -> None:
+    frame = decode(body(encode(message, sequence, device_us)))
+    assert frame == Frame(message.TYPE, sequence, device_us, message)
+    assert type(frame.message) is type(message)
+
+
+@given(messages, sequences, times)
+@fixed()
+def test_frame_is_one_block_within_the_limit(message: wire.Message, sequence: int, device_us: int) -> None:
+    data = encode(message, sequence, device_us)
+    assert data.index(0) == len(data) - 1 <= wire.MAX_ENCODED
+    assert len(message.pack()) == message.SIZE
+
+
+@given(st.sampled_from([*wire.MESSAGES]), st.binary(max_size=wire.MAX_PAYLOAD))
+@fixed()
+def test_any_payload_decodes_or_is_a_frame_error(kind: int, payload: bytes) -> None:
+    data = body(encode_frame(kind, 1, 2, payload))
+    if kind == wire.Hello.TYPE and len(payload) >= 6:
+        with pytest.raises(VersionMismatch):
+            decode(data)
+    elif len(payload) == wire.MESSAGES[kind].SIZE:
+        assert decode(data).message.pack() == payload
+    else:
+        with pytest.raises(FrameError) as caught:
+            decode(data)
+        assert caught.value.reason == "length"
+        assert str(caught.value) == f"length: {caught.value.detail}"
+
+
+def test_values_of_no_known_name_pass() -> None:
+    status = wire.Status(0, 0, 0, 0, 0, 77)
+    assert decode(body(encode(status, 0, 0))).message == status
+
+
+def test_text_that_is_not_ascii_is_shown_with_replacement_characters() -> None:
+    payload = HELLO.pack()[:26] + b"v1\xe9".ljust(24, b"\0") + HELLO.pack()[50:]
+    assert wire.Hello.unpack(payload).firmware_version == "v1\N{REPLACEMENT CHARACTER}"
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"firmware_version": "x" * 25}, r"Hello.firmware_version: .* 25 characters long; at most 24 fit"),
+        ({"firmware_version": "é"}, r"Hello.firmware_version: 'é' is not ASCII"),
+        ({"device_id": bytes(15)}, r"Hello.device_id: 15 bytes; must be 16"),
+        ({"device_id": bytes(17)}, r"Hello.device_id: 17 bytes; must be 16"),
+    ],
+)
+def test_what_does_not_fit_its_field_is_named(change: dict[str, object], error: str) -> None:
+    with pytest.raises(ValueError, match=error):
+        encode(HELLO._replace(**change), 0, 0)
+
+
+@pytest.mark.parametrize("value", [-32769, 32768])
+def test_numbers_that_do_not_fit_raise(value: int) -> None:
+    with pytest.raises(struct.error):
+        encode(wire.Sample(value, 0, 0, 0, 0, 0, 0, 0), 0, 0)
+
+
+@pytest.mark.parametrize(("sequence", "device_us"), [(-1, 0), (65536, 0), (0, -1), (0, 2**32)])
+def test_header_that_does_not_fit_raises(sequence: int, device_us: int) -> None:
+    with pytest.raises(struct.error):
+        encode(HELLO, sequence, device_us)
+
+
+def test_payload_too_long_raises() -> None:
+    assert len(encode_frame(9, 0, 0, bytes(240))) == wire.MAX_ENCODED + 1
+    with pytest.raises(ValueError, match="payload of 241 bytes; at most 240 fit"):
+        encode_frame(9, 0, 0, bytes(241))
+
+
+@pytest.mark.parametrize("size", [*range(6), 6, 65, 66, 67, 240])
+@pytest.mark.parametrize(("major", "schema"), [(2, wire.SCHEMA_HASH), (1, 0xDEADBEEF), (0, 0)])
+def test_another_version_is_refused_whatever_its_length(size: int, major: int, schema: int) -> None:
+    payload = (struct.pack("<BBI", major, 5, schema) + bytes(234))[:size]
+    if size < 6:
+        with pytest.raises(FrameError, match="length"):
+            decode(body(encode_frame(wire.Hello.TYPE, 0, 0, payload)))
+        return
+    with pytest.raises(VersionMismatch) as caught:
+        decode(body(encode_frame(wire.Hello.TYPE, 0, 0, payload)))
+    assert caught.value.device == Refused(major, 5, schema)
+    assert str(caught.value) == (
+        f"device speaks protocol {major}.5, schema 0x{schema:08X}; "
+        f"this fltea speaks {wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}, schema 0x{wire.SCHEMA_HASH:08X}"
+    )
+    assert isinstance(caught.value, ProtocolError)
+
+
+def test_another_minor_version_passes() -> None:
+    check_version(HELLO._replace(protocol_minor=9).pack())
+
+
+def test_reader_gives_the_refusal_and_does_not_count_it_as_damage() -> None:
+    hello = HELLO._replace(protocol_major=3).pack() + b"more"
+    reader = FrameReader()
+    (item,) = reader.feed(encode_frame(wire.Hello.TYPE, 0, 0, hello))
+    assert isinstance(item, Refused)
+    assert item.protocol_major == 3
+    assert reader.counts == {}
+
+
+def test_generated_module_agrees_with_the_definition() -> None:
+    assert wire.MESSAGES.keys() == {message.id for message in PROTOCOL.messages}
+    for message in PROTOCOL.messages:
+        kind = wire.MESSAGES[message.id]
+        assert message.size == kind.SIZE
+        assert kind._fields == tuple(field.name for field in message.fields)
+        assert {f.name: float(f.scale) for f in message.fields if f.scale is not None} == kind.SCALE
+    assert wire.MAX_FRAME == 251
+    assert len(cobs.encode(b"\1" * wire.MAX_FRAME)) == wire.MAX_ENCODED
+    assert wire.SampleFlags(0xF5) & wire.SampleFlags.LATE
+    assert [flag.value for flag in wire.SampleFlags] == [1, 2, 4, 8]
+    assert wire.ResetCause(255).name == "UNKNOWN"

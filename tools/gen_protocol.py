@@ -1,0 +1,68 @@
+"""Writes from protocol/messages.toml the C++ header, the Python module and the byte tables of the README.
+
+Run as `python tools/gen_protocol.py`; with `--check` it writes nothing, names the files that differ and
+exits 1. What it emits is already in the style of `ruff format` and of `.clang-format`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import protocol_cpp
+import protocol_markdown
+import protocol_python
+from protocol_definition import DefinitionError, Protocol, load
+
+DEFINITION = "protocol/messages.toml"
+BEGIN = "<!-- generated: tables -->"
+END = "<!-- end of generated -->"
+
+
+def outputs(protocol: Protocol, root: Path) -> dict[str, str]:
+    """Path below the root -> the contents that belong there."""
+    readme = (root / "protocol/README.md").read_text()
+    before, begin, rest = readme.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise DefinitionError(f"protocol/README.md: the lines {BEGIN} and {END} are missing")
+    tables = protocol_markdown.tables(protocol)
+    return {
+        "firmware/core/messages.h": protocol_cpp.header(protocol),
+        "host/fltea/wire.py": protocol_python.module(protocol),
+        "protocol/README.md": f"{before}{BEGIN}\n{tables}{END}{after}",
+    }
+
+
+def main() -> int:
+    """Run the command line; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
+    parser.add_argument(
+        "--root", type=Path, default=Path(__file__).resolve().parent.parent, help="repository"
+    )
+    arguments = parser.parse_args()
+    try:
+        protocol = load((arguments.root / DEFINITION).read_text())
+        wanted = outputs(protocol, arguments.root)
+    except DefinitionError as error:
+        print(f"{DEFINITION}: {error}", file=sys.stderr)
+        return 1
+    status = 0
+    for name, text in wanted.items():
+        path = arguments.root / name
+        # A file that is right already keeps its time stamp, so that nothing is rebuilt for it.
+        if path.exists() and path.read_text() == text:
+            continue
+        if arguments.check:
+            print(f"{name} differs from {DEFINITION}: run `make gen`", file=sys.stderr)
+            status = 1
+        else:
+            path.write_text(text)
+            print(f"wrote {name}")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,355 @@
+"""Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
+
+They judge fltea's own code, so nothing here comes from it or from the generator: COBS is PyPI's, CRC-32 is
+zlib's, and the layouts and the text of the schema hash are typed by hand. `--check` writes nothing, names
+the files that differ and exits 1.
+"""
+
+import argparse
+import struct
+import sys
+import zlib
+from pathlib import Path
+
+from cobs import cobs
+
+SCHEMA = """\
+message 1 HELLO
+field protocol_major u8
+field protocol_minor u8
+field schema_hash u32
+field boot_id u32
+field device_id bytes16
+field firmware_version text24
+field who_am_i u8
+field sample_rate u32 scale 0.001 unit Hz
+field gyro_range u16 scale 1 unit deg/s
+field gyro_lsb u16 scale 0.1 unit LSB per deg/s
+field accel_range u16 scale 1 unit g
+field accel_lsb u16 scale 1 unit LSB per g
+field gyro_dlpf u16 scale 1 unit Hz
+field sampling_mode u8 enum sampling_mode
+message 2 SAMPLE
+field gyro_x i16 unit LSB
+field gyro_y i16 unit LSB
+field gyro_z i16 unit LSB
+field accel_x i16 unit LSB
+field accel_y i16 unit LSB
+field accel_z i16 unit LSB
+field temperature i16 unit LSB
+field flags u8 flags sample_flags
+message 3 STATUS
+field i2c_errors u32
+field bus_recoveries u32
+field sensor_reinits u32
+field overruns u32
+field dropped_frames u32
+field reset_cause u8 enum reset_cause
+message 4 FAULT
+field code u8 enum fault_code
+field detail u32
+enum sampling_mode
+value 0 timer
+value 1 data_ready
+value 2 fifo
+value 3 simulated
+enum reset_cause
+value 0 power_up
+value 1 backup
+value 2 watchdog
+value 3 software
+value 4 user
+value 255 unknown
+enum fault_code
+value 1 sensor_missing
+value 2 sensor_unknown
+value 3 readback_mismatch
+value 4 bus_held
+value 5 sensor_lost
+flags sample_flags
+bit 0 late
+bit 1 retried
+bit 2 saturated
+bit 3 repeated
+"""
+HASH = zlib.crc32(SCHEMA.encode())
+
+HELLO, SAMPLE, STATUS, FAULT, UNKNOWN = 1, 2, 3, 4, 200
+NAMES = {
+    HELLO: "protocol_major protocol_minor schema_hash boot_id device_id firmware_version who_am_i "
+    "sample_rate gyro_range gyro_lsb accel_range accel_lsb gyro_dlpf sampling_mode",
+    SAMPLE: "gyro_x gyro_y gyro_z accel_x accel_y accel_z temperature flags",
+    STATUS: "i2c_errors bus_recoveries sensor_reinits overruns dropped_frames reset_cause",
+    FAULT: "code detail",
+}
+FORMATS = {HELLO: "<BBII16s24sBIHHHHHB", SAMPLE: "<hhhhhhhB", STATUS: "<IIIIIB", FAULT: "<BI"}
+
+DEVICE = bytes(range(0xA0, 0xB0))
+TYPICAL_HELLO = (1, 0, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 100_000, 2000, 164, 2, 16384, 184, 0)
+TYPICAL_SAMPLE = (12, -7, 3, -120, 85, 16390, -1042, 0)
+TYPICAL_STATUS = (2, 1, 0, 3, 5, 4)
+U16, U32 = 0xFFFF, 0xFFFFFFFF
+
+GOOD = [
+    ("hello of a healthy device", HELLO, 0, 1000, TYPICAL_HELLO),
+    ("hello, smallest values", HELLO, 0, 0, (1, 0, HASH, 0, bytes(16), "", *(0,) * 8)),
+    (
+        "hello, largest values, a text that fills its field, another minor version",
+        HELLO,
+        U16,
+        U32,
+        (1, 255, HASH, U32, b"\xff" * 16, "abcdefghijklmnopqrstuvwx", 255, U32, U16, U16, U16, U16, U16, 255),
+    ),
+    ("sample at rest", SAMPLE, 1, 1_010_000, TYPICAL_SAMPLE),
+    ("sample, all zero", SAMPLE, 0, 0, (0,) * 8),
+    ("sample, most negative", SAMPLE, U16, U32, (*(-32768,) * 7, 0)),
+    ("sample, most positive, every flag bit", SAMPLE, U16, U32, (*(32767,) * 7, 255)),
+    ("sample, all minus one: no zero byte in the payload", SAMPLE, 0x0101, 0x01010101, (*(-1,) * 7, 255)),
+    ("status after some trouble", STATUS, 7, 7_000_000, TYPICAL_STATUS),
+    ("status, all zero", STATUS, 0, 0, (0,) * 6),
+    ("status, all ones: a reset cause that no version names", STATUS, U16, U32, (*(U32,) * 5, 254)),
+    ("fault, a register that did not keep its setting", FAULT, 0, 250_000, (3, 0x1B1800)),
+    ("fault, code of no known kind", FAULT, U16, U32, (99, U32)),
+]
+
+RAW = [
+    ("unknown type, no payload", UNKNOWN, 3, 77, b""),
+    ("unknown type 0, one byte", 0, 0, 0, b"\x00"),
+    ("unknown type 255, 240 bytes without a zero", 255, U16, U32, bytes(range(1, 241))),
+    ("unknown type, 240 zero bytes", UNKNOWN, 0, 0, bytes(240)),
+]
+
+
+def payload(kind: int, fields: tuple[int | str | bytes, ...]) -> bytes:
+    """Pack the fields; text is padded with NUL by struct."""
+    return struct.pack(FORMATS[kind], *(f.encode("ascii") if isinstance(f, str) else f for f in fields))
+
+
+def close(body: bytes) -> bytes:
+    """COBS and the closing 0x00."""
+    return bytes(cobs.encode(body)) + b"\x00"
+
+
+def body(kind: int, sequence: int, device_us: int, data: bytes) -> bytes:
+    """Header, payload, CRC."""
+    head = struct.pack("<BHI", kind, sequence, device_us) + data
+    return head + struct.pack("<I", zlib.crc32(head))
+
+
+def frame(kind: int, sequence: int, device_us: int, data: bytes) -> bytes:
+    """One frame on the wire."""
+    return close(body(kind, sequence, device_us, data))
+
+
+def sample(sequence: int, device_us: int) -> bytes:
+    """One typical SAMPLE on the wire."""
+    return frame(SAMPLE, sequence, device_us, payload(SAMPLE, TYPICAL_SAMPLE))
+
+
+def good() -> str:
+    """Return good.txt."""
+    text = "# Whole frames: what goes in, and the bytes on the wire. Written by tools/make_vectors.py.\n"
+    for name, kind, sequence, device_us, fields in GOOD:
+        data = payload(kind, fields)
+        text += f"\nname {name}\ntype {kind}\nsequence {sequence}\ndevice_us {device_us}\n"
+        for key, value in zip(NAMES[kind].split(), fields, strict=True):
+            shown = value.hex() if isinstance(value, bytes) else value
+            text += f"field {key} {shown}".rstrip() + "\n"
+        text += f"payload {data.hex()}\nwire {frame(kind, sequence, device_us, data).hex()}\n"
+    for name, kind, sequence, device_us, data in RAW:
+        text += f"\nname {name}\ntype {kind}\nsequence {sequence}\ndevice_us {device_us}\n"
+        text += f"payload {data.hex()}".rstrip() + "\n"
+        text += f"wire {frame(kind, sequence, device_us, data).hex()}\n"
+    return text
+
+
+def bad() -> str:
+    """Return bad.txt."""
+    fine = sample(1, 1_010_000)
+    whole = body(SAMPLE, 1, 1_010_000, payload(SAMPLE, TYPICAL_SAMPLE))
+    flipped = bytes([whole[0], whole[1], whole[2], whole[3], whole[4] ^ 1, *whole[5:]])
+    swapped = whole[:-4] + whole[-4:][::-1]
+    other = (2, 0, HASH, *TYPICAL_HELLO[3:])
+    foreign = (1, 0, 0xDEADBEEF, *TYPICAL_HELLO[3:])
+    cases = [
+        ("block that promises more bytes than come", "cobs", b"\x00\x05\x01\x02\x00"),
+        ("a code alone", "cobs", b"\x00\xff\x00"),
+        ("254 bytes without a zero", "oversize", b"\x00" + b"\x01" * 254 + b"\x00"),
+        ("one byte more than the longest block", "oversize", b"\x00" + b"\x01" * 253 + b"\x00"),
+        ("a well formed frame with 241 bytes of payload", "oversize", b"\x00" + frame(2, 0, 0, bytes(241))),
+        ("empty body", "short", b"\x00\x01\x00"),
+        ("one byte", "short", b"\x00" + close(b"\x02")),
+        ("ten bytes, one too few, their CRC right", "short", b"\x00" + close(body(SAMPLE, 1, 2, b"")[1:])),
+        ("one bit of the time flipped", "crc", b"\x00" + close(flipped)),
+        ("CRC in big-endian", "crc", b"\x00" + close(swapped)),
+        ("eleven zero bytes", "crc", b"\x00" + close(bytes(11))),
+        ("a missing 0x00 between two frames", "crc", b"\x00" + fine[:-1] + fine),
+        ("sample without its flags", "length", b"\x00" + frame(SAMPLE, 1, 2, bytes(14))),
+        ("sample with a byte too many", "length", b"\x00" + frame(SAMPLE, 1, 2, bytes(16))),
+        ("sample without payload", "length", b"\x00" + frame(SAMPLE, 1, 2, b"")),
+        (
+            "hello too short to state a version",
+            "length",
+            b"\x00" + frame(HELLO, 1, 2, b"\x01\x00\x01\x02\x03"),
+        ),
+        (
+            "hello of this version, cut after the version",
+            "length",
+            b"\x00" + frame(HELLO, 1, 2, struct.pack("<BBI", 1, 0, HASH)),
+        ),
+        ("type that no version knows", "unknown_type", b"\x00" + frame(UNKNOWN, 1, 2, b"abc")),
+        (
+            "the same as the first block: it is intact, so not partial",
+            "unknown_type",
+            frame(UNKNOWN, 1, 2, b"abc"),
+        ),
+        ("the end of a frame, as the first block", "partial", fine[9:]),
+        ("rubbish longer than any frame, as the first block", "partial", b"\x7e" * 400 + b"\x00"),
+    ]
+    refused = [
+        ("hello of the next major version", "2 0 " + f"{HASH:08x}", payload(HELLO, other)),
+        ("hello of another schema", "1 0 deadbeef", payload(HELLO, foreign)),
+        (
+            "hello of a later version that is only six bytes long",
+            "7 3 00000001",
+            struct.pack("<BBI", 7, 3, 1),
+        ),
+        ("hello of a later version that is 240 bytes long", "2 1 00000000", struct.pack("<BBI234x", 2, 1, 0)),
+    ]
+    text = "# Bytes from the start of a stream, and the one thing found. Written by tools/make_vectors.py.\n"
+    for name, reason, data in cases:
+        text += f"\nname {name}\nbad {reason}\nwire {data.hex()}\n"
+    for name, version, data in refused:
+        text += f"\nname {name}\nrefused {version}\nwire {frame(HELLO, 0, 1, data).hex()}\n"
+    return text
+
+
+def streams() -> str:
+    """Return streams.txt."""
+    hello = frame(HELLO, 0, 900, payload(HELLO, TYPICAL_HELLO))
+    status = frame(STATUS, 0, 1_000_500, payload(STATUS, TYPICAL_STATUS))
+    fault = frame(FAULT, 0, 1_000_600, payload(FAULT, (1, 0x68)))
+    strange = frame(UNKNOWN, 5, 6, b"\x00\x01")
+    long = frame(SAMPLE, 1, 2, bytes(16))
+    future = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
+    one, two, three = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
+    # The first twelve bytes of `two` end in the code 04 and two of its three bytes; the third is then the
+    # first code of what follows, 03, and the byte after it, 02, reads as a code again: COBS
+    # finds nothing wrong.
+    cut = two[:12]
+    # 26 bytes without a zero, so that the encoded block is the code 0x1B and these bytes.
+    solid = frame(SAMPLE, 0x0101, 0x7F7F7F7F, b"\x7f" * 15)
+    assert solid[0] == 27
+    halved = solid[:10] + b"\x00" + solid[11:]
+    ok = {
+        "hello": "frame 1 0 900",
+        "status": "frame 3 0 1000500",
+        "fault": "frame 4 0 1000600",
+        "one": "frame 2 1 10000",
+        "two": "frame 2 2 20000",
+        "three": "frame 2 3 30000",
+    }
+    cases: list[tuple[str, list[bytes], list[str]]] = [
+        (
+            "a boot: 0x00, then every kind of message",
+            [b"\x00", hello, one, two, status, fault, three],
+            [ok[k] for k in ("hello", "one", "two", "status", "fault", "three")],
+        ),
+        ("no 0x00 before the first frame", [one, two], [ok["one"], ok["two"]]),
+        ("attached within a frame", [one[5:], two, three], ["bad partial", ok["two"], ok["three"]]),
+        ("attached at the closing 0x00", [one[-1:], two], [ok["two"]]),
+        (
+            "rubbish of a boot loader, then the device's 0x00",
+            [b"boot\r\n\x00", hello],
+            ["bad partial", ok["hello"]],
+        ),
+        (
+            "damage after the first 0x00 is not partial",
+            [b"\x00", b"\x05\x01\x00", one],
+            ["bad cobs", ok["one"]],
+        ),
+        ("nothing but idle 0x00", [bytes(300)], []),
+        (
+            "0x00 twice and more between frames",
+            [one, b"\x00\x00", two, b"\x00", three],
+            [ok["one"], ok["two"], ok["three"]],
+        ),
+        ("rubbish between frames", [one, b"\xfegarbage\x00", two], [ok["one"], "bad cobs", ok["two"]]),
+        (
+            "a missing 0x00 costs the two frames beside it",
+            [one, two[:-1], two, three],
+            [ok["one"], "bad crc", ok["three"]],
+        ),
+        ("a frame cut short and not closed", [one, cut, three, one], [ok["one"], "bad crc", ok["one"]]),
+        (
+            "a byte turned into 0x00 makes two bad blocks",
+            [one, halved, two],
+            [ok["one"], "bad cobs", "bad cobs", ok["two"]],
+        ),
+        ("a run of 300 bytes", [one, b"\x55" * 300 + b"\x00", two], [ok["one"], "bad oversize", ok["two"]]),
+        (
+            "a run of 5000 bytes counts once",
+            [one, b"\x55" * 5000 + b"\x00", two],
+            [ok["one"], "bad oversize", ok["two"]],
+        ),
+        (
+            "252 bytes are not too long, only wrong",
+            [one, b"\xff" * 252 + b"\x00", two],
+            [ok["one"], "bad cobs", ok["two"]],
+        ),
+        (
+            "253 bytes are too long",
+            [one, b"\xff" * 253 + b"\x00", two],
+            [ok["one"], "bad oversize", ok["two"]],
+        ),
+        ("a run that never ends is told at once", [one, b"\x55" * 253], [ok["one"], "bad oversize"]),
+        ("a run that may still be a frame is not told", [one, b"\x55" * 252], [ok["one"]]),
+        ("too long a run as the first block", [b"\x55" * 1000 + b"\x00", one], ["bad partial", ok["one"]]),
+        (
+            "unknown types and wrong lengths",
+            [one, strange, long, two],
+            [ok["one"], "bad unknown_type", "bad length", ok["two"]],
+        ),
+        ("a device of another version", [b"\x00", future, one], ["refused 2 0 00000001", ok["one"]]),
+        (
+            "sequence and time wrap",
+            [sample(65535, 4_294_960_000), sample(0, 2_704), sample(1, 12_704)],
+            ["frame 2 65535 4294960000", "frame 2 0 2704", "frame 2 1 12704"],
+        ),
+        ("the last frame has not ended", [one, two[:-1]], [ok["one"]]),
+        ("no bytes", [], []),
+    ]
+    text = "# Streams from the start, and all that is found, in order. Written by tools/make_vectors.py.\n"
+    for name, parts, found in cases:
+        text += f"\nname {name}\n" + "".join(f"bytes {part.hex()}\n" for part in parts)
+        text += "".join(f"{item}\n" for item in found)
+        counts = {"frames": sum(item.startswith("frame ") for item in found)}
+        for item in found:
+            if item.startswith("bad "):
+                counts[item[4:]] = counts.get(item[4:], 0) + 1
+        text += "".join(f"count {key} {number}\n" for key, number in counts.items() if number)
+    return text
+
+
+def main() -> int:
+    """Run the command line; returns the exit code."""
+    parser = argparse.ArgumentParser(description="Write the generated vectors of protocol/vectors.")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
+    check = parser.parse_args().check
+    folder = Path(__file__).resolve().parent.parent / "protocol/vectors"
+    status = 0
+    for name, text in (("good.txt", good()), ("bad.txt", bad()), ("streams.txt", streams())):
+        path = folder / name
+        if path.exists() and path.read_text() == text:
+            continue
+        if check:
+            print(f"protocol/vectors/{name} differs: run tools/make_vectors.py", file=sys.stderr)
+            status = 1
+        else:
+            path.write_text(text)
+            print(f"wrote protocol/vectors/{name}")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
