@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# Prepares a clone: Debian packages where something is missing, then .venv with pinned packages.
+# Usage: tools/setup.sh run|dev      (run: what the daemon needs; dev: tests and lint too)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+level=${1:?usage: tools/setup.sh run|dev}
+python=${PYTHON:-python3}
+
+say() { printf 'setup: %s\n' "$*" >&2; }
+
+# What is missing is found out by use, not by package name: a compiler or Python may come from elsewhere.
+packages=()
+if ! command -v "$python" >/dev/null; then
+    packages+=(python3 python3-venv python3-dev)
+else
+    "$python" -c 'import venv, ensurepip' 2>/dev/null || packages+=(python3-venv)
+    "$python" -c 'import os, sys, sysconfig; sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))' ||
+        packages+=(python3-dev)
+fi
+printf 'int main() {}' | c++ -x c++ -o /dev/null - 2>/dev/null || packages+=(g++)
+if [ "$level" = dev ]; then
+    printf '#include <doctest/doctest.h>\nint main() {}' | c++ -x c++ -fsyntax-only - 2>/dev/null || packages+=(doctest-dev)
+fi
+
+if [ ${#packages[@]} -gt 0 ]; then
+    line="apt-get install -y --no-install-recommends ${packages[*]}"
+    say "missing Debian packages: ${packages[*]}"
+    if ! command -v apt-get >/dev/null; then
+        say "this is no Debian, Ubuntu or Raspberry Pi OS; install their counterparts, then call make again"
+        exit 1
+    elif [ "$(id -u)" = 0 ]; then
+        as_root=
+    elif command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [ -t 0 ]; }; then
+        as_root=sudo
+    else
+        say "no right to install them; run this, then call make again:"
+        say "    sudo apt-get update && sudo $line"
+        exit 1
+    fi
+    if ! { $as_root apt-get update -q && $as_root env DEBIAN_FRONTEND=noninteractive $line; } >&2; then
+        say "installing failed; see above, or run by hand: sudo apt-get update && sudo $line"
+        exit 1
+    fi
+fi
+
+if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
+    say "$("$python" --version) is too old: Python 3.11 or newer is needed (Debian 12, Ubuntu 24.04, Raspberry Pi OS 12)."
+    say "If a newer one is installed under another name: make PYTHON=python3.12 …"
+    exit 1
+fi
+
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+quietly() {
+    "$@" >"$log" 2>&1 || { cat "$log" >&2; say "failed: $*"; exit 1; }
+}
+
+[ -x .venv/bin/python ] || { say "making .venv"; quietly "$python" -m venv .venv; }
+export PATH="$PWD/.venv/bin:$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
+pip() { quietly .venv/bin/python -m pip "$@"; }
+say "installing pinned Python packages and building the native module ($level)"
+pip install -c constraints.txt pip scikit-build-core nanobind cmake ninja
+extras=
+[ "$level" = dev ] && extras='[test,lint]'
+# Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
+pip install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
+say "ready"
