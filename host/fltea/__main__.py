@@ -1,0 +1,5 @@
+"""`python -m fltea` is `fltea`."""
+
+from fltea.cli import main
+
+main()

@@ -1,0 +1,301 @@
+"""The command line: `fltea run`, `fltea inspect`, `fltea simulate`."""
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fltea import __version__, wire
+from fltea.config import load_config, parse_setting
+from fltea.errors import FlteaError, UsageError
+
+EXIT_CODES = """
+Exit codes: 0 ended as asked (end of a recording, Ctrl-C, SIGTERM, or the reader of the output left);
+1 failed while running; 2 the command line, the configuration or an input file is wrong.
+"""
+
+app = typer.Typer(
+    name="fltea",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    help="Identify the fractional noise of a MEMS gyroscope online: state, order α and parameter f, live.",
+    epilog=EXIT_CODES,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def main() -> None:
+    """Entry point: every expected failure is one line on stderr and an exit code."""
+    try:
+        app()
+    except FlteaError as error:
+        print(f"fltea: error: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"fltea {__version__}, protocol {wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    pass
+
+
+def _numbers(text: str | None, flag: str, words: tuple[str, ...]) -> Any:
+    """One of `words`, a number, or one number an axis with commas between them."""
+    if text is None or text in words:
+        return text
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        choices = ", ".join(words)
+        raise UsageError(f"{flag} {text}: give {choices}, or numbers with commas between.") from None
+    return values if "," in text else values[0]
+
+
+@app.command(epilog=EXIT_CODES)
+def run(
+    source: Annotated[
+        str | None,
+        typer.Option(
+            "--source",
+            "-s",
+            metavar="URL",
+            help="`serial:PORT` (a device path, socket://HOST:PORT, hwgrep://REGEXP), `replay:FILE` (.npz, "
+            ".csv, .ndjson) or `synthetic:?alpha=0.3&f=-1.5`. Default: the Arduino Due that is plugged in.",
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML file; flags override it.")
+    ] = None,
+    format: Annotated[
+        str | None,
+        typer.Option("--format", help="`ndjson`, `table`, or `auto`: a table on a terminal, else NDJSON."),
+    ] = None,
+    once: Annotated[
+        bool,
+        typer.Option("--once", help="End with the recording; with a device, fail instead of waiting for it."),
+    ] = False,
+    pace: Annotated[
+        str | None,
+        typer.Option(
+            help="`real` or `fast`, for recordings (default fast) and synthetic noise (default real)."
+        ),
+    ] = None,
+    samples: Annotated[
+        bool, typer.Option("--samples", help="Write the samples too, so that the output can be replayed.")
+    ] = False,
+    columns: Annotated[
+        str | None, typer.Option(metavar="A,B,C", help="CSV: the columns of the axes x, y, z.")
+    ] = None,
+    units: Annotated[str | None, typer.Option(help="CSV: dps, mdps, rad/s, or lsb:N.")] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="CSV: samples per second.")] = None,
+    shuffle: Annotated[
+        int | None,
+        typer.Option(metavar="SEED", help="Shuffle a recording: what would white noise of this size give?"),
+    ] = None,
+    window: Annotated[
+        int | None, typer.Option("--window", "-L", help="Length L of the memory in samples (default 3000).")
+    ] = None,
+    startup: Annotated[
+        int | None, typer.Option(metavar="N", help="Samples of the start-up window (default 500).")
+    ] = None,
+    bias: Annotated[
+        str | None,
+        typer.Option(help="`startup` (mean of the window, default), `none`, or deg/s: 0.1,0,-0.2."),
+    ] = None,
+    r: Annotated[
+        str | None,
+        typer.Option(
+            "--r", help="Measurement variance R in (deg/s)²: `auto` (of the window, default) or numbers."
+        ),
+    ] = None,
+    baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
+    max_gap: Annotated[
+        int | None, typer.Option(help="Longest gap in samples that is bridged (default 100).")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Any setting, e.g. --set estimator.order.Q0=0.05."),
+    ] = None,
+) -> None:
+    """Estimate state, order α and parameter f of each gyroscope axis, sample by sample.
+
+    Writes one JSON object a line (host/README.md documents the records), or draws a live table on a
+    terminal. A device that is missing or falls silent is reported and waited for.
+
+    For example:
+
+        fltea run                                            # the board that is plugged in
+
+        fltea run -s replay:rest.npz --once --format table   # a recording, its last figures
+
+        fltea run -s replay:rest.csv --columns gx,gy,gz --units rad/s --rate 100 --once
+
+        fltea run -s replay:rest.npz --once --shuffle 1      # the same samples in random order
+    """
+    from fltea import daemon
+
+    flags = {
+        "source": source,
+        "format": format,
+        "once": once or None,
+        "pace": pace,
+        "samples": samples or None,
+        "replay.columns": [name.strip() for name in columns.split(",")] if columns else None,
+        "replay.units": units,
+        "replay.rate_hz": rate,
+        "replay.shuffle": shuffle,
+        "estimator.window": window,
+        "estimator.startup": startup,
+        "estimator.bias": _numbers(bias, "--bias", ("startup", "none")),
+        "estimator.R": _numbers(r, "--r", ("auto",)),
+        "link.baud": baud,
+        "link.max_gap": max_gap,
+    }
+    overrides = {path: value for path, value in flags.items() if value is not None}
+    overrides.update(parse_setting(text) for text in set_ or [])
+    daemon.run(load_config(config, overrides))
+
+
+@app.command(epilog=EXIT_CODES)
+def inspect(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|PORT|-", help="Raw frames: a file, a serial port or URL, or - for stdin."
+        ),
+    ],
+    baud: Annotated[int, typer.Option(help="Serial speed.")] = wire.BAUD,
+    limit: Annotated[int, typer.Option(metavar="N", help="Stop after N lines; 0 for no end.")] = 0,
+) -> None:
+    """Decode raw frames for a person, one line each, damaged ones with the reason.
+
+    For example:
+
+        fltea inspect /dev/ttyACM0 --limit 20
+
+        fltea inspect capture.bin
+    """
+    from fltea.inspection import inspect as inspect_frames
+    from fltea.inspection import summary
+    from fltea.messages import FrameReader
+
+    reader = FrameReader()
+    try:
+        for number, line in enumerate(inspect_frames(_chunks(source, baud), reader), 1):
+            print(line, flush=True)
+            if number == limit:
+                break
+    except KeyboardInterrupt:
+        pass
+    except BrokenPipeError:
+        sys.stderr.close()
+        return
+    print(summary(reader))
+    if not reader.counts["frames"]:
+        raise FlteaError(
+            f"{source}: not one valid frame. Is it raw output of the firmware, at the right baud rate?"
+        )
+
+
+def _chunks(source: str, baud: int) -> Iterator[bytes]:
+    if source == "-":
+        while chunk := os.read(sys.stdin.fileno(), 1 << 16):
+            yield chunk
+        return
+    path = Path(source)
+    if path.is_file():
+        with path.open("rb") as file:
+            while chunk := file.read(1 << 16):
+                yield chunk
+        return
+    if "://" not in source and not path.exists() and not source.startswith("/dev/"):
+        raise UsageError(f"{source}: there is no such file or port.")
+    yield from _serial_chunks(source, baud)
+
+
+def _serial_chunks(source: str, baud: int) -> Iterator[bytes]:
+    from fltea.transport import Chunk, Failed, Reader
+
+    port = Reader(source.removeprefix("serial:"), baud)
+    port.start()
+    try:
+        for event in port.events(0.5):
+            if isinstance(event, Failed):
+                raise FlteaError(event.message)
+            if isinstance(event, Chunk):
+                yield event.data
+    finally:
+        port.close()
+
+
+@app.command(epilog=EXIT_CODES)
+def simulate(
+    out: Annotated[Path, typer.Argument(metavar="FILE.csv|FILE.npz", help="What to write.")],
+    alpha: Annotated[float, typer.Option(help="Order α; at the first sample if --alpha-end is given.")] = 0.3,
+    alpha_end: Annotated[
+        float | None, typer.Option(help="Order at the last sample: it varies linearly between.")
+    ] = None,
+    f: Annotated[float, typer.Option("--f", help="Parameter f in s^-α.")] = -1.5,
+    q: Annotated[
+        float, typer.Option("--q", help="Variance of ω, (deg/s)² s^-2α; 0 gives white noise.")
+    ] = 0.15,
+    r: Annotated[float, typer.Option("--r", help="Variance of the white noise v, (deg/s)².")] = 0.02,
+    n: Annotated[int, typer.Option("--samples", "-n", help="Number of samples.")] = 6000,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second.")] = 100.0,
+    axes: Annotated[int, typer.Option(help="Number of axes, 1 to 3, independent of each other.")] = 3,
+    lsb: Annotated[
+        float | None, typer.Option(metavar="N", help="Quantise with N LSB per deg/s (16.4 at ±2000 deg/s).")
+    ] = None,
+    full_scale: Annotated[
+        float, typer.Option("--range", help="Full scale in deg/s when quantising.")
+    ] = 2000.0,
+    offset: Annotated[float, typer.Option(help="Offset in deg/s added to every axis.")] = 0.0,
+    window: Annotated[int, typer.Option(help="Length L of the generator's memory in samples.")] = 3000,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same file.")] = 1,
+) -> None:
+    """Write fractional noise of known order, constant or varying: y = x + v, D^α x = f x + ω.
+
+    The file holds the measurement of each axis and, beside it, the true state and order; `fltea run
+    -s replay:FILE` reads it.
+
+    For example:
+
+        fltea simulate noise.csv --alpha 0.5 --f -1 -n 60000
+
+        fltea simulate varying.npz --alpha 0.2 --alpha-end 0.6 --lsb 16.4
+    """
+    from fltea.simulation_file import write_simulation
+
+    write_simulation(
+        out,
+        alpha=alpha,
+        alpha_end=alpha if alpha_end is None else alpha_end,
+        f=f,
+        Q=q,
+        R=r,
+        n=n,
+        rate_hz=rate,
+        axes=axes,
+        lsb_per_dps=lsb,
+        range_dps=full_scale,
+        offset_dps=offset,
+        window=window,
+        seed=seed,
+    )

@@ -1,0 +1,103 @@
+"""Sequence and device time unwrapped; gaps and epochs found (pure).
+
+The rules are those of protocol/README.md: SAMPLE's sequence numbers the sampling instants, so
+within an epoch delivered + lost = due; where sequence and time disagree the device was restarted or
+exchanged, and nothing is believed until its next HELLO.
+"""
+
+from typing import NamedTuple
+
+from fltea.model import EpochReason, Hello, RawSample
+
+SEQUENCE_WRAP = 1 << 16
+TIME_WRAP_US = 1 << 32
+MAX_SILENCE_NS = 30 * 60 * 10**9
+"""After half an hour without a sample the wraps of device time (71.6 minutes) cannot be told."""
+
+CLOCK_TOLERANCE = 0.02
+"""Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period."""
+
+
+class Placed(NamedTuple):
+    """A sample with its place in the epoch.
+
+    missing: samples lost just before it, by number `seq - missing` to `seq - 1`.
+    new_epoch: why time is broken before it, None where it is not.
+    """
+
+    raw: RawSample
+    seq: int
+    device_us: int
+    missing: int = 0
+    new_epoch: EpochReason | None = None
+
+
+class Continuity:
+    """Turns wrapped samples into an unbroken count, or says where it broke.
+
+    max_gap: longest gap, in samples, that an epoch survives.
+    Counters: `delivered`, `lost`, `gaps`, `duplicates`, `before_hello` (samples that could not
+    be used because their HELLO had not been heard).
+    """
+
+    def __init__(self, max_gap: int) -> None:
+        self.max_gap = max_gap
+        self.hello: Hello | None = None
+        self.delivered = self.lost = self.gaps = self.duplicates = self.before_hello = 0
+        self._boot: tuple[int | None, str | None] | None = None
+        self._pending: EpochReason | None = "start"
+        self._last: RawSample | None = None
+        self._seq = self._device_us = 0
+
+    def on_hello(self, hello: Hello) -> bool:
+        """Take note of a HELLO; True if it tells something new (another boot, or the first)."""
+        boot = (hello.boot_id, hello.device_id)
+        news = boot != self._boot or self.hello is None
+        if self._boot is not None and boot != self._boot:
+            self._pending = "restart"
+        self._boot = boot
+        self.hello = hello
+        return news
+
+    def on_link_down(self) -> None:
+        """Believe no sample until the next HELLO: it may come from another device."""
+        self.hello = None
+
+    def on_sample(self, raw: RawSample) -> Placed | None:
+        """Place one sample; None for one that cannot be used (duplicate, or its HELLO is not known)."""
+        if self.hello is None:
+            self.before_hello += 1
+            return None
+        if self._pending is not None or self._last is None:
+            return self._begin(raw, self._pending or "start")
+        if raw.host_ns - self._last.host_ns > MAX_SILENCE_NS:
+            return self._begin(raw, "silence")
+        sequence_step = (raw.sequence - self._last.sequence) % SEQUENCE_WRAP
+        time_step_us = (raw.device_us - self._last.device_us) % TIME_WRAP_US
+        if sequence_step == 0 and time_step_us == 0:
+            self.duplicates += 1
+            return None
+        period_us = 1e6 / self.hello.rate_hz
+        wraps = round((time_step_us / period_us - sequence_step) / SEQUENCE_WRAP)
+        step = sequence_step + wraps * SEQUENCE_WRAP
+        disagreement_us = abs(time_step_us - step * period_us)
+        if step < 1 or disagreement_us > CLOCK_TOLERANCE * step * period_us + period_us:
+            self._pending = "discontinuity"
+            self.on_link_down()
+            self.before_hello += 1
+            return None
+        missing = step - 1
+        self.lost += missing
+        self.gaps += missing > 0
+        self.delivered += 1
+        self._seq += step
+        self._device_us += time_step_us
+        self._last = raw
+        return Placed(raw, self._seq, self._device_us, missing, "gap" if missing > self.max_gap else None)
+
+    def _begin(self, raw: RawSample, reason: EpochReason) -> Placed:
+        self._pending = None
+        self._last = raw
+        self._seq, self._device_us = raw.sequence, raw.device_us
+        self.delivered += 1
+        return Placed(raw, self._seq, self._device_us, 0, reason)

@@ -1,0 +1,22 @@
+"""Every error that a user can cause or meet, and the exit code it ends the command with.
+
+FlteaError                     exit 1  something failed while running
+├── UsageError                 exit 2  the command line, the configuration or an input file is wrong
+└── SourceFailed               exit 1  the source gave up, and `--once` says not to wait for it
+"""
+
+
+class FlteaError(Exception):
+    """What happened, the likely cause and what to do, in one text for a person."""
+
+    exit_code = 1
+
+
+class UsageError(FlteaError):
+    """The command line, the configuration or an input file is wrong."""
+
+    exit_code = 2
+
+
+class SourceFailed(FlteaError):
+    """A live source failed and was not to be waited for."""

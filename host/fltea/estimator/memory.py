@@ -1,0 +1,83 @@
+"""The finite window of past estimates that a fractional difference looks back on."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class NewestFirst:
+    """The last `window` arrays of one shape, newest first, contiguous.
+
+    The buffer is twice as long as the window and fills downwards; when it is full, the window moves to its
+    upper end. So a push costs O(1) on average and the content is always one slice, never two.
+    """
+
+    def __init__(self, window: int, shape: tuple[int, ...] = ()) -> None:
+        if window < 1:
+            raise ValueError(f"window must be at least 1 sample, got {window}; the paper uses 3000")
+        self.window = window
+        self._buffer = np.empty((2 * window, *shape))
+        self._start = 2 * window
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def push(self, value: Array | float) -> None:
+        """Put `value` in front; the oldest one falls out when the window is full."""
+        if self._start == 0:
+            keep = self.window - 1
+            self._start = 2 * self.window - keep
+            self._buffer[self._start :] = self._buffer[:keep]
+        self._start -= 1
+        self._buffer[self._start] = value
+        self._count = min(self._count + 1, self.window)
+
+    @property
+    def values(self) -> Array:
+        """View of shape (len, *shape), newest first; valid until the next push."""
+        return self._buffer[self._start : self._start + self._count]
+
+
+class DirectMemory:
+    """Posterior states and covariances of the last `window` samples: L(k) = min(k, window) of section 4.
+
+    `window` is the paper's implementation length L in samples, `N` the number of states. Both sums over the
+    history are left to the caller, who needs them for several orders at once.
+    Raises ValueError for a window or N below 1, and for arrays of a wrong shape.
+    """
+
+    def __init__(self, window: int, N: int = 1) -> None:
+        if N < 1:
+            raise ValueError(f"a system needs at least one state, got N={N}")
+        self.N = N
+        self._states = NewestFirst(window, (N,))
+        self._covariances = NewestFirst(window, (N, N))
+
+    def __len__(self) -> int:
+        return len(self._states)
+
+    @property
+    def window(self) -> int:
+        """Largest number of samples kept (L)."""
+        return self._states.window
+
+    def push(self, x: Array, P: Array) -> None:
+        """Remember posterior state `x` of shape (N,) and its covariance `P` of shape (N, N)."""
+        if x.shape != (self.N,) or P.shape != (self.N, self.N):
+            raise ValueError(
+                f"expected x ({self.N},) and P ({self.N}, {self.N}), got {x.shape} and {P.shape}"
+            )
+        self._states.push(x)
+        self._covariances.push(P)
+
+    @property
+    def states(self) -> Array:
+        """View (len, N) of the states, newest first; valid until the next push."""
+        return self._states.values
+
+    @property
+    def covariances(self) -> Array:
+        """View (len, N, N) of the covariances, newest first; valid until the next push."""
+        return self._covariances.values

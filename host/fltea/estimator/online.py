@@ -1,0 +1,63 @@
+"""One epoch of estimation: start-up window, then the estimator, sample by sample."""
+
+from fltea.config import EstimatorConfig
+from fltea.estimator.bias import Baseline, Startup
+from fltea.estimator.gyroscope import INVALID, AxisEstimate, GyroscopeEstimator
+
+
+class OnlineEstimator:
+    """Bias and R from the start-up window, estimates from the first sample after it.
+
+    axes: names. h: sampling period in s. resolution_dps: one LSB, None where unknown.
+    """
+
+    def __init__(
+        self, axes: tuple[str, ...], config: EstimatorConfig, h: float, resolution_dps: float | None
+    ):
+        self.axes = axes
+        self._config = config
+        self._h = h
+        bias = [config.bias] * len(axes) if isinstance(config.bias, int | float) else config.bias
+        self._startup = Startup(axes, config.startup, bias, config.R, resolution_dps)
+        self.startup_remaining = self._startup.needed
+        self.baseline: Baseline | None = None
+        self._estimator: GyroscopeEstimator | None = None
+        if not self.startup_remaining:
+            self._begin(self._startup.baseline())
+
+    def on_sample(self, y_dps: tuple[float, ...]) -> dict[str, AxisEstimate] | None:
+        """Take one sample in deg/s; None while the start-up window fills.
+
+        An axis that was constant over the start-up window has no variance to filter with: it stays invalid.
+        """
+        if self._estimator is None:
+            self.startup_remaining -= 1
+            baseline = self._startup.add(y_dps)
+            if baseline is not None:
+                self._begin(baseline)
+            return None
+        estimates = self._estimator.step([y_dps[i] for i in self._live])
+        return {axis: estimates.get(axis, INVALID) for axis in self.axes}
+
+    def on_missing(self, count: int) -> None:
+        """Bridge lost samples by prediction alone; within the start-up window they do not matter."""
+        if self._estimator is not None:
+            for _ in range(count):
+                self._estimator.step(None)
+
+    @property
+    def restarts(self) -> dict[str, int]:
+        """How often each axis had to start again because its estimate was not finite."""
+        counts = self._estimator.restarts if self._estimator else {}
+        return {axis: counts.get(axis, 0) for axis in self.axes}
+
+    def _begin(self, baseline: Baseline) -> None:
+        self.baseline = baseline
+        self._live = [i for i, axis in enumerate(self.axes) if axis not in baseline.constant_axes]
+        self._estimator = GyroscopeEstimator(
+            [self.axes[i] for i in self._live],
+            [baseline.R[i] for i in self._live],
+            [baseline.bias_dps[i] for i in self._live],
+            self._h,
+            self._config,
+        )

@@ -1,0 +1,81 @@
+"""Settings of the gyroscope estimator; the defaults are the paper's (Macias & Sierociuk 2023, section 7.1).
+
+Each filter has its own block, as in the paper. All raise ValueError with the field's name for values that no
+filter can work with. R is not here: it belongs to the data of each axis (see `bias`).
+"""
+
+import math
+
+import msgspec
+
+
+def _check_number(name: str, value: float) -> None:
+    if not math.isfinite(value):
+        raise ValueError(f"{name} must be a finite number, got {value}")
+
+
+def _check_variance(name: str, value: float) -> None:
+    _check_number(name, value)
+    if value < 0:
+        raise ValueError(f"{name} is a variance and must be >= 0, got {value}")
+
+
+def _check_delta(value: float) -> None:
+    if not 0 <= value <= 1:
+        raise ValueError(f"delta must lie in [0, 1] (0 keeps the process noise Q0 constant), got {value}")
+
+
+class StateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """KFx. P0 and Q in (deg/s)², x0 in deg/s. Q is the variance of a whole step: it includes h^2α."""
+
+    P0: float = 0.01
+    Q: float = 0.15
+    x0: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_variance("P0", self.P0)
+        _check_variance("Q", self.Q)
+        _check_number("x0", self.x0)
+
+
+class OrderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """KFo. All without unit. P0 = Q0 = 0 holds the order at alpha0; delta is Q's forgetting factor."""
+
+    P0: float = 0.01
+    Q0: float = 0.1
+    alpha0: float = 1.0
+    delta: float = 0.5
+
+    def __post_init__(self) -> None:
+        _check_variance("P0", self.P0)
+        _check_variance("Q0", self.Q0)
+        _check_number("alpha0", self.alpha0)
+        _check_delta(self.delta)
+
+
+class ParameterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """KFw. f0 in s^-α, P0 and Q0 in its square. P0 = Q0 = 0 holds f at f0; delta is Q's forgetting factor."""
+
+    P0: float = 0.01
+    Q0: float = 0.1
+    f0: float = 0.0
+    delta: float = 0.5
+
+    def __post_init__(self) -> None:
+        _check_variance("P0", self.P0)
+        _check_variance("Q0", self.Q0)
+        _check_number("f0", self.f0)
+        _check_delta(self.delta)
+
+
+class GyroscopeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All of one gyroscope estimator; `window` is the implementation length L in samples."""
+
+    window: int = 3000
+    state: StateSettings = StateSettings()
+    order: OrderSettings = OrderSettings()
+    parameter: ParameterSettings = ParameterSettings()
+
+    def __post_init__(self) -> None:
+        if self.window < 1:
+            raise ValueError(f"window must be at least 1 sample, got {self.window}; the paper uses 3000")

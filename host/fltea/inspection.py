@@ -1,0 +1,60 @@
+"""Raw frames made readable: one line a frame, damaged ones too, and a sum at the end."""
+
+from collections.abc import Iterable, Iterator
+
+from fltea import wire
+from fltea.framing import BadFrame
+from fltea.messages import REASONS, Frame, FrameReader, Refused
+
+HEX_BYTES_SHOWN = 24
+
+
+def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
+    """Yield a line for every block in a stream of bytes; `reader` counts them."""
+    for chunk in chunks:
+        for item in reader.feed_all(chunk):
+            yield describe(item)
+
+
+def describe(item: Frame | Refused | BadFrame) -> str:
+    """One line for a person: type, sequence, device time in s, and the fields in raw counts."""
+    match item:
+        case Refused():
+            return f"HELLO    REFUSED: {item.message}"
+        case BadFrame(reason, data):
+            more = " …" if len(data) > HEX_BYTES_SHOWN else ""
+            return f"bad      {reason} ({REASONS[reason]}): {data[:HEX_BYTES_SHOWN].hex(' ')}{more}"
+        case Frame():
+            name = type(item.message).__name__.upper()
+            fields = zip(item.message._fields, item.message, strict=True)
+            text = "  ".join(f"{field} {_value(field, value)}" for field, value in fields)
+            return f"{name:8} seq {item.sequence:5}  t {item.device_us / 1e6:11.6f} s  {text}"
+
+
+def summary(reader: FrameReader) -> str:
+    """How much of what was in the stream."""
+    parts = [f"{reader.bytes_in} bytes", f"{reader.counts['frames']} good frames"]
+    parts += [f"{n} {reason}" for reason, n in sorted(reader.counts.items()) if reason != "frames"]
+    return ", ".join(parts)
+
+
+def _value(field: str, value: object) -> str:
+    if isinstance(value, bytes):
+        return value.hex()
+    if isinstance(value, str):
+        return repr(value)
+    if field in ("schema_hash", "boot_id", "detail"):
+        return f"0x{value:08X}"
+    if field == "who_am_i":
+        return f"0x{value:02X}"
+    enum = {
+        "sampling_mode": wire.SamplingMode,
+        "reset_cause": wire.ResetCause,
+        "code": wire.FaultCode,
+    }.get(field)
+    if enum is not None and value in enum._value2member_map_:
+        return f"{value} ({enum._value2member_map_[value].name.lower()})"
+    if field == "flags" and value:
+        names = [flag.name for flag in wire.SampleFlags if flag & int(str(value))]
+        return f"{value} ({'|'.join(str(name).lower() for name in names)})"
+    return str(value)

@@ -1,0 +1,218 @@
+"""The records that walk through the program, units in their names.
+
+Events come out of a source: `Hello`, `RawSample`, `DeviceStatus`, `Trouble`, `LinkDown`,
+`Tick`.
+Records go to the sinks: `Hello`, `Sample`, `Estimate`, `Gap`, `Epoch`, `Stats`, `Error`; as JSON
+each is one object whose first key is `class` (host/README.md documents every field).
+"""
+
+from typing import Literal, NamedTuple
+
+import msgspec
+
+AXES = ("gyro_x", "gyro_y", "gyro_z")
+"""Names of the gyroscope's axes, in the order of every tuple of rates."""
+
+
+class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class"):
+    """Base of what a sink writes."""
+
+
+class Hello(Record, frozen=True, tag="hello"):
+    """Who is speaking and what its samples mean; null where a recording does not say."""
+
+    source: str
+    host_ns: int
+    rate_hz: float
+    sampling_mode: str
+    protocol: str | None = None
+    schema_hash: str | None = None
+    boot_id: int | None = None
+    device_id: str | None = None
+    firmware_version: str | None = None
+    who_am_i: int | None = None
+    sensor: str | None = None
+    gyro_range_dps: float | None = None
+    gyro_lsb_per_dps: float | None = None
+    accel_range_g: float | None = None
+    accel_lsb_per_g: float | None = None
+    gyro_dlpf_hz: float | None = None
+
+
+class RawSample(NamedTuple):
+    """One sample as the source has it: counts, and a sequence and a time that still wrap.
+
+    gyro is in LSB, or in deg/s where `Hello.gyro_lsb_per_dps` is null. host_ns is the arrival on
+    the source's monotonic clock.
+    """
+
+    sequence: int
+    device_us: int
+    host_ns: int
+    gyro: tuple[float, ...]
+    accel: tuple[float, ...] | None = None
+    temperature: float | None = None
+    flags: int = 0
+
+
+class DeviceStatus(msgspec.Struct, frozen=True):
+    """The device's own counters since its boot (protocol/README.md, STATUS)."""
+
+    i2c_errors: int
+    bus_recoveries: int
+    sensor_reinits: int
+    overruns: int
+    dropped_frames: int
+    reset_cause: str
+
+
+class Trouble(NamedTuple):
+    """Something is wrong with the source; kind is one of the `error` kinds of host/README.md.
+
+    fatal: under `--once` this ends the command.
+    """
+
+    kind: str
+    message: str
+    host_ns: int
+    fatal: bool = True
+
+
+class LinkDown(NamedTuple):
+    """What follows may come from another device, so its HELLO has to be heard first."""
+
+    host_ns: int
+
+
+class Tick(NamedTuple):
+    """Nothing arrived for a while; lets statistics go out on time."""
+
+    host_ns: int
+
+
+Event = Hello | RawSample | DeviceStatus | Trouble | LinkDown | Tick
+
+
+class Sample(Record, frozen=True, tag="sample"):
+    """One sample in physical units, times and sequence unwrapped."""
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    gyro_dps: tuple[float, ...]
+    accel_ms2: tuple[float, ...] | None = None
+    temperature_c: float | None = None
+    flags: int = 0
+
+
+class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The triple estimate of one axis after one sample; null where not valid."""
+
+    alpha: float | None
+    alpha_std: float | None
+    f: float | None
+    f_std: float | None
+    state_dps: float | None
+    innovation_dps: float | None
+    valid: bool
+
+
+class Estimate(Record, frozen=True, tag="estimate"):
+    """The estimates of all axes after one sample."""
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    axes: dict[str, AxisEstimate]
+
+
+class Gap(Record, frozen=True, tag="gap"):
+    """`missing` samples are lost, the first of them numbered `seq`."""
+
+    seq: int
+    missing: int
+    epoch: int
+    host_ns: int
+
+
+EpochReason = Literal["start", "restart", "discontinuity", "gap", "silence"]
+
+
+class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What an epoch is estimated with."""
+
+    variant: str
+    engine: str
+    window: int
+    startup_samples: int
+    bias: str | float | tuple[float, ...]
+    R: str | float | tuple[float, ...]
+
+
+class Epoch(Record, frozen=True, tag="epoch"):
+    """A new stretch of unbroken time: the estimator starts anew with the sample `seq`."""
+
+    epoch: int
+    reason: EpochReason
+    seq: int
+    device_us: int
+    host_ns: int
+    boot_id: int | None
+    estimator: EstimatorInfo
+
+
+class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What arrived and what was lost on the way, since the start of the program."""
+
+    bytes: int = 0
+    frames: int = 0
+    bad_frames: dict[str, int] = {}
+    unknown_type: int = 0
+    refused: int = 0
+    overflow_bytes: int = 0
+    reconnects: int = 0
+
+
+class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What became of the samples, since the start of the program."""
+
+    delivered: int
+    lost: int
+    gaps: int
+    duplicates: int
+    before_hello: int
+
+
+class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the start-up window gave an axis, and how often it had to start again."""
+
+    bias_dps: float | None
+    R_dps2: float | None
+    restarts: int
+
+
+class Stats(Record, frozen=True, tag="stats"):
+    """Health of the whole walk, once a second and at the end."""
+
+    epoch: int
+    host_ns: int
+    rate_hz: float | None
+    clock_ppm: float | None
+    startup_remaining: int
+    link: LinkStats
+    samples: SampleStats
+    axes: dict[str, AxisStats]
+    device: DeviceStatus | None
+
+
+class Error(Record, frozen=True, tag="error"):
+    """Something that a person should know; the program goes on unless `--once` was given."""
+
+    kind: str
+    message: str
+    host_ns: int
+
+
+AnyRecord = Hello | Sample | Estimate | Gap | Epoch | Stats | Error

@@ -1,0 +1,27 @@
+"""The MPU-9250 family: who answers to which WHO_AM_I, and the scale of its thermometer.
+
+Sources: MPU-9250 register map RM-MPU-9250A-00, registers 65-66 and 117; MPU-6050 register map
+RM-MPU-6000A-00, registers 65-66 and 117.
+"""
+
+SENSORS = {
+    0x71: "MPU-9250",
+    0x73: "MPU-9255",
+    0x70: "MPU-6500",
+    0x68: "MPU-6050",
+    0x75: "MPU-9250 clone (0x75)",
+    0x78: "MPU-9250 clone (0x78)",
+}
+"""WHO_AM_I to name; 0x70 is often sold as a 9250."""
+
+
+def sensor_name(who_am_i: int) -> str:
+    """Name of the chip with this WHO_AM_I, or the number itself for an unknown one."""
+    return SENSORS.get(who_am_i, f"unknown sensor (WHO_AM_I 0x{who_am_i:02X})")
+
+
+def temperature_c(raw: float, who_am_i: int | None) -> float:
+    """Die temperature in °C from the counts of TEMP_OUT."""
+    if who_am_i == 0x68:
+        return raw / 340.0 + 36.53
+    return raw / 333.87 + 21.0

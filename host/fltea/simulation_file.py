@@ -1,0 +1,108 @@
+"""Simulated noise to a file that `replay:` reads, with the truth beside it."""
+
+import contextlib
+import csv
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fltea.errors import FlteaError, UsageError
+from fltea.model import AXES
+from fltea.simulate import FractionalNoise, quantise
+
+
+def write_simulation(
+    out: Path,
+    *,
+    alpha: float,
+    alpha_end: float,
+    f: float,
+    Q: float,
+    R: float,
+    n: int,
+    rate_hz: float,
+    axes: int,
+    lsb_per_dps: float | None,
+    range_dps: float,
+    offset_dps: float,
+    window: int,
+    seed: int,
+) -> None:
+    """Write `n` samples of `axes` axes; the model and its units are those of `fltea.simulate`.
+
+    The file appears whole or not at all.
+
+    Raises:
+        UsageError: impossible parameters, or an ending that is neither .csv nor .npz.
+        FlteaError: the file cannot be written, or the noise grew beyond all bounds.
+    """
+    suffix = out.suffix.lower()
+    if suffix not in (".csv", ".npz"):
+        raise UsageError(f"{out}: give a name that ends in .csv or .npz.")
+    if n < 1 or not 1 <= axes <= len(AXES) or rate_hz <= 0:
+        raise UsageError("simulate needs --samples ≥ 1, --axes 1 to 3 and --rate > 0.")
+    for name, value in (("--alpha", alpha), ("--alpha-end", alpha_end), ("--offset", offset_dps)):
+        if not math.isfinite(value):
+            raise UsageError(f"simulate: {name} has to be a finite number, not {value}.")
+    try:
+        orders = np.linspace(alpha, alpha_end, n)
+        y, x = np.empty((n, axes)), np.empty((n, axes))
+        for i in range(axes):
+            rng = np.random.default_rng((seed, i))
+            noise = FractionalNoise(orders, f, Q, R, 1.0 / rate_hz, window, rng)
+            y[:, i], x[:, i] = noise.samples(n)
+        y += offset_dps
+        if not np.isfinite(y).all():
+            raise FlteaError(f"α = {alpha:g}, f = {f:g} is not stationary: the noise grew beyond all bounds.")
+        counts = None
+        if lsb_per_dps is not None:
+            counts = quantise(y, lsb_per_dps, range_dps)
+            y = counts / lsb_per_dps
+    except (ValueError, MemoryError) as error:
+        raise UsageError(f"simulate: {error}.") from error
+    part = out.with_name(f".{out.name}.part")
+    try:
+        if suffix == ".csv":
+            _write_csv(part, y, x, orders, rate_hz)
+        else:
+            _write_npz(part, y, x, orders, rate_hz, counts, lsb_per_dps)
+        os.replace(part, out)
+    except OSError as error:
+        raise FlteaError(f"{out}: cannot be written ({error}).") from error
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def _write_csv(
+    path: Path, y: NDArray[np.float64], x: NDArray[np.float64], orders: NDArray[np.float64], rate_hz: float
+) -> None:
+    names = AXES[: y.shape[1]]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(
+            ["time_s", *[f"{a}_dps" for a in names], *[f"true_state_{a}_dps" for a in names], "true_alpha"]
+        )
+        for k in range(len(y)):
+            rows.writerow([repr(k / rate_hz), *y[k].tolist(), *x[k].tolist(), orders[k].item()])
+
+
+def _write_npz(
+    path: Path,
+    y: NDArray[np.float64],
+    x: NDArray[np.float64],
+    orders: NDArray[np.float64],
+    rate_hz: float,
+    counts: NDArray[np.int16] | None,
+    lsb_per_dps: float | None,
+) -> None:
+    data: dict[str, ArrayLike] = {"fs_hz": rate_hz, "true_state_dps": x, "true_alpha": orders}
+    if counts is None:
+        data["gyro_dps"] = y
+    else:
+        data["gyro_raw"], data["lsb_per_dps"] = counts, float(lsb_per_dps or 0.0)
+    with path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **data)

@@ -1,0 +1,160 @@
+"""The live table: α and f of every axis with small trends, the link's health, and the last errors."""
+
+import time
+from collections import deque
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from fltea.model import AnyRecord, Epoch, Error, Estimate, Gap, Hello, Stats
+
+REFRESH_S = 0.2
+TREND_WIDTH = 24
+TREND_STEP_S = 1.0
+BARS = "▁▂▃▄▅▆▇█"
+WHITE_NOTE = (
+    "Pure white noise gives α ≈ 0.4 and f ≈ -2 with the paper's settings: these figures alone do not show\n"
+    "that a noise is fractional. Compare with a shuffled copy (--shuffle) before you read anything into them."
+)
+
+
+def sparkline(values: list[float]) -> str:
+    """Draw numbers as a row of bars between their own minimum and maximum."""
+    if not values:
+        return ""
+    low, high = min(values), max(values)
+    span = (high - low) or 1.0
+    return "".join(BARS[min(len(BARS) - 1, int((v - low) / span * len(BARS)))] for v in values)
+
+
+class Trend:
+    """Values thinned to one a second of the samples' time, the last of them kept."""
+
+    def __init__(self) -> None:
+        self._values: deque[float] = deque(maxlen=TREND_WIDTH)
+        self._next_ns: int | None = None
+
+    def add(self, value: float, host_ns: int) -> None:
+        """Take a value if a second has passed since the one before."""
+        if self._next_ns is None or host_ns >= self._next_ns:
+            self._values.append(value)
+            self._next_ns = host_ns + int(TREND_STEP_S * 1e9)
+
+    def __str__(self) -> str:
+        return sparkline(list(self._values))
+
+
+class TableSink:
+    """Draws in place on a terminal; elsewhere prints the last state once, at the end."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console()
+        self._live = (
+            Live(console=self._console, auto_refresh=False, transient=False)
+            if self._console.is_terminal
+            else None
+        )
+        self._drawn_s = 0.0
+        self._hello: Hello | None = None
+        self._epoch: Epoch | None = None
+        self._estimate: Estimate | None = None
+        self._stats: Stats | None = None
+        self._events: deque[str] = deque(maxlen=4)
+        self._trends: dict[str, tuple[Trend, Trend]] = {}
+        if self._live:
+            self._live.start()
+
+    def write(self, record: AnyRecord) -> None:
+        """Remember what the record says and redraw a few times a second."""
+        match record:
+            case Hello():
+                self._hello = record
+            case Epoch():
+                self._epoch, self._estimate = record, None
+                self._trends = {}
+                self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
+            case Estimate():
+                self._estimate = record
+                for name, axis in record.axes.items():
+                    alpha, f = self._trends.setdefault(name, (Trend(), Trend()))
+                    if axis.alpha is not None and axis.f is not None:
+                        alpha.add(axis.alpha, record.host_ns)
+                        f.add(axis.f, record.host_ns)
+            case Gap():
+                self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
+            case Error():
+                self._events.append(f"{record.kind}: {record.message}")
+            case Stats():
+                self._stats = record
+        now_s = time.monotonic()
+        if self._live and (now_s - self._drawn_s >= REFRESH_S or isinstance(record, Error)):
+            self._drawn_s = now_s
+            self._live.update(self.render(), refresh=True)
+
+    def close(self) -> None:
+        """Leave the last state on the screen."""
+        if self._live:
+            self._live.update(self.render(), refresh=True)
+            self._live.stop()
+        else:
+            self._console.print(self.render())
+
+    def render(self) -> Group:
+        """The whole view as of now."""
+        lines: list[RenderableType] = [Text(self._head(), style="bold"), self._table(), Text(self._health())]
+        if self._events:
+            lines.append(Text("\n".join(self._events), style="yellow"))
+        return Group(*lines, Text(WHITE_NOTE, style="dim"))
+
+    def _head(self) -> str:
+        hello = self._hello
+        if hello is None:
+            return "fltea: waiting for the device …"
+        parts = [hello.source, hello.sensor, f"{hello.rate_hz:g} Hz"]
+        if hello.gyro_range_dps:
+            parts.append(f"±{hello.gyro_range_dps:g} deg/s")
+        if hello.firmware_version:
+            parts.append(f"firmware {hello.firmware_version}")
+        return "fltea  " + "  ".join(p for p in parts if p)
+
+    def _table(self) -> Table:
+        table = Table(expand=False)
+        table.add_column("axis")
+        for title in ("α", "f [s^-α]", "state [deg/s]", "innovation [deg/s]"):
+            table.add_column(Text(title), justify="right")  # as plain text: [deg/s] is no markup
+        table.add_column("α, last seconds", min_width=TREND_WIDTH)
+        table.add_column("f, last seconds", min_width=TREND_WIDTH)
+        if self._estimate is None:
+            remaining = self._stats.startup_remaining if self._stats else 0
+            table.add_row(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
+            return table
+        for name, axis in self._estimate.axes.items():
+            alpha, f = self._trends[name]
+            if not axis.valid:
+                table.add_row(name, "not valid", "", "", "", str(alpha), str(f))
+                continue
+            table.add_row(
+                name,
+                f"{axis.alpha:.3f} ± {axis.alpha_std:.3f}",
+                f"{axis.f:.3f} ± {axis.f_std:.3f}",
+                f"{axis.state_dps:+.4f}",
+                "" if axis.innovation_dps is None else f"{axis.innovation_dps:+.4f}",
+                str(alpha),
+                str(f),
+            )
+        return table
+
+    def _health(self) -> str:
+        stats = self._stats
+        if stats is None:
+            return ""
+        rate = "" if stats.rate_hz is None else f"  {stats.rate_hz:.2f} Hz"
+        ppm = "" if stats.clock_ppm is None else f"  clock {stats.clock_ppm:+.0f} ppm"
+        bad = sum(stats.link.bad_frames.values())
+        seq = "" if self._estimate is None else f"  sample {self._estimate.seq}"
+        return (
+            f"epoch {stats.epoch}{seq}  delivered {stats.samples.delivered}  lost {stats.samples.lost}  "
+            f"bad frames {bad}  reconnects {stats.link.reconnects}{rate}{ppm}"
+        )

@@ -1,0 +1,15 @@
+"""Waiting for a sample's time, for sources that make their own pace."""
+
+import time
+from collections.abc import Callable
+
+SLICE_S = 0.1
+
+
+def sleep_until(due_ns: int, closed: Callable[[], bool]) -> None:
+    """Sleep until the monotonic clock reads `due_ns` or the source is closed.
+
+    In slices, since Python goes on sleeping after a signal and `close` has to end a long wait.
+    """
+    while not closed() and (left_ns := due_ns - time.monotonic_ns()) > 0:
+        time.sleep(min(left_ns * 1e-9, SLICE_S))

@@ -1,0 +1,227 @@
+"""Recording files read whole: .npz, CSV, and fltea's own NDJSON, each to one `Recording`.
+
+A file is checked before its first sample goes out, so that bad input gives one clear error (file,
+line, reason) and no half of an output.
+"""
+
+import csv
+import math
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.errors import UsageError
+from fltea.model import AXES, Hello, Sample
+
+UNITS_HELP = "dps, mdps, rad/s, or lsb:N (counts, N LSB per deg/s)"
+TIME_COLUMN = "time_s"
+
+
+class Recording(NamedTuple):
+    """A resting gyroscope, as recorded.
+
+    gyro: (n, axes) counts where lsb_per_dps is given, else deg/s.
+    accel: (n, 3) counts or None. device_s: (n,) time of each sample by the device's clock.
+    host_s: (n,) arrival times by the host's clock, or None where they were not recorded.
+    """
+
+    gyro: NDArray[np.float64]
+    rate_hz: float
+    device_s: NDArray[np.float64]
+    lsb_per_dps: float | None = None
+    host_s: NDArray[np.float64] | None = None
+    accel: NDArray[np.float64] | None = None
+
+
+def parse_units(text: str) -> tuple[float, float | None]:
+    """Factor to deg/s and LSB per deg/s (None unless the unit is counts) of a unit's name.
+
+    Raises:
+        UsageError: an unknown unit.
+    """
+    factors = {"dps": 1.0, "mdps": 1e-3, "rad/s": math.degrees(1.0)}
+    if text in factors:
+        return factors[text], None
+    if text.startswith("lsb:"):
+        try:
+            lsb = float(text[4:])
+        except ValueError:
+            lsb = math.nan
+        if lsb > 0 and math.isfinite(lsb):
+            return 1.0, lsb
+    raise UsageError(f"--units {text}: not a unit that this program knows. Give {UNITS_HELP}.")
+
+
+def read_npz(path: Path) -> Recording:
+    """Read `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; optional `t_host_s`, `accel_raw`.
+
+    Raises:
+        UsageError: not such a file, or values that are not finite.
+    """
+    try:
+        if not zipfile.is_zipfile(path):
+            raise ValueError("it is no zip archive, or was cut short")
+        with np.load(path, allow_pickle=False) as archive:
+            data = {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
+        raise UsageError(f"{path}: cannot be read as .npz ({error}).") from error
+    key = next((k for k in ("gyro_raw", "gyro_dps") if k in data), None)
+    needed = ["fs_hz"] + (["lsb_per_dps"] if key == "gyro_raw" else [])
+    missing = [k for k in needed if k not in data] + ([] if key else ["gyro_raw or gyro_dps"])
+    if key is None or missing:
+        has = ", ".join(data) or "nothing"
+        raise UsageError(f"{path}: has no {', '.join(missing)} (it holds {has}).")
+    gyro = _numeric(path, key, data[key])
+    if gyro.ndim != 2 or not 1 <= gyro.shape[1] <= len(AXES):
+        raise UsageError(f"{path}: {key} has the shape {gyro.shape}; (samples, 1 to 3 axes) is needed.")
+    if len(gyro) == 0:
+        raise UsageError(f"{path}: {key} has no rows.")
+    rate_hz = _positive(path, "fs_hz", data["fs_hz"])
+    host_s = _numeric(path, "t_host_s", data["t_host_s"]) if "t_host_s" in data else None
+    accel = _numeric(path, "accel_raw", data["accel_raw"]) if "accel_raw" in data else None
+    for name, extra, shape in (("t_host_s", host_s, (len(gyro),)), ("accel_raw", accel, (len(gyro), 3))):
+        if extra is not None and extra.shape != shape:
+            raise UsageError(f"{path}: {name} has the shape {extra.shape}; {shape} is needed, as {key} has.")
+    lsb = _positive(path, "lsb_per_dps", data["lsb_per_dps"]) if key == "gyro_raw" else None
+    return Recording(gyro, rate_hz, np.arange(len(gyro)) / rate_hz, lsb, host_s, accel)
+
+
+def read_csv(
+    path: Path, columns: list[str] | None = None, units: str = "dps", rate_hz: float | None = None
+) -> Recording:
+    """Read named columns of a CSV file with a header.
+
+    columns: one to three names, for the axes x, y, z; by default those called gyro_x_dps, ….
+    rate_hz: samples per second; may be left out where the file has a column `time_s`.
+
+    Raises:
+        UsageError: names file, line and reason.
+    """
+    factor, lsb = parse_units(units)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = csv.reader(file)
+            header = [name.strip() for name in next(rows, [])]
+            names = columns or [f"{axis}_dps" for axis in AXES if f"{axis}_dps" in header]
+            _check_columns(path, header, names)
+            has_time = TIME_COLUMN in header
+            places = [header.index(n) for n in names] + ([header.index(TIME_COLUMN)] if has_time else [])
+            table, lines = [], []
+            for row in filter(None, rows):
+                table.append(_csv_row(path, rows.line_num, row, places, header))
+                lines.append(rows.line_num)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
+    if not table:
+        raise UsageError(f"{path}: has a header but no rows.")
+    values = np.array(table)
+    gyro = values[:, : len(names)] * factor
+    steps = np.diff(values[:, -1]) if has_time else np.empty(0)
+    if (steps <= 0).any():
+        line = lines[int(np.argmax(steps <= 0)) + 1]
+        raise UsageError(f"{path}:{line}: column '{TIME_COLUMN}': the time does not increase.")
+    if rate_hz is None:
+        if not has_time:
+            raise UsageError(f"{path}: has no column '{TIME_COLUMN}', so give its rate: --rate 100.")
+        if not len(steps):
+            raise UsageError(f"{path}: one row alone tells no rate; give it: --rate 100.")
+        rate_hz = 1.0 / float(np.median(steps))
+    device_s = values[:, -1] if has_time else np.arange(len(values)) / rate_hz
+    return Recording(gyro, rate_hz, device_s, lsb)
+
+
+def read_ndjson(path: Path) -> list[Hello | Sample]:
+    """Read fltea's own output: its `hello` and `sample` records in their order.
+
+    Raises:
+        UsageError: a line that is damaged, samples without a hello, or none (recorded without --samples).
+    """
+    records: list[Hello | Sample] = []
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: cannot be read ({error}).") from error
+    for number, line in enumerate(lines, 1):
+        try:
+            record = msgspec.json.decode(line)  # refuses NaN, which json.loads takes
+        except msgspec.DecodeError as error:
+            raise UsageError(f"{path}:{number}: is not JSON ({error}).") from error
+        if not isinstance(record, dict) or "class" not in record:
+            raise UsageError(f"{path}:{number}: is not a record of fltea (no key 'class').")
+        if record["class"] not in ("hello", "sample"):
+            continue
+        try:
+            records.append(msgspec.convert(record, Hello | Sample))
+            _check_order(records)
+        except ValueError as error:  # msgspec's ValidationError is one
+            raise UsageError(f"{path}:{number}: is a damaged record ({error}).") from error
+    if not any(isinstance(record, Sample) for record in records):
+        raise UsageError(f"{path}: holds no sample records; write them with 'fltea run --samples'.")
+    return records
+
+
+def _check_order(records: list[Hello | Sample]) -> None:
+    """Raise ValueError if the last record cannot follow those before it."""
+    last, before = records[-1], records[-2] if len(records) > 1 else None
+    if isinstance(last, Hello):
+        if last.rate_hz <= 0 or (last.gyro_lsb_per_dps or 1.0) <= 0:
+            raise ValueError("rate and scale have to be positive")
+        return
+    if before is None:
+        raise ValueError("a sample before any hello; its rate is not known")
+    axes = len(before.gyro_dps) if isinstance(before, Sample) else None
+    if not 1 <= len(last.gyro_dps) <= len(AXES) or axes not in (None, len(last.gyro_dps)):
+        raise ValueError(f"gyro_dps has {len(last.gyro_dps)} axes" + (f", {axes} before" if axes else ""))
+
+
+def _check_columns(path: Path, header: list[str], names: list[str]) -> None:
+    has = ", ".join(header) or "no header"
+    if not names:
+        raise UsageError(f"{path}:1: no columns gyro_x_dps, …; name yours with --columns (it has: {has}).")
+    if len(names) > len(AXES):
+        raise UsageError(f"--columns names {len(names)} columns; a gyroscope has up to {len(AXES)} axes.")
+    missing = [n for n in names if n not in header]
+    if missing:
+        raise UsageError(f"{path}:1: no column {', '.join(missing)} (it has: {has}).")
+
+
+def _csv_row(path: Path, line: int, row: list[str], places: list[int], header: list[str]) -> list[float]:
+    values = []
+    for place in places:
+        if place >= len(row):
+            raise UsageError(
+                f"{path}:{line}: has {len(row)} fields; column '{header[place]}' is number {place + 1}."
+            )
+        try:
+            value = float(row[place])
+        except ValueError:
+            raise UsageError(
+                f"{path}:{line}: column '{header[place]}': '{row[place]}' is not a number."
+            ) from None
+        if not math.isfinite(value):
+            raise UsageError(f"{path}:{line}: column '{header[place]}': {row[place]} is not a finite number.")
+        values.append(value)
+    return values
+
+
+def _numeric(path: Path, name: str, array: NDArray[Any]) -> NDArray[np.float64]:
+    try:
+        values = np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"{path}: {name} does not hold numbers.") from error
+    bad = np.argwhere(~np.isfinite(np.atleast_1d(values)))
+    if len(bad):
+        raise UsageError(f"{path}: {name} is not finite in row {int(bad[0][0])}.")
+    return values
+
+
+def _positive(path: Path, name: str, array: NDArray[Any]) -> float:
+    values = _numeric(path, name, array)
+    if values.size != 1 or values.item() <= 0:
+        raise UsageError(f"{path}: {name} has to be one positive number.")
+    return float(values.item())

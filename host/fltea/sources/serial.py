@@ -1,0 +1,181 @@
+"""A device on a serial URL: transport, framing and messages put together, and watched over."""
+
+import time
+from collections.abc import Iterator
+
+from fltea import wire
+from fltea.messages import Frame, FrameReader, Refused
+from fltea.model import DeviceStatus, Event, Hello, LinkDown, LinkStats, RawSample, Tick, Trouble
+from fltea.mpu9250 import sensor_name
+from fltea.transport import Chunk, Failed, Opened, Reader, TransportEvent
+
+SILENCE_S = 5.0
+"""A device that says nothing, or nothing that can be read, for this long is reported."""
+
+TICK_S = 0.5
+REPEAT_S = 60.0
+"""The same trouble is told again after this long."""
+
+
+class SerialSource:
+    """Frames from a serial port as events; every failure is a `Trouble`, and reading goes on."""
+
+    live = True
+
+    def __init__(self, url: str, baud: int) -> None:
+        self.url = url
+        self._reader = Reader(url, baud)
+        self._frames = FrameReader()
+        self._connected = False
+        self._refused = False
+        self._heard_hello = False
+        self._opened_ns = self._byte_ns = self._frame_ns = 0
+        self._frame_bytes = 0
+        self._told: tuple[str, int] | None = None
+        self._connections = 0
+        self._refused_frames = 0
+
+    @property
+    def unix_offset_ns(self) -> int:
+        """Nanoseconds from the monotonic clock to Unix time, as of now."""
+        return time.time_ns() - time.monotonic_ns()
+
+    def events(self) -> Iterator[Event]:
+        """Yield what the device says until `close`."""
+        self._reader.start()
+        for item in self._reader.events(TICK_S):
+            yield from self._on_transport(item)
+            yield from self._watch(item.host_ns if item else time.monotonic_ns())
+
+    def link_stats(self) -> LinkStats:
+        """Count what arrived and what was lost on the way."""
+        counts = dict(self._frames.counts)
+        return LinkStats(
+            bytes=self._frames.bytes_in,
+            frames=counts.pop("frames", 0),
+            unknown_type=counts.pop("unknown_type", 0),
+            refused=self._refused_frames,
+            bad_frames={reason: n for reason, n in counts.items() if n},
+            overflow_bytes=self._reader.overflow_bytes,
+            reconnects=max(0, self._connections - 1),
+        )
+
+    def close(self) -> None:
+        """Stop reading and release the port."""
+        self._reader.close()
+
+    def _on_transport(self, item: TransportEvent | None) -> Iterator[Event]:
+        match item:
+            case Opened(host_ns):
+                self._connected, self._refused, self._heard_hello = True, False, False
+                self._connections += 1
+                self._opened_ns = self._byte_ns = self._frame_ns = host_ns
+                self._frame_bytes = self._frames.bytes_in
+                self._told = None
+                self._frames.reset()
+            case Failed(kind, message, host_ns):
+                self._connected = False
+                yield LinkDown(host_ns)
+                yield from self._tell(Trouble(kind, message, host_ns))
+            case Chunk(data, host_ns):
+                self._byte_ns = host_ns
+                for frame in self._frames.feed(data):
+                    yield from self._on_frame(frame, host_ns)
+            case None:
+                yield Tick(time.monotonic_ns())
+
+    def _on_frame(self, frame: Frame | Refused, host_ns: int) -> Iterator[Event]:
+        self._frame_ns = host_ns
+        if isinstance(frame, Refused):
+            self._refused = True
+            self._refused_frames += 1
+            yield LinkDown(host_ns)
+            text = f"{self.url}: {frame.message}. Flash the firmware that belongs to this program."
+            yield from self._tell(Trouble("version", text, host_ns))
+            return
+        if self._refused and not isinstance(frame.message, wire.Hello):
+            self._refused_frames += 1
+            return
+        self._frame_bytes = self._frames.bytes_in
+        match frame.message:
+            case wire.Hello() as hello:
+                self._refused, self._heard_hello, self._told = False, True, None
+                yield hello_event(hello, f"serial:{self.url}", host_ns)
+            case wire.Sample() as s:
+                yield RawSample(
+                    frame.sequence,
+                    frame.device_us,
+                    host_ns,
+                    (s.gyro_x, s.gyro_y, s.gyro_z),
+                    (s.accel_x, s.accel_y, s.accel_z),
+                    s.temperature,
+                    s.flags,
+                )
+            case wire.Status() as s:
+                yield DeviceStatus(*s[:5], reset_cause=_name(wire.ResetCause, s.reset_cause))
+            case wire.Fault(code, detail):
+                text = f"the device reports {_name(wire.FaultCode, code)} (detail 0x{detail:X})."
+                yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
+
+    def _watch(self, now_ns: int) -> Iterator[Trouble]:
+        if not self._connected:
+            return
+        limit_ns = int(SILENCE_S * 1e9)
+        if now_ns - self._byte_ns >= limit_ns:
+            text = (
+                f"{self.url} is open but has said nothing for {SILENCE_S:g} s. Is the firmware flashed, and "
+                "is this the programming port (the one beside the power socket)?"
+            )
+            yield from self._tell(Trouble("silent", text, now_ns))
+        elif now_ns - self._frame_ns >= limit_ns:
+            received = self._frames.bytes_in - self._frame_bytes
+            text = (
+                f"{self.url}: {received} bytes in {SILENCE_S:g} s, and no valid frame among them. The baud "
+                "rate is wrong, or the device does not run the firmware of fltea."
+            )
+            yield from self._tell(Trouble("no_valid_frame", text, now_ns))
+        elif not self._heard_hello and not self._refused and now_ns - self._opened_ns >= limit_ns:
+            text = f"{self.url}: valid frames, but no HELLO in {SILENCE_S:g} s; samples cannot be scaled."
+            yield from self._tell(Trouble("no_hello", text, now_ns))
+
+    def _tell(self, trouble: Trouble) -> Iterator[Trouble]:
+        """Pass a trouble on unless it is the one told last."""
+        told = self._told
+        news = told is None or told[0] != trouble.kind or trouble.host_ns - told[1] > REPEAT_S * 1e9
+        if news:
+            self._told = (trouble.kind, trouble.host_ns)
+            yield trouble
+
+
+def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
+    """HELLO's counts in their units (protocol/README.md)."""
+
+    def scaled(name: str) -> float:
+        return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))  # 164 * 0.1 is 16.4
+
+    return Hello(
+        source=source,
+        host_ns=host_ns,
+        rate_hz=scaled("sample_rate"),
+        sampling_mode=_name(wire.SamplingMode, hello.sampling_mode),
+        protocol=f"{hello.protocol_major}.{hello.protocol_minor}",
+        schema_hash=f"0x{hello.schema_hash:08X}",
+        boot_id=hello.boot_id,
+        device_id=hello.device_id.hex(),
+        firmware_version=hello.firmware_version,
+        who_am_i=hello.who_am_i,
+        sensor=sensor_name(hello.who_am_i),
+        gyro_range_dps=scaled("gyro_range"),
+        gyro_lsb_per_dps=scaled("gyro_lsb"),
+        accel_range_g=scaled("accel_range"),
+        accel_lsb_per_g=scaled("accel_lsb"),
+        gyro_dlpf_hz=scaled("gyro_dlpf"),
+    )
+
+
+def _name(enum: type[wire.SamplingMode | wire.ResetCause | wire.FaultCode], value: int) -> str:
+    """Name of an enum's value in lower case; the number itself for one that we do not know."""
+    try:
+        return enum(value).name.lower()
+    except ValueError:
+        return f"unknown ({value})"

@@ -1,0 +1,134 @@
+"""Noise of known order without any wire: `synthetic:?alpha=0.3&f=-1.5`, for trials and tests."""
+
+import math
+import time
+from collections.abc import Iterator
+from urllib.parse import parse_qsl
+
+import msgspec
+import numpy as np
+
+from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US
+from fltea.errors import FlteaError, UsageError
+from fltea.model import AXES, Event, Hello, LinkStats, RawSample
+from fltea.simulate import FractionalNoise, quantise
+from fltea.sources.pacing import sleep_until
+
+
+class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a made-up gyroscope gives; the defaults look like an MPU-9250 at ±2000 deg/s.
+
+    alpha, f (s^-α), Q ((deg/s)² s^-2α), R ((deg/s)²): the model of `fltea.simulate`.
+    lsb_per_dps: 0 leaves the samples unquantised. n: number of samples, 0 for no end.
+    """
+
+    alpha: float = 0.3
+    f: float = -1.5
+    Q: float = 0.15
+    R: float = 0.02
+    offset_dps: float = 0.0
+    rate_hz: float = 100.0
+    lsb_per_dps: float = 16.4
+    range_dps: float = 2000.0
+    seed: int = 1
+    window: int = 3000
+    n: int = 0
+
+
+class NoiseGenerator:
+    """Samples of all axes, each from a generator of its own; counts where quantised, else deg/s."""
+
+    def __init__(self, settings: NoiseSettings) -> None:
+        self.settings = s = settings
+        self._axes = [
+            FractionalNoise(
+                s.alpha, s.f, s.Q, s.R, 1.0 / s.rate_hz, s.window, np.random.default_rng((s.seed, i))
+            )
+            for i in range(len(AXES))
+        ]
+
+    def step(self) -> tuple[float, ...]:
+        """Return the next sample of all axes; FlteaError once the noise is no longer finite."""
+        s = self.settings
+        y_dps = [axis.step()[0] + s.offset_dps for axis in self._axes]
+        if not all(map(math.isfinite, y_dps)):
+            text = f"α = {s.alpha:g}, f = {s.f:g} is not stationary: the noise grew beyond all bounds."
+            raise FlteaError(text)
+        if not s.lsb_per_dps:
+            return tuple(y_dps)
+        return tuple(quantise(y_dps, s.lsb_per_dps, s.range_dps).tolist())
+
+
+def parse_noise(query: str) -> NoiseSettings:
+    """Settings from the text behind `synthetic:`.
+
+    Raises:
+        UsageError: names the key that is unknown, has no number, or an impossible one.
+    """
+    pairs = dict(parse_qsl(query.removeprefix("?"), keep_blank_values=True))
+    try:
+        settings = msgspec.convert(pairs, NoiseSettings, strict=False)
+        for key, value in msgspec.structs.asdict(settings).items():
+            if not math.isfinite(value):
+                raise ValueError(f"{key} has to be a finite number, not {value}")
+        if settings.rate_hz <= 0:
+            raise ValueError(f"rate_hz has to be positive, not {settings.rate_hz:g}")
+        if settings.n < 0:
+            raise ValueError(f"n has to be 0 (no end) or more, not {settings.n}")
+        NoiseGenerator(settings).step()  # lets every part of it check its own
+    except msgspec.ValidationError as error:
+        known = ", ".join(NoiseSettings.__struct_fields__)
+        raise UsageError(f"synthetic:{query}: {error}. Known keys: {known}.") from error
+    except ValueError as error:
+        raise UsageError(f"synthetic:{query}: {error}.") from error
+    return settings
+
+
+class SyntheticSource:
+    """Made-up samples as events, at their own pace or as fast as they come."""
+
+    live = False
+
+    def __init__(self, query: str, *, realtime: bool) -> None:
+        self.settings = parse_noise(query)
+        self._realtime = realtime
+        self._name = f"synthetic:{query}"
+        self._closed = False
+        self._offset_ns = time.time_ns() - time.monotonic_ns() if realtime else 0
+
+    @property
+    def unix_offset_ns(self) -> int:
+        """Nanoseconds to Unix time; 0 when not at its own pace, so that runs can be compared."""
+        return self._offset_ns
+
+    def events(self) -> Iterator[Event]:
+        """Yield HELLO and the samples."""
+        s = self.settings
+        noise = NoiseGenerator(s)
+        begin_ns = time.monotonic_ns() if self._realtime else 0
+        yield Hello(
+            source=self._name,
+            host_ns=begin_ns,
+            rate_hz=s.rate_hz,
+            sampling_mode="simulated",
+            gyro_range_dps=s.range_dps,
+            gyro_lsb_per_dps=s.lsb_per_dps or None,
+        )
+        k = 0
+        while not self._closed and (s.n == 0 or k < s.n):
+            device_us = round(k * 1e6 / s.rate_hz)
+            due_ns = begin_ns + device_us * 1000
+            if self._realtime:
+                sleep_until(due_ns, lambda: self._closed)
+                if self._closed:
+                    return
+            yield RawSample(k % SEQUENCE_WRAP, device_us % TIME_WRAP_US, due_ns, noise.step())
+            k += 1
+
+    def link_stats(self) -> LinkStats:
+        """Nothing can get lost on no wire."""
+        return LinkStats()
+
+    def close(self) -> None:
+        """End the iteration."""
+        self._closed = True

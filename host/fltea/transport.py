@@ -1,0 +1,194 @@
+"""Serial URL to bytes: a reader thread that turns every failure into an event, and reconnects.
+
+pyserial's own ReaderThread dies silently on an unplugged port (its `in_waiting` raises a bare
+OSError); here any exception closes the port, says why and tries again with backoff.
+"""
+
+import contextlib
+import errno
+import grp
+import os
+import queue
+import threading
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import serial
+from serial.tools import list_ports
+
+from fltea.errors import UsageError
+
+FORBIDDEN_BAUD = 1200
+READ_TIMEOUT_S = 0.1
+BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
+QUEUE_CHUNKS = 1024
+MAX_CHUNK = 1 << 16
+
+
+class Opened(NamedTuple):
+    """The port is open."""
+
+    host_ns: int
+
+
+class Chunk(NamedTuple):
+    """Bytes that arrived, with the monotonic time of their arrival."""
+
+    data: bytes
+    host_ns: int
+
+
+class Failed(NamedTuple):
+    """The port could not be opened, or was lost; it will be tried again."""
+
+    kind: str
+    message: str
+    host_ns: int
+
+
+TransportEvent = Opened | Chunk | Failed
+
+
+def check_url(url: str, baud: int) -> None:
+    """Refuse what no retry can cure.
+
+    Raises:
+        UsageError: an unknown kind of URL, or 1200 baud (which erases a Due's flash).
+    """
+    if baud == FORBIDDEN_BAUD:
+        raise UsageError(
+            "1200 baud is refused: opening a Due's programming port at 1200 baud erases its flash. "
+            "The firmware speaks 250000 baud."
+        )
+    if baud <= 0:
+        raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
+    try:
+        serial.serial_for_url(url, baudrate=baud, do_not_open=True)
+    except ValueError as error:
+        raise UsageError(
+            f"'{url}' is no serial port that this program knows ({error}). Give a device path such as "
+            "/dev/ttyACM0, or socket://HOST:PORT, hwgrep://REGEXP, loop://."
+        ) from error
+    except serial.SerialException:
+        pass  # hwgrep:// without a match: the port may appear later
+
+
+def list_ports_text() -> str:
+    """One line that names the serial ports of this machine."""
+    ports = sorted(list_ports.comports())
+    if not ports:
+        return "This machine has no serial port at the moment."
+    return "Ports that exist: " + ", ".join(f"{p.device} ({p.description})" for p in ports) + "."
+
+
+def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
+    """Kind and text of the failure to open a port: what happened, why, what to do."""
+    number = getattr(error, "errno", None)
+    if number in (errno.EACCES, errno.EPERM):
+        return "no_permission", (
+            f"no permission to open {url}. It belongs to the group '{_group_of(url)}': join it with "
+            f"'sudo usermod -aG {_group_of(url)} $USER', then log out and in again."
+        )
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return "port_busy", (
+            f"{url} is in use by another program (another fltea, a serial monitor, or ModemManager). "
+            f"Close it; 'fuser {url}' names it."
+        )
+    if "://" in url and not url.startswith("hwgrep://"):
+        return "no_port", f"cannot connect to {url}: {error}. Check that the other side listens."
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or url.startswith("hwgrep://"):
+        return "no_port", f"there is no port {url}. Check the cable and the name. {list_ports_text()}"
+    return "open_failed", f"cannot open {url}: {error}. {list_ports_text()}"
+
+
+def _group_of(path: str) -> str:
+    try:
+        return grp.getgrgid(os.stat(path).st_gid).gr_name
+    except (OSError, KeyError):
+        return "dialout"
+
+
+class Reader:
+    """Reads a serial URL in a thread of its own until closed.
+
+    url: whatever `serial.serial_for_url` opens. The port is taken exclusively and its control lines
+    are left alone (a pseudo-terminal knows no DTR). `overflow_bytes` counts what had to be thrown
+    away because the consumer was too slow.
+    """
+
+    def __init__(self, url: str, baud: int) -> None:
+        check_url(url, baud)
+        self.url = url
+        self.baud = baud
+        self.overflow_bytes = 0
+        self._queue: queue.Queue[TransportEvent] = queue.Queue(QUEUE_CHUNKS)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"reader {url}", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def events(self, timeout_s: float) -> Iterator[TransportEvent | None]:
+        """Yield what happens, and None whenever nothing did for `timeout_s`; ends after `close`."""
+        while not self._stop.is_set():
+            try:
+                yield self._queue.get(timeout=timeout_s)
+            except queue.Empty:
+                yield None
+
+    def close(self) -> None:
+        """Stop reading and release the port."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5 * READ_TIMEOUT_S + 1.0)
+
+    def _run(self) -> None:
+        failures = 0
+        while not self._stop.is_set():
+            try:
+                port = self._open()
+            except Exception as error:  # whatever a driver raises must not kill the thread
+                self._put(Failed(*explain_open_failure(self.url, error), time.monotonic_ns()))
+            else:
+                failures = 0
+                self._put(Opened(time.monotonic_ns()))
+                self._read_until_lost(port)
+            self._stop.wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
+            failures += 1
+
+    def _open(self) -> serial.Serial:
+        port = serial.serial_for_url(self.url, baudrate=self.baud, do_not_open=True)
+        port.timeout = READ_TIMEOUT_S
+        port.exclusive = True
+        port.open()
+        return port
+
+    def _read_until_lost(self, port: serial.Serial) -> None:
+        try:
+            while not self._stop.is_set():
+                data = port.read(max(1, min(port.in_waiting, MAX_CHUNK)))
+                if data:
+                    self._put(Chunk(data, time.monotonic_ns()))
+        except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
+            message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
+            self._put(Failed("unplugged", message, time.monotonic_ns()))
+        finally:
+            with contextlib.suppress(OSError):  # the device is gone already
+                port.close()
+
+    def _put(self, event: TransportEvent) -> None:
+        """Never blocks on bytes: an overflow is counted. Other events wait for their place."""
+        if isinstance(event, Chunk):
+            try:
+                self._queue.put_nowait(event)
+            except queue.Full:
+                self.overflow_bytes += len(event.data)
+            return
+        while not self._stop.is_set():
+            try:
+                self._queue.put(event, timeout=READ_TIMEOUT_S)
+                return
+            except queue.Full:
+                continue

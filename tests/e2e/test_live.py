@@ -1,0 +1,250 @@
+"""The whole chain: stand-in device, pseudo-terminal, `fltea run`, NDJSON read back."""
+
+import json
+import math
+import os
+import pty
+import signal
+import subprocess
+import sys
+import tty
+from pathlib import Path
+
+import pytest
+from fltea import wire
+from fltea.config import load_config
+from fltea.estimator.online import OnlineEstimator
+from fltea.messages import encode
+from fltea.sources.synthetic import NoiseGenerator, parse_noise
+from support import PATIENCE_S, QUICK, ROOT, Processes, wait_until
+
+
+@pytest.fixture
+def port(tmp_path: Path) -> Path:
+    return tmp_path / "device"
+
+
+def test_every_sample_arrives_and_every_estimate_is_finite(processes: Processes, port: Path) -> None:
+    device = processes.stand_in(port, "--noise", "alpha=0.5&f=-1&seed=7")
+    daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
+    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 300, "300 estimates")
+    code, stderr = daemon.end()
+    assert device.stop() == 0
+    assert (code, stderr) == (0, "")
+    estimates = daemon.of("estimate")
+    assert [e["seq"] for e in estimates] == list(range(50, 50 + len(estimates)))
+    for estimate in estimates:
+        for axis in estimate["axes"].values():
+            assert axis["valid"]
+            assert all(math.isfinite(v) for v in axis.values())
+    assert [r["class"] for r in daemon.records[:2]] == ["hello", "epoch"]
+    last = daemon.of("stats")[-1]
+    assert last["samples"]["delivered"] == 50 + len(estimates)
+    assert last["samples"]["lost"] == last["samples"]["gaps"] == 0
+    assert last["link"]["bad_frames"] == {}
+    assert last["device"]["reset_cause"] == "user"
+    times = [e["host_ns"] for e in estimates]
+    assert times == sorted(set(times))
+
+
+def test_the_wire_changes_no_value(processes: Processes, port: Path) -> None:
+    """The estimates equal, to the last bit, those of the same quantised samples fed in directly."""
+    query = "alpha=0.5&f=-1&seed=8"
+    device = processes.stand_in(port, "--noise", query)
+    daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
+    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 100, "100 estimates")
+    daemon.end()
+    device.stop()
+    config = load_config(None, {"estimator.window": 200, "estimator.startup": 50}).estimator
+    noise = NoiseGenerator(parse_noise(query))
+    direct = OnlineEstimator(("gyro_x", "gyro_y", "gyro_z"), config, 0.01, 1 / 16.4)
+    expected = [direct.on_sample(tuple(c / 16.4 for c in noise.step())) for _ in range(150)][50:]
+    for estimate, one in zip(daemon.of("estimate"), expected, strict=False):
+        assert one is not None
+        for axis, value in one.items():
+            assert estimate["axes"][axis]["alpha"] == value.alpha
+            assert estimate["axes"][axis]["f"] == value.f
+            assert estimate["axes"][axis]["state_dps"] == value.state_dps
+
+
+def test_unplugged_and_back(processes: Processes, port: Path) -> None:
+    device = processes.stand_in(port)
+    daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
+    daemon.wait_for(lambda: len(daemon.of("estimate")) > 20, "estimates")
+    device.stop()
+    daemon.wait_for(lambda: "no_port" in daemon.errors(), "the port to be missed")
+    assert daemon.errors()[0] == "unplugged"
+    device = processes.stand_in(port, "--noise", "seed=2")
+    daemon.wait_for(lambda: any(e["epoch"] == 2 for e in daemon.of("estimate")), "estimates of epoch 2")
+    code, stderr = daemon.end(signal.SIGTERM)
+    device.stop()
+    assert code == 0
+    assert "unplugged" in stderr
+    assert daemon.of("stats")[-1]["link"]["reconnects"] == 1
+    # Both stand-ins boot with the number 1 and the same id; only sequence and time tell them apart.
+    assert daemon.of("epoch")[1]["reason"] in ("restart", "discontinuity")
+
+
+def test_with_once_an_unplugged_device_is_a_failure(processes: Processes, port: Path) -> None:
+    device = processes.stand_in(port)
+    daemon = processes.daemon("--source", f"serial:{port}", "--once", *QUICK)
+    daemon.wait_for(lambda: len(daemon.of("estimate")) > 5, "estimates")
+    device.stop()
+    code, stderr = daemon.end(None)
+    assert code == 1
+    assert stderr.startswith("fltea: error:")
+    assert stderr.count("\n") == 1
+    assert "unplugged" in stderr
+    assert daemon.errors() == ["unplugged"]
+
+
+def test_a_missing_port_is_named_with_those_that_exist(processes: Processes, tmp_path: Path) -> None:
+    daemon = processes.daemon("--source", f"serial:{tmp_path}/none", "--once")
+    code, stderr = daemon.end(None)
+    assert code == 1
+    assert "there is no port" in stderr
+    assert "Ports that exist" in stderr or "has no serial port" in stderr
+
+
+def test_a_busy_port_is_waited_for(processes: Processes, port: Path) -> None:
+    device = processes.stand_in(port)
+    first = processes.daemon("--source", f"serial:{port}", *QUICK)
+    first.wait_for(lambda: len(first.of("estimate")) > 5, "estimates")
+    second = processes.daemon("--source", f"serial:{port}", *QUICK)
+    second.wait_for(lambda: "port_busy" in second.errors(), "the port to be busy")
+    first.end()
+    second.wait_for(lambda: len(second.of("estimate")) > 5, "estimates of the second")
+    assert second.end()[0] == 0
+    device.stop()
+
+
+class FakeDevice:
+    """A pty that says what a test writes."""
+
+    def __init__(self) -> None:
+        self.master, slave = pty.openpty()
+        tty.setraw(slave)
+        self.path = os.ttyname(slave)
+        self._slave = slave
+
+    def write(self, data: bytes) -> None:
+        os.write(self.master, data)
+
+    def close(self) -> None:
+        os.close(self.master)
+        os.close(self._slave)
+
+
+def hello(**changes: object) -> wire.Hello:
+    fields = {
+        "protocol_major": wire.PROTOCOL_MAJOR,
+        "protocol_minor": wire.PROTOCOL_MINOR,
+        "schema_hash": wire.SCHEMA_HASH,
+        "boot_id": 1,
+        "device_id": bytes(16),
+        "firmware_version": "test",
+        "who_am_i": 0x71,
+        "sample_rate": 100_000,
+        "gyro_range": 2000,
+        "gyro_lsb": 164,
+        "accel_range": 2,
+        "accel_lsb": 16384,
+        "gyro_dlpf": 184,
+        "sampling_mode": 0,
+    }
+    return wire.Hello(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+def test_another_protocol_version_is_refused_by_name_until_the_right_one_comes(processes: Processes) -> None:
+    device = FakeDevice()
+    daemon = processes.daemon("--source", f"serial:{device.path}", *QUICK)
+    sample = wire.Sample(1, 2, 3, 4, 5, 6, 7, 0)
+    other = b"\0" + encode(hello(protocol_major=9, schema_hash=0xDEADBEEF), 0, 0) + encode(sample, 0, 0)
+
+    def refused() -> bool:
+        device.write(other)
+        return bool(daemon.errors())
+
+    daemon.wait_for(refused, "the refusal")
+    assert daemon.errors() == ["version"]
+    text = daemon.of("error")[0]["message"]
+    assert "9.0" in text
+    assert "0xDEADBEEF" in text
+    assert f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}" in text
+    assert f"0x{wire.SCHEMA_HASH:08X}" in text
+    assert not daemon.of("hello")
+    device.write(encode(hello(), 1, 0) + b"".join(encode(sample, k, k * 10_000) for k in range(60)))
+    daemon.wait_for(lambda: bool(daemon.of("epoch")), "an epoch")
+    assert daemon.end()[0] == 0
+    assert daemon.of("stats")[-1]["link"]["refused"] > 0
+    device.close()
+
+
+def test_damage_is_counted_and_only_the_damaged_frames_are_lost(processes: Processes) -> None:
+    device = FakeDevice()
+    daemon = processes.daemon("--source", f"serial:{device.path}", *QUICK)
+    frames = [
+        encode(wire.Sample(k % 7 - 3, -(k % 5), k % 3, 0, 0, 0, 0, 0), k, k * 10_000) for k in range(400)
+    ]
+    for k in (100, 101, 250):
+        broken = bytearray(frames[k])
+        broken[5] ^= 0x40
+        frames[k] = bytes(broken)
+    daemon.wait_for(lambda: bool(daemon.of("stats")), "the daemon to have opened the port")
+    device.write(b"\0" + encode(hello(), 0, 0))
+    for frame in frames:
+        device.write(frame)
+    daemon.wait_for(lambda: any(e["seq"] == 399 for e in daemon.of("estimate")), "the last sample")
+    assert daemon.end()[0] == 0
+    last = daemon.of("stats")[-1]
+    assert sum(last["link"]["bad_frames"].values()) == 3
+    assert last["samples"]["delivered"] == 397
+    assert last["samples"]["lost"] == 3
+    assert [(g["seq"], g["missing"]) for g in daemon.of("gap")] == [(100, 2), (250, 1)]
+    device.close()
+
+
+def test_ndjson_with_samples_replays_to_the_same_estimates(
+    processes: Processes, port: Path, tmp_path: Path
+) -> None:
+    device = processes.stand_in(port, "--noise", "seed=3")
+    out = tmp_path / "live.ndjson"
+    with out.open("wb") as file:
+        run = subprocess.Popen(
+            [sys.executable, "-m", "fltea", "run", "-s", f"serial:{port}", "--samples", *QUICK], stdout=file
+        )
+        wait_until(lambda: out.read_bytes().count(b'"class":"estimate"') > 100, "100 estimates")
+        run.send_signal(signal.SIGINT)
+        assert run.wait(PATIENCE_S) == 0
+    device.stop()
+    replay = processes.daemon("--source", f"replay:{out}", "--once", *QUICK)
+    assert replay.end(None) == (0, "")
+    live = [json.loads(line) for line in out.read_text().splitlines()]
+    live = [r for r in live if r["class"] == "estimate"]
+    again = replay.of("estimate")
+    assert len(live) == len(again) > 50
+    for a, b in zip(live, again, strict=True):
+        assert (a["seq"], a["device_us"], a["axes"]) == (b["seq"], b["device_us"], b["axes"])
+
+
+def test_make_run_shows_the_table_and_ctrl_c_ends_it_with_0(tmp_path: Path) -> None:
+    """On a terminal of its own, as a person would: the table fills, Ctrl-C, exit 0, nothing left behind."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(ROOT)
+        os.environ.update(TERM="xterm", COLUMNS="140", LINES="40", ARGS=" ".join(QUICK), TMPDIR=str(tmp_path))
+        os.environ.pop("MAKEFLAGS", None)
+        os.execvp("make", ["make", "run"])
+    seen = b""
+    while b"\xce\xb1" not in seen or b"gyro_z" not in seen:
+        seen += os.read(terminal, 65536)
+    os.write(terminal, b"\x03")
+    try:
+        while chunk := os.read(terminal, 65536):
+            seen += chunk
+    except OSError:
+        pass  # the terminal's last user is gone
+    _, status = os.waitpid(pid, 0)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(status) == 0, seen.decode(errors="replace")[-2000:]
+    assert list(tmp_path.iterdir()) == []

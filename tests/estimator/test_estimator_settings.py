@@ -1,0 +1,50 @@
+import math
+
+import msgspec
+import pytest
+from fltea.estimator.settings import GyroscopeSettings, OrderSettings, ParameterSettings, StateSettings
+
+
+def test_defaults_are_section_7_1() -> None:
+    assert msgspec.to_builtins(GyroscopeSettings()) == {
+        "window": 3000,
+        "state": {"P0": 0.01, "Q": 0.15, "x0": 0.0},
+        "order": {"P0": 0.01, "Q0": 0.1, "alpha0": 1.0, "delta": 0.5},
+        "parameter": {"P0": 0.01, "Q0": 0.1, "f0": 0.0, "delta": 0.5},
+    }
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "value"),
+    [
+        (StateSettings, "P0", -1),
+        (StateSettings, "Q", math.nan),
+        (StateSettings, "x0", math.inf),
+        (OrderSettings, "P0", -0.1),
+        (OrderSettings, "Q0", math.inf),
+        (OrderSettings, "alpha0", math.nan),
+        (OrderSettings, "delta", 1.1),
+        (ParameterSettings, "P0", -1),
+        (ParameterSettings, "Q0", -1),
+        (ParameterSettings, "f0", math.nan),
+        (ParameterSettings, "delta", math.nan),
+        (GyroscopeSettings, "window", 0),
+    ],
+)
+def test_impossible_values_are_named(kind: type, field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=field):
+        kind(**{field: value})
+
+
+@pytest.mark.parametrize(
+    ("given", "path"),
+    [
+        ({"order": {"delta": 2}}, r"\$\.order"),
+        ({"order": {"alfa0": 1}}, r"alfa0.*\$\.order"),
+        ({"window": 0}, "window"),
+        ({"state": {"Q": "much"}}, r"\$\.state\.Q"),
+    ],
+)
+def test_configuration_errors_tell_the_path(given: dict, path: str) -> None:
+    with pytest.raises(msgspec.ValidationError, match=path):
+        msgspec.convert(given, GyroscopeSettings)

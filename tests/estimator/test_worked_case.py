@@ -1,0 +1,111 @@
+"""Two systems of two states, worked by hand in rational numbers. The comments are the working."""
+
+from fractions import Fraction as F
+
+import numpy as np
+import pytest
+from fltea.estimator.reference import Fltea, OrderSettings, ParameterSettings, StateSettings, System
+
+
+def near(*values: F | int) -> object:
+    return pytest.approx([float(value) for value in values], rel=1e-13)
+
+
+def test_order_and_parameter_held_fixed() -> None:
+    # h = 1/4, order 1/2: h^α = 1/2; c_1 = -1/2, c_2 = -1/8, c_3 = -1/16.
+    # A = [-1 2; 0 -1], so F = A/2 + 1/2 = [0 1; 0 0]; C = [1 0], Q = 1, R = 2.
+    def start(window: int) -> Fltea:
+        return Fltea(
+            System(A=lambda w: np.array([[w[0], 2], [0, w[0]]]), B=None, C=np.array([[1.0, 0]]), h=0.25),
+            OrderSettings(P0=0, Q0=0, alpha0=0.5, R=1, delta=0.5),
+            ParameterSettings(P0=0, Q0=0, w0=-1, R=1, delta=0.5),
+            StateSettings(P0=1, Q=1, x0=[8, 8], R=2),
+            window,
+        )
+
+    filters = [start(window) for window in (2, 3)]
+    for fltea in filters:
+        # k = 1: x̃ = F (8, 8) = (8, 0); P̃ = F F' + 1 = diag(2, 1); K = (2/4, 0); e = 12 - 8 = 4.
+        step = fltea.step(12)
+        assert step.x == near(10, 0)
+        assert step.P.ravel() == near(1, 0, 0, 1)
+        assert (step.innovation[0], step.innovation_variance[0, 0]) == near(4, 4)
+        # k = 2: x̃ = F (10, 0) + 1/8 (8, 8) = (1, 1); P̃ = diag(1, 0) + 1 + 1/64 = diag(129, 65)/64;
+        #        K = (129/257, 0); e = 257/64; x̂ = (1 + 129/64, 1); P_11 = 129/64 * 2 / (257/64).
+        step = fltea.step(float(1 + F(257, 64)))
+        assert step.x == near(F(193, 64), 1)
+        assert step.P.ravel() == near(F(258, 257), 0, 0, F(65, 64))
+        assert (step.order, step.order_variance, step.w[0], step.Pw[0, 0]) == (0.5, 0, -1, 0)
+    # k = 3, measurement missing. Window 2: x = F (193/64, 1) + 1/8 (10, 0) = (1 + 10/8, 0);
+    #        P = F diag(258/257, 65/64) F' + 1 + 1/64 = diag(130, 65)/64.
+    step = filters[0].step(None)
+    assert step.x == near(F(9, 4), 0)
+    assert step.P.ravel() == near(F(130, 64), 0, 0, F(65, 64))
+    assert np.isnan(step.innovation).all()
+    # Window 3 adds 1/16 (8, 8) to x and 1/256 to P.
+    step = filters[1].step(None)
+    assert step.x == near(F(11, 4), F(1, 2))
+    assert step.P.ravel() == near(F(521, 256), 0, 0, F(261, 256))
+
+
+def test_all_three_filters_for_two_steps() -> None:
+    # h = 1/4, A(w) = [w 4; 0 -4], B = (1, 0)', C = [1 0]. With r the first row of A x + B u, the output at
+    # order a is Y(a) = h^a r - c_1(a) x1_{k-1} - c_2(a) x1_{k-2} - ..., c_1 = -a, c_2 = a(a-1)/2.
+    fltea = Fltea(
+        System(
+            A=lambda w: np.array([[w[0], 4], [0, -4]]),
+            B=np.array([[1.0], [0]]),
+            C=np.array([[1.0, 0]]),
+            h=0.25,
+        ),
+        OrderSettings(P0=1 / 16, Q0=1 / 48, alpha0=0.5, R=1 / 16, delta=1 / 4),
+        ParameterSettings(P0=13 / 48, Q0=1 / 16, w0=-4, R=1 / 16, delta=1 / 5),
+        StateSettings(P0=[[1, 0], [0, 2]], Q=[[1 / 2, 0], [0, 1]], x0=[2, 1], R=2),
+        window=10,
+    )
+
+    # k = 1, u_0 = 6, y_1 = 19/4. r = -8 + 4 + 6 = 2.
+    step = fltea.step(19 / 4, 6)
+    # KFo: P̃o = 1/16 + 1/48 = 1/12, points 1/2 and 1/2 ± sqrt(3/12): 1/2, 1, 0.
+    #   Y = 2 h^a + 2a = 2, 5/2, 2; ỹ = 4/3 + (5/2 + 2)/6 = 25/12; deviations -1/12, 5/12, -1/12.
+    #   Pyy = 8/3 * 1/144 + (25 + 1)/(6 * 144) + 1/16 = 1/9; Pαy = (1/2 * 5/12 + 1/2 * 1/12)/6 = 1/24;
+    #   K = 3/8; e = 57/12 - 25/12 = 8/3, correction 1; P = 1/12 - 9/64 * 1/9 = 13/192;
+    #   Q = 3/4 * 1/48 + 1/4 * 1 = 17/64.
+    assert (step.order, step.order_variance) == near(F(3, 2), F(13, 192))
+    assert fltea.order.Q[0, 0] == pytest.approx(17 / 64, rel=1e-13)
+    # KFw at the new order 3/2: h^α = 1/8, c_1 = -3/2. P̃w = 13/48 + 1/16 = 1/3, points -4, -3, -5.
+    #   Y = (2w + 10)/8 + 3 = 13/4, 7/2, 3; ỹ = 13/4; Pyy = 2/6 * 1/16 + 1/16 = 1/12;
+    #   Pwy = (1/4 + 1/4)/6 = 1/12; K = 1; e = 3/2; w = -5/2; P = 1/3 - 1/12 = 1/4;
+    #   Q = 4/5 * 1/16 + 1/5 * 9/4 = 1/2.
+    assert (step.w[0], step.Pw[0, 0]) == near(F(-5, 2), F(1, 4))
+    assert fltea.parameter.Q[0, 0] == pytest.approx(1 / 2, rel=1e-13)
+    # KFx at order 3/2 and the old w = -4: F = A/8 + 3/2 = [1 1/2; 0 1].
+    #   x̃ = (2, -4)/8 + 3/2 (2, 1) = (13/4, 1); P̃ = F diag(1, 2) F' + Q = [3/2+1/2 1; 1 2+1] = [2 1; 1 3].
+    #   S = 4, K = (1/2, 1/4), e = 3/2: x̂ = (4, 11/8); P = P̃ - K S K' = [1 1/2; 1/2 11/4].
+    assert step.x == near(4, F(11, 8))
+    assert step.P.ravel() == near(1, F(1, 2), F(1, 2), F(11, 4))
+    assert (step.innovation[0], step.innovation_variance[0, 0]) == near(F(3, 2), 4)
+
+    # k = 2, u_1 = 209/18, y_2 = 755/144. A x̂ + B u with w = -5/2: r = -10 + 11/2 + 209/18 = 64/9, then -11/2.
+    step = fltea.step(755 / 144, 209 / 18)
+    # KFo: P̃o = 13/192 + 17/64 = 1/3, points 3/2, 5/2, 1/2.
+    #   Y = 64/9 h^a + 4a - a(a-1): 8/9 + 21/4 = 221/36; 2/9 + 25/4 = 233/36; 32/9 + 9/4 = 209/36;
+    #   ỹ = 2/3 * 221/36 + 442/(6 * 36) = 221/36; deviations 0, 1/3, -1/3.
+    #   Pyy = 2/(6 * 9) + 1/16 = 43/432; Pαy = (1/3 + 1/3)/6 = 1/9; K = 48/43; e = 755/144 - 884/144 = -43/48;
+    #   correction -1; P = 1/3 - 48/43 * 1/9 = 9/43; Q = 3/4 * 17/64 + 1/4 = 115/256.
+    assert (step.order, step.order_variance) == near(F(1, 2), F(9, 43))
+    assert fltea.order.Q[0, 0] == pytest.approx(115 / 256, rel=1e-13)
+    # KFw at order 1/2: h^α = 1/2, c_1 = -1/2, c_2 = -1/8. P̃w = 1/4 + 1/2 = 3/4, points -5/2, -1, -4.
+    #   Y = (4w + 11/2 + 209/18)/2 + 2 + 1/4: slope 2, ỹ = 32/9 + 9/4 = 209/36; Pyy = 4 * 3/4 + 1/16 = 49/16;
+    #   Pwy = 3/2; K = 24/49; e = 755/144 - 836/144 = -9/16; correction -27/98; w = -136/49;
+    #   P = 3/4 - (24/49)² 49/16 = 3/196; Q = 4/5 * 1/2 + 1/5 * 729/9604 = 19937/48020.
+    assert (step.w[0], step.Pw[0, 0]) == near(F(-136, 49), F(3, 196))
+    assert fltea.parameter.Q[0, 0] == pytest.approx(19937 / 48020, rel=1e-13)
+    # KFx at order 1/2 and w = -5/2: F = A/2 + 1/2 = [-3/4 2; 0 -3/2].
+    #   x̃ = (64/9, -11/2)/2 + (4, 11/8)/2 + (2, 1)/8 = (209/36, -31/16).
+    #   F P_1 F' = [161 -123; -123 99]/16; c_2² P_0 = diag(1, 2)/64; P̃ = [677/64 -123/16; -123/16 231/32].
+    #   S = 677/64 + 2 = 805/64; K = (677, -492)/805; e = -9/16.
+    #   P = P̃ - K S K': 677/64 * 2/S, -123/16 * 2/S, 231/32 - 492²/(805 * 64) = 64923/25760.
+    assert step.innovation_variance[0, 0] == pytest.approx(805 / 64, rel=1e-13)
+    assert step.x == near(F(209, 36) - F(677 * 9, 805 * 16), -F(31, 16) + F(492 * 9, 805 * 16))
+    assert step.P.ravel() == near(F(1354, 805), -F(984, 805), -F(984, 805), F(64923, 25760))

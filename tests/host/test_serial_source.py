@@ -1,0 +1,173 @@
+"""The serial source's judgement, with transport events made up and time under control."""
+
+import pytest
+from fltea import wire
+from fltea.messages import encode
+from fltea.model import DeviceStatus, Event, Hello, LinkDown, RawSample, Tick, Trouble
+from fltea.sources.serial import SILENCE_S, SerialSource
+from fltea.transport import Chunk, Failed, Opened, TransportEvent
+
+S = 10**9
+LIMIT = int(SILENCE_S * S)
+HELLO = wire.Hello(
+    wire.PROTOCOL_MAJOR,
+    wire.PROTOCOL_MINOR,
+    wire.SCHEMA_HASH,
+    boot_id=5,
+    device_id=bytes(range(16)),
+    firmware_version="1.2.3",
+    who_am_i=0x71,
+    sample_rate=100_000,
+    gyro_range=2000,
+    gyro_lsb=164,
+    accel_range=2,
+    accel_lsb=16384,
+    gyro_dlpf=184,
+    sampling_mode=wire.SamplingMode.TIMER,
+)
+SAMPLE = wire.Sample(1, -2, 3, 4, -5, 6, 700, 4)
+
+
+class Script:
+    """Drives a source that was never started."""
+
+    def __init__(self) -> None:
+        self.source = SerialSource("/dev/none", 250000)
+
+    def at(self, item: TransportEvent) -> list[Event]:
+        events = list(self.source._on_transport(item))
+        return events + list(self.source._watch(item.host_ns))
+
+    def later(self, host_ns: int) -> list[Trouble]:
+        return list(self.source._watch(host_ns))
+
+
+@pytest.fixture
+def script() -> Script:
+    script = Script()
+    assert script.at(Opened(0)) == []
+    return script
+
+
+def hello_bytes(sequence: int = 0, **changes: object) -> bytes:
+    return encode(HELLO._replace(**changes), sequence, 0)
+
+
+def test_hello_in_units(script: Script) -> None:
+    events = script.at(Chunk(b"\0" + hello_bytes(), 1))
+    assert events == [
+        Hello(
+            source="serial:/dev/none",
+            host_ns=1,
+            rate_hz=100.0,
+            sampling_mode="timer",
+            protocol=f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}",
+            schema_hash=f"0x{wire.SCHEMA_HASH:08X}",
+            boot_id=5,
+            device_id="000102030405060708090a0b0c0d0e0f",
+            firmware_version="1.2.3",
+            who_am_i=0x71,
+            sensor="MPU-9250",
+            gyro_range_dps=2000.0,
+            gyro_lsb_per_dps=16.4,
+            accel_range_g=2.0,
+            accel_lsb_per_g=16384.0,
+            gyro_dlpf_hz=184.0,
+        )
+    ]
+
+
+def test_each_message_becomes_its_event(script: Script) -> None:
+    status = wire.Status(1, 2, 3, 4, 5, wire.ResetCause.WATCHDOG)
+    fault = wire.Fault(wire.FaultCode.SENSOR_LOST, 0x10)
+    data = hello_bytes() + encode(SAMPLE, 9, 90_000) + encode(status, 0, 0) + encode(fault, 0, 0)
+    _, sample, health, trouble = script.at(Chunk(data, 3))
+    assert sample == RawSample(9, 90_000, 3, (1, -2, 3), (4, -5, 6), 700, 4)
+    assert health == DeviceStatus(1, 2, 3, 4, 5, "watchdog")
+    assert isinstance(trouble, Trouble)
+    assert trouble.kind == "device_fault"
+    assert "sensor_lost (detail 0x10)" in trouble.message
+    assert not trouble.fatal
+
+
+def test_codes_that_this_version_does_not_know_are_named_by_number(script: Script) -> None:
+    data = hello_bytes(sampling_mode=77, who_am_i=0x42) + encode(wire.Fault(99, 0), 0, 0)
+    hello, trouble = script.at(Chunk(data, 3))
+    assert isinstance(hello, Hello)
+    assert hello.sampling_mode == "unknown (77)"
+    assert hello.sensor == "unknown sensor (WHO_AM_I 0x42)"
+    assert isinstance(trouble, Trouble)
+    assert "unknown (99)" in trouble.message
+
+
+def test_silence_is_told_once_and_again_after_speech(script: Script) -> None:
+    assert script.later(LIMIT - 1) == []
+    [trouble] = script.later(LIMIT)
+    assert trouble.kind == "silent"
+    assert "programming port" in trouble.message
+    assert script.later(2 * LIMIT) == []
+    script.at(Chunk(hello_bytes(), 3 * LIMIT))
+    assert [t.kind for t in script.later(4 * LIMIT)] == ["silent"]
+
+
+def test_the_same_trouble_is_told_again_after_a_minute(script: Script) -> None:
+    assert [t.kind for t in script.later(LIMIT)] == ["silent"]
+    assert script.later(LIMIT + 60 * S) == []
+    assert [t.kind for t in script.later(LIMIT + 61 * S)] == ["silent"]
+
+
+def test_rubbish_for_five_seconds_is_a_wrong_baud_rate(script: Script) -> None:
+    events = [script.at(Chunk(b"\x55\xaa" * 50, t * S // 2)) for t in range(1, 11)]
+    assert events[:9] == [[]] * 9
+    [trouble] = events[9]
+    assert isinstance(trouble, Trouble)
+    assert trouble.kind == "no_valid_frame"
+    assert "1000 bytes" in trouble.message
+    assert "baud" in trouble.message
+
+
+def test_frames_without_hello(script: Script) -> None:
+    for k in range(10):
+        assert [type(e) for e in script.at(Chunk(encode(SAMPLE, k, k), k * S // 2))] == [RawSample]
+    _, trouble = script.at(Chunk(encode(SAMPLE, 10, 10), LIMIT))
+    assert isinstance(trouble, Trouble)
+    assert trouble.kind == "no_hello"
+
+
+def test_another_version_is_told_once_and_its_samples_are_not_believed(script: Script) -> None:
+    other = hello_bytes(protocol_major=wire.PROTOCOL_MAJOR + 1)
+    down, trouble = script.at(Chunk(other + encode(SAMPLE, 0, 0), 1))
+    assert down == LinkDown(1)
+    assert isinstance(trouble, Trouble)
+    assert trouble.kind == "version"
+    assert script.at(Chunk(other + encode(SAMPLE, 1, 0), S)) == [LinkDown(S)]
+    assert script.source.link_stats().refused == 4
+    events = script.at(Chunk(hello_bytes() + encode(SAMPLE, 2, 0), 2 * S))
+    assert [type(e) for e in events] == [Hello, RawSample]
+
+
+def test_a_lost_port_is_link_down_and_reset(script: Script) -> None:
+    script.at(Chunk(hello_bytes() + encode(SAMPLE, 0, 0)[:10], 1))
+    assert script.at(Failed("unplugged", "text", 2)) == [LinkDown(2), Trouble("unplugged", "text", 2)]
+    assert script.later(10 * LIMIT) == [], "a port that is not open is not silent"
+    assert script.at(Failed("no_port", "text", 3)) == [LinkDown(3), Trouble("no_port", "text", 3)]
+    assert script.at(Failed("no_port", "text", 4)) == [LinkDown(4)]
+    script.at(Opened(5))
+    assert [type(e) for e in script.at(Chunk(hello_bytes(), 6))] == [Hello]
+    stats = script.source.link_stats()
+    assert (stats.reconnects, stats.frames, stats.bad_frames) == (1, 2, {})
+
+
+def test_damage_is_counted_by_reason(script: Script) -> None:
+    broken = bytearray(encode(SAMPLE, 0, 0))
+    broken[-4] ^= 0x40
+    script.at(Chunk(b"\0" + bytes(broken) + b"\x05\x01\0" + hello_bytes(), 1))
+    stats = script.source.link_stats()
+    assert stats.bad_frames == {"crc": 1, "cobs": 1}
+    assert stats.frames == 1
+    assert stats.bytes == 1 + len(broken) + 3 + len(hello_bytes())
+
+
+def test_nothing_for_a_while_is_a_tick() -> None:
+    [event] = Script().source._on_transport(None)
+    assert isinstance(event, Tick)

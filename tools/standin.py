@@ -1,0 +1,186 @@
+"""A device without hardware: protocol frames at 100 Hz on a pseudo-terminal, noise of known order.
+
+It boots whenever a program opens the port, as a Due does: 0x00, HELLO, then samples. What leaves it
+is quantised like an MPU-9250 at ±2000 deg/s. Its first line on stdout names the port.
+"""
+
+import argparse
+import contextlib
+import os
+import select
+import signal
+import sys
+import time
+import tty
+from pathlib import Path
+
+from fltea import __version__, wire
+from fltea.errors import UsageError
+from fltea.messages import encode
+from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
+
+POLL_S = 0.02
+ACCEL_1G = 16384
+TEMPERATURE_25C = round((25.0 - 21.0) * 333.87)
+
+
+class Device:
+    """What the firmware would send, tick by tick; time runs with the number of samples."""
+
+    def __init__(self, settings: NoiseSettings, boot_id: int) -> None:
+        self._settings = settings
+        self._noise = NoiseGenerator(settings)
+        self._boot_id = boot_id
+        self._sequences = dict.fromkeys(wire.MESSAGES, 0)
+        self.samples = 0
+        self.dropped_frames = 0
+
+    @property
+    def device_us(self) -> int:
+        """Microseconds since boot at the next sample."""
+        return round(self.samples * 1e6 / self._settings.rate_hz)
+
+    def boot(self) -> bytes:
+        """End whatever is on the line, and introduce the device."""
+        return b"\0" + self._frame(self._hello())
+
+    def tick(self) -> bytes:
+        """The frames of one sampling instant; HELLO and STATUS ride along once a second."""
+        gyro = [int(count) for count in self._noise.step()]
+        frames = self._frame(wire.Sample(*gyro, 0, 0, ACCEL_1G, TEMPERATURE_25C, 0))
+        if self.samples % round(self._settings.rate_hz) == 0:
+            frames += self._frame(self._hello())
+            frames += self._frame(wire.Status(0, 0, 0, 0, self.dropped_frames, wire.ResetCause.USER))
+        self.samples += 1
+        return frames
+
+    def _frame(self, message: wire.Message) -> bytes:
+        sequence = self._sequences[message.TYPE]
+        self._sequences[message.TYPE] = (sequence + 1) % (1 << 16)
+        return encode(message, sequence, self.device_us % (1 << 32))
+
+    def _hello(self) -> wire.Hello:
+        s = self._settings
+        return wire.Hello(
+            protocol_major=wire.PROTOCOL_MAJOR,
+            protocol_minor=wire.PROTOCOL_MINOR,
+            schema_hash=wire.SCHEMA_HASH,
+            boot_id=self._boot_id,
+            device_id=b"fltea stand-in".ljust(16, b"\0"),
+            firmware_version=f"{__version__} stand-in",
+            who_am_i=0x71,
+            sample_rate=round(s.rate_hz * 1000),
+            gyro_range=round(s.range_dps),
+            gyro_lsb=round(s.lsb_per_dps * 10),
+            accel_range=2,
+            accel_lsb=ACCEL_1G,
+            gyro_dlpf=184,
+            sampling_mode=wire.SamplingMode.SIMULATED,
+        )
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--noise", default="", metavar="KEY=VALUE&…", help="as in synthetic:?… of 'fltea run'"
+    )
+    parser.add_argument(
+        "--link", type=Path, help="make a symbolic link to the port, under a name of your own"
+    )
+    parser.add_argument("--samples", type=int, default=0, help="fall silent after so many samples of a boot")
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Serve one client after the other until interrupted."""
+    arguments = parse_arguments()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    try:
+        settings = parse_noise(arguments.noise)
+    except UsageError as error:
+        print(f"standin: error: {error}", file=sys.stderr)
+        return 2
+    if not settings.lsb_per_dps:
+        print("standin: error: a device sends counts, so lsb_per_dps cannot be 0.", file=sys.stderr)
+        return 2
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    port = os.ttyname(slave)
+    os.close(slave)
+    os.set_blocking(master, False)
+    if arguments.link:
+        arguments.link.unlink(missing_ok=True)
+        arguments.link.symlink_to(port)
+    print(
+        f"{arguments.link or port}: α {settings.alpha:g}, f {settings.f:g}, {settings.rate_hz:g} Hz",
+        flush=True,
+    )
+    try:
+        boots = 0
+        while True:
+            wait_for_client(master)
+            boots += 1
+            serve(master, Device(settings, boot_id=boots), arguments.samples)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        if arguments.link:
+            arguments.link.unlink(missing_ok=True)
+
+
+def wait_for_client(master: int) -> None:
+    """Return when a program has the port open: until then the master's poll says POLLHUP."""
+    while hung_up(master):
+        time.sleep(POLL_S)
+
+
+def hung_up(master: int) -> bool:
+    """Whether no program has the port open."""
+    poll = select.poll()
+    poll.register(master, 0)
+    return any(flags & select.POLLHUP for _, flags in poll.poll(0))
+
+
+class Link:
+    """The line to the client: whole frames or none, as in the firmware."""
+
+    def __init__(self, master: int) -> None:
+        self._master = master
+        self._unsent = b""
+
+    def send(self, frames: bytes) -> bool:
+        """Send, or say that there was no room; a frame once begun is always finished."""
+        if not self._flush():
+            return False
+        self._unsent = frames
+        self._flush()
+        return True
+
+    def _flush(self) -> bool:
+        with contextlib.suppress(OSError):  # no room, or the client just left
+            while self._unsent:
+                self._unsent = self._unsent[os.write(self._master, self._unsent) :]
+        return not self._unsent
+
+
+def serve(master: int, device: Device, limit: int) -> None:
+    """Send at the pace of the device's clock until the client leaves."""
+    begin_s = time.monotonic()
+    link = Link(master)
+    link.send(device.boot())
+    while not hung_up(master):
+        if limit and device.samples >= limit:
+            time.sleep(POLL_S)
+            continue
+        time.sleep(max(0.0, begin_s + device.device_us * 1e-6 - time.monotonic()))
+        frames = device.tick()
+        if not link.send(frames):
+            device.dropped_frames += frames.count(0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
