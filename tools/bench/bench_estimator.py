@@ -1,10 +1,5 @@
-"""Speed of the reference estimator with a full memory of 3,000 samples, one gyroscope axis.
+"""Speed of the reference estimator with a full memory of 3,000 samples, one gyroscope axis."""
 
-Run as `python tools/bench/bench_estimator.py [--json]`, or call `measure()`.
-"""
-
-import argparse
-import json
 import statistics
 import time
 
@@ -44,23 +39,3 @@ def measure() -> dict[str, float]:
         "steps_per_s_max": max(rates),
         "paper_steps_per_s": PAPER_SAMPLES / PAPER_SECONDS,
     }
-
-
-def main() -> None:
-    """Print the figures as text or, with --json, as one JSON object."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    arguments = parser.parse_args()
-    figures = measure()
-    if arguments.json:
-        print(json.dumps(figures))
-        return
-    print(
-        f"reference estimator, one axis, L = {WINDOW}: {figures['steps_per_s']:,.0f} steps/s "
-        f"({figures['steps_per_s_min']:,.0f} to {figures['steps_per_s_max']:,.0f}, median of {REPETITIONS})"
-    )
-    print(f"paper, table 1 (4,000 samples in 230.75 s): {figures['paper_steps_per_s']:.0f} samples/s")
-
-
-if __name__ == "__main__":
-    main()
