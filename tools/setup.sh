@@ -59,7 +59,7 @@ quietly() {
 export PATH="$PWD/.venv/bin:$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
 pip() { quietly .venv/bin/python -m pip "$@"; }
 say "installing pinned Python packages and building the native module ($level)"
-pip install -c constraints.txt pip scikit-build-core nanobind cmake ninja
+pip install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
 extras=
 [ "$level" = dev ] && extras='[test,lint]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.

@@ -1,6 +1,8 @@
 """The command line: `fltea run`, `fltea inspect`, `fltea simulate`."""
 
+import contextlib
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -197,17 +199,21 @@ def inspect(
     from fltea.messages import FrameReader
 
     reader = FrameReader()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        for number, line in enumerate(inspect_frames(_chunks(source, baud), reader), 1):
-            print(line, flush=True)
-            if number == limit:
-                break
-    except KeyboardInterrupt:
-        pass
-    except BrokenPipeError:
-        sys.stderr.close()
-        return
-    print(summary(reader))
+        with contextlib.suppress(KeyboardInterrupt):
+            for number, line in enumerate(inspect_frames(_chunks(source, baud), reader), 1):
+                print(line, flush=True)
+                if number == limit:
+                    break
+        print(summary(reader), flush=True)
+    except OSError as error:
+        from fltea.daemon import silence_stdout
+
+        silence_stdout()
+        if isinstance(error, BrokenPipeError):
+            return
+        raise FlteaError(f"cannot write the output: {error}.") from error
     if not reader.counts["frames"]:
         raise FlteaError(
             f"{source}: not one valid frame. Is it raw output of the firmware, at the right baud rate?"
@@ -220,10 +226,15 @@ def _chunks(source: str, baud: int) -> Iterator[bytes]:
             yield chunk
         return
     path = Path(source)
+    if path.is_dir():
+        raise UsageError(f"{source}: is a directory.")
     if path.is_file():
-        with path.open("rb") as file:
-            while chunk := file.read(1 << 16):
-                yield chunk
+        try:
+            with path.open("rb") as file:
+                while chunk := file.read(1 << 16):
+                    yield chunk
+        except OSError as error:
+            raise UsageError(f"{source}: cannot be read ({error}).") from error
         return
     if "://" not in source and not path.exists() and not source.startswith("/dev/"):
         raise UsageError(f"{source}: there is no such file or port.")

@@ -38,10 +38,10 @@ def run(config: Config) -> None:
                 _stay(stop, sink)
         sink.close()
     except (SinkClosed, BrokenPipeError):
-        _silence_stdout()
+        silence_stdout()
         return
     except OSError as error:
-        _silence_stdout()
+        silence_stdout()
         raise FlteaError(f"cannot write the output: {error}.") from error
     finally:
         source.close()
@@ -105,7 +105,7 @@ def _stay(stop: _StopOnSignal, sink: Sink) -> None:
         time.sleep(0.1)
 
 
-def _silence_stdout() -> None:
+def silence_stdout() -> None:
     """Keep Python from complaining about the closed pipe when it flushes stdout at its end."""
     with contextlib.suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

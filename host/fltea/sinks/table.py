@@ -9,13 +9,17 @@ from rich.table import Table
 from rich.text import Text
 
 from fltea.model import AnyRecord, Epoch, Error, Estimate, Gap, Hello, Stats
+from fltea.sinks import SinkClosed
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_S = 1.0
+WIDE_COLUMNS = 136
+"""Width from which the trends have room beside the numbers; else they stand below."""
+
 BARS = "▁▂▃▄▅▆▇█"
 WHITE_NOTE = (
-    "Pure white noise gives α ≈ 0.4 and f ≈ -2 with the paper's settings: these figures alone do not show\n"
+    "Pure white noise gives α ≈ 0.4 and f ≈ -2 with the paper's settings: these figures alone do not show "
     "that a noise is fractional. Compare with a shuffled copy (--shuffle) before you read anything into them."
 )
 
@@ -25,8 +29,21 @@ def sparkline(values: list[float]) -> str:
     if not values:
         return ""
     low, high = min(values), max(values)
-    span = (high - low) or 1.0
-    return "".join(BARS[min(len(BARS) - 1, int((v - low) / span * len(BARS)))] for v in values)
+    span = (high / 2 - low / 2) or 1.0  # halves: the difference of two huge numbers is not finite
+    return "".join(BARS[min(len(BARS) - 1, int((v / 2 - low / 2) / span * len(BARS)))] for v in values)
+
+
+def number(value: float, digits: int) -> str:
+    """Fixed point, or powers of ten for what a diverging filter can give."""
+    return f"{value:.{digits}f}" if abs(value) < 1e6 else f"{value:.{digits}e}"
+
+
+class PipedConsole(Console):
+    """rich's own leaves the program with exit code 1 when the reader of its output is gone."""
+
+    def on_broken_pipe(self) -> None:
+        """Tell the daemon, which ends quietly."""
+        raise SinkClosed
 
 
 class Trend:
@@ -50,7 +67,7 @@ class TableSink:
     """Draws in place on a terminal; elsewhere prints the last state once, at the end."""
 
     def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console()
+        self._console = console or PipedConsole()
         self._live = (
             Live(console=self._console, auto_refresh=False, transient=False)
             if self._console.is_terminal
@@ -103,7 +120,11 @@ class TableSink:
 
     def render(self) -> Group:
         """The whole view as of now."""
-        lines: list[RenderableType] = [Text(self._head(), style="bold"), self._table(), Text(self._health())]
+        wide = self._console.width >= WIDE_COLUMNS
+        lines: list[RenderableType] = [Text(self._head(), style="bold"), self._table(trends=wide)]
+        if not wide and self._estimate is not None:
+            lines.append(self._trend_rows(self._estimate))
+        lines.append(Text(self._health()))
         if self._events:
             lines.append(Text("\n".join(self._events), style="yellow"))
         return Group(*lines, Text(WHITE_NOTE, style="dim"))
@@ -119,32 +140,39 @@ class TableSink:
             parts.append(f"firmware {hello.firmware_version}")
         return "fltea  " + "  ".join(p for p in parts if p)
 
-    def _table(self) -> Table:
+    def _table(self, *, trends: bool) -> Table:
         table = Table(expand=False)
         table.add_column("axis")
         for title in ("α", "f [s^-α]", "state [deg/s]", "innovation [deg/s]"):
             table.add_column(Text(title), justify="right")  # as plain text: [deg/s] is no markup
-        table.add_column("α, last seconds", min_width=TREND_WIDTH)
-        table.add_column("f, last seconds", min_width=TREND_WIDTH)
+        if trends:
+            table.add_column("α, last seconds", min_width=TREND_WIDTH)
+            table.add_column("f, last seconds", min_width=TREND_WIDTH)
         if self._estimate is None:
             remaining = self._stats.startup_remaining if self._stats else 0
             table.add_row(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
             return table
         for name, axis in self._estimate.axes.items():
-            alpha, f = self._trends[name]
+            bars = map(str, self._trends[name]) if trends else ()
             if not axis.valid:
-                table.add_row(name, "not valid", "", "", "", str(alpha), str(f))
+                table.add_row(name, "not valid", "", "", "", *bars)
                 continue
             table.add_row(
                 name,
-                f"{axis.alpha:.3f} ± {axis.alpha_std:.3f}",
-                f"{axis.f:.3f} ± {axis.f_std:.3f}",
-                f"{axis.state_dps:+.4f}",
-                "" if axis.innovation_dps is None else f"{axis.innovation_dps:+.4f}",
-                str(alpha),
-                str(f),
+                _with_std(axis.alpha, axis.alpha_std),
+                _with_std(axis.f, axis.f_std),
+                _rate(axis.state_dps),
+                _rate(axis.innovation_dps),
+                *bars,
             )
         return table
+
+    def _trend_rows(self, estimate: Estimate) -> Table:
+        rows = Table.grid(padding=(0, 2))
+        rows.add_row("last seconds", "α", "f")
+        for name in estimate.axes:
+            rows.add_row(name, *map(str, self._trends[name]))
+        return rows
 
     def _health(self) -> str:
         stats = self._stats
@@ -155,6 +183,16 @@ class TableSink:
         bad = sum(stats.link.bad_frames.values())
         seq = "" if self._estimate is None else f"  sample {self._estimate.seq}"
         return (
-            f"epoch {stats.epoch}{seq}  delivered {stats.samples.delivered}  lost {stats.samples.lost}  "
+            f"epoch {stats.epoch}{seq}  delivered {stats.samples.delivered}  lost {stats.samples.lost}\n"
             f"bad frames {bad}  reconnects {stats.link.reconnects}{rate}{ppm}"
         )
+
+
+def _with_std(value: float | None, std: float | None) -> str:
+    if value is None:
+        return ""
+    return number(value, 3) + ("" if std is None else f" ± {number(std, 3)}")
+
+
+def _rate(value: float | None) -> str:
+    return "" if value is None else f"{'+' if value >= 0 else ''}{number(value, 4)}"
