@@ -5,7 +5,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -149,13 +149,28 @@ def _explain(message: str) -> str:
     if unknown:
         key = f"{path}.{unknown[1]}" if path else unknown[1]
         return f"{key}: there is no such setting. {_known(path)}"
+    invalid = re.fullmatch(r"Invalid enum value (.*)", reason)
+    if invalid:
+        return f"{path}: {invalid[1]} is not one of the words that it takes: {', '.join(_words(path))}."
     if reason[1:2].islower():  # a word; names such as R and P0 keep their capital
         reason = reason[0].lower() + reason[1:]
     return f"{path}: {reason}." if path else f"{reason}."
 
 
-def _known(path: str) -> str:
+def _table(path: list[str]) -> Any:
+    """The settings at a path, with their defaults."""
     struct: Any = Config()
-    for name in filter(None, path.split(".")):
+    for name in path:
         struct = getattr(struct, name)
-    return f"Known here: {', '.join(struct.__struct_fields__)}."
+    return struct
+
+
+def _known(path: str) -> str:
+    return f"Known here: {', '.join(_table(path.split('.') if path else []).__struct_fields__)}."
+
+
+def _words(path: str) -> list[str]:
+    *parents, key = path.split(".")
+    hint = get_type_hints(type(_table(parents)))[key]
+    options = [hint, *get_args(hint)]
+    return [word for option in options if get_origin(option) is Literal for word in get_args(option)]

@@ -56,5 +56,5 @@ def _value(field: str, value: object) -> str:
         return f"{value} ({enum._value2member_map_[value].name.lower()})"
     if field == "flags" and value:
         names = [flag.name for flag in wire.SampleFlags if flag & int(str(value))]
-        return f"{value} ({'|'.join(str(name).lower() for name in names)})"
+        return f"{value} ({'|'.join(str(name).lower() for name in names)})" if names else str(value)
     return str(value)

@@ -1,6 +1,6 @@
 """Continuity: nothing is lost uncounted over all wraps, and broken time is never taken for whole."""
 
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import pytest
@@ -64,7 +64,7 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
     due = indices[-1] - indices[0] + 1
     assert continuity.delivered == len(indices)
     assert continuity.delivered + continuity.lost == due
-    assert continuity.gaps == sum(b - a > 1 for a, b in zip(indices, indices[1:], strict=False))
+    assert continuity.gaps == sum(b - a > 1 for a, b in pairwise(indices))
     assert continuity.duplicates == continuity.before_hello == 0
 
 
@@ -73,7 +73,7 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
 def test_long_gap_begins_an_epoch_and_is_counted(device: Device, indices: list[int], max_gap: int):
     continuity = heard(max_gap)
     placed = deliver(continuity, device, indices)
-    for before, after in zip(placed, placed[1:], strict=False):
+    for before, after in pairwise(placed):
         assert before is not None
         assert after is not None
         assert after.new_epoch == ("gap" if after.missing > max_gap else None)

@@ -1,5 +1,6 @@
 """Time base: bursts and jitter of the arrivals do not come through, and time never runs backwards."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_time_never_runs_backwards(moves: list[tuple[int, int]]) -> None:
     for seq, (step_us, step_ns) in enumerate(moves):
         device_us, host_ns = device_us + step_us, host_ns + step_ns
         seen.append(timebase.add(seq, device_us, host_ns))
-    assert all(a < b for a, b in zip(seen, seen[1:], strict=False))
+    assert all(a < b for a, b in pairwise(seen))
 
 
 @pytest.mark.parametrize("ppm", [-9000.0, -80.0, 0.0, 25.0, 9000.0])

@@ -140,7 +140,10 @@ class TableSink:
             parts.append(f"firmware {hello.firmware_version}")
         return "fltea  " + "  ".join(p for p in parts if p)
 
-    def _table(self, *, trends: bool) -> Table:
+    def _table(self, *, trends: bool) -> RenderableType:
+        if self._estimate is None:
+            remaining = self._stats.startup_remaining if self._stats else 0
+            return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         table = Table(expand=False)
         table.add_column("axis")
         for title in ("α", "f [s^-α]", "state [deg/s]", "innovation [deg/s]"):
@@ -148,10 +151,6 @@ class TableSink:
         if trends:
             table.add_column("α, last seconds", min_width=TREND_WIDTH)
             table.add_column("f, last seconds", min_width=TREND_WIDTH)
-        if self._estimate is None:
-            remaining = self._stats.startup_remaining if self._stats else 0
-            table.add_row(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
-            return table
         for name, axis in self._estimate.axes.items():
             bars = map(str, self._trends[name]) if trends else ()
             if not axis.valid:

@@ -64,11 +64,13 @@ def read_npz(path: Path) -> Recording:
         UsageError: not such a file, or values that are not finite.
     """
     try:
-        if not zipfile.is_zipfile(path):
-            raise ValueError("it is no zip archive, or was cut short")
-        with np.load(path, allow_pickle=False) as archive:
-            data = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
+        with path.open("rb") as file:
+            if not zipfile.is_zipfile(file):
+                raise ValueError("it is no zip archive, or was cut short")
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as archive:
+                data = {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise UsageError(f"{path}: cannot be read as .npz ({error}).") from error
     key = next((k for k in ("gyro_raw", "gyro_dps") if k in data), None)
     needed = ["fs_hz"] + (["lsb_per_dps"] if key == "gyro_raw" else [])

@@ -43,7 +43,8 @@ class ReplaySource:
             raise UsageError(f"{path}: there is no such file.")
         self._realtime = realtime
         self._closed = False
-        name = f"replay:{path}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
+        printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
+        name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         suffix = path.suffix.lower()
         if suffix in (".ndjson", ".jsonl"):
             self._events = _from_ndjson(read_ndjson(path))

@@ -1,0 +1,326 @@
+"""Sinks: lines that any JSON reader takes, and a table that loses neither numbers nor units."""
+
+import io
+import json
+import math
+import re
+from typing import Any
+
+import msgspec
+import pytest
+from fltea.model import (
+    AnyRecord,
+    AxisEstimate,
+    AxisStats,
+    DeviceStatus,
+    Epoch,
+    Error,
+    Estimate,
+    EstimatorInfo,
+    Gap,
+    LinkStats,
+    Sample,
+    SampleStats,
+    Stats,
+)
+from fltea.sinks import SinkClosed
+from fltea.sinks.ndjson import NdjsonSink
+from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, number, sparkline
+from host_support import hello, strict_records
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+HELLO = hello(
+    source="serial:/dev/ttyACM0", sensor="MPU-9250", gyro_range_dps=2000.0, firmware_version="0.1.0"
+)
+EPOCH = Epoch(
+    3, "gap", 700, 7_000_000, 7, 8, EstimatorInfo("triple", "reference", 3000, 500, "startup", "auto")
+)
+GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True)
+INVALID = AxisEstimate(None, None, None, None, None, None, False)
+STATS = Stats(
+    epoch=3,
+    host_ns=9,
+    rate_hz=99.317,
+    clock_ppm=-62.4,
+    startup_remaining=123,
+    link=LinkStats(bytes=5, frames=4, bad_frames={"crc": 2, "cobs": 3}, reconnects=1),
+    samples=SampleStats(1234, 56, 7, 8, 9),
+    axes={"gyro_x": AxisStats(0.1, 0.02, 0)},
+    device=DeviceStatus(1, 2, 3, 4, 5, "user"),
+)
+ERROR = Error("silent", "nothing [bold]came[/bold] for [5 s]", 1)
+
+
+def estimate(host_ns: int = 0, **axes: AxisEstimate) -> Estimate:
+    return Estimate(701, 3, 7_010_000, host_ns, axes or {"gyro_x": GOOD, "gyro_y": INVALID})
+
+
+EVERY_KIND: list[AnyRecord] = [
+    HELLO,
+    EPOCH,
+    Sample(1, 2, 3, 4, (0.5, -0.25), (9.8, 0.0, 0.0), 21.5, 3),
+    estimate(),
+    Gap(4, 5, 6, 7),
+    STATS,
+    ERROR,
+]
+
+# --- NDJSON ---
+
+
+def written(*records: AnyRecord, prompt: bool = False) -> bytes:
+    stream = io.BytesIO()
+    sink = NdjsonSink(stream, prompt=prompt)
+    for record in records:
+        sink.write(record)
+    sink.close()
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("prompt", [True, False])
+def test_one_object_a_line_with_its_class_first(prompt: bool) -> None:
+    data = written(*EVERY_KIND, prompt=prompt)
+    assert strict_records(data) == EVERY_KIND
+    first_keys = [next(iter(json.loads(line).items())) for line in data.splitlines()]
+    kinds = ["hello", "epoch", "sample", "estimate", "gap", "stats", "error"]
+    assert first_keys == [("class", kind) for kind in kinds]
+
+
+def test_newlines_in_a_text_stay_inside_the_line() -> None:
+    assert written(Error("silent", "a\nb\r\n\u2028c", 1)).count(b"\n") == 1
+
+
+def refuse_constant(text: str) -> None:
+    raise AssertionError(text)
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=6, max_size=6))
+def test_never_a_number_that_is_none(values: list[float]) -> None:
+    """The pipeline puts null in its place; should one slip through, the line is still JSON."""
+    line = written(estimate(gyro_x=AxisEstimate(*values, valid=True)))
+    axis = json.loads(line, parse_constant=refuse_constant)["axes"]["gyro_x"]
+    for found, value in zip(axis.values(), values, strict=False):
+        assert found == (value if math.isfinite(value) else None)
+
+
+class Stream(io.RawIOBase):
+    """A stream that counts its flushes and may fail."""
+
+    def __init__(self, failure: Exception | None = None, on: str = "write") -> None:
+        self.flushes, self.failure, self.on = 0, failure, on
+
+    def write(self, data: Any) -> int:
+        if self.failure and self.on == "write":
+            raise self.failure
+        return len(data)
+
+    def flush(self) -> None:
+        self.flushes += 1
+        if self.failure and self.on == "flush":
+            raise self.failure
+
+
+def test_what_is_rare_goes_out_at_once() -> None:
+    for prompt, flushes in ((True, 7), (False, 5)):
+        stream = Stream()
+        sink = NdjsonSink(stream, prompt=prompt)
+        for record in EVERY_KIND:
+            sink.write(record)
+        assert stream.flushes == flushes
+        sink.close()
+        assert stream.flushes == flushes + 1
+
+
+@pytest.mark.parametrize("failure", [BrokenPipeError(), ValueError("I/O operation on closed file")])
+@pytest.mark.parametrize("on", ["write", "flush"])
+def test_closed_pipe_is_sink_closed(failure: Exception, on: str) -> None:
+    stream = Stream(failure, on)
+    with pytest.raises(SinkClosed):
+        NdjsonSink(stream, prompt=True).write(STATS)
+    if on == "flush":
+        with pytest.raises(SinkClosed):
+            NdjsonSink(stream, prompt=True).close()
+    stream.failure = None
+
+
+def test_full_disk_is_no_closed_pipe() -> None:
+    stream = Stream(OSError(28, "No space left on device"))
+    with pytest.raises(OSError, match="No space left"):
+        NdjsonSink(stream, prompt=False).write(STATS)
+
+
+def test_record_that_cannot_be_encoded_is_no_closed_pipe() -> None:
+    """An end that nobody asked for must not look like one."""
+    with pytest.raises(UnicodeEncodeError):
+        written(Error("silent", "a lone surrogate: \udcff", 1))
+
+
+# --- table ---
+
+
+def shown(*records: AnyRecord, width: int = 80) -> str:
+    console = Console(file=io.StringIO(), width=width, color_system=None)
+    sink = TableSink(console)
+    for record in records:
+        sink.write(record)
+    sink.close()
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+WIDTHS = pytest.mark.parametrize("width", [80, 100, 135, 136, 200])
+
+
+@WIDTHS
+def test_numbers_and_units_at_every_width(width: int) -> None:
+    text = shown(HELLO, EPOCH, estimate(), STATS, width=width)
+    for part in (
+        "serial:/dev/ttyACM0  MPU-9250  100 Hz  ±2000 deg/s  firmware 0.1.0",
+        "f [s^-α]",
+        "state [deg/s]",
+        "innovation [deg/s]",
+        "0.412 ± 0.031",
+        "-2.125 ± 0.250",
+        "+0.1234",
+        "-0.0567",
+        "gyro_y",
+        "not valid",
+        "epoch 3  sample 701  delivered 1234  lost 56",
+        "bad frames 5  reconnects 1  99.32 Hz  clock -62 ppm",
+        "epoch 3 begins at sample 700: gap",
+    ):
+        assert part in text
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    assert "shuffle" in text
+
+
+@WIDTHS
+def test_trends_are_shown_at_every_width(width: int) -> None:
+    rising = [
+        estimate(k * 10**9, gyro_x=msgspec.structs.replace(GOOD, alpha=k / 10, f=-k / 10)) for k in range(8)
+    ]
+    text = shown(HELLO, *rising, width=width)
+    assert BARS in text
+    assert BARS[::-1] in text
+
+
+def test_axis_that_is_not_valid_keeps_its_trend_and_shows_no_number() -> None:
+    text = shown(HELLO, estimate(gyro_x=GOOD), estimate(10**9, gyro_x=INVALID), width=200)
+    row = next(line for line in text.splitlines() if "gyro_x" in line)
+    assert "not valid" in row
+    assert BARS[0] in row
+    assert not re.search(r"\d", row.replace("gyro_x", ""))
+
+
+def test_missing_innovation_and_deviation_are_left_out() -> None:
+    axis = msgspec.structs.replace(GOOD, innovation_dps=None, alpha_std=None)
+    text = shown(HELLO, estimate(gyro_x=axis))
+    assert "0.412" in text
+    assert "0.412 ±" not in text
+    assert "None" not in text
+
+
+def test_diverging_numbers_do_not_burst_the_table() -> None:
+    axis = AxisEstimate(3.2, 0.1, -1.5e139, 2e138, 1e7, -1e300, True)
+    lines = shown(HELLO, *[estimate(k * 10**9, gyro_x=axis) for k in range(3)], width=100).splitlines()
+    text = "\n".join(lines)
+    for part in ("-1.500e+139", "2.000e+138", "+1.0000e+07", "-1.0000e+300"):
+        assert part in text
+    assert max(map(len, lines)) <= 100
+
+
+def test_before_and_during_the_start_up_window() -> None:
+    assert "waiting for the device" in shown()
+    assert "no estimate yet" in shown(HELLO)
+    assert "start-up window: 123 samples to go" in shown(HELLO, EPOCH, STATS)
+
+
+def test_new_epoch_clears_estimates_and_trends() -> None:
+    text = shown(HELLO, estimate(), EPOCH)
+    assert "0.412" not in text
+    assert "no estimate yet" in text
+    assert BARS[0] in shown(HELLO, estimate(), EPOCH, estimate())
+
+
+def test_errors_are_shown_as_they_are() -> None:
+    """rich takes [bold] and [5 s] for markup unless told otherwise."""
+    text = shown(HELLO, ERROR, Gap(40, 3, 1, 0))
+    assert "silent: nothing [bold]came[/bold] for [5 s]" in text
+    assert "gap: 3 samples lost from number 40" in text
+
+
+def test_last_four_events_are_shown() -> None:
+    text = shown(*[Gap(k, 1, 1, 0) for k in range(6)])
+    assert [f"number {k}" in text for k in range(6)] == [False, False, True, True, True, True]
+
+
+def test_source_with_brackets_is_shown_as_it_is() -> None:
+    assert "[red]/tmp/a[0].npz" in shown(hello(source="[red]/tmp/a[0].npz"))
+
+
+def test_fits_a_terminal_of_24_lines() -> None:
+    axes = dict.fromkeys(("gyro_x", "gyro_y", "gyro_z"), GOOD)
+    gaps = [Gap(k, 1, 1, 0) for k in range(4)]
+    assert len(shown(HELLO, EPOCH, *gaps, estimate(**axes), STATS).splitlines()) <= 24
+
+
+def test_terminal_is_redrawn_at_errors_and_left_with_the_last_state() -> None:
+    console = Console(file=io.StringIO(), width=100, force_terminal=True, color_system=None)
+    sink = TableSink(console)
+    sink.write(HELLO)
+    sink.write(ERROR)
+    assert isinstance(console.file, io.StringIO)
+    assert "silent: nothing" in console.file.getvalue()
+    sink.write(estimate())
+    sink.close()
+    assert "0.412 ± 0.031" in console.file.getvalue()
+
+
+def test_closed_pipe_of_the_table_is_sink_closed() -> None:
+    class Closed(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError
+
+    with pytest.raises(SinkClosed):
+        TableSink(PipedConsole(file=Closed(), width=80)).close()
+
+
+# --- its parts ---
+
+
+def test_sparkline() -> None:
+    assert sparkline([]) == ""
+    assert sparkline([3.0]) == "▁"
+    assert sparkline([2.0, 2.0, 2.0]) == "▁▁▁"
+    assert sparkline([0, 1, 2, 3, 4, 5, 6, 7]) == BARS
+    assert sparkline([-1.0, 1.0, 0.0]) == "▁█▅"
+    assert sparkline([-1e308, 1e308, 0.0]) == "▁█▅"
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
+def test_sparkline_has_a_bar_a_number_in_order(values: list[float]) -> None:
+    bars = sparkline(values)
+    assert len(bars) == len(values)
+    heights = [BARS.index(bar) for bar in bars]
+    by_value = [height for _, height in sorted(zip(values, heights, strict=True))]
+    assert by_value == sorted(heights)
+    assert heights[values.index(min(values))] == 0
+
+
+def test_trend_takes_one_a_second_and_forgets_the_oldest() -> None:
+    trend = Trend()
+    for k in range(100 * (TREND_WIDTH + 5)):
+        trend.add(float(k), k * 10_000_000)
+    assert str(trend) == sparkline([100.0 * k for k in range(5, TREND_WIDTH + 5)])
+    assert len(str(trend)) == TREND_WIDTH
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0.000"), (-2.1254, "-2.125"), (999999.0, "999999.000"), (-1.25e6, "-1.250e+06")],
+)
+def test_number(value: float, text: str) -> None:
+    assert number(value, 3) == text
