@@ -8,6 +8,12 @@ python=${PYTHON:-python3}
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 
+if command -v "$python" >/dev/null && ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
+    say "$("$python" --version) is too old: Python 3.11 or newer is needed (Debian 12, Ubuntu 24.04, Raspberry Pi OS 12)."
+    say "If a newer one is installed under another name: make PYTHON=python3.12 …"
+    exit 1
+fi
+
 # What is missing is found out by use, not by package name: a compiler or Python may come from elsewhere.
 packages=()
 if ! command -v "$python" >/dev/null; then
@@ -43,19 +49,13 @@ if [ ${#packages[@]} -gt 0 ]; then
     fi
 fi
 
-if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
-    say "$("$python" --version) is too old: Python 3.11 or newer is needed (Debian 12, Ubuntu 24.04, Raspberry Pi OS 12)."
-    say "If a newer one is installed under another name: make PYTHON=python3.12 …"
-    exit 1
-fi
-
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 quietly() {
     "$@" >"$log" 2>&1 || { cat "$log" >&2; say "failed: $*"; exit 1; }
 }
 
-[ -x .venv/bin/python ] || { say "making .venv"; quietly "$python" -m venv .venv; }
+.venv/bin/python -m pip --version >/dev/null 2>&1 || { say "making .venv"; quietly "$python" -m venv --clear .venv; }
 export PATH="$PWD/.venv/bin:$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
 pip() { quietly .venv/bin/python -m pip "$@"; }
 say "installing pinned Python packages and building the native module ($level)"

@@ -7,8 +7,10 @@ is quantised like an MPU-9250 at ±2000 deg/s. Its first line on stdout names th
 import argparse
 import contextlib
 import os
+import secrets
 import select
 import signal
+import struct
 import sys
 import time
 import tty
@@ -104,8 +106,13 @@ def main() -> int:
     except UsageError as error:
         print(f"standin: error: {error}", file=sys.stderr)
         return 2
-    if not settings.lsb_per_dps:
-        print("standin: error: a device sends counts, so lsb_per_dps cannot be 0.", file=sys.stderr)
+    if settings.lsb_per_dps < 0.1 or settings.rate_hz < 1:
+        print("standin: error: a device sends counts (lsb_per_dps ≥ 0.1), at 1 Hz or more.", file=sys.stderr)
+        return 2
+    try:
+        Device(settings, boot_id=0).boot()
+    except struct.error as error:
+        print(f"standin: error: HELLO cannot state these settings ({error}).", file=sys.stderr)
         return 2
     master, slave = os.openpty()
     tty.setraw(slave)
@@ -113,6 +120,9 @@ def main() -> int:
     os.close(slave)
     os.set_blocking(master, False)
     if arguments.link:
+        if arguments.link.exists() and not arguments.link.is_symlink():
+            print(f"standin: error: {arguments.link} exists and is no link; choose another.", file=sys.stderr)
+            return 2
         arguments.link.unlink(missing_ok=True)
         arguments.link.symlink_to(port)
     print(
@@ -120,16 +130,14 @@ def main() -> int:
         flush=True,
     )
     try:
-        boots = 0
         while True:
             wait_for_client(master)
-            boots += 1
-            serve(master, Device(settings, boot_id=boots), arguments.samples)
+            serve(master, Device(settings, boot_id=secrets.randbits(32)), arguments.samples)
     except KeyboardInterrupt:
         return 0
     finally:
-        if arguments.link:
-            arguments.link.unlink(missing_ok=True)
+        if arguments.link and arguments.link.is_symlink() and str(arguments.link.readlink()) == port:
+            arguments.link.unlink()
 
 
 def wait_for_client(master: int) -> None:

@@ -34,6 +34,8 @@ app = typer.Typer(
 def main() -> None:
     """Entry point: every expected failure is one line on stderr and an exit code."""
     try:
+        if sys.stdout is None:
+            raise UsageError("standard output is closed; give it a file, a pipe or /dev/null.")
         app()
     except FlteaError as error:
         print(f"fltea: error: {error}", file=sys.stderr)
@@ -79,7 +81,7 @@ def run(
             "-s",
             metavar="URL",
             help="`serial:PORT` (a device path, socket://HOST:PORT, hwgrep://REGEXP), `replay:FILE` (.npz, "
-            ".csv, .ndjson) or `synthetic:?alpha=0.3&f=-1.5`. Default: the Arduino Due that is plugged in.",
+            ".csv, .ndjson) or `synthetic:?alpha=0.3&f=-1.5`. Default: the Arduino Due, waited for.",
         ),
     ] = None,
     config: Annotated[
@@ -143,13 +145,13 @@ def run(
 
     For example:
 
-        fltea run                                            # the board that is plugged in
+        fltea run
 
-        fltea run -s replay:rest.npz --once --format table   # a recording, its last figures
+        fltea run -s replay:rest.npz --once --format table
 
-        fltea run -s replay:rest.csv --columns gx,gy,gz --units rad/s --rate 100 --once
+        fltea run -s rest.csv --columns gx,gy,gz --units rad/s --rate 100
 
-        fltea run -s replay:rest.npz --once --shuffle 1      # the same samples in random order
+        fltea run -s replay:rest.npz --once --shuffle 1
     """
     from fltea import daemon
 

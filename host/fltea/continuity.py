@@ -14,6 +14,9 @@ TIME_WRAP_US = 1 << 32
 MAX_SILENCE_NS = 30 * 60 * 10**9
 """After half an hour without a sample the wraps of device time (71.6 minutes) cannot be told."""
 
+MAX_HOST_DISAGREEMENT_US = 5 * 60 * 10**6
+"""A reset can look like a gap of up to 71 minutes; the host's clock, late as it may be, knows better."""
+
 CLOCK_TOLERANCE = 0.02
 """Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period."""
 
@@ -63,6 +66,11 @@ class Continuity:
         """Believe no sample until the next HELLO: it may come from another device."""
         self.hello = None
 
+    def on_break(self, reason: EpochReason) -> None:
+        """Begin a new epoch with the next sample, as a recording says that one began there."""
+        if self._pending is None:
+            self._pending = reason
+
     def on_sample(self, raw: RawSample) -> Placed | None:
         """Place one sample; None for one that cannot be used (duplicate, or its HELLO is not known)."""
         if self.hello is None:
@@ -81,7 +89,12 @@ class Continuity:
         wraps = round((time_step_us / period_us - sequence_step) / SEQUENCE_WRAP)
         step = sequence_step + wraps * SEQUENCE_WRAP
         disagreement_us = abs(time_step_us - step * period_us)
-        if step < 1 or disagreement_us > CLOCK_TOLERANCE * step * period_us + period_us:
+        host_step_us = (raw.host_ns - self._last.host_ns) / 1000
+        if (
+            step < 1
+            or disagreement_us > CLOCK_TOLERANCE * step * period_us + period_us
+            or abs(time_step_us - host_step_us) > MAX_HOST_DISAGREEMENT_US
+        ):
             self._pending = "discontinuity"
             self.on_link_down()
             self.before_hello += 1

@@ -17,6 +17,8 @@ from fltea.sinks.table import TableSink
 from fltea.sources import Source
 from fltea.sources.opening import open_source
 
+PATIENCE_S = 1.0
+
 
 def run(config: Config) -> None:
     """Run until the source ends, a signal arrives, the reader of the output goes, or `--once` fails.
@@ -26,17 +28,25 @@ def run(config: Config) -> None:
         SourceFailed: `once` is set and a live source is in trouble.
         FlteaError: the output cannot be written.
     """
-    source = open_source(config)
+    with _StopOnSignal() as stop:
+        try:
+            source = open_source(config)
+        except KeyboardInterrupt:  # stopped before there was anything to stop
+            return
+        stop.watch(source)
+        _run_source(source, config, stop)
+
+
+def _run_source(source: Source, config: Config, stop: "_StopOnSignal") -> None:
     to_table = config.format == "table" or (config.format == "auto" and sys.stdout.isatty())
-    prompt = source.live or config.pace == "real"
-    sink: Sink = TableSink() if to_table else NdjsonSink(sys.stdout.buffer, prompt=prompt)
-    stop = _StopOnSignal(source)
+    sink: Sink = TableSink() if to_table else NdjsonSink(sys.stdout.buffer, prompt=source.prompt)
     try:
-        with stop:
+        try:
             failure = _pump(source, Pipeline(source, config), sink, once=config.once, log=not to_table)
             if failure is None and not source.live and not config.once and not stop.asked:
                 _stay(stop, sink)
-        sink.close()
+        finally:
+            sink.close()  # in any case: the table gives the terminal back
     except (SinkClosed, BrokenPipeError):
         silence_stdout()
         return
@@ -70,27 +80,45 @@ def _write(sink: Sink, record: AnyRecord, log: bool) -> None:
 
 
 class _StopOnSignal(contextlib.AbstractContextManager["_StopOnSignal"]):
-    """SIGINT and SIGTERM end the source's iteration; a second one interrupts whatever hangs."""
+    """SIGINT and SIGTERM end the source's iteration, and soon after it whatever still hangs.
 
-    def __init__(self, source: Source) -> None:
+    Before there is a source they raise KeyboardInterrupt. An output that nobody reads is given
+    up `PATIENCE_S` after the signal, as if its reader had left.
+    """
+
+    def __init__(self) -> None:
         self.asked = False
-        self._source = source
+        self._source: Source | None = None
         self._before: dict[signal.Signals, object] = {}
 
+    def watch(self, source: Source) -> None:
+        """From now on a signal closes this source."""
+        self._source = source
+
     def __enter__(self) -> "_StopOnSignal":
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._before[number] = signal.signal(number, self._on_signal)
+        for number, handler in (
+            (signal.SIGINT, self._on_signal),
+            (signal.SIGTERM, self._on_signal),
+            (signal.SIGALRM, self._on_alarm),
+        ):
+            self._before[number] = signal.signal(number, handler)
         return self
 
     def __exit__(self, *exception: object) -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if self.asked:
-            raise KeyboardInterrupt
         self.asked = True
+        if self._source is None:
+            raise KeyboardInterrupt
+        signal.setitimer(signal.ITIMER_REAL, PATIENCE_S)
         self._source.close()
+
+    def _on_alarm(self, number: int, frame: FrameType | None) -> None:
+        silence_stdout()  # what the buffers still hold goes nowhere
+        raise SinkClosed
 
 
 def _stay(stop: _StopOnSignal, sink: Sink) -> None:
@@ -106,6 +134,6 @@ def _stay(stop: _StopOnSignal, sink: Sink) -> None:
 
 
 def silence_stdout() -> None:
-    """Keep Python from complaining about the closed pipe when it flushes stdout at its end."""
+    """Let what is still buffered go nowhere, so that Python does not complain when it flushes at its end."""
     with contextlib.suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

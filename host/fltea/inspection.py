@@ -10,10 +10,18 @@ HEX_BYTES_SHOWN = 24
 
 
 def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
-    """Yield a line for every block in a stream of bytes; `reader` counts them."""
+    """Yield a line for every block in a stream of bytes; `reader` counts them.
+
+    After a HELLO of another version the fields may mean something else: such lines begin with `?`.
+    """
+    doubtful = False
     for chunk in chunks:
         for item in reader.feed_all(chunk):
-            yield describe(item)
+            if isinstance(item, Refused) or (
+                isinstance(item, Frame) and isinstance(item.message, wire.Hello)
+            ):
+                doubtful = isinstance(item, Refused)
+            yield ("? " if doubtful and isinstance(item, Frame) else "") + describe(item)
 
 
 def describe(item: Frame | Refused | BadFrame) -> str:

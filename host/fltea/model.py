@@ -1,7 +1,7 @@
 """The records that walk through the program, units in their names.
 
 Events come out of a source: `Hello`, `RawSample`, `DeviceStatus`, `Trouble`, `LinkDown`,
-`Tick`.
+`Break`, `Tick`.
 Records go to the sinks: `Hello`, `Sample`, `Estimate`, `Gap`, `Epoch`, `Stats`, `Error`; as JSON
 each is one object whose first key is `class` (host/README.md documents every field).
 """
@@ -12,6 +12,9 @@ import msgspec
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
+
+
+EpochReason = Literal["start", "restart", "discontinuity", "gap", "silence"]
 
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class"):
@@ -40,7 +43,7 @@ class Hello(Record, frozen=True, tag="hello"):
 
 
 class RawSample(NamedTuple):
-    """One sample as the source has it: counts, and a sequence and a time that still wrap.
+    """One sample as the source has it: counts, and a sequence and a time that may still wrap.
 
     gyro is in LSB, or in deg/s where `Hello.gyro_lsb_per_dps` is null. host_ns is the arrival on
     the source's monotonic clock.
@@ -84,13 +87,20 @@ class LinkDown(NamedTuple):
     host_ns: int
 
 
+class Break(NamedTuple):
+    """A recording says that an epoch begins with the next sample."""
+
+    reason: EpochReason
+    host_ns: int
+
+
 class Tick(NamedTuple):
     """Nothing arrived for a while; lets statistics go out on time."""
 
     host_ns: int
 
 
-Event = Hello | RawSample | DeviceStatus | Trouble | LinkDown | Tick
+Event = Hello | RawSample | DeviceStatus | Trouble | LinkDown | Break | Tick
 
 
 class Sample(Record, frozen=True, tag="sample"):
@@ -135,9 +145,6 @@ class Gap(Record, frozen=True, tag="gap"):
     missing: int
     epoch: int
     host_ns: int
-
-
-EpochReason = Literal["start", "restart", "discontinuity", "gap", "silence"]
 
 
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -20,6 +20,13 @@ def sensor_name(who_am_i: int) -> str:
     return SENSORS.get(who_am_i, f"unknown sensor (WHO_AM_I 0x{who_am_i:02X})")
 
 
+def temperature_counts(celsius: float, who_am_i: int | None) -> int:
+    """Counts of TEMP_OUT from °C: the inverse of `temperature_c`."""
+    if who_am_i == 0x68:
+        return round((celsius - 36.53) * 340.0)
+    return round((celsius - 21.0) * 333.87)
+
+
 def temperature_c(raw: float, who_am_i: int | None) -> float:
     """Die temperature in °C from the counts of TEMP_OUT."""
     if who_am_i == 0x68:

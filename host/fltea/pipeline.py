@@ -19,6 +19,7 @@ from fltea.model import (
     AnyRecord,
     AxisEstimate,
     AxisStats,
+    Break,
     DeviceStatus,
     Epoch,
     Error,
@@ -52,6 +53,7 @@ class Pipeline:
         self._estimator: OnlineEstimator | None = None
         self._device: DeviceStatus | None = None
         self._now_ns = 0
+        self._offset_ns = source.unix_offset_ns
         self._stats_due_ns: int | None = None
 
     def feed(self, event: Event) -> Iterator[AnyRecord]:
@@ -74,6 +76,9 @@ class Pipeline:
                 self._device = event
             case LinkDown():
                 self._continuity.on_link_down()
+                self._device = None
+            case Break():
+                self._continuity.on_break(event.reason)
             case Trouble():
                 yield Error(event.kind, event.message, self._unix_ns())
         if self._stats_due_ns is None:
@@ -88,7 +93,8 @@ class Pipeline:
         if placed.new_epoch is not None or self._timebase is None or self._estimator is None:
             gap_epoch = self._epoch
             self._epoch += 1
-            self._timebase = Timebase(self._source.unix_offset_ns)
+            self._offset_ns = self._source.unix_offset_ns
+            self._timebase = Timebase(self._offset_ns)
             self._estimator = self._new_estimator(len(raw.gyro), hello)
         else:
             gap_epoch = self._epoch
@@ -169,7 +175,7 @@ class Pipeline:
         return EstimatorInfo("triple", "reference", e.window, e.startup_needed, bias, R)
 
     def _unix_ns(self) -> int:
-        return self._now_ns + self._source.unix_offset_ns
+        return self._now_ns + self._offset_ns
 
 
 def _published(estimate: gyroscope.AxisEstimate) -> AxisEstimate:

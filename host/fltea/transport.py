@@ -9,20 +9,29 @@ import errno
 import grp
 import os
 import queue
+import re
+import stat
 import threading
-import time
 from collections.abc import Iterator
 from typing import NamedTuple
+from urllib.parse import urlsplit
 
 import serial
 from serial.tools import list_ports
 
+from fltea.clock import host_ns
 from fltea.errors import UsageError
 
 FORBIDDEN_BAUD = 1200
+ANY_BOARD = "hwgrep://VID:PID=(2341|2A03):003D"
+"""The programming port of any Arduino Due (USB ids from the SAM core's boards.txt)."""
+
 READ_TIMEOUT_S = 0.1
+SOCKET = "socket://"
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
-QUEUE_CHUNKS = 1024
+QUEUE_BYTES = 1 << 20
+"""What a consumer may be behind: half a minute of a full line, minutes of samples."""
+
 MAX_CHUNK = 1 << 16
 
 
@@ -65,7 +74,9 @@ def check_url(url: str, baud: int) -> None:
         raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
     try:
         serial.serial_for_url(url, baudrate=baud, do_not_open=True)
-    except ValueError as error:
+        if url.startswith(SOCKET) and urlsplit(url).port is None:
+            raise ValueError("its port number is missing")
+    except (ValueError, re.error) as error:
         raise UsageError(
             f"'{url}' is no serial port that this program knows ({error}). Give a device path such as "
             "/dev/ttyACM0, or socket://HOST:PORT, hwgrep://REGEXP, loop://."
@@ -86,10 +97,7 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
     """Kind and text of the failure to open a port: what happened, why, what to do."""
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
-        return "no_permission", (
-            f"no permission to open {url}. It belongs to the group '{_group_of(url)}': join it with "
-            f"'sudo usermod -aG {_group_of(url)} $USER', then log out and in again."
-        )
+        return "no_permission", f"no permission to open {url}. {_permission_remedy(url)}"
     if number in (errno.EBUSY, errno.EAGAIN):
         return "port_busy", (
             f"{url} is in use by another program (another fltea, a serial monitor, or ModemManager). "
@@ -98,23 +106,41 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
     if "://" in url and not url.startswith("hwgrep://"):
         return "no_port", f"cannot connect to {url}: {error}. Check that the other side listens."
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or url.startswith("hwgrep://"):
+        if url == ANY_BOARD:
+            return "no_port", (
+                "no Arduino Due on its programming port (the one beside the power socket), and no other "
+                f"--source given. Check the cable. {list_ports_text()} Without a board: "
+                "--source 'synthetic:?alpha=0.3&f=-1.5'."
+            )
         return "no_port", f"there is no port {url}. Check the cable and the name. {list_ports_text()}"
     return "open_failed", f"cannot open {url}: {error}. {list_ports_text()}"
 
 
-def _group_of(path: str) -> str:
+def _permission_remedy(path: str) -> str:
+    """What opens this port to its user: a group, if there is one that may and is not root's."""
     try:
-        return grp.getgrgid(os.stat(path).st_gid).gr_name
+        status = os.stat(path)
+        group = grp.getgrgid(status.st_gid).gr_name
     except (OSError, KeyError):
-        return "dialout"
+        return "Serial ports usually belong to the group 'dialout': sudo usermod -aG dialout $USER."
+    open_to_group = status.st_mode & (stat.S_IRGRP | stat.S_IWGRP) == stat.S_IRGRP | stat.S_IWGRP
+    if open_to_group and status.st_gid != 0:
+        return (
+            f"It belongs to the group '{group}': join it with 'sudo usermod -aG {group} $USER', then log out "
+            "and in again."
+        )
+    return (
+        f"Its mode ({stat.filemode(status.st_mode)}, group '{group}') admits no group that you could join: "
+        "let a udev rule give it to the group 'dialout'."
+    )
 
 
 class Reader:
     """Reads a serial URL in a thread of its own until closed.
 
-    url: whatever `serial.serial_for_url` opens. The port is taken exclusively and its control lines
-    are left alone (a pseudo-terminal knows no DTR). `overflow_bytes` counts what had to be thrown
-    away because the consumer was too slow.
+    url: whatever `serial.serial_for_url` opens. The port is taken exclusively. Opening raises DTR where
+    there is one (which resets a Due); nothing here touches it. `overflow_bytes` counts what had to be
+    thrown away because the consumer was too slow.
     """
 
     def __init__(self, url: str, baud: int) -> None:
@@ -122,7 +148,9 @@ class Reader:
         self.url = url
         self.baud = baud
         self.overflow_bytes = 0
-        self._queue: queue.Queue[TransportEvent] = queue.Queue(QUEUE_CHUNKS)
+        self._queue: queue.SimpleQueue[TransportEvent] = queue.SimpleQueue()
+        self._queued_bytes = 0
+        self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"reader {url}", daemon=True)
 
@@ -134,9 +162,14 @@ class Reader:
         """Yield what happens, and None whenever nothing did for `timeout_s`; ends after `close`."""
         while not self._stop.is_set():
             try:
-                yield self._queue.get(timeout=timeout_s)
+                event = self._queue.get(timeout=timeout_s)
             except queue.Empty:
                 yield None
+                continue
+            if isinstance(event, Chunk):
+                with self._lock:
+                    self._queued_bytes -= len(event.data)
+            yield event
 
     def close(self) -> None:
         """Stop reading and release the port."""
@@ -150,11 +183,11 @@ class Reader:
             try:
                 port = self._open()
             except Exception as error:  # whatever a driver raises must not kill the thread
-                self._put(Failed(*explain_open_failure(self.url, error), time.monotonic_ns()))
+                self._put(Failed(*explain_open_failure(self.url, error), host_ns()))
             else:
-                failures = 0
-                self._put(Opened(time.monotonic_ns()))
-                self._read_until_lost(port)
+                self._put(Opened(host_ns()))
+                if self._read_until_lost(port):
+                    failures = 0  # a port that opens and dies at once is no success
             self._stop.wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
             failures += 1
 
@@ -165,30 +198,40 @@ class Reader:
         port.open()
         return port
 
-    def _read_until_lost(self, port: serial.Serial) -> None:
+    def _read_until_lost(self, port: serial.Serial) -> bool:
+        """Read until closed or lost; whether anything came."""
+        anything = False
         try:
             while not self._stop.is_set():
-                data = port.read(max(1, min(port.in_waiting, MAX_CHUNK)))
+                data = port.read(1)
                 if data:
-                    self._put(Chunk(data, time.monotonic_ns()))
+                    data += self._read_waiting(port)
+                    anything = True
+                    self._put(Chunk(data, host_ns()))
         except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
             message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
-            self._put(Failed("unplugged", message, time.monotonic_ns()))
+            self._put(Failed("unplugged", message, host_ns()))
         finally:
             with contextlib.suppress(OSError):  # the device is gone already
                 port.close()
+        return anything
+
+    def _read_waiting(self, port: serial.Serial) -> bytes:
+        """What has arrived already; pyserial's sockets never say more than 'something'."""
+        if not self.url.startswith(SOCKET):
+            return port.read(min(port.in_waiting, MAX_CHUNK))
+        port.timeout = 0
+        try:
+            return port.read(MAX_CHUNK)
+        finally:
+            port.timeout = READ_TIMEOUT_S
 
     def _put(self, event: TransportEvent) -> None:
-        """Never blocks on bytes: an overflow is counted. Other events wait for their place."""
+        """Never blocks: bytes that the consumer is too slow for are thrown away and counted."""
         if isinstance(event, Chunk):
-            try:
-                self._queue.put_nowait(event)
-            except queue.Full:
-                self.overflow_bytes += len(event.data)
-            return
-        while not self._stop.is_set():
-            try:
-                self._queue.put(event, timeout=READ_TIMEOUT_S)
-                return
-            except queue.Full:
-                continue
+            with self._lock:
+                if self._queued_bytes + len(event.data) > QUEUE_BYTES:
+                    self.overflow_bytes += len(event.data)
+                    return
+                self._queued_bytes += len(event.data)
+        self._queue.put(event)

@@ -1,7 +1,7 @@
 """Counts to physical units (pure)."""
 
 from fltea.model import Hello, RawSample, Sample
-from fltea.mpu9250 import temperature_c
+from fltea.mpu9250 import temperature_c, temperature_counts
 
 STANDARD_GRAVITY_MS2 = 9.80665
 
@@ -11,7 +11,7 @@ def to_units(raw: RawSample, hello: Hello, epoch: int, seq: int, device_us: int,
 
     A null scale in HELLO means that the recording holds deg/s already.
     """
-    lsb_per_dps = hello.gyro_lsb_per_dps or 1.0
+    lsb_per_dps = 1.0 if hello.gyro_lsb_per_dps is None else hello.gyro_lsb_per_dps
     accel = None
     if raw.accel is not None and hello.accel_lsb_per_g:
         scale = STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g
@@ -28,6 +28,23 @@ def to_units(raw: RawSample, hello: Hello, epoch: int, seq: int, device_us: int,
     )
 
 
+def to_counts(sample: Sample, hello: Hello) -> RawSample:
+    """Undo `to_units`, to the last bit: counts are whole numbers, so rounding restores them."""
+    lsb, accel = hello.gyro_lsb_per_dps, None
+    if sample.accel_ms2 is not None and hello.accel_lsb_per_g:
+        accel = tuple(round(a * hello.accel_lsb_per_g / STANDARD_GRAVITY_MS2) for a in sample.accel_ms2)
+    celsius = sample.temperature_c
+    return RawSample(
+        sample.seq,
+        sample.device_us,
+        sample.host_ns,
+        sample.gyro_dps if lsb is None else tuple(round(g * lsb) for g in sample.gyro_dps),
+        accel,
+        None if celsius is None else temperature_counts(celsius, hello.who_am_i),
+        sample.flags,
+    )
+
+
 def resolution_dps(hello: Hello) -> float | None:
     """One LSB of the gyroscope in deg/s, or None where the recording does not say."""
-    return 1.0 / hello.gyro_lsb_per_dps if hello.gyro_lsb_per_dps else None
+    return None if hello.gyro_lsb_per_dps is None else 1.0 / hello.gyro_lsb_per_dps

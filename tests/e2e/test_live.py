@@ -1,5 +1,6 @@
 """The whole chain: stand-in device, pseudo-terminal, `fltea run`, NDJSON read back."""
 
+import fcntl
 import json
 import math
 import os
@@ -7,6 +8,7 @@ import pty
 import signal
 import subprocess
 import sys
+import termios
 import tty
 from pathlib import Path
 
@@ -83,6 +85,28 @@ def test_unplugged_and_back(processes: Processes, port: Path) -> None:
     assert daemon.of("stats")[-1]["link"]["reconnects"] == 1
     # Both stand-ins boot with the number 1 and the same id; only sequence and time tell them apart.
     assert daemon.of("epoch")[1]["reason"] in ("restart", "discontinuity")
+
+
+def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Processes) -> None:
+    device = processes.stand_in(port)
+    run = subprocess.Popen(
+        [sys.executable, "-m", "fltea", "run", "-s", f"serial:{port}", "--samples", *QUICK],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert run.stdout is not None
+    run.stdout.read(1)  # it runs; from here on nobody reads
+    wait_until(lambda: _in_pipe(run.stdout.fileno()) > 60_000, "the pipe to be full")
+    run.send_signal(signal.SIGTERM)
+    assert run.wait(PATIENCE_S) == 0
+    run.communicate()
+    device.stop()
+
+
+def _in_pipe(descriptor: int) -> int:
+    waiting = bytearray(4)
+    fcntl.ioctl(descriptor, termios.FIONREAD, waiting)
+    return int.from_bytes(waiting, sys.byteorder)
 
 
 def test_with_once_an_unplugged_device_is_a_failure(processes: Processes, port: Path) -> None:

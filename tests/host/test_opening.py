@@ -1,7 +1,9 @@
 """Which source a URL means, and what is said about one that means none."""
 
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 from fltea.config import load_config
@@ -11,14 +13,23 @@ from fltea.sources.opening import find_board, open_source
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
+from fltea.transport import explain_open_failure
 from serial.tools import list_ports
 
 
-class Port(NamedTuple):
+@dataclass(frozen=True, order=True)
+class Port:
     device: str
     vid: int | None = None
     pid: int | None = None
     description: str = "n/a"
+
+    @property
+    def hwid(self) -> str:
+        return "n/a" if self.vid is None else f"USB VID:PID={self.vid:04X}:{self.pid:04X} SER=1 LOCATION=1-1"
+
+    def __iter__(self) -> Iterator[str]:  # as pyserial's own can be unpacked
+        return iter((self.device, self.description, self.hwid))
 
 
 DUE = Port("/dev/ttyACM0", 0x2341, 0x003D, "Arduino Due Prog. Port")
@@ -31,7 +42,7 @@ BUILT_IN = Port("/dev/ttyS0")
 @pytest.fixture
 def plugged(monkeypatch: pytest.MonkeyPatch) -> list[Port]:
     ports: list[Port] = []
-    monkeypatch.setattr(list_ports, "comports", lambda: list(ports))
+    monkeypatch.setattr(list_ports, "comports", lambda *_: list(ports))
     return ports
 
 
@@ -130,28 +141,25 @@ def test_flags_of_recordings_do_not_fit_other_sources(url: str, flag: dict[str, 
     assert "--columns, --units, --rate and --shuffle are for recordings" in text
 
 
-def test_no_board(plugged: list[Port]) -> None:
-    text = refusal(None)
-    assert "no Arduino Due found" in text
-    assert "This machine has no serial port" in text
+@pytest.mark.parametrize("others", [[], [UNO, DUE_NATIVE, BUILT_IN]])
+def test_without_a_board_one_is_waited_for(plugged: list[Port], others: list[Port]) -> None:
+    plugged += others
+    source = opened(None)
+    assert isinstance(source, SerialSource)
+    _, text = explain_open_failure(source.url, FileNotFoundError())
+    assert "no Arduino Due on its programming port" in text
     assert "--source 'synthetic:" in text
-
-
-def test_other_boards_are_listed_but_not_taken(plugged: list[Port]) -> None:
-    plugged += [UNO, DUE_NATIVE, BUILT_IN]
-    text = refusal(None)
-    assert "no Arduino Due found on its programming port" in text
-    for port in plugged:
+    for port in others:
         assert port.device in text
 
 
 @pytest.mark.parametrize("board", [DUE, DUE_ORG])
-def test_one_board_among_others(plugged: list[Port], board: Port) -> None:
+def test_the_board_is_found_by_its_id_among_others_and_under_any_name(
+    plugged: list[Port], board: Port
+) -> None:
     plugged += [BUILT_IN, UNO, board, DUE_NATIVE]
-    assert find_board() == board.device
-    source = opened(None)
-    assert isinstance(source, SerialSource)
-    assert source.url == board.device
+    pattern = find_board().removeprefix("hwgrep://")
+    assert [p for p in plugged if re.search(pattern, p.hwid, re.IGNORECASE)] == [board]
 
 
 def test_several_boards_are_named(plugged: list[Port]) -> None:

@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TypeVar
 
 import msgspec
@@ -26,6 +27,7 @@ from fltea.model import (
     Trouble,
 )
 from fltea.pipeline import Pipeline
+from fltea.sources.replay import ReplaySource
 
 PERIOD_NS = 10**7
 T = TypeVar("T")
@@ -132,6 +134,20 @@ def test_a_restart_begins_anew_and_says_hello_once_a_boot() -> None:
     assert [h.boot_id for h in of(Hello, records)] == [1, 2]
     assert [(e.reason, e.boot_id) for e in of(Epoch, records)] == [("start", 1), ("restart", 2)]
     assert all(e.epoch == 2 for e in of(Estimate, records))
+
+
+def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path) -> None:
+    """Live, the sample that gave it away is dropped and a HELLO follows; the recording holds neither."""
+    late = [raw(k)._replace(device_us=(k * 10_000 + 7_000_000) % 2**32) for k in range(60, 100)]
+    events = [hello(), *(raw(k) for k in range(60)), late[0], hello(), *late[1:]]
+    live = feed(Pipeline(ListSource(), config(samples=True)), *events)
+    assert [(e.reason, e.seq) for e in of(Epoch, live)] == [("start", 0), ("discontinuity", 61)]
+    path = tmp_path / "live.ndjson"
+    path.write_bytes(b"".join(msgspec.json.encode(r) + b"\n" for r in live))
+    source = ReplaySource(path)
+    again = feed(Pipeline(source, config()), *source.events())
+    assert [(e.reason, e.seq) for e in of(Epoch, again)] == [("start", 0), ("discontinuity", 61)]
+    assert [(e.seq, e.axes) for e in of(Estimate, again)] == [(e.seq, e.axes) for e in of(Estimate, live)]
 
 
 def test_after_link_down_nothing_is_believed_before_hello() -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from fltea.errors import UsageError
 from fltea.model import Hello, Sample
-from fltea.sources.recording import parse_units, read_csv, read_ndjson, read_npz
+from fltea.sources.recording import parse_units, read_csv, read_npz
+from fltea.sources.recording_ndjson import read_ndjson
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -104,9 +105,35 @@ def test_bad_csv(name: str, tmp_path: Path) -> None:
         assert any(choice in reason for choice in word.split("|")), reason
 
 
-def test_time_has_to_increase_even_where_the_rate_is_given(tmp_path: Path) -> None:
+def test_a_given_rate_wins_over_the_times(tmp_path: Path) -> None:
     path = csv_file(tmp_path, "time_s,gyro_x_dps\n0,1\n1,1\n0.5,1\n")
-    assert ":4: " in refusal(read_csv, path, None, "dps", 1.0)
+    assert ":4: " in refusal(read_csv, path)
+    assert read_csv(path, rate_hz=10.0).device_s.tolist() == [0, 0.1, 0.2]
+
+
+def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path: Path) -> None:
+    """Rounding each step by itself would make gaps of jitter, and a wrong rate of bursts."""
+    random = np.random.default_rng(1)
+    for jitter_s, works in ((0.0005, True), (0.004, False)):
+        times_s = np.arange(2000) * 0.01 + random.uniform(-jitter_s, jitter_s, 2000)
+        path = csv_file(tmp_path, "time_s,gyro_x_dps\n" + "".join(f"{t!r},1\n" for t in times_s.tolist()))
+        if works:
+            assert read_csv(path).rate_hz == pytest.approx(100, rel=1e-3)
+        else:
+            assert "too uneven" in refusal(read_csv, path)
+            assert "--rate" in refusal(read_csv, path)
+
+
+@pytest.mark.parametrize(("value", "units"), [("1e200", "dps"), ("-2e6", "dps"), ("1e308", "rad/s")])
+def test_rates_that_no_gyroscope_has_are_refused_by_line(value: str, units: str, tmp_path: Path) -> None:
+    path = csv_file(tmp_path, f"gyro_x_dps\n1\n{value}\n2\n")
+    assert refusal(read_csv, path, None, units, 100.0).startswith(":3: more than 1e+06 deg/s")
+
+
+def test_an_underscore_makes_no_number(tmp_path: Path) -> None:
+    assert "'1_0' is not a number" in refusal(
+        read_csv, csv_file(tmp_path, "gyro_x_dps\n1_0\n"), None, "dps", 100.0
+    )
 
 
 def test_missing_columns_are_all_named(tmp_path: Path) -> None:
@@ -170,7 +197,7 @@ def npz_file(tmp_path: Path, **changes: object) -> Path:
 
 
 def test_npz_of_counts(tmp_path: Path) -> None:
-    times_s = [5.0, 5.1, 5.1, 4.0]
+    times_s = [5.0, 5.1, 5.1, 5.2]
     path = npz_file(tmp_path, t_host_s=times_s, accel_raw=np.ones((4, 3)), temp_c=np.array("?"))
     found = read_npz(path)
     assert found.gyro.tolist() == GOOD["gyro_raw"].tolist()
@@ -208,6 +235,12 @@ BAD_NPZ = {
     "few times": ({"t_host_s": np.ones(3)}, "t_host_s has the shape (3,)", "(4,) is needed"),
     "times in a column": ({"t_host_s": np.ones((4, 1))}, "t_host_s has the shape (4, 1)"),
     "one time": ({"t_host_s": 3.0}, "t_host_s has the shape ()"),
+    "times backwards": ({"t_host_s": [0.0, 0.02, 0.01, 0.03]}, "t_host_s runs backwards in row 2"),
+    "times of another rate": (
+        {"t_host_s": [0.0, 1, 2, 3]},
+        "t_host_s spans 3 s, but 4 samples at fs_hz = 100",
+    ),
+    "too large": ({"gyro_raw": np.array([[1.0], [1e9]])}, "gyro_raw is more than 1e+06 deg/s in row 1"),
     "infinite time": ({"t_host_s": np.array([0, 1, np.inf, 3])}, "t_host_s is not finite in row 2"),
     "accel in a row": ({"accel_raw": np.ones(4)}, "accel_raw has the shape (4,)", "(4, 3) is needed"),
     "NaN accel": ({"accel_raw": NOT_FINITE}, "accel_raw is not finite in row 2"),
@@ -284,7 +317,7 @@ def ndjson_file(tmp_path: Path, *lines: str) -> Path:
 
 def test_ndjson_keeps_hello_and_samples_in_order(tmp_path: Path) -> None:
     other = '{"class":"stats","anything":1}'
-    found = read_ndjson(ndjson_file(tmp_path, other, HELLO, SAMPLE, other, HELLO, SAMPLE, SAMPLE))
+    found, _ = read_ndjson(ndjson_file(tmp_path, other, HELLO, SAMPLE, other, HELLO, SAMPLE, SAMPLE))
     assert [type(record) for record in found] == [Hello, Sample, Hello, Sample, Sample]
 
 
@@ -323,4 +356,14 @@ def test_bad_ndjson(name: str, tmp_path: Path) -> None:
 
 def test_ndjson_that_is_not_text(tmp_path: Path) -> None:
     (tmp_path / "run.ndjson").write_bytes(b"\xff\xfe")
-    assert "cannot be read" in refusal(read_ndjson, tmp_path / "run.ndjson")
+    assert ":1: is not JSON" in refusal(read_ndjson, tmp_path / "run.ndjson")
+
+
+def test_a_last_line_that_is_cut_is_left_out_and_told(tmp_path: Path) -> None:
+    path = ndjson_file(tmp_path, HELLO, SAMPLE, SAMPLE)
+    assert read_ndjson(path)[1] is None
+    path.write_bytes(path.read_bytes()[:-20])
+    found, cut = read_ndjson(path)
+    assert [type(record) for record in found] == [Hello, Sample]
+    assert cut is not None
+    assert ":3: the last line is cut off" in cut

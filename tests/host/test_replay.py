@@ -60,12 +60,10 @@ def test_hello_first_then_every_sample(tmp_path: Path) -> None:
 def test_a_second_run_gives_the_same_events(tmp_path: Path) -> None:
     path = npz_file(tmp_path)
     assert list(ReplaySource(path).events()) == list(ReplaySource(path).events())
-    source = ReplaySource(path)
-    assert list(source.events()) == list(source.events())
 
 
 def test_host_times_are_those_of_the_recording(tmp_path: Path) -> None:
-    arrivals_s = 1e6 + np.sort(np.random.default_rng(1).random(300))
+    arrivals_s = 1e6 + np.sort(np.random.default_rng(1).random(300)) * 2.99
     found = samples(ReplaySource(npz_file(tmp_path, t_host_s=arrivals_s)))
     assert found[0].host_ns == 0
     assert [raw.host_ns for raw in found] == pytest.approx((arrivals_s - arrivals_s[0]) * 1e9, abs=2)
@@ -122,7 +120,7 @@ def test_half_an_hour_of_nothing_is_silence(tmp_path: Path) -> None:
     assert (continuity.delivered, continuity.lost, reasons) == (40, 0, ["start", "silence"])
 
 
-@given(st.lists(st.floats(2e-6, 5.0), min_size=1, max_size=50), st.sampled_from([1.0, 100.0, 1000.0, None]))
+@given(st.lists(st.floats(2e-6, 5.0), min_size=1, max_size=50), st.sampled_from([1.0, 100.0, 1000.0]))
 @settings(max_examples=100)
 def test_every_row_is_used_whatever_the_times(
     tmp_path_factory: pytest.TempPathFactory, steps_s: list[float], rate_hz: float | None
@@ -236,7 +234,7 @@ def test_own_output_replays_to_the_same_bits(lsb: str, tmp_path: Path) -> None:
 
 def test_real_pace_waits_for_each_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     now_ns = [0]
-    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns[0])
+    monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: now_ns[0])
     monkeypatch.setattr(time, "sleep", lambda s: now_ns.__setitem__(0, now_ns[0] + round(s * 1e9)))
     for event in ReplaySource(npz_file(tmp_path), realtime=True).events():
         assert now_ns[0] == event.host_ns

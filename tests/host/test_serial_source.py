@@ -1,7 +1,7 @@
 """The serial source's judgement, with transport events made up and time under control."""
 
 import pytest
-from fltea import wire
+from fltea import clock, wire
 from fltea.messages import encode
 from fltea.model import DeviceStatus, Event, Hello, LinkDown, RawSample, Tick, Trouble
 from fltea.sources.serial import SILENCE_S, SerialSource
@@ -117,13 +117,49 @@ def test_the_same_trouble_is_told_again_after_a_minute(script: Script) -> None:
 
 
 def test_rubbish_for_five_seconds_is_a_wrong_baud_rate(script: Script) -> None:
-    events = [script.at(Chunk(b"\x55\xaa" * 50, t * S // 2)) for t in range(1, 11)]
-    assert events[:9] == [[]] * 9
-    [trouble] = events[9]
+    events = [script.at(Chunk(b"\x55\xaa" * 50, t * S // 2)) for t in range(1, 12)]
+    assert events[:10] == [[]] * 10
+    [trouble] = events[10]
     assert isinstance(trouble, Trouble)
     assert trouble.kind == "no_valid_frame"
-    assert "1000 bytes" in trouble.message
+    assert "1100 bytes" in trouble.message
     assert "baud" in trouble.message
+
+
+def test_the_first_byte_after_a_silence_is_not_five_seconds_of_rubbish(script: Script) -> None:
+    data = hello_bytes()
+    script.at(Chunk(data, 1))
+    assert [t.kind for t in script.later(7 * S)] == ["silent"]
+    assert script.at(Chunk(data[:1], 7 * S + 1)) == []
+    assert [type(e) for e in script.at(Chunk(data[1:], 7 * S + 2))] == [Hello]
+
+
+def test_being_held_up_ourselves_proves_nothing(monkeypatch, script: Script) -> None:
+    """Stopped for eight seconds: the device is not judged by what we did not hear."""
+    now_ns = [S]
+    monkeypatch.setattr(clock, "host_ns", lambda: now_ns[0])
+
+    def stream(timeout_s: float):
+        yield Opened(S)
+        yield Chunk(hello_bytes(), S)
+        now_ns[0] += 8 * S
+        yield None
+        now_ns[0] += LIMIT
+        yield None
+
+    monkeypatch.setattr(script.source._reader, "events", stream)
+    monkeypatch.setattr(script.source._reader, "start", lambda: None)
+    now_then = [type(e).__name__ for e in script.source.events()]
+    assert now_then == ["Hello", "Tick", "Tick"]
+
+
+@pytest.mark.parametrize("zero", ["sample_rate", "gyro_lsb"])
+def test_a_hello_without_rate_or_scale_is_refused(zero: str, script: Script) -> None:
+    down, trouble = script.at(Chunk(hello_bytes(**{zero: 0}) + encode(SAMPLE, 0, 0), 1))
+    assert down == LinkDown(1)
+    assert isinstance(trouble, Trouble)
+    assert trouble.kind == "bad_hello"
+    assert [type(e) for e in script.at(Chunk(hello_bytes() + encode(SAMPLE, 1, 0), 2))] == [Hello, RawSample]
 
 
 def test_frames_without_hello(script: Script) -> None:

@@ -94,7 +94,7 @@ def test_wraps_like_a_device() -> None:
         ("?lsb_per_dps=nan", "lsb_per_dps has to be a finite number"),
         ("?range_dps=0", "full_scale_dps must be > 0"),
         ("?seed=-1", "non-negative"),
-        ("?window=0", "window must be at least 1"),
+        ("?window=0", "window has to be 1 to"),
     ],
 )
 def test_bad_query_is_refused_before_the_first_sample(query: str, words: str) -> None:
@@ -114,7 +114,7 @@ def test_noise_that_grows_beyond_all_bounds_is_told(lsb: str) -> None:
 
 def test_own_pace_counts_from_now(monkeypatch: pytest.MonkeyPatch) -> None:
     now_ns = [5_000]
-    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns[0])
+    monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: now_ns[0])
     monkeypatch.setattr(time, "time_ns", lambda: now_ns[0] + 10**18)
     monkeypatch.setattr(time, "sleep", lambda s: now_ns.__setitem__(0, now_ns[0] + round(s * 1e9)))
     source = SyntheticSource("?n=30", realtime=True)
@@ -134,3 +134,9 @@ def test_endless_until_closed() -> None:
             source.close()
     assert len(found) == 500
     assert source.link_stats().frames == 0
+
+
+def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = SyntheticSource("?rate_hz=0.001&window=10", realtime=True)
+    monkeypatch.setattr(time, "sleep", lambda seconds: source.close())
+    assert [type(event) for event in source.events()] == [Hello, RawSample]

@@ -8,6 +8,7 @@ import socket
 import time
 import tty
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import pytest
 import serial
@@ -16,6 +17,11 @@ from fltea.errors import UsageError
 from fltea.transport import Chunk, Failed, Opened, Reader, TransportEvent, explain_open_failure
 
 PATIENCE_S = 20.0
+
+
+class FakeStatus(NamedTuple):
+    st_mode: int
+    st_gid: int
 
 
 @pytest.fixture
@@ -83,17 +89,19 @@ def test_an_unplugged_port_is_an_event_and_is_tried_again(terminal, readers) -> 
 
 
 def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, terminal, readers) -> None:
-    _, name = terminal
+    master, name = terminal
 
     def broken(self: serial.Serial) -> int:
         raise TypeError("'NoneType' object cannot be interpreted as an integer")
 
     monkeypatch.setattr(serial.Serial, "in_waiting", property(broken))
     events = readers(name).events(0.05)
-    first = next_of(Failed, events)
-    assert isinstance(first, Failed)
-    assert "NoneType" in first.message
-    next_of(Failed, events)  # and the thread lives on
+    for _ in range(2):  # the thread lives on
+        next_of(Opened, events)
+        os.write(master, b"x")
+        failed = next_of(Failed, events)
+        assert isinstance(failed, Failed)
+        assert "NoneType" in failed.message
 
 
 def test_a_second_reader_finds_the_port_busy_and_gets_it_when_it_is_free(terminal, readers) -> None:
@@ -154,7 +162,7 @@ def test_close_ends_the_events_and_frees_the_port(terminal) -> None:
 
 
 def test_a_slow_consumer_costs_bytes_that_are_counted(monkeypatch, terminal) -> None:
-    monkeypatch.setattr(transport, "QUEUE_CHUNKS", 2)
+    monkeypatch.setattr(transport, "QUEUE_BYTES", 55)
     master, name = terminal
     reader = Reader(name, 250000)
     reader.start()
@@ -206,15 +214,50 @@ def test_what_the_operating_system_says_is_explained(number: int, kind: str, wor
     assert words in text
 
 
-def test_no_permission_names_the_group_that_owns_the_port(tmp_path) -> None:
+def test_no_permission_names_the_group_that_owns_the_port(tmp_path, monkeypatch) -> None:
     port = tmp_path / "port"
     port.touch()
-    os.chown(port, -1, os.getgid())
     import grp
 
-    group = grp.getgrgid(os.getgid()).gr_name
+    group = grp.getgrgid(20).gr_name
+    port.chmod(0o660)
+    monkeypatch.setattr(transport.os, "stat", lambda path: FakeStatus(0o20660, 20))
     text = explain_open_failure(str(port), PermissionError(errno.EACCES, "denied"))[1]
-    assert f"group '{group}'" in text
+    assert f"join it with 'sudo usermod -aG {group}" in text
+
+
+@pytest.mark.parametrize(("mode", "gid"), [(0o20600, 20), (0o20660, 0), (0o20640, 20)])
+def test_no_group_is_advised_that_would_not_help(mode: int, gid: int, monkeypatch) -> None:
+    monkeypatch.setattr(transport.os, "stat", lambda path: FakeStatus(mode, gid))
+    text = explain_open_failure("/dev/ttyX", PermissionError(errno.EACCES, "denied"))[1]
+    assert "usermod" not in text
+    assert "udev" in text
+
+
+@pytest.mark.parametrize("url", ["hwgrep://[", "socket://localhost"])
+def test_urls_that_no_retry_can_cure_are_refused(url: str) -> None:
+    with pytest.raises(UsageError, match="no serial port that this program knows"):
+        Reader(url, 250000)
+
+
+def test_a_port_that_dies_at_once_is_tried_ever_more_slowly(monkeypatch) -> None:
+    waits: list[float] = []
+    reader = Reader("/dev/none", 250000)
+    monkeypatch.setattr(reader, "_open", lambda: serial.serial_for_url("loop://", timeout=0.01))
+    monkeypatch.setattr(type(serial.serial_for_url("loop://")), "read", _dead)
+
+    def wait(timeout: float) -> None:
+        waits.append(timeout)
+        if len(waits) == 6:
+            reader._stop.set()
+
+    monkeypatch.setattr(reader._stop, "wait", wait)
+    reader._run()
+    assert waits == [*transport.BACKOFF_S, transport.BACKOFF_S[-1]]
+
+
+def _dead(self: object, size: int = 1) -> bytes:
+    raise OSError(errno.EIO, "gone")
 
 
 def test_missing_ports_are_answered_with_those_that_exist(monkeypatch) -> None:

@@ -8,6 +8,9 @@ import math
 
 import msgspec
 
+LONGEST_WINDOW = 10_000_000
+"""Samples; more than a day at 100 Hz, and as much memory as a small computer has to spare."""
+
 
 def _check_number(name: str, value: float) -> None:
     if not math.isfinite(value):
@@ -77,5 +80,7 @@ class GyroscopeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     parameter: ParameterSettings = ParameterSettings()
 
     def __post_init__(self) -> None:
-        if self.window < 1:
-            raise ValueError(f"window must be at least 1 sample, got {self.window}; the paper uses 3000")
+        if not 1 <= self.window <= LONGEST_WINDOW:
+            raise ValueError(
+                f"window must be 1 to {LONGEST_WINDOW} samples, got {self.window}; the paper uses 3000"
+            )

@@ -9,11 +9,13 @@ from fltea.model import Event, LinkStats
 class Source(Protocol):
     """What the daemon asks of a source.
 
-    live: it may fall silent and come back, and records must go out at once.
+    live: it may fall silent and come back.
+    prompt: its samples come at their own pace, so records must go out at once.
     unix_offset_ns: what to add to its events' host_ns to get Unix time.
     """
 
     live: bool
+    prompt: bool
 
     @property
     def unix_offset_ns(self) -> int:

@@ -10,37 +10,31 @@ from fltea.sources import Source
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
-from fltea.transport import list_ports_text
+from fltea.transport import ANY_BOARD
 
 PROGRAMMING_PORTS = {(0x2341, 0x003D), (0x2A03, 0x003D)}
-"""USB ids of the Arduino Due's programming port (the SAM core's boards.txt)."""
+"""USB ids of the Arduino Due's programming port, as in `transport.ANY_BOARD`."""
 
 RECORDING_SUFFIXES = (".npz", ".csv", ".txt", ".ndjson", ".jsonl")
 
 
 def find_board() -> str:
-    """Device path of the one Arduino Due that is plugged in.
+    """URL of the Arduino Due that is plugged in, or will be: it is waited for like any port.
 
     Raises:
-        UsageError: none, or more than one.
+        UsageError: there is more than one.
     """
     found = sorted(p.device for p in list_ports.comports() if (p.vid, p.pid) in PROGRAMMING_PORTS)
-    if len(found) == 1:
-        return str(found[0])
-    if found:
+    if len(found) > 1:
         raise UsageError(f"several boards are plugged in: {', '.join(found)}. Choose one with --source.")
-    raise UsageError(
-        "no Arduino Due found on its programming port, and no --source given. Check the cable (port "
-        f"beside the power socket). {list_ports_text()} Without a board: "
-        "--source 'synthetic:?alpha=0.3&f=-1.5'."
-    )
+    return ANY_BOARD
 
 
 def open_source(config: Config) -> Source:
     """The source that the configuration asks for, not yet started.
 
     Raises:
-        UsageError: an unknown URL, no board, or a bad recording.
+        UsageError: an unknown URL, several boards, or a bad recording.
     """
     url = config.source or f"serial:{find_board()}"
     scheme, colon, rest = url.partition(":")

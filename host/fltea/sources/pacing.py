@@ -3,13 +3,15 @@
 import time
 from collections.abc import Callable
 
+from fltea.clock import host_ns
+
 SLICE_S = 0.1
 
 
 def sleep_until(due_ns: int, closed: Callable[[], bool]) -> None:
-    """Sleep until the monotonic clock reads `due_ns` or the source is closed.
+    """Sleep until the host's clock reads `due_ns` or the source is closed.
 
     In slices, since Python goes on sleeping after a signal and `close` has to end a long wait.
     """
-    while not closed() and (left_ns := due_ns - time.monotonic_ns()) > 0:
+    while not closed() and (left_ns := due_ns - host_ns()) > 0:
         time.sleep(min(left_ns * 1e-9, SLICE_S))

@@ -1,4 +1,4 @@
-"""Recording files read whole: .npz, CSV, and fltea's own NDJSON, each to one `Recording`.
+"""Recording files read whole: .npz and CSV, each to one `Recording`.
 
 A file is checked before its first sample goes out, so that bad input gives one clear error (file,
 line, reason) and no half of an output.
@@ -8,18 +8,27 @@ import csv
 import math
 import zipfile
 import zlib
+from array import array
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea.errors import UsageError
-from fltea.model import AXES, Hello, Sample
+from fltea.model import AXES
 
 UNITS_HELP = "dps, mdps, rad/s, or lsb:N (counts, N LSB per deg/s)"
 TIME_COLUMN = "time_s"
+LARGEST_DPS = 1e6
+"""Hundreds of times what any gyroscope measures; beyond it the unit is wrong, and squares overflow."""
+
+EVENNESS, EVEN_SHARE = 0.2, 0.9
+"""Times are a device's if nine steps in ten are within a fifth of the median."""
+
+SHORTEST_STEP_S, LONGEST_S = 1e-6, 1e10
+HOST_TOLERANCE = 0.05
 
 
 class Recording(NamedTuple):
@@ -89,8 +98,28 @@ def read_npz(path: Path) -> Recording:
     for name, extra, shape in (("t_host_s", host_s, (len(gyro),)), ("accel_raw", accel, (len(gyro), 3))):
         if extra is not None and extra.shape != shape:
             raise UsageError(f"{path}: {name} has the shape {extra.shape}; {shape} is needed, as {key} has.")
+    if host_s is not None and len(host_s) > 1:
+        _check_host_times(path, host_s, rate_hz)
     lsb = _positive(path, "lsb_per_dps", data["lsb_per_dps"]) if key == "gyro_raw" else None
+    too_large = _too_large(gyro, lsb)
+    if too_large.any():
+        raise UsageError(
+            f"{path}: {key} is more than {LARGEST_DPS:g} deg/s in row {int(np.argmax(too_large))}."
+        )
     return Recording(gyro, rate_hz, np.arange(len(gyro)) / rate_hz, lsb, host_s, accel)
+
+
+def _check_host_times(path: Path, host_s: NDArray[np.float64], rate_hz: float) -> None:
+    """Arrivals may come in bursts, but neither backwards nor at another rate than the one stated."""
+    steps = np.diff(host_s)
+    if (steps < 0).any():
+        raise UsageError(f"{path}: t_host_s runs backwards in row {int(np.argmax(steps < 0)) + 1}.")
+    seconds, expected_s = float(host_s[-1] - host_s[0]), (len(host_s) - 1) / rate_hz
+    if abs(seconds - expected_s) > HOST_TOLERANCE * expected_s + 1.0:
+        raise UsageError(
+            f"{path}: t_host_s spans {seconds:.6g} s, but {len(host_s)} samples at fs_hz = {rate_hz:.6g} "
+            f"take {expected_s:.6g} s: one of the two is wrong, or samples are missing."
+        )
 
 
 def read_csv(
@@ -113,72 +142,47 @@ def read_csv(
             _check_columns(path, header, names)
             has_time = TIME_COLUMN in header
             places = [header.index(n) for n in names] + ([header.index(TIME_COLUMN)] if has_time else [])
-            table, lines = [], []
+            table, lines = array("d"), array("q")
             for row in filter(None, rows):
-                table.append(_csv_row(path, rows.line_num, row, places, header))
+                table.extend(_csv_row(path, rows.line_num, row, places, header))
                 lines.append(rows.line_num)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
     if not table:
         raise UsageError(f"{path}: has a header but no rows.")
-    values = np.array(table)
-    gyro = values[:, : len(names)] * factor
-    steps = np.diff(values[:, -1]) if has_time else np.empty(0)
+    values = np.array(table).reshape(len(lines), len(places))
+    with np.errstate(over="ignore"):
+        gyro = values[:, : len(names)] * factor
+    too_large = _too_large(gyro, lsb)
+    if too_large.any():
+        line = lines[int(np.argmax(too_large))]
+        raise UsageError(f"{path}:{line}: more than {LARGEST_DPS:g} deg/s; is --units {units} right?")
+    if rate_hz is not None:  # given: it wins over a column of times
+        return Recording(gyro, rate_hz, np.arange(len(gyro)) / rate_hz, lsb)
+    if not has_time:
+        raise UsageError(f"{path}: has no column '{TIME_COLUMN}', so give its rate: --rate 100.")
+    time_s = values[:, -1]
+    rate_hz = _rate_of(path, time_s, lines)
+    return Recording(gyro, rate_hz, time_s, lsb)
+
+
+def _rate_of(path: Path, time_s: NDArray[np.float64], lines: Sequence[int]) -> float:
+    """Rate of samples whose times are a device's: even, but for gaps."""
+    if len(time_s) < 2:
+        raise UsageError(f"{path}: one row alone tells no rate; give it: --rate 100.")
+    steps = np.diff(time_s)
     if (steps <= 0).any():
         line = lines[int(np.argmax(steps <= 0)) + 1]
         raise UsageError(f"{path}:{line}: column '{TIME_COLUMN}': the time does not increase.")
-    if rate_hz is None:
-        if not has_time:
-            raise UsageError(f"{path}: has no column '{TIME_COLUMN}', so give its rate: --rate 100.")
-        if not len(steps):
-            raise UsageError(f"{path}: one row alone tells no rate; give it: --rate 100.")
-        rate_hz = 1.0 / float(np.median(steps))
-    device_s = values[:, -1] if has_time else np.arange(len(values)) / rate_hz
-    return Recording(gyro, rate_hz, device_s, lsb)
-
-
-def read_ndjson(path: Path) -> list[Hello | Sample]:
-    """Read fltea's own output: its `hello` and `sample` records in their order.
-
-    Raises:
-        UsageError: a line that is damaged, samples without a hello, or none (recorded without --samples).
-    """
-    records: list[Hello | Sample] = []
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: cannot be read ({error}).") from error
-    for number, line in enumerate(lines, 1):
-        try:
-            record = msgspec.json.decode(line)  # refuses NaN, which json.loads takes
-        except msgspec.DecodeError as error:
-            raise UsageError(f"{path}:{number}: is not JSON ({error}).") from error
-        if not isinstance(record, dict) or "class" not in record:
-            raise UsageError(f"{path}:{number}: is not a record of fltea (no key 'class').")
-        if record["class"] not in ("hello", "sample"):
-            continue
-        try:
-            records.append(msgspec.convert(record, Hello | Sample))
-            _check_order(records)
-        except ValueError as error:  # msgspec's ValidationError is one
-            raise UsageError(f"{path}:{number}: is a damaged record ({error}).") from error
-    if not any(isinstance(record, Sample) for record in records):
-        raise UsageError(f"{path}: holds no sample records; write them with 'fltea run --samples'.")
-    return records
-
-
-def _check_order(records: list[Hello | Sample]) -> None:
-    """Raise ValueError if the last record cannot follow those before it."""
-    last, before = records[-1], records[-2] if len(records) > 1 else None
-    if isinstance(last, Hello):
-        if last.rate_hz <= 0 or (last.gyro_lsb_per_dps or 1.0) <= 0:
-            raise ValueError("rate and scale have to be positive")
-        return
-    if before is None:
-        raise ValueError("a sample before any hello; its rate is not known")
-    axes = len(before.gyro_dps) if isinstance(before, Sample) else None
-    if not 1 <= len(last.gyro_dps) <= len(AXES) or axes not in (None, len(last.gyro_dps)):
-        raise ValueError(f"gyro_dps has {len(last.gyro_dps)} axes" + (f", {axes} before" if axes else ""))
+    typical = float(np.median(steps))
+    even = np.abs(steps - typical) <= EVENNESS * typical
+    if even.mean() < EVEN_SHARE or typical < SHORTEST_STEP_S or np.abs(time_s).max() > LONGEST_S:
+        raise UsageError(
+            f"{path}: column '{TIME_COLUMN}': the steps are too uneven for a device's clock (median "
+            f"{typical:.3g} s, from {steps.min():.3g} to {steps.max():.3g} s). If these are times of "
+            "arrival, give the rate: --rate 100 (the column is then left aside)."
+        )
+    return 1.0 / float(steps[even].mean())
 
 
 def _check_columns(path: Path, header: list[str], names: list[str]) -> None:
@@ -200,7 +204,7 @@ def _csv_row(path: Path, line: int, row: list[str], places: list[int], header: l
                 f"{path}:{line}: has {len(row)} fields; column '{header[place]}' is number {place + 1}."
             )
         try:
-            value = float(row[place])
+            value = float(row[place].replace("_", "x"))  # 1_0 is a number in Python only
         except ValueError:
             raise UsageError(
                 f"{path}:{line}: column '{header[place]}': '{row[place]}' is not a number."
@@ -209,6 +213,11 @@ def _csv_row(path: Path, line: int, row: list[str], places: list[int], header: l
             raise UsageError(f"{path}:{line}: column '{header[place]}': {row[place]} is not a finite number.")
         values.append(value)
     return values
+
+
+def _too_large(gyro: NDArray[np.float64], lsb_per_dps: float | None) -> NDArray[np.bool_]:
+    """Mark the rows with a rate that no gyroscope has."""
+    return np.asarray((np.abs(gyro) > LARGEST_DPS * (lsb_per_dps or 1.0)).any(axis=1))
 
 
 def _numeric(path: Path, name: str, array: NDArray[Any]) -> NDArray[np.float64]:

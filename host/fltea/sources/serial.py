@@ -1,9 +1,8 @@
 """A device on a serial URL: transport, framing and messages put together, and watched over."""
 
-import time
 from collections.abc import Iterator
 
-from fltea import wire
+from fltea import clock, wire
 from fltea.messages import Frame, FrameReader, Refused
 from fltea.model import DeviceStatus, Event, Hello, LinkDown, LinkStats, RawSample, Tick, Trouble
 from fltea.mpu9250 import sensor_name
@@ -12,7 +11,11 @@ from fltea.transport import Chunk, Failed, Opened, Reader, TransportEvent
 SILENCE_S = 5.0
 """A device that says nothing, or nothing that can be read, for this long is reported."""
 
+LIMIT_NS = int(SILENCE_S * 1e9)
 TICK_S = 0.5
+STALL_S = 2.0
+"""If the program itself was held up for this long, by whatever, silence proves nothing."""
+
 REPEAT_S = 60.0
 """The same trouble is told again after this long."""
 
@@ -20,7 +23,7 @@ REPEAT_S = 60.0
 class SerialSource:
     """Frames from a serial port as events; every failure is a `Trouble`, and reading goes on."""
 
-    live = True
+    live = prompt = True
 
     def __init__(self, url: str, baud: int) -> None:
         self.url = url
@@ -29,8 +32,9 @@ class SerialSource:
         self._connected = False
         self._refused = False
         self._heard_hello = False
-        self._opened_ns = self._byte_ns = self._frame_ns = 0
-        self._frame_bytes = 0
+        self._opened_ns = self._byte_ns = 0
+        self._unread_since_ns: int | None = None
+        self._unread_bytes = 0
         self._told: tuple[str, int] | None = None
         self._connections = 0
         self._refused_frames = 0
@@ -38,14 +42,19 @@ class SerialSource:
     @property
     def unix_offset_ns(self) -> int:
         """Nanoseconds from the monotonic clock to Unix time, as of now."""
-        return time.time_ns() - time.monotonic_ns()
+        return clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
         """Yield what the device says until `close`."""
         self._reader.start()
+        before_ns = clock.host_ns()
         for item in self._reader.events(TICK_S):
+            now_ns = clock.host_ns()
+            if now_ns - before_ns > STALL_S * 1e9:
+                self._forgive(now_ns)
             yield from self._on_transport(item)
-            yield from self._watch(item.host_ns if item else time.monotonic_ns())
+            yield from self._watch(item.host_ns if item else now_ns)
+            before_ns = clock.host_ns()
 
     def link_stats(self) -> LinkStats:
         """Count what arrived and what was lost on the way."""
@@ -69,23 +78,24 @@ class SerialSource:
             case Opened(host_ns):
                 self._connected, self._refused, self._heard_hello = True, False, False
                 self._connections += 1
-                self._opened_ns = self._byte_ns = self._frame_ns = host_ns
-                self._frame_bytes = self._frames.bytes_in
-                self._told = None
+                self._forgive(host_ns)
                 self._frames.reset()
             case Failed(kind, message, host_ns):
                 self._connected = False
                 yield LinkDown(host_ns)
                 yield from self._tell(Trouble(kind, message, host_ns))
             case Chunk(data, host_ns):
+                if self._unread_since_ns is None or host_ns - self._byte_ns >= LIMIT_NS:
+                    self._unread_since_ns, self._unread_bytes = host_ns, 0
                 self._byte_ns = host_ns
+                self._unread_bytes += len(data)
                 for frame in self._frames.feed(data):
                     yield from self._on_frame(frame, host_ns)
             case None:
-                yield Tick(time.monotonic_ns())
+                yield Tick(clock.host_ns())
 
     def _on_frame(self, frame: Frame | Refused, host_ns: int) -> Iterator[Event]:
-        self._frame_ns = host_ns
+        self._unread_since_ns = None
         if isinstance(frame, Refused):
             self._refused = True
             self._refused_frames += 1
@@ -96,8 +106,11 @@ class SerialSource:
         if self._refused and not isinstance(frame.message, wire.Hello):
             self._refused_frames += 1
             return
-        self._frame_bytes = self._frames.bytes_in
         match frame.message:
+            case wire.Hello() as hello if problem := hello_problem(hello):
+                self._refused = True
+                yield LinkDown(host_ns)
+                yield from self._tell(Trouble("bad_hello", f"{self.url}: {problem}", host_ns))
             case wire.Hello() as hello:
                 self._refused, self._heard_hello, self._told = False, True, None
                 yield hello_event(hello, f"serial:{self.url}", host_ns)
@@ -117,24 +130,28 @@ class SerialSource:
                 text = f"the device reports {_name(wire.FaultCode, code)} (detail 0x{detail:X})."
                 yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
 
+    def _forgive(self, now_ns: int) -> None:
+        """Begin all waiting anew: the port was just opened, or we ourselves were not listening."""
+        self._opened_ns = self._byte_ns = now_ns
+        self._unread_since_ns = None
+
     def _watch(self, now_ns: int) -> Iterator[Trouble]:
         if not self._connected:
             return
-        limit_ns = int(SILENCE_S * 1e9)
-        if now_ns - self._byte_ns >= limit_ns:
+        waits_for_hello = self._unread_since_ns is None and not (self._heard_hello or self._refused)
+        if now_ns - self._byte_ns >= LIMIT_NS:
             text = (
                 f"{self.url} is open but has said nothing for {SILENCE_S:g} s. Is the firmware flashed, and "
                 "is this the programming port (the one beside the power socket)?"
             )
             yield from self._tell(Trouble("silent", text, now_ns))
-        elif now_ns - self._frame_ns >= limit_ns:
-            received = self._frames.bytes_in - self._frame_bytes
+        elif self._unread_since_ns is not None and now_ns - self._unread_since_ns >= LIMIT_NS:
             text = (
-                f"{self.url}: {received} bytes in {SILENCE_S:g} s, and no valid frame among them. The baud "
-                "rate is wrong, or the device does not run the firmware of fltea."
+                f"{self.url}: {self._unread_bytes} bytes in {SILENCE_S:g} s, and no valid frame among them. "
+                "The baud rate is wrong, or the device does not run the firmware of fltea."
             )
             yield from self._tell(Trouble("no_valid_frame", text, now_ns))
-        elif not self._heard_hello and not self._refused and now_ns - self._opened_ns >= limit_ns:
+        elif waits_for_hello and now_ns - self._opened_ns >= LIMIT_NS:
             text = f"{self.url}: valid frames, but no HELLO in {SILENCE_S:g} s; samples cannot be scaled."
             yield from self._tell(Trouble("no_hello", text, now_ns))
 
@@ -145,6 +162,16 @@ class SerialSource:
         if news:
             self._told = (trouble.kind, trouble.host_ns)
             yield trouble
+
+
+def hello_problem(hello: wire.Hello) -> str | None:
+    """Why samples after this HELLO could not be used; None if they can."""
+    if not hello.sample_rate or not hello.gyro_lsb:
+        return (
+            f"its HELLO states a rate of {hello.sample_rate} mHz and {hello.gyro_lsb} tenths of an LSB per "
+            "deg/s; neither can be 0. The firmware's settings are wrong."
+        )
+    return None
 
 
 def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:

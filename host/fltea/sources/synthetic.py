@@ -1,15 +1,16 @@
 """Noise of known order without any wire: `synthetic:?alpha=0.3&f=-1.5`, for trials and tests."""
 
 import math
-import time
 from collections.abc import Iterator
 from urllib.parse import parse_qsl
 
 import msgspec
 import numpy as np
 
+from fltea import clock
 from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.errors import FlteaError, UsageError
+from fltea.estimator.settings import LONGEST_WINDOW
 from fltea.model import AXES, Event, Hello, LinkStats, RawSample
 from fltea.simulate import FractionalNoise, quantise
 from fltea.sources.pacing import sleep_until
@@ -73,6 +74,8 @@ def parse_noise(query: str) -> NoiseSettings:
                 raise ValueError(f"{key} has to be a finite number, not {value}")
         if settings.rate_hz <= 0:
             raise ValueError(f"rate_hz has to be positive, not {settings.rate_hz:g}")
+        if not 1 <= settings.window <= LONGEST_WINDOW:
+            raise ValueError(f"window has to be 1 to {LONGEST_WINDOW} samples, not {settings.window}")
         if settings.n < 0:
             raise ValueError(f"n has to be 0 (no end) or more, not {settings.n}")
         NoiseGenerator(settings).step()  # lets every part of it check its own
@@ -91,10 +94,10 @@ class SyntheticSource:
 
     def __init__(self, query: str, *, realtime: bool) -> None:
         self.settings = parse_noise(query)
-        self._realtime = realtime
+        self._realtime = self.prompt = realtime
         self._name = f"synthetic:{query}"
         self._closed = False
-        self._offset_ns = time.time_ns() - time.monotonic_ns() if realtime else 0
+        self._offset_ns = clock.unix_offset_ns() if realtime else 0
 
     @property
     def unix_offset_ns(self) -> int:
@@ -105,7 +108,7 @@ class SyntheticSource:
         """Yield HELLO and the samples."""
         s = self.settings
         noise = NoiseGenerator(s)
-        begin_ns = time.monotonic_ns() if self._realtime else 0
+        begin_ns = clock.host_ns() if self._realtime else 0
         yield Hello(
             source=self._name,
             host_ns=begin_ns,

@@ -1,0 +1,15 @@
+"""The host's clock: monotonic, and going on while the machine sleeps where the system offers that."""
+
+import time
+
+_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+
+
+def host_ns() -> int:
+    """Nanoseconds since some fixed moment; no change of the date moves it."""
+    return time.clock_gettime_ns(_CLOCK)
+
+
+def unix_offset_ns() -> int:
+    """What to add to `host_ns` to get Unix time, as of now."""
+    return time.time_ns() - host_ns()
