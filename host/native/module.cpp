@@ -1,4 +1,5 @@
-// fltea._native: the device's encoder for the tests, so that Python can compare it with its own bytes.
+// fltea._native: the device's encoder, so that tests can compare its bytes with Python's, and the estimator
+// engine.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
@@ -10,6 +11,7 @@
 
 #include "cobs.h"
 #include "crc32.h"
+#include "engine_binding.hpp"
 #include "frame.h"
 #include "messages.h"
 
@@ -125,4 +127,5 @@ NB_MODULE(_native, m) {
           nb::arg("payload"));
     m.def("encode_message", &encode_message, nb::arg("type"), nb::arg("sequence"), nb::arg("device_us"),
           nb::arg("fields"));
+    bind_engine(m);
 }

@@ -1,0 +1,198 @@
+"""Native engine: FLTEA for one state in many lanes at once (Macias & Sierociuk 2023, section 5).
+
+A lane is one system of its own (an axis, a sensor, a shuffled copy, another set of settings):
+
+    x_k = h^α (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(α) x_{k-j} + noise of variance Q
+    y_k = x_k + noise of variance R
+
+y and x in deg/s, h in s, f in s^-α; Q is the variance of a whole step, it includes h^2α. Lanes never
+influence each other, and neither their number nor the width of the instruction set changes their results.
+
+Variants: "triple" is the paper's (equal to `reference` up to rounding); "joint" has one unscented filter on
+(α, β = h^α f) instead of KFo and KFw.
+
+Guards: "off" is the printed algorithm. It can diverge: results are then no longer finite, or absurd,
+and nothing is raised. "faithful" is the printed algorithm within bounds, equal to it to the bit for as
+long as nothing has to be bounded. "consistent" has the same bounds and counts the state's own variance
+in KFo, KFw and the joint filter too. With a guard every estimate stays finite, 0 <= α <= 2 and -2 2^α
+<= h^α f <= 1, whatever the input, and |y - x| <= 4 sqrt(R) after each measurement; every intervention
+is counted (`CAUSES`).
+
+Orders with compressed memory: those outside [-1.95, 4] are taken for the nearest of these and counted as
+"memory_order"; only with guard "off" can they occur.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fltea import _native
+from fltea.estimator import snapshot
+from fltea.estimator.engine_settings import (
+    EngineSettings,
+    JointTuning,
+    OrderTuning,
+    ParameterTuning,
+    StateTuning,
+    native_table,
+)
+
+Array = NDArray[np.float64]
+
+__all__ = [
+    "CAUSES",
+    "LARGEST_INPUT",
+    "Engine",
+    "EngineSettings",
+    "Estimates",
+    "JointTuning",
+    "OrderTuning",
+    "ParameterTuning",
+    "StateTuning",
+    "instruction_sets",
+]
+
+CAUSES = (
+    "order_box",
+    "order_sigma",
+    "order_variance",
+    "order_gate",
+    "parameter_box",
+    "parameter_variance",
+    "parameter_gate",
+    "state_bound",
+    "memory_order",
+)
+"""Why an estimate is not the printed algorithm's, in the order of `Estimates.interventions`.
+
+order_box: α left [0, 2]. order_sigma: a sigma point left [-1/2, 5/2]. order_variance: the predicted
+variance of α exceeded 1/3. order_gate, parameter_gate: the innovation of KFo (or of the joint filter),
+of KFw, exceeded `gate` standard deviations. parameter_box: h^α f left its bounds where f was stored or
+used. parameter_variance: its predicted variance exceeded a third of the square of its range.
+state_bound: the innovation of KFx exceeded 4 standard deviations, or a prediction over missing samples
+went ten times beyond anything seen. memory_order: the compressed memory was asked for an order beyond
+its range and took the nearest one (with guard "off" only).
+"""
+
+LARGEST_INPUT = _native.LARGEST_INPUT
+"""Measurements and inputs beyond ± this are refused: sums of their squares have no room in a float."""
+
+
+class Estimates(NamedTuple):
+    """After every sample; arrays of shape (lanes,) from `step` and (n, lanes) from `run`."""
+
+    alpha: Array
+    alpha_var: Array
+    """variance of α: the filter's own"""
+    f: Array
+    """in s^-α; with variant "joint" β h^-α"""
+    f_var: Array
+    """variance of f; with variant "joint" to first order from the covariance of α and β"""
+    x: Array
+    """posterior state"""
+    P: Array
+    """its variance"""
+    innovation: Array
+    """measurement minus prediction; NaN where it is missing"""
+    innovation_var: Array
+    interventions: NDArray[np.int32]
+    """(lanes, len(CAUSES)), from `run` too: number of samples since the lane's start, by cause"""
+
+
+def instruction_sets() -> list[str]:
+    """Names of the instruction sets that this processor can run, best first."""
+    return _native.instruction_sets()
+
+
+class Engine:
+    """Any number of lanes of the estimator, all of one variant, guard and memory.
+
+    `instruction_set` is one of `instruction_sets()`, by default the first. Results of different sets differ
+    by rounding. Raises ValueError for settings that no filter can work with. Calls from several threads wait
+    for each other.
+    """
+
+    def __init__(self, lanes: int, settings: EngineSettings, *, instruction_set: str | None = None) -> None:
+        self.lanes = lanes
+        self.settings = settings
+        self.instruction_set = instruction_set or instruction_sets()[0]
+        self._table = settings.table(lanes)
+        self._native = _native.Engine(
+            self.instruction_set,
+            settings.variant == "joint",
+            ("off", "faithful", "consistent").index(settings.guard),
+            settings.memory == "compressed",
+            settings.accuracy,
+            settings.window or 0,
+            native_table(self._table),
+        )
+
+    def step(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
+        """Take one sample of every lane: y, the input u that led to it (default 0), both (lanes,).
+
+        `missing` (lanes,) marks lanes without a measurement, which make a prediction-only step; their y is
+        ignored. Raises ValueError, and changes nothing, for wrong shapes and for numbers that are not finite
+        or beyond ±LARGEST_INPUT.
+        """
+        one = self.run(
+            np.asarray(y)[np.newaxis],
+            None if u is None else np.asarray(u)[np.newaxis],
+            None if missing is None else np.asarray(missing)[np.newaxis],
+        )
+        return Estimates._make((*(column[0] for column in one[:-1]), one.interventions))
+
+    def run(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
+        """Take n samples of every lane, all (n, lanes): the same, to the bit, as n calls of `step`."""
+        measured = np.ascontiguousarray(y, dtype=np.float64)
+        if measured.ndim != 2 or measured.shape[1] != self.lanes:
+            raise ValueError(f"y must have {self.lanes} lanes in its last axis, got shape {np.shape(y)}")
+        drive = None if u is None else np.ascontiguousarray(u, dtype=np.float64)
+        gone = None if missing is None else np.ascontiguousarray(missing, dtype=bool).view(np.uint8)
+        for name, array in (("u", drive), ("missing", gone)):
+            if array is not None and array.shape != measured.shape:
+                raise ValueError(f"{name} must have y's shape {measured.shape}, got {array.shape}")
+        out = np.empty((8, *measured.shape))
+        self._native.run(measured, drive, gone, out)
+        return Estimates._make((*out, self.interventions()))
+
+    def interventions(self) -> NDArray[np.int32]:
+        """How often the guard stepped in, (lanes, len(CAUSES)), since the start of each lane."""
+        counts = np.empty((self.lanes, len(CAUSES)), dtype=np.int32)
+        self._native.counts(counts)
+        return counts
+
+    def reset(self, mask: ArrayLike | None = None) -> None:
+        """Let the lanes of `mask` (lanes,), by default all, begin anew: initial estimates, empty memory."""
+        flags = np.ones(self.lanes, dtype=bool) if mask is None else np.ascontiguousarray(mask, dtype=bool)
+        if flags.shape != (self.lanes,):
+            raise ValueError(f"mask must have shape ({self.lanes},), got {flags.shape}")
+        self._native.reset(flags.view(np.uint8))
+
+    @property
+    def storage_bytes(self) -> int:
+        """Bytes of working memory of all lanes, idle ones of the last pack included."""
+        return self._native.storage_bytes
+
+    def save(self) -> bytes:
+        """Return everything that `restore` needs to continue bit for bit with the same instruction set."""
+        return snapshot.pack(
+            self.lanes, self.settings, self.instruction_set, self._table, self._native.save()
+        )
+
+    @staticmethod
+    def restore(data: bytes, settings: EngineSettings | None = None) -> "Engine":
+        """Return an engine that continues where the one that was saved stood.
+
+        Raises ValueError for bytes that are not a snapshot, are damaged, come from another version, were
+        written with an instruction set that this processor lacks, or with settings other than `settings`.
+        """
+        saved = snapshot.unpack(data)
+        if settings is not None:
+            saved.check(settings)
+        engine = Engine(saved.lanes, settings or saved.settings, instruction_set=saved.instruction_set)
+        try:
+            engine._native.load(saved.state)
+        except ValueError as error:
+            raise ValueError(f"not a snapshot of this version of the engine: {error}") from None
+        return engine

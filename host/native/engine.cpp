@@ -1,0 +1,326 @@
+// The engine for one instruction set: packs of lanes, stepped one pack after the other (engine.hpp).
+//
+// Compiled once per set, see CMakeLists.txt. It uses nothing from the standard library that has code: inline
+// functions of the library would be shared between the sets by the linker.
+#include "engine.hpp"
+
+#include <new>
+
+#include "lane.hpp"
+#include "memory_compressed.hpp"
+#include "memory_direct.hpp"
+
+namespace fltea {
+inline namespace FLTEA_INSTRUCTION_SET {
+namespace {
+
+typedef Pack<double, kWidth> Number;
+const std::size_t kLanesInPack = kWidth;
+const std::size_t kAlignment = 64;
+
+std::size_t rounded_up(std::size_t bytes) { return (bytes + kAlignment - 1) / kAlignment * kAlignment; }
+std::size_t packs(const EngineShape& shape) { return (shape.lanes + kLanesInPack - 1) / kLanesInPack; }
+
+// One kind of memory: how much it needs and how it is made.
+struct Direct {
+    typedef DirectMemory<Number> Memory;
+    static std::size_t storage(const EngineShape& shape) { return Memory::storage(shape.window); }
+    static Memory make(Number* storage, const EngineShape& shape) { return Memory(storage, shape.window); }
+    static bool plausible(const Memory::Position& at, const EngineShape& shape) {
+        return at.position < shape.window;
+    }
+};
+
+struct Compressed {
+    typedef CompressedMemory<Number> Memory;
+    static std::size_t storage(const EngineShape& shape) { return Memory::storage(config(shape)); }
+    static Memory make(Number* storage, const EngineShape& shape) { return Memory(storage, config(shape)); }
+    static CompressedConfig config(const EngineShape& shape) {
+        return compressed_config(shape.window, shape.accuracy);
+    }
+    static bool plausible(const Memory::Position&, const EngineShape&) { return true; }
+};
+
+// An engine of one variant and memory: its packs one after another, each a Lane and the storage of its
+// memory.
+template <class Variant, class Kind>
+class Packs {
+  public:
+    typedef typename Kind::Memory Memory;
+    typedef typename Memory::Position Position;
+    typedef Lane<Number, Variant, Memory> PackOfLanes;
+
+    Packs(void* storage, const EngineShape& shape)
+        : base_(static_cast<unsigned char*>(storage)), shape_(shape) {}
+
+    static std::size_t stride(const EngineShape& shape) {
+        return rounded_up(sizeof(PackOfLanes)) + rounded_up(Kind::storage(shape) * sizeof(Number));
+    }
+
+    void start(const LaneSettings* settings) {
+        for (std::size_t i = 0; i < packs(shape_); ++i) {
+            Tuning<Number> tuning;
+            gather_tuning(settings, i, tuning);
+            new (at(i))
+                PackOfLanes(Kind::make(memory_storage(i), shape_), tuning, static_cast<Guard>(shape_.guard));
+        }
+    }
+
+    void run(const Block& block) {
+        for (std::size_t i = 0; i < packs(shape_); ++i) run_pack(lane(i), i, block);
+    }
+
+    void reset(const std::uint8_t* mask) {
+        for (std::size_t i = 0; i < packs(shape_); ++i) lane(i).reset(flags(mask, i));
+    }
+
+    void counts(std::int32_t* out) const {
+        for (std::size_t k = 0; k < shape_.lanes; ++k) {
+            const typename PackOfLanes::State& state = lane(k / kLanesInPack).state();
+            for (int cause = 0; cause < kCauses; ++cause) {
+                const double count = get_lane(state.counts[cause], static_cast<int>(k % kLanesInPack));
+                *out++ = count < 2147483647.0 ? static_cast<std::int32_t>(count) : 2147483647;
+            }
+        }
+    }
+
+    // Pack after pack, bytes as they are: State, the memory's own data, its storage.
+    std::size_t snapshot() const {
+        return packs(shape_) * (sizeof(typename PackOfLanes::State) + sizeof(Position) +
+                                Kind::storage(shape_) * sizeof(Number));
+    }
+
+    void save(unsigned char* out) const {
+        for (std::size_t i = 0; i < packs(shape_); ++i) {
+            out = put(out, &lane(i).state(), sizeof(typename PackOfLanes::State));
+            const Position position = lane(i).memory().position();
+            out = put(out, &position, sizeof position);
+            out = put(out, memory_storage(i), Kind::storage(shape_) * sizeof(Number));
+        }
+    }
+
+    // False if a snapshot of the right size cannot come from this engine; it is then to be thrown away.
+    bool load(const unsigned char* in) {
+        for (std::size_t i = 0; i < packs(shape_); ++i) {
+            in = get(in, &lane(i).state(), sizeof(typename PackOfLanes::State));
+            Position position;
+            in = get(in, &position, sizeof position);
+            if (!Kind::plausible(position, shape_)) return false;
+            lane(i).memory().set_position(position);
+            in = get(in, memory_storage(i), Kind::storage(shape_) * sizeof(Number));
+        }
+        return true;
+    }
+
+  private:
+    void* at(std::size_t i) const { return base_ + i * stride(shape_); }
+    PackOfLanes& lane(std::size_t i) const { return *static_cast<PackOfLanes*>(at(i)); }
+    Number* memory_storage(std::size_t i) const {
+        return static_cast<Number*>(
+            static_cast<void*>(base_ + i * stride(shape_) + rounded_up(sizeof(PackOfLanes))));
+    }
+    static unsigned char* put(unsigned char* out, const void* data, std::size_t bytes) {
+        __builtin_memcpy(out, data, bytes);
+        return out + bytes;
+    }
+    static const unsigned char* get(const unsigned char* in, void* data, std::size_t bytes) {
+        __builtin_memcpy(data, in, bytes);
+        return in + bytes;
+    }
+
+    // The last pack may have idle lanes: they have the settings of the last lane and are fed zeros.
+    std::size_t used(std::size_t i) const {
+        const std::size_t rest = shape_.lanes - i * kLanesInPack;
+        return rest < kLanesInPack ? rest : kLanesInPack;
+    }
+
+    void gather_tuning(const LaneSettings* settings, std::size_t i, Tuning<Number>& tuning) const {
+        static_assert(sizeof(Tuning<double>) == sizeof(LaneSettings), "one field here is one there");
+        const std::size_t fields = sizeof(LaneSettings) / sizeof(double);
+        Number* to = reinterpret_cast<Number*>(&tuning);
+        for (std::size_t l = 0; l < kLanesInPack; ++l) {
+            const std::size_t k = i * kLanesInPack + (l < used(i) ? l : used(i) - 1);
+            const double* from = reinterpret_cast<const double*>(settings + k);
+            for (std::size_t field = 0; field < fields; ++field)
+                set_lane(to[field], static_cast<int>(l), from[field]);
+        }
+    }
+
+    MaskOf<Number> flags(const std::uint8_t* row, std::size_t i) const {
+        Number raised = Number(0.0);
+        for (std::size_t l = 0; l < used(i); ++l) {
+            set_lane(raised, static_cast<int>(l), row[i * kLanesInPack + l] ? 1.0 : 0.0);
+        }
+        return raised > Number(0.0);
+    }
+
+    Number numbers(const double* row, std::size_t i) const {
+        Number values = Number(0.0);
+        const double* from = row + i * kLanesInPack;
+        if (used(i) == kLanesInPack) {
+            __builtin_memcpy(&values, from, sizeof values);
+        } else {
+            for (std::size_t l = 0; l < used(i); ++l) set_lane(values, static_cast<int>(l), from[l]);
+        }
+        return values;
+    }
+
+    void run_pack(PackOfLanes& pack, std::size_t i, const Block& block) const {
+        Sample<Number> sample = {Number(0.0), Number(0.0), everywhere<Number>(false)};
+        for (std::size_t k = 0; k < block.samples; ++k) {
+            const std::size_t row = k * shape_.lanes;
+            sample.y = numbers(block.y + row, i);
+            if (block.u) sample.u = numbers(block.u + row, i);
+            if (block.missing) {
+                sample.missing = flags(block.missing + row, i);
+                sample.y = select(sample.missing, Number(0.0), sample.y);  // whatever stands there
+            }
+            Estimate<Number> estimate;
+            pack.step(sample, estimate);
+            static_assert(sizeof estimate == kColumns * sizeof(Number), "one column is one number");
+            const double* columns = reinterpret_cast<const double*>(&estimate);
+            for (int column = 0; column < kColumns; ++column) {
+                double* to = block.out[column] + row + i * kLanesInPack;
+                __builtin_memcpy(to, columns + column * kWidth, used(i) * sizeof(double));
+            }
+        }
+    }
+
+    unsigned char* base_;
+    EngineShape shape_;
+};
+
+// Calls `action` with the Packs that the shape asks for.
+template <class Action>
+void with_packs(void* storage, const EngineShape& shape, Action& action) {
+    if (shape.joint) {
+        if (shape.compressed) {
+            action(Packs<Joint<Number>, Compressed>(storage, shape));
+        } else {
+            action(Packs<Joint<Number>, Direct>(storage, shape));
+        }
+    } else {
+        if (shape.compressed) {
+            action(Packs<Triple<Number>, Compressed>(storage, shape));
+        } else {
+            action(Packs<Triple<Number>, Direct>(storage, shape));
+        }
+    }
+}
+
+struct Size {
+    const EngineShape& shape;
+    std::size_t bytes;
+    template <class P>
+    void operator()(const P&) {
+        bytes = packs(shape) * P::stride(shape);
+    }
+};
+struct Start {
+    const LaneSettings* settings;
+    template <class P>
+    void operator()(P engine) {
+        engine.start(settings);
+    }
+};
+struct Run {
+    const Block& block;
+    template <class P>
+    void operator()(P engine) {
+        engine.run(block);
+    }
+};
+struct Reset {
+    const std::uint8_t* mask;
+    template <class P>
+    void operator()(P engine) {
+        engine.reset(mask);
+    }
+};
+struct Counts {
+    std::int32_t* out;
+    template <class P>
+    void operator()(P engine) {
+        engine.counts(out);
+    }
+};
+struct SnapshotSize {
+    std::size_t bytes;
+    template <class P>
+    void operator()(P engine) {
+        bytes = engine.snapshot();
+    }
+};
+struct Save {
+    unsigned char* out;
+    template <class P>
+    void operator()(P engine) {
+        engine.save(out);
+    }
+};
+struct Load {
+    const unsigned char* in;
+    bool loaded;
+    template <class P>
+    void operator()(P engine) {
+        loaded = engine.load(in);
+    }
+};
+
+std::size_t storage(const EngineShape& shape) {
+    Size size = {shape, 0};
+    with_packs(nullptr, shape, size);
+    return size.bytes;
+}
+void start(void* engine, const EngineShape& shape, const LaneSettings* settings) {
+    Start action = {settings};
+    with_packs(engine, shape, action);
+}
+void run(void* engine, const EngineShape& shape, const Block& block) {
+    Run action = {block};
+    with_packs(engine, shape, action);
+}
+void reset(void* engine, const EngineShape& shape, const std::uint8_t* mask) {
+    Reset action = {mask};
+    with_packs(engine, shape, action);
+}
+void counts(const void* engine, const EngineShape& shape, std::int32_t* out) {
+    Counts action = {out};
+    with_packs(const_cast<void*>(engine), shape, action);
+}
+std::size_t snapshot(const EngineShape& shape) {
+    SnapshotSize size = {0};
+    with_packs(nullptr, shape, size);
+    return size.bytes;
+}
+void save(const void* engine, const EngineShape& shape, unsigned char* out) {
+    Save action = {out};
+    with_packs(const_cast<void*>(engine), shape, action);
+}
+bool load(void* engine, const EngineShape& shape, const unsigned char* in) {
+    Load action = {in, false};
+    with_packs(engine, shape, action);
+    return action.loaded;
+}
+
+#define FLTEA_STRING_(name) #name
+#define FLTEA_STRING(name) FLTEA_STRING_(name)
+#define FLTEA_JOIN_(a, b) a##b
+#define FLTEA_JOIN(a, b) FLTEA_JOIN_(a, b)
+
+}  // namespace
+}  // namespace FLTEA_INSTRUCTION_SET
+
+const Backend FLTEA_JOIN(engine_, FLTEA_INSTRUCTION_SET) = {FLTEA_STRING(FLTEA_INSTRUCTION_SET),
+                                                            kWidth,
+                                                            kCauses,
+                                                            storage,
+                                                            start,
+                                                            run,
+                                                            reset,
+                                                            counts,
+                                                            snapshot,
+                                                            save,
+                                                            load};
+
+}  // namespace fltea

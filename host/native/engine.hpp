@@ -1,0 +1,80 @@
+// The engine as the binding sees it: plain data and one table of functions per instruction set.
+//
+// engine.cpp is compiled once per instruction set; each compilation fills one table. Nothing in this file is
+// code, so that no function compiled for one set can be linked into another. The caller owns all memory.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace fltea {
+
+// What all lanes of an engine have in common. Numbers for the enumerations, which belong to the instruction
+// sets' own namespaces.
+struct EngineShape {
+    std::size_t lanes;
+    std::int32_t joint;       // 0: triple (three filters), 1: joint (filters.hpp, joint.hpp)
+    std::int32_t guard;       // enum Guard of guard.hpp
+    std::int32_t compressed;  // 0: direct memory, 1: compressed
+    std::int32_t accuracy;    // compressed: digits of compressed_config(), 0 is its default
+    std::size_t window;       // L in samples; 0, with compressed memory only: unlimited
+};
+
+// What one lane is told; Tuning of filters.hpp, in the same order.
+struct LaneSettings {
+    double log_h;
+    double x0, P0, Q, R;
+    double alpha0, order_P0, order_Q0, order_R, order_delta;
+    double f0, parameter_P0, parameter_Q0, parameter_R, parameter_delta;
+    double gate;
+};
+
+// Columns of an estimate.
+enum Column : int {
+    kAlpha,
+    kAlphaVariance,
+    kF,
+    kFVariance,
+    kX,
+    kP,
+    kInnovation,
+    kInnovationVariance,
+    kColumns
+};
+
+// `samples` rows of `lanes` numbers each, row after row; u and missing may be null (no input, none missing).
+// All numbers are finite.
+struct Block {
+    std::size_t samples;
+    const double* y;
+    const double* u;
+    const std::uint8_t* missing;
+    double* out[kColumns];
+};
+
+struct Backend {
+    const char* name;
+    int width;   // lanes in a pack
+    int causes;  // counters a lane
+
+    // Bytes of storage that an engine of this shape needs, aligned to 64.
+    std::size_t (*storage)(const EngineShape& shape);
+    // Builds an engine in `storage`; `settings` has one entry a lane.
+    void (*start)(void* storage, const EngineShape& shape, const LaneSettings* settings);
+    void (*run)(void* storage, const EngineShape& shape, const Block& block);
+    // Lanes whose mask is not 0 begin anew.
+    void (*reset)(void* storage, const EngineShape& shape, const std::uint8_t* mask);
+    // (lanes, causes), row after row.
+    void (*counts)(const void* storage, const EngineShape& shape, std::int32_t* out);
+    // Size of a snapshot, and the snapshot: settings are not part of it.
+    std::size_t (*snapshot)(const EngineShape& shape);
+    void (*save)(const void* storage, const EngineShape& shape, unsigned char* out);
+    // False if the snapshot cannot come from an engine of this shape.
+    bool (*load)(void* storage, const EngineShape& shape, const unsigned char* in);
+};
+
+extern const Backend engine_baseline;
+extern const Backend engine_avx2;
+extern const Backend engine_avx512;
+
+}  // namespace fltea

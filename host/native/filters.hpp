@@ -1,0 +1,261 @@
+// The printed algorithm's three filters for one state (Macias & Sierociuk 2023, section 5), one step at a
+// time.
+//
+//     x_k = h^alpha (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(alpha) x_{k-j} + noise of variance Q
+//     y_k = x_k + noise of variance R
+//
+// T is float, double or a pack of lanes; every lane takes the same path, so lanes cannot influence each
+// other. Order of operations as in host/fltea/estimator/reference.py, so that results agree to rounding.
+// Compile with -ffp-contract=off: a fused multiply-add here and not there would make guarded and printed
+// results differ.
+#pragma once
+
+#include "guard.hpp"
+#include "memory_constants.hpp"
+
+namespace fltea {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// One sample of every lane. `missing` lanes have no measurement: their y is ignored.
+template <class T>
+struct Sample {
+    T y;  // y_k, deg/s
+    T u;  // B u_{k-1}, deg/s s^-alpha
+    MaskOf<T> missing;
+};
+
+// Everything that a lane's filters are told. Units: y in deg/s, h in s, f in s^-alpha; variances in squares.
+template <class T>
+struct Tuning {
+    T log_h;
+    T x0, P0, Q, R;                // KFx; Q is the variance of a whole step, it includes h^2alpha
+    T alpha0, order_P0, order_Q0;  // KFo
+    T order_R, order_delta;
+    T f0, parameter_P0, parameter_Q0;  // KFw; in the joint filter g0 = h^alpha0 f0 and its variances
+    T parameter_R, parameter_delta;
+    T gate;  // standard deviations, of the guard
+};
+
+// x and P are those of the last sample, V its sum of weighted past variances; reach is the largest |y| seen,
+// the inputs of gaps, and what is not known of x at the start: what a prediction is held against.
+template <class T>
+struct StateBelief {
+    T x, P, V, reach;
+};
+
+// An order or a parameter that walks at random: estimate, its variance, the variance of one step of the walk.
+template <class T>
+struct Walk {
+    T mean, P, Q;
+};
+
+template <class T>
+struct Estimate {
+    T alpha, alpha_variance, f, f_variance, x, P, innovation, innovation_variance;
+};
+
+// The next estimate of a walk after one measurement (sections 5.1 and 5.3). Y are the outputs that the model
+// predicts at the sigma points, R the measurement noise, delta the forgetting factor with which Q follows the
+// corrections (Robbins-Monro); `cause` is what a gate that softens the update counts as.
+template <class T>
+struct Update {
+    T correction;  // K e
+    T P;
+};
+
+template <class T>
+Update<T> unscented_update(T mean, const T (&points)[3], const T (&Y)[3], T y, T R, T gate, Guards<T>& guards,
+                           Cause cause) {
+    const T Wm0 = T(2.0 / 3.0), Wc0 = T(8.0 / 3.0), W = T(1.0 / 6.0);
+    const T y_mean = Wm0 * Y[0] + W * Y[1] + W * Y[2];
+    const T dy0 = Y[0] - y_mean, dy1 = Y[1] - y_mean, dy2 = Y[2] - y_mean;
+    const T dx1 = points[1] - mean, dx2 = points[2] - mean;  // the first point is the mean itself
+    const T wy0 = Wc0 * dy0, wy1 = W * dy1, wy2 = W * dy2;
+    const T e = y - y_mean;
+    const T spread = dy0 * wy0 + dy1 * wy1 + dy2 * wy2;
+    R = guards.gated_noise(R, spread + R, e, gate, cause);
+    const T K = (dx1 * wy1 + dx2 * wy2) / (spread + R);
+    // Equal to the printed P - K Pyy K, but rounding cannot make it negative.
+    const T left0 = -(dy0 * K), left1 = dx1 - dy1 * K, left2 = dx2 - dy2 * K;
+    Update<T> update;
+    update.correction = K * e;
+    update.P = left0 * (Wc0 * left0) + left1 * (W * left1) + left2 * (W * left2) + K * R * K;
+    return update;
+}
+
+// mean and mean -+ sqrt(3 P): the sigma points of one dimension (n + lambda = 3).
+template <class T>
+void sigma_points(T mean, T P, T (&points)[3]) {
+    const T root = sqrt(P) * T(1.7320508075688772);
+    points[0] = mean;
+    points[1] = mean + root;
+    points[2] = mean - root;
+}
+
+// Q of the walk after a correction.
+template <class T>
+T adapted(T Q, T delta, T correction) {
+    return (T(1) - delta) * Q + delta * (correction * correction);
+}
+
+// Memories that serve every order; others (memory_compressed.hpp) clip it.
+template <class T>
+class CompressedMemory;
+template <class Memory>
+struct AnyOrder {
+    static constexpr bool value = true;
+};
+template <class T>
+struct AnyOrder<CompressedMemory<T>> {
+    static constexpr bool value = false;
+};
+
+// Notes where the memory takes another order for `order`, whose sums are asked for from `lowest` on.
+template <class Memory, class T>
+void note_order(T order, double lowest, Guards<T>& guards) {
+    typedef Real<T> R;
+    if (AnyOrder<Memory>::value) return;
+    guards.note(kMemoryOrder, (order < T(R(lowest))) | (order > T(R(kHighestOrder))));
+}
+
+// Time update of KFx (section 5.2): what the next sample is expected to be.
+template <class T>
+struct Prediction {
+    T x, P;
+};
+
+template <class T>
+Prediction<T> predict_state(const StateBelief<T>& state, T alpha, T beta, T rate, T past, T V, T Q) {
+    const T F = beta + alpha;
+    Prediction<T> prediction;
+    prediction.x = rate - past;
+    prediction.P = F * state.P * F + Q + V;
+    return prediction;
+}
+
+// Measurement update of KFx (section 5.2) and its report; a missing sample leaves the prediction. `drive` is
+// h^alpha u, by which a prediction may go beyond what was measured.
+template <class T>
+void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const Sample<T>& sample,
+                  const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
+    const MaskOf<T> missing = sample.missing;
+    state.reach = select(missing, state.reach + abs(drive), max(state.reach, abs(sample.y)));
+    guards.consider(missing);
+    Prediction<T> held = at;
+    guards.prediction(held.x, held.P, state.reach + T(4) * sqrt(p.R) + sqrt(p.Q));
+
+    guards.consider(!missing);
+    const T e = sample.y - at.x;
+    const T P = guards.state_variance(at.P, p.R, e);
+    const T S = P + p.R;
+    const T K = P / S;
+    const T kept = T(1) - K;
+    state.x = select(missing, held.x, at.x + K * e);
+    state.P = select(missing, held.P, kept * P * kept + K * p.R * K);
+    state.V = V;
+    out.x = state.x;
+    out.P = state.P;
+    out.innovation = select(missing, T(Real<T>(__builtin_nan(""))), e);
+    out.innovation_variance = select(missing, held.P + p.R, S);
+}
+
+// The order, the parameter and the state by three filters (section 5): KFo, KFw, KFx.
+template <class T>
+struct Triple {
+    StateBelief<T> state;
+    Walk<T> order, parameter;
+
+    void start(const Tuning<T>& p) {
+        order.mean = p.alpha0, order.P = p.order_P0, order.Q = p.order_Q0;
+        parameter.mean = p.f0, parameter.P = p.parameter_P0, parameter.Q = p.parameter_Q0;
+    }
+
+    template <class Memory>
+    void step(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
+              Estimate<T>& out) {
+        const MaskOf<T> missing = sample.missing;
+        guards.consider(!missing);
+        const T order_P = guards.order_variance(order.P + order.Q);
+        const Walk<T> moved = order_filter(memory, sample, p, guards, order_P);
+        // Q is what a measurement moves the order by, so a sample without one leaves the walk alone.
+        order.mean = select(missing, order.mean, moved.mean);
+        order.P = select(missing, order.P, moved.P);
+        order.Q = select(missing, order.Q, moved.Q);
+
+        guards.consider(everywhere<T>(true));
+        const T alpha = order.mean;
+        const Powers<T> scale = exp_both(alpha * p.log_h);
+        const T gain = scale.up;
+        note_order<Memory>(alpha, kLowestVarianceOrder, guards);
+        T past, V;
+        memory.sums(alpha, past, V);
+        V = max(V, T(0));  // a compressed sum may be short of zero by rounding
+        // KFx takes the parameters from before this sample.
+        const T f = guards.parameter(parameter.mean, alpha, scale);
+        const T rate = gain * (f * state.x + sample.u);
+        const Prediction<T> at = predict_state(state, alpha, gain * f, rate, past, V, p.Q);
+
+        // KFw, section 5.3: the same model at the new order, with the parameter at its sigma points.
+        const T P = guards.parameter_variance(parameter.P + parameter.Q, alpha, scale.down);
+        guards.consider(!missing);
+        T points[3], Y[3];
+        sigma_points(f, P, points);
+        for (int i = 0; i < 3; ++i) Y[i] = gain * (points[i] * state.x + sample.u) - past;
+        const T R = guards.consistent() ? p.parameter_R + at.P : p.parameter_R;
+        const Update<T> update = unscented_update(f, points, Y, sample.y, R, p.gate, guards, kParameterGate);
+        const T proposed = f + update.correction;
+        const T mean = guards.parameter(proposed, alpha, scale);
+        const T correction = learnt(update.correction, proposed, mean, f);
+        parameter.Q = select(missing, parameter.Q, adapted(parameter.Q, p.parameter_delta, correction));
+        parameter.mean = select(missing, f, mean);
+        parameter.P = select(missing, parameter.P, update.P);
+
+        update_state(state, at, V, gain * sample.u, sample, p, guards, out);
+        out.alpha = order.mean;
+        out.alpha_variance = order.P;
+        out.f = parameter.mean;
+        out.f_variance = parameter.P;
+    }
+
+  private:
+    // KFo, section 5.1: the order, by the model's answer to three sigma points.
+    template <class Memory>
+    Walk<T> order_filter(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
+                         T P) const {
+        T points[3], past[3], Y[3];
+        sigma_points(order.mean, P, points);
+        for (int i = 1; i < 3; ++i) points[i] = guards.order_point(points[i]);
+        for (int i = 0; i < 3; ++i) note_order<Memory>(points[i], kLowestOrder, guards);
+        memory.state_sums(points, past);
+        T R = p.order_R;
+        for (int i = 0; i < 3; ++i) {
+            const Powers<T> scale = exp_both(points[i] * p.log_h);
+            const T gain = scale.up;
+            const T f = guards.parameter(parameter.mean, points[i], scale);
+            Y[i] = gain * (f * state.x + sample.u) - past[i];
+            if (i == 0 && guards.consistent()) {
+                // The variance of what the filter takes for granted: the state before, its noise and its
+                // past.
+                const T F = gain * f + order.mean;
+                R = R + (F * state.P * F + p.Q + state.V);
+            }
+        }
+        const Update<T> update =
+            unscented_update(order.mean, points, Y, sample.y, R, p.gate, guards, kOrderGate);
+        const T proposed = order.mean + update.correction;
+        Walk<T> moved;
+        moved.mean = guards.order(proposed);
+        moved.P = update.P;
+        moved.Q =
+            adapted(order.Q, p.order_delta, learnt(update.correction, proposed, moved.mean, order.mean));
+        return moved;
+    }
+
+    // Q learns from the correction that was made, not from one that the box undid.
+    static T learnt(T correction, T proposed, T made, T before) {
+        return select(made == proposed, correction, made - before);
+    }
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace fltea

@@ -1,0 +1,140 @@
+// Guards of the three filters: what keeps estimates finite and within declared bounds, and counts that it
+// did.
+//
+// Every function returns its argument unchanged, to the bit, where the guard is off or nothing has to be
+// done. alpha is the order (no unit), f the parameter (s^-alpha), gain = h^alpha, beta = gain f the parameter
+// of one step (no unit). Bounds: alpha in [0, 2]; beta in [-2 * 2^alpha, 1], which holds every stationary
+// model
+// (-2^alpha < beta < 0) with room to move.
+#pragma once
+
+#include "pack_math.hpp"
+
+namespace fltea {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+enum class Guard : int {
+    off = 0,        // the printed algorithm; it may diverge
+    faithful = 1,   // the printed algorithm within bounds: innovation gates, box, state bound
+    consistent = 2  // the same, and KFo and KFw also count the state's own variance
+};
+
+// Why an estimate is not the printed algorithm's. A cause is counted at most once a sample and lane.
+enum Cause : int {
+    kOrderBox = 0,           // the order left [0, 2]
+    kOrderSigma = 1,         // a sigma point of the order left [-1/2, 5/2]
+    kOrderVariance = 2,      // the order's predicted variance exceeded 1/3
+    kOrderGate = 3,          // the innovation of the order filter exceeded its gate
+    kParameterBox = 4,       // beta left its bounds at an order at which f was stored or used
+    kParameterVariance = 5,  // the variance of beta exceeded a third of the square of its range
+    kParameterGate = 6,      // as kOrderGate, for the parameter filter
+    kStateBound = 7,   // the state's innovation exceeded 4 sigma, or a prediction left all that was seen
+    kMemoryOrder = 8,  // the compressed memory was asked for an order beyond its range (any guard)
+    kCauses = 9
+};
+
+template <class T>
+inline MaskOf<T> everywhere(bool value) {
+    return value ? T(0) == T(0) : T(0) != T(0);
+}
+
+template <class T>
+class Guards {
+  public:
+    typedef MaskOf<T> Mask;
+
+    explicit Guards(Guard mode) : mode_(mode), considered_(everywhere<T>(true)) {
+        for (int i = 0; i < kCauses; ++i) hit_[i] = everywhere<T>(false);
+    }
+
+    bool active() const { return mode_ != Guard::off; }
+    bool consistent() const { return mode_ == Guard::consistent; }
+
+    // From here on only lanes in `mask` count: what is computed for the others is thrown away.
+    void consider(Mask mask) { considered_ = mask; }
+
+    void note(Cause cause, Mask mask) { hit_[cause] = hit_[cause] | (mask & considered_); }
+
+    // Adds this step to the lanes' counters, `count` of kCauses.
+    void finish(T* count) const {
+        for (int i = 0; i < kCauses; ++i) count[i] = count[i] + select(hit_[i], T(1), T(0));
+    }
+
+    T order(T alpha) { return active() ? clip(alpha, T(0), T(2), kOrderBox) : alpha; }
+
+    // Half an order beyond the bounds: points clipped at the bounds themselves would pull the mean inwards.
+    T order_point(T alpha) { return active() ? clip(alpha, T(-0.5), T(2.5), kOrderSigma) : alpha; }
+
+    // 1/3 puts the sigma points one order away from the mean.
+    T order_variance(T P) { return active() ? limit(P, T(1.0 / 3.0), kOrderVariance) : P; }
+
+    // f so that beta = h^alpha f keeps its bounds at order alpha; `scale` is h^alpha and its reciprocal.
+    T parameter(T f, T alpha, const Powers<T>& scale) {
+        if (!active()) return f;
+        const T beta = scale.up * f;
+        const T lowest = lowest_beta(alpha);
+        const Mask below = beta<lowest, above = beta> T(1);
+        note(kParameterBox, below | above);
+        return select(below, lowest * scale.down, select(above, scale.down, f));
+    }
+
+    // beta itself within its bounds, for filters that estimate beta and not f.
+    T beta(T beta, T alpha) { return active() ? clip(beta, lowest_beta(alpha), T(1), kParameterBox) : beta; }
+
+    // The variance of f = beta * unit, such that the sigma points of beta reach one range beyond the mean.
+    T parameter_variance(T P, T alpha, T unit) {
+        if (!active()) return P;
+        const T range = (T(1) - lowest_beta(alpha)) * unit;
+        return limit(P, range * range * T(1.0 / 3.0), kParameterVariance);
+    }
+
+    // Measurement noise of KFo or KFw such that the innovation e is at most `gate` standard deviations of
+    // Pyy, which includes R.
+    T gated_noise(T R, T Pyy, T e, T gate, Cause cause) {
+        if (!active()) return R;
+        const T e2 = e * e, gate2 = gate * gate;
+        const Mask beyond = e2 > gate2 * Pyy;
+        note(cause, beyond);
+        return select(beyond, R + (e2 / gate2 - Pyy), R);
+    }
+
+    // Predicted variance of the state such that its innovation e is at most 4 sigma: |y - x| <= 4 sqrt(R)
+    // after the update, whatever alpha and f are.
+    T state_variance(T P, T R, T e) {
+        if (!active()) return P;
+        const T e2 = e * e;
+        const Mask beyond = e2 > T(16) * (P + R);
+        note(kStateBound, beyond);
+        return select(beyond, e2 * T(1.0 / 16.0) - R, P);
+    }
+
+    // Without measurements nothing holds a prediction; it may go ten times as far as anything seen before.
+    void prediction(T& x, T& P, T reach) {
+        if (!active()) return;
+        const T most = T(10) * reach;
+        x = clip(x, -most, most, kStateBound);
+        P = limit(P, most * most, kStateBound);
+    }
+
+  private:
+    static T lowest_beta(T alpha) { return T(-2) * exp(alpha * T(0.69314718055994531)); }
+
+    T clip(T value, T low, T high, Cause cause) {
+        const Mask below = value<low, above = value> high;
+        note(cause, below | above);
+        return select(below, low, select(above, high, value));
+    }
+
+    T limit(T value, T high, Cause cause) {
+        const Mask above = value > high;
+        note(cause, above);
+        return select(above, high, value);
+    }
+
+    Guard mode_;
+    Mask considered_;
+    Mask hit_[kCauses];
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace fltea

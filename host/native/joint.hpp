@@ -1,0 +1,146 @@
+// The joint variant: one unscented filter on (alpha, beta), beta = h^alpha f, in place of KFo and KFw.
+//
+// Two separate filters do not know how alpha and f depend on each other, which halts them part way; and f,
+// whose scale follows h^-alpha, runs away when alpha moves. One filter on (alpha, beta) has neither fault.
+// Its noise R is by default that of the state's step and of the measurement together (Q + R).
+#pragma once
+
+#include "filters.hpp"
+
+namespace fltea {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// Symmetric 2 x 2 matrix of (alpha, beta).
+template <class T>
+struct Covariance {
+    T aa, ab, bb;
+};
+
+template <class T>
+struct Joint {
+    StateBelief<T> state;
+    T alpha, beta;
+    Covariance<T> P, Q;
+
+    void start(const Tuning<T>& p) {
+        // beta is what is estimated: f0, parameter_P0 and parameter_Q0 hold beta0 and its variances here.
+        alpha = p.alpha0, beta = p.f0;
+        P.aa = p.order_P0, P.ab = T(0), P.bb = p.parameter_P0;
+        Q.aa = p.order_Q0, Q.ab = T(0), Q.bb = p.parameter_Q0;
+    }
+
+    template <class Memory>
+    void step(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
+              Estimate<T>& out) {
+        const MaskOf<T> missing = sample.missing;
+        guards.consider(!missing);
+        const Covariance<T> wide = {P.aa + Q.aa, P.ab + Q.ab, P.bb + Q.bb};
+        const Covariance<T> predicted = limited(wide, guards);
+        measure(memory, sample, p, guards, predicted);
+
+        guards.consider(everywhere<T>(true));
+        const T gain = exp(alpha * p.log_h), drive = gain * sample.u;
+        note_order<Memory>(alpha, kLowestVarianceOrder, guards);
+        T past, V;
+        memory.sums(alpha, past, V);
+        V = max(V, T(0));  // a compressed sum may be short of zero by rounding
+        const Prediction<T> at = predict_state(state, alpha, beta, beta * state.x + drive, past, V, p.Q);
+        update_state(state, at, V, drive, sample, p, guards, out);
+        out.alpha = alpha;
+        out.alpha_variance = P.aa;
+        report(gain, p.log_h, out);
+    }
+
+  private:
+    static const int kPoints = 5;
+
+    // Both variances within their limits, the correlation kept.
+    Covariance<T> limited(const Covariance<T>& wide, Guards<T>& guards) const {
+        if (!guards.active()) return wide;
+        const T aa = guards.order_variance(wide.aa);
+        const T bb = guards.parameter_variance(wide.bb, alpha, T(1));
+        const T scale =
+            sqrt(select(wide.aa > aa, aa / wide.aa, T(1))) * sqrt(select(wide.bb > bb, bb / wide.bb, T(1)));
+        const Covariance<T> narrow = {aa, wide.ab * scale, bb};
+        return narrow;
+    }
+
+    // Measurement update from the model's answers at five sigma points: the mean and the columns of -+ sqrt(3
+    // P).
+    template <class Memory>
+    void measure(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
+                 const Covariance<T>& at) {
+        const T root3 = T(1.7320508075688772), zero = T(0);
+        const T l_aa = sqrt(at.aa);
+        const T l_ba = select(l_aa > zero, at.ab / l_aa, zero);
+        const T rest = at.bb - l_ba * l_ba;  // below zero by rounding only
+        const T da = root3 * l_aa, dab = root3 * l_ba, db = root3 * sqrt(select(rest < zero, zero, rest));
+
+        T orders[3] = {alpha, guards.order_point(alpha + da), guards.order_point(alpha - da)};
+        T past[3], base[3];
+        for (int i = 0; i < 3; ++i) note_order<Memory>(orders[i], kLowestOrder, guards);
+        memory.state_sums(orders, past);
+        for (int i = 0; i < 3; ++i) base[i] = exp(orders[i] * p.log_h) * sample.u - past[i];
+        const T da1 = orders[1] - alpha, da2 = orders[2] - alpha;
+
+        const T x = state.x;
+        const T Y[kPoints] = {beta * x + base[0], (beta + dab) * x + base[1], (beta - dab) * x + base[2],
+                              (beta + db) * x + base[0], (beta - db) * x + base[0]};
+        const T d_alpha[kPoints] = {zero, da1, da2, zero, zero};
+        const T d_beta[kPoints] = {zero, dab, -dab, db, -db};
+
+        const T W = T(1.0 / 6.0), Wm0 = T(1.0 / 3.0), Wc0 = T(7.0 / 3.0);
+        T y_mean = Wm0 * Y[0];
+        for (int i = 1; i < kPoints; ++i) y_mean = y_mean + W * Y[i];
+        T spread = zero, P_ay = zero, P_by = zero, dy[kPoints];
+        for (int i = 0; i < kPoints; ++i) {
+            dy[i] = Y[i] - y_mean;
+            const T weighted = (i == 0 ? Wc0 : W) * dy[i];
+            spread = spread + dy[i] * weighted;
+            P_ay = P_ay + d_alpha[i] * weighted;
+            P_by = P_by + d_beta[i] * weighted;
+        }
+        T R = p.parameter_R;
+        if (guards.consistent()) {
+            const T F = beta + alpha;
+            R = R + (F * state.P * F + state.V);  // Q is in parameter_R
+        }
+        const T e = sample.y - y_mean;
+        R = guards.gated_noise(R, spread + R, e, p.gate, kOrderGate);
+        const T S = spread + R, K_a = P_ay / S, K_b = P_by / S;
+
+        Covariance<T> next = {K_a * R * K_a, K_a * R * K_b, K_b * R * K_b};
+        for (int i = 0; i < kPoints; ++i) {
+            const T Wc = i == 0 ? Wc0 : W;
+            const T left_a = d_alpha[i] - K_a * dy[i], left_b = d_beta[i] - K_b * dy[i];
+            next.aa = next.aa + left_a * (Wc * left_a);
+            next.ab = next.ab + left_a * (Wc * left_b);
+            next.bb = next.bb + left_b * (Wc * left_b);
+        }
+        const T proposed_a = alpha + K_a * e, proposed_b = beta + K_b * e;
+        const T made_a = guards.order(proposed_a), made_b = guards.beta(proposed_b, made_a);
+        const T moved_a = made_a - alpha, moved_b = made_b - beta;
+
+        const MaskOf<T> missing = sample.missing;
+        const T delta = p.parameter_delta, kept = T(1) - delta;
+        Q.aa = select(missing, Q.aa, kept * Q.aa + delta * (moved_a * moved_a));
+        Q.ab = select(missing, Q.ab, kept * Q.ab + delta * (moved_a * moved_b));
+        Q.bb = select(missing, Q.bb, kept * Q.bb + delta * (moved_b * moved_b));
+        P.aa = select(missing, P.aa, next.aa);
+        P.ab = select(missing, P.ab, next.ab);
+        P.bb = select(missing, P.bb, next.bb);
+        alpha = select(missing, alpha, made_a);
+        beta = select(missing, beta, made_b);
+    }
+
+    // f = beta h^-alpha and its variance to first order: df = h^-alpha (dbeta - beta ln(h) dalpha).
+    void report(T gain, T log_h, Estimate<T>& out) const {
+        const T slope = beta * log_h;
+        const T variance = P.bb - T(2) * slope * P.ab + slope * slope * P.aa;
+        out.f = beta / gain;
+        out.f_variance = max(variance, T(0)) / (gain * gain);
+    }
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace fltea

@@ -1,0 +1,70 @@
+// One pack of lanes: filters, their memory, and the counters of the guard. With T = float or double it is one
+// lane, as the device would run it.
+#pragma once
+
+#include "joint.hpp"
+
+namespace fltea {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// Variant is Triple<T> or Joint<T>; Memory is a policy of memory_direct.hpp or memory_compressed.hpp. Nothing
+// is allocated: the memory lives in the storage that it was made with.
+template <class T, class Variant, class Memory>
+class Lane {
+  public:
+    using Mask = MaskOf<T>;
+
+    // Everything that changes from step to step beside the memory, and nothing else: what a snapshot holds.
+    struct State {
+        Variant filters;
+        T counts[kCauses];
+    };
+    static const std::size_t kStateSize = sizeof(State) / sizeof(T);  // in T: State holds nothing else
+
+    Lane(const Memory& memory, const Tuning<T>& tuning, Guard guard)
+        : memory_(memory), tuning_(tuning), guard_(guard), state_() {
+        memory_.reset();
+        restart(everywhere<T>(true));
+    }
+
+    // The lanes of `mask` begin anew: initial estimates, empty memory, counters at zero.
+    void reset(Mask mask) {
+        memory_.clear(mask);
+        restart(mask);
+    }
+
+    void step(const Sample<T>& sample, Estimate<T>& out) {
+        // The last posterior enters the memory only now, so that a lane can begin anew while others go on.
+        memory_.push(state_.filters.state.x, state_.filters.state.P);
+        Guards<T> guards(guard_);
+        state_.filters.step(memory_, sample, tuning_, guards, out);
+        guards.finish(state_.counts);
+    }
+
+    State& state() { return state_; }
+    const State& state() const { return state_; }
+    Memory& memory() { return memory_; }
+    const Memory& memory() const { return memory_; }
+
+  private:
+    void restart(Mask mask) {
+        State fresh = State();
+        fresh.filters.start(tuning_);
+        fresh.filters.state.x = tuning_.x0;
+        fresh.filters.state.P = tuning_.P0;
+        fresh.filters.state.reach = abs(tuning_.x0) + sqrt(tuning_.P0);
+        // State is nothing but numbers of type T, so it can be replaced lane by lane.
+        static_assert(sizeof(State) % sizeof(T) == 0, "State must hold numbers of type T only");
+        T* now = reinterpret_cast<T*>(&state_);
+        const T* then = reinterpret_cast<const T*>(&fresh);
+        for (std::size_t i = 0; i < kStateSize; ++i) now[i] = select(mask, then[i], now[i]);
+    }
+
+    Memory memory_;
+    Tuning<T> tuning_;
+    Guard guard_;
+    State state_;
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace fltea

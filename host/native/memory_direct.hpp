@@ -1,0 +1,116 @@
+// The exact memory: the last `window` posteriors, weighed by the Grünwald–Letnikov recurrence (nest.hpp).
+// Cost: O(window) a step. The oracle of the compressed memory, and the paper's algorithm to the letter.
+#ifndef FLTEA_MEMORY_DIRECT_HPP
+#define FLTEA_MEMORY_DIRECT_HPP
+
+#include "nest.hpp"
+#include "pack.hpp"
+
+namespace fltea {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// T: float, double or Pack. An empty past is a past of zeros.
+//
+// Orders may be any; sums that leave the range of T become infinite or NaN, as the printed algorithm's do.
+// For orders in [-2, 30] no double does.
+template <class T>
+class DirectMemory {
+    typedef Real<T> R;
+
+  public:
+    // Number of T that the constructor needs for a window of `window` >= 1 samples.
+    static std::size_t storage(std::size_t window) {
+        return 4 * window + (window + kReciprocals + Lanes<T>::count - 1) / Lanes<T>::count;
+    }
+
+    // `storage` holds storage(window) elements, aligned for T, and stays the caller's.
+    DirectMemory(T* storage, std::size_t window)
+        : x_(storage),
+          P_(storage + 2 * window),
+          reciprocal_(reinterpret_cast<R*>(storage + 4 * window)),
+          window_(window) {
+        for (std::size_t j = 0; j < window + kReciprocals; ++j) reciprocal_[j] = R(1) / R(j > 0 ? j : 1);
+        reset();
+    }
+
+    // Forgets everything, in all lanes.
+    void reset() {
+        for (std::size_t i = 0; i < 4 * window_; ++i) x_[i] = T(R(0));
+        position_ = 0;
+        pushed_ = 0;
+    }
+
+    // Forgets everything in the lanes of `mask`.
+    void clear(MaskOf<T> mask) {
+        for (std::size_t i = 0; i < 4 * window_; ++i) x_[i] = select(mask, T(R(0)), x_[i]);
+    }
+
+    // Remembers the newest posterior: state x and variance P. Both finite: a NaN would stay for a whole
+    // window.
+    void push(T x, T P) {
+        // Written twice, `window` apart, so that the window is always one piece, newest first.
+        position_ = (position_ == 0 ? window_ : position_) - 1;
+        x_[position_] = x_[position_ + window_] = x;
+        P_[position_] = P_[position_ + window_] = P;
+        ++pushed_;
+    }
+
+    std::size_t window() const { return window_; }
+    // Samples that the sums look back on: L(k) = min(k, window).
+    std::size_t length() const { return pushed_ < window_ ? static_cast<std::size_t>(pushed_) : window_; }
+
+    // S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j}, several orders at once.
+    template <int N>
+    void state_sums(const T (&order)[N], T (&S)[N]) const {
+        Nest<T, N, 0> nest(order);
+        run(nest);
+        for (int i = 0; i < N; ++i) S[i] = nest.state[i];
+    }
+
+    // V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}.
+    T variance_sum(T order) const {
+        const T orders[1] = {order};
+        Nest<T, 0, 1> nest(orders);
+        run(nest);
+        return nest.variance;
+    }
+
+    // Both sums of one order, cheaper than one after the other.
+    void sums(T order, T& S, T& V) const {
+        const T orders[1] = {order};
+        Nest<T, 1, 1> nest(orders);
+        run(nest);
+        S = nest.state[0];
+        V = nest.variance;
+    }
+
+    // What save and restore need besides the storage.
+    struct Position {
+        std::uint64_t position, pushed;
+    };
+    Position position() const { return Position{position_, pushed_}; }
+    void set_position(Position saved) {
+        position_ = static_cast<std::size_t>(saved.position);
+        pushed_ = saved.pushed;
+    }
+
+  private:
+    static constexpr std::size_t kReciprocals = 2;  // beyond the window: 1/0, never used, and 1/(window + 1)
+
+    template <int N, int M>
+    void run(Nest<T, N, M>& nest) const {
+        nest.run(x_ + position_, P_ + position_, reciprocal_, length());
+    }
+
+    T* x_;
+    T* P_;
+    R* reciprocal_;  // 1/j
+    std::size_t window_;
+    std::size_t position_ = 0;
+    std::uint64_t pushed_ = 0;
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace fltea
+
+#endif

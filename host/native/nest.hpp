@@ -1,0 +1,74 @@
+// The sums over the newest samples by the recurrence of the Grünwald–Letnikov weights, c_0 = 1,
+// c_j = c_{j-1} (1 - (a+1)/j) (Macias & Sierociuk 2023, sections 2 and 4), evaluated by nesting.
+#ifndef FLTEA_NEST_HPP
+#define FLTEA_NEST_HPP
+
+#include "pack.hpp"
+
+namespace fltea {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// sum_{j=1}^{n} c_j(a) x_j of N orders and sum_{j=2}^{n} c_j(a)^2 P_j of the first M (0 or 1) of them. From
+// the oldest sample to the newest, acc_j = x_j + (c_{j+1}/c_j) acc_{j+1}: no weight is formed, so none
+// overflows before the sum does, and a sample costs two operations an order.
+template <class T, int N, int M>
+class Nest {
+    typedef Real<T> R;
+    static constexpr int kOrders = N > M ? N : M;
+    // Up to here c_j/c_{j-1} is formed as (j-1-a)/j, exactly 0 at integer orders a; beyond, as 1 - (a+1)/j.
+    static constexpr std::size_t kHead = 8;
+
+  public:
+    // The results, after run().
+    T state[N > 0 ? N : 1];
+    T variance;
+
+    explicit Nest(const T (&orders)[kOrders]) {
+        for (int i = 0; i < kOrders; ++i) {
+            order_[i] = orders[i];
+            minus_b_[i] = -(orders[i] + T(R(1)));
+            if (i < N) state[i] = T(R(0));
+        }
+        variance = T(R(0));
+    }
+
+    // x[j-1], P[j-1]: the samples, newest first; reciprocal[j] = 1/j for j up to n + 1.
+    void run(const T* x, const T* P, const R* reciprocal, std::size_t n) {
+        std::size_t j = n;
+        // Two samples a turn, so that the chain from turn to turn is one operation long, not two.
+        for (; j > kHead; j -= 2) {
+            two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));
+        }
+        // From here on the accumulators lack the factor c_j of the sample that they have reached.
+        for (; j > 1; --j) head(x[j - 1], P[j - 1], R(j), reciprocal[j + 1]);
+        if (j == 1) head(x[0], T(R(0)), R(1), reciprocal[2]);
+        for (int i = 0; i < N; ++i) state[i] = -order_[i] * state[i];
+        variance = order_[0] * order_[0] * variance;
+    }
+
+  private:
+    void two(T x, T P, T reciprocal, T x_older, T P_older, T reciprocal_older) {
+        for (int i = 0; i < kOrders; ++i) {
+            const T f = mul_add(minus_b_[i], reciprocal, T(R(1)));
+            const T f_older = mul_add(minus_b_[i], reciprocal_older, T(R(1)));
+            const T product = f * f_older;
+            if (i < N) state[i] = mul_add(product, state[i], mul_add(f, x_older, x));
+            if (i < M) variance = mul_add(product * product, variance, mul_add(f * f, P_older, P));
+        }
+    }
+
+    void head(T x, T P, R j, R reciprocal) {
+        for (int i = 0; i < kOrders; ++i) {
+            const T f = (T(j) - order_[i]) * T(reciprocal);
+            if (i < N) state[i] = mul_add(f, state[i], x);
+            if (i < M) variance = mul_add(f * f, variance, P);
+        }
+    }
+
+    T order_[kOrders], minus_b_[kOrders];
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace fltea
+
+#endif

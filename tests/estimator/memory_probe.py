@@ -1,0 +1,161 @@
+"""The native memories from Python: tests/native/probe.cpp, one shared library for each instruction set."""
+
+import ctypes
+import platform
+import subprocess
+import weakref
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from fltea.estimator.engine import instruction_sets
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+SOURCES = Path(__file__).resolve().parents[1] / "native"
+BUILD = SOURCES.parents[1] / "build/tests-native"
+
+SETS = instruction_sets()
+"""Instruction sets that this processor can run."""
+TYPES = "fdw"
+"""Number types: float, double, a pack as wide as the registers."""
+DIRECT = -1
+"""In place of a number of digits: the exact memory."""
+
+DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
+
+
+class Modes(NamedTuple):
+    """What the accuracy parameter of the compressed memory led to."""
+
+    state: int
+    variance: int
+    step: float
+
+
+@lru_cache
+def library(instruction_set: str) -> ctypes.CDLL:
+    """Build, if out of date, and load the probe of one instruction set."""
+    name = f"probe-{instruction_set}.so"
+    command = ["make", "-C", SOURCES, f"BUILD={BUILD}", f"{BUILD}/{name}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(done.stdout + done.stderr)
+    return declare(ctypes.CDLL(str(BUILD / name)))
+
+
+def declare(probe: ctypes.CDLL) -> ctypes.CDLL:
+    """State the types of the probe's functions."""
+    size, pointer, double = ctypes.c_size_t, ctypes.c_void_p, ctypes.c_double
+    for name, result, *arguments in (
+        ("probe_width", ctypes.c_int),
+        ("probe_make", pointer, ctypes.c_char, ctypes.c_int, size),
+        ("probe_free", None, pointer),
+        ("probe_lanes", ctypes.c_int, pointer),
+        ("probe_reset", None, pointer),
+        ("probe_push", None, pointer, size, pointer, pointer),
+        ("probe_evaluate", None, pointer, DOUBLES, DOUBLES, DOUBLES),
+        ("probe_sums", None, pointer, DOUBLES, DOUBLES, DOUBLES),
+        ("probe_stir", None, pointer, size, ctypes.c_uint64),
+        ("probe_clear", None, pointer, ctypes.c_char_p),
+        ("probe_bytes", size, pointer),
+        ("probe_save", None, pointer, ctypes.c_char_p),
+        ("probe_restore", None, pointer, ctypes.c_char_p),
+        ("probe_seconds", double, pointer, size),
+        ("probe_nodes", None, pointer, DOUBLES),
+        ("probe_math", None, ctypes.c_char, size, DOUBLES, DOUBLES, DOUBLES, DOUBLES),
+    ):
+        function = getattr(probe, name)
+        function.restype, function.argtypes = result, arguments
+    return probe
+
+
+class Memory:
+    """One memory of `digits` (or DIRECT) and window L (0: unlimited); numbers are (lanes,), results too."""
+
+    def __init__(
+        self, digits: int, window: int = 0, kind: str = "d", instruction_set: str | None = None
+    ) -> None:
+        self._library = library(instruction_set or SETS[0])
+        self._probe = self._library.probe_make(kind.encode(), digits, window)
+        weakref.finalize(self, self._library.probe_free, self._probe)
+        self.lanes: int = self._library.probe_lanes(self._probe)
+
+    def _rows(self, values: ArrayLike, n: int) -> Array:
+        """Spread numbers without a lane over all lanes: (n, lanes)."""
+        array = np.asarray(values, dtype=np.float64)
+        if array.ndim < 2:
+            array = np.repeat(array.reshape(-1, 1), self.lanes, 1)
+        assert array.shape == (n, self.lanes)
+        return np.ascontiguousarray(array)
+
+    def push(self, x: ArrayLike, P: ArrayLike) -> None:
+        """Push n samples, oldest first, (n,) for all lanes or (n, lanes)."""
+        n = len(np.atleast_1d(x))
+        x, P = self._rows(x, n), self._rows(P, n)
+        self._library.probe_push(self._probe, n, x.ctypes.data, P.ctypes.data)
+
+    def push_zeros(self, n: int) -> None:
+        self._library.probe_push(self._probe, n, None, None)
+
+    def stir(self, n: int, seed: int) -> None:
+        """Push n random samples of about unit variance, P about 1."""
+        self._library.probe_stir(self._probe, n, seed)
+
+    def sums(self, order: ArrayLike) -> tuple[Array, Array]:
+        """S and V of one order, for all lanes or (lanes,)."""
+        S, V = np.empty(self.lanes), np.empty(self.lanes)
+        orders = np.full(self.lanes, order, dtype=np.float64)
+        self._library.probe_sums(self._probe, orders, S, V)
+        return S, V
+
+    def evaluate(self, orders: ArrayLike) -> tuple[Array, Array]:
+        """S of three orders in one call, (3, lanes), and V of the first by itself, (lanes,)."""
+        S, V = np.empty((3, self.lanes)), np.empty(self.lanes)
+        self._library.probe_evaluate(self._probe, self._rows(orders, 3), S, V)
+        return S, V
+
+    def reset(self) -> None:
+        self._library.probe_reset(self._probe)
+
+    def clear(self, mask: ArrayLike) -> None:
+        self._library.probe_clear(self._probe, np.asarray(mask, dtype=np.uint8).tobytes())
+
+    def save(self) -> bytes:
+        out = ctypes.create_string_buffer(self._library.probe_bytes(self._probe))
+        self._library.probe_save(self._probe, out)
+        return out.raw
+
+    def restore(self, data: bytes) -> None:
+        assert len(data) == self._library.probe_bytes(self._probe)
+        self._library.probe_restore(self._probe, data)
+
+    def seconds(self, n: int) -> float:
+        """Time of n steps: three state sums, one of both sums, one push, each waiting for the one before."""
+        return float(self._library.probe_seconds(self._probe, n))
+
+    @property
+    def bytes(self) -> int:
+        return int(self._library.probe_bytes(self._probe))
+
+    @property
+    def modes(self) -> Modes:
+        out = np.zeros(3)
+        self._library.probe_nodes(self._probe, out)
+        return Modes(int(out[0]), int(out[1]), float(out[2]))
+
+
+def math(kind: str, x: Array, instruction_set: str | None = None) -> tuple[Array, Array, Array]:
+    """e^x, e^-x and sin(pi x) of pack_math.hpp."""
+    probe = library(instruction_set or SETS[0])
+    padded = np.concatenate((x, np.zeros(-len(x) % 8)))
+    up, down, sine = (np.empty_like(padded) for _ in range(3))
+    probe.probe_math(kind.encode(), len(padded), padded, up, down, sine)
+    return up[: len(x)], down[: len(x)], sine[: len(x)]
+
+
+def fused(instruction_set: str) -> bool:
+    """Whether mul_add rounds once."""
+    return instruction_set != "baseline" or platform.machine() == "aarch64"

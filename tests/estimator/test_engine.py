@@ -1,0 +1,217 @@
+"""The native engine: equal to the reference, to itself in every partition, and to the physics of scale."""
+
+import itertools
+
+import numpy as np
+import pytest
+from engine_cases import (
+    ESTIMATES,
+    EXAMPLE,
+    GYROSCOPE,
+    Array,
+    example,
+    lane,
+    reference_run,
+    run,
+    same,
+    white,
+    with_,
+)
+from fltea.estimator.engine import (
+    CAUSES,
+    Engine,
+    EngineSettings,
+    StateTuning,
+    instruction_sets,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+ALL_KINDS = [
+    with_(GYROSCOPE, memory=memory, variant=variant, guard=guard)
+    for memory, variant, guard in itertools.product(
+        ("direct", "compressed"), ("triple", "joint"), ("off", "faithful", "consistent")
+    )
+]
+
+
+def kind(engine_settings: EngineSettings) -> str:
+    return f"{engine_settings.memory} {engine_settings.variant} {engine_settings.guard}"
+
+
+def relative_difference(estimates: Array, expected: Array) -> Array:
+    """By sample and quantity, (n, quantities).
+
+    Estimates pass through zero, where a relative difference means nothing; the quantity's size over the run
+    takes its place there.
+    """
+    size = np.maximum(np.abs(expected), np.sqrt(np.nanmean(expected**2, axis=0)))
+    return np.asarray(np.abs(estimates - expected) / size)
+
+
+@pytest.mark.parametrize("instruction_set", instruction_sets())
+@pytest.mark.parametrize(
+    ("number", "seed"), [(0, 1), (0, 2), (1, 1), (1, 2), (2, 1), (2, 3), (3, 1), (3, 2)], ids=str
+)
+def test_every_estimate_equals_the_reference(number: int, seed: int, instruction_set: str) -> None:
+    # What limits it is the order of summation of the past and the last digit of h^α. Both stay near 1e-14 for
+    # as long as the filters are stable; a filter that runs wild amplifies them, in the reference as well.
+    n = 4000
+    tuning = EXAMPLE if number else GYROSCOPE
+    y, u = example(number, n, seed) if number else (white(n, 1, seed)[:, 0], np.zeros(n))
+    expected = reference_run(tuning, y, u, np.zeros(n, dtype=bool))
+    estimates = run(tuning, y[:, np.newaxis], u[:, np.newaxis], instruction_set=instruction_set)
+    got = np.column_stack([getattr(estimates, name)[:, 0] for name in ESTIMATES])
+    assert relative_difference(got, expected).max() < 1e-10
+
+
+@pytest.mark.parametrize("window", [1, 2, 7, 40], ids=str)
+def test_missing_samples_inputs_and_short_windows_equal_the_reference(window: int) -> None:
+    n = 300
+    y, u = example(1, n, 4)
+    missing = np.random.default_rng(0).random(n) < 0.2
+    missing[:3] = missing[100:130] = True
+    tuning = with_(EXAMPLE, window=window)
+    expected = reference_run(tuning, y, u, missing)
+    estimates = Engine(1, tuning).run(
+        np.where(missing, np.nan, y)[:, np.newaxis], u[:, np.newaxis], missing[:, np.newaxis]
+    )
+    got = np.column_stack([getattr(estimates, name)[:, 0] for name in ESTIMATES])
+    assert np.array_equal(np.isnan(got), np.isnan(expected))
+    assert np.array_equal(np.isnan(got[:, 6]), missing)
+    assert np.nanmax(relative_difference(got, expected)) < 1e-10
+
+
+def test_compressed_agrees_with_direct_on_the_gyroscope() -> None:
+    y = np.column_stack([white(3000, 1, seed)[:, 0] for seed in range(40)])
+    direct, compressed = (run(with_(GYROSCOPE, memory=memory), y) for memory in ("direct", "compressed"))
+    for name in ("x", "alpha", "f"):
+        squares = (getattr(direct, name) - getattr(compressed, name)) ** 2
+        assert squares.sum(axis=0).max() <= 1e-12
+
+
+@pytest.mark.parametrize("memory", ["direct", "compressed"])
+def test_a_window_as_long_as_the_data_is_unlimited(memory: str) -> None:
+    y = white(400, 3, 1)
+    longest = run(with_(GYROSCOPE, memory=memory, window=4000), y)
+    exact = run(with_(GYROSCOPE, memory=memory, window=400), y)
+    shorter = run(with_(GYROSCOPE, memory=memory, window=399), y)
+    if memory == "direct":
+        assert same(longest, exact)
+        assert np.array_equal(shorter.alpha[:-1], exact.alpha[:-1])
+    else:
+        unlimited = run(with_(GYROSCOPE, memory=memory, window=None), y)
+        np.testing.assert_allclose(unlimited.alpha, exact.alpha, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(longest.alpha, exact.alpha, rtol=1e-6, atol=1e-8)
+    assert not np.array_equal(shorter.x[-1], exact.x[-1])
+
+
+@pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
+def test_block_is_step_by_step_is_restored(tuning: EngineSettings) -> None:
+    n = 150
+    tuning = with_(tuning, window=60)
+    y, u = white(n, 5, 2), white(n, 5, 3)
+    missing = np.random.default_rng(4).random((n, 5)) < 0.1
+    block = Engine(5, tuning).run(y, u, missing)
+    stepped = Engine(5, tuning)
+    for k in range(n):
+        if k in (1, 20, 77):
+            stepped = Engine.restore(stepped.save(), tuning if k == 20 else None)
+        row = stepped.step(y[k], u[k], missing[k])
+        for name in ESTIMATES:
+            assert np.array_equal(getattr(row, name), getattr(block, name)[k], equal_nan=True)
+    assert np.array_equal(row.interventions, block.interventions)
+
+
+@pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
+def test_lanes_do_not_know_of_each_other(tuning: EngineSettings) -> None:
+    n, lanes = 120, 11
+    rng = np.random.default_rng(6)
+    y = white(n, lanes, 5)
+    R, h = rng.uniform(0.01, 0.05, lanes), rng.uniform(0.005, 0.02, lanes)
+    u, missing = white(n, lanes, 7), rng.random((n, lanes)) < 0.1
+    every = Engine(lanes, with_(tuning, h=h, state=StateTuning(R=R))).run(y, u, missing)
+    order = rng.permutation(lanes)
+    for index in (order, order[:3], order[:1]):
+        engine = Engine(len(index), with_(tuning, h=h[index], state=StateTuning(R=R[index])))
+        assert same(engine.run(y[:, index], u[:, index], missing[:, index]), lane(every, index))
+    # Rubbish beside them: lanes that overflow (guard off) or have to be held at every sample.
+    rubbish = y.copy()
+    rubbish[:, ::2] = rng.choice([-1, 1], (n, 6)) * 10.0 ** rng.uniform(-100, 100, (n, 6))
+    beside = Engine(lanes, with_(tuning, h=h, state=StateTuning(R=R))).run(rubbish, u, missing)
+    assert same(lane(beside, np.s_[1::2]), lane(every, np.s_[1::2]))
+    if tuning.guard != "off":
+        assert np.isfinite(beside.x).all()
+
+
+@pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
+def test_instruction_sets_agree(tuning: EngineSettings) -> None:
+    y = white(1500, 9, 8)
+    first, *others = (run(tuning, y, instruction_set=name) for name in instruction_sets())
+    for other in others:
+        for name in ESTIMATES:
+            a, b = getattr(first, name), getattr(other, name)
+            assert relative_difference(b, a).max() < 1e-9
+        assert np.array_equal(first.interventions, other.interventions)
+
+
+@pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
+@settings(max_examples=10)
+@given(exponent=st.integers(-40, 40), seed=st.integers(0, 1000))
+def test_scale_changes_neither_order_nor_parameter(tuning: EngineSettings, exponent: int, seed: int) -> None:
+    scale = 2.0**exponent
+    y, u = white(100, 2, seed), white(100, 2, seed + 1)
+    y[50] += 1.0
+    plain = StateTuning(P0=0.01, Q=0.15, x0=0.2, R=0.0235)
+    scaled = StateTuning(P0=0.01 * scale**2, Q=0.15 * scale**2, x0=0.2 * scale, R=0.0235 * scale**2)
+    one = run(with_(tuning, state=plain), y, u)
+    other = run(with_(tuning, state=scaled), scale * y, scale * u)
+    for name, power in (("alpha", 0), ("f", 0), ("f_var", 0), ("x", 1), ("innovation", 1), ("P", 2)):
+        assert np.array_equal(getattr(other, name), getattr(one, name) * scale**power, equal_nan=True)
+    assert np.array_equal(one.interventions, other.interventions)
+
+
+def test_scale_by_any_factor_up_to_rounding() -> None:
+    y = white(500, 2, 3)
+    one = run(GYROSCOPE, y)
+    scaled = StateTuning(P0=0.01 * 49, Q=0.15 * 49, R=0.0235 * 49)
+    other = run(with_(GYROSCOPE, state=scaled), 7 * y)
+    np.testing.assert_allclose(other.alpha, one.alpha, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(other.f, one.f, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
+def test_a_lane_that_is_reset_is_as_new(tuning: EngineSettings) -> None:
+    y = white(90, 3, 9)
+    engine = Engine(3, tuning)
+    begun = engine.run(y[:30])
+    engine.reset([False, True, False])
+    rest = engine.run(y[30:])
+    whole = run(tuning, y)
+    fresh = run(tuning, y[30:])
+    for k in (0, 2):
+        assert np.array_equal(np.r_[begun.alpha[:, k], rest.alpha[:, k]], whole.alpha[:, k])
+    np.testing.assert_allclose(rest.alpha[:, 1], fresh.alpha[:, 1], rtol=1e-7, atol=1e-9)
+    assert np.array_equal(rest.interventions[1], fresh.interventions[1])
+    engine.reset()
+    assert same(engine.run(y), whole)
+
+
+def test_variances_are_never_negative() -> None:
+    for tuning in ALL_KINDS:
+        estimates = run(tuning, white(800, 4, 10))
+        for name in ("alpha_var", "f_var", "P", "innovation_var"):
+            assert (getattr(estimates, name) >= 0).all()
+
+
+def test_causes_have_names_for_every_counter() -> None:
+    assert Engine(1, GYROSCOPE).interventions().shape == (1, len(CAUSES))
+
+
+def test_results_outlive_the_next_call() -> None:
+    engine = Engine(2, GYROSCOPE)
+    y = white(6, 2, 1)
+    first = engine.run(y[:3])
+    kept = [np.copy(value) for value in first]
+    engine.run(y[3:])
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, kept, strict=True))

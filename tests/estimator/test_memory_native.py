@@ -1,0 +1,434 @@
+"""The native memories: elementary functions, exact sums, compressed weights, and what must never happen."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from fltea.estimator.gl import weights
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from memory_probe import DIRECT, SETS, Memory, fused, math
+
+ROOT = Path(__file__).resolve().parents[2]
+# The first test of each instruction set compiles its probe.
+pytestmark = pytest.mark.timeout(300)
+EPS = {"f": 2.0**-24, "d": 2.0**-53, "w": 2.0**-53}
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+orders_in_range = st.floats(-0.9, 3)
+
+
+def history(n: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(seed)
+    return random.standard_normal(n), random.uniform(0.5, 2, n)
+
+
+def exact_sums(a: float, x: np.ndarray, P: np.ndarray, window: int = 0) -> tuple[float, float]:
+    """S and V by the reference's weights; x and P oldest first."""
+    n = min(len(x), window) if window else len(x)
+    if n == 0:
+        return 0.0, 0.0
+    c = weights(a, n)[1:]
+    return float(c @ x[::-1][:n]), float((c[1:] ** 2) @ P[::-1][1:n])
+
+
+# --- elementary functions
+
+
+@pytest.mark.parametrize("instruction_set", SETS)
+@pytest.mark.parametrize("kind", "fdw")
+def test_exp_to_two_units_in_the_last_place(kind: str, instruction_set: str) -> None:
+    span = 86.9 if kind == "f" else 707.9
+    random = np.random.default_rng(1)
+    x = np.concatenate((random.uniform(-span, span, 3000), random.uniform(-3, 3, 3000), [0, -0.0, 1e-300]))
+    if kind == "f":
+        x = x.astype(np.float32).astype(np.float64)
+    up, down, _ = math(kind, x, instruction_set)
+    with mpmath.workdps(40):
+        for value, plus, minus in zip(x, up, down, strict=True):
+            expected = mpmath.exp(value)
+            assert abs(plus / expected - 1) <= 4 * EPS[kind]
+            assert abs(minus * expected - 1) <= 4 * EPS[kind]
+
+
+@pytest.mark.parametrize("instruction_set", SETS)
+@pytest.mark.parametrize("kind", "fdw")
+def test_sine_to_a_few_units_in_the_last_place_and_zero_at_integers(kind: str, instruction_set: str) -> None:
+    x = np.random.default_rng(2).uniform(-6, 6, 4000)
+    if kind == "f":
+        x = x.astype(np.float32).astype(np.float64)
+    with mpmath.workdps(40):
+        for value, sine in zip(x, math(kind, x, instruction_set)[2], strict=True):
+            expected = mpmath.sinpi(value)
+            assert abs(sine - expected) <= 4 * EPS[kind] * abs(expected)
+    integers = np.array([0.0, 1, -1, 2, 3, 4, -7, 1e6, 2.0**22, 2.0**51])
+    assert not math(kind, integers, instruction_set)[2].any()
+    halves = np.array([0.5, 1.5, -0.5, 2.5, 1e6 + 0.5])
+    np.testing.assert_allclose(math(kind, halves, instruction_set)[2], [1, -1, -1, 1, 1], rtol=4 * EPS[kind])
+
+
+@given(x=finite)
+def test_functions_are_finite_for_every_finite_number(x: float) -> None:
+    up, down, sine = math("w", np.array([x]))
+    assert 0 < up[0] < np.inf
+    assert 0 < down[0] < np.inf
+    assert abs(sine[0]) <= 1
+
+
+# --- the direct memory
+
+
+@given(
+    a=st.floats(-2, 8),
+    window=st.integers(1, 60),
+    n=st.integers(0, 130),
+    seed=st.integers(0, 2**32),
+)
+@settings(max_examples=150)
+def test_direct_sums_are_the_references(a: float, window: int, n: int, seed: int) -> None:
+    x, P = history(n, seed)
+    memory = Memory(DIRECT, window)
+    memory.push(x, P)
+    S, V = memory.sums(a)
+    c = weights(a, window)
+    # Rounding of nesting: of the sum of the terms' magnitudes, not of the sum.
+    expected_S, expected_V = exact_sums(a, x, P, window)
+    assert abs(S[0] - expected_S) <= 1e-14 * (abs(c).sum() * (abs(x).max() if n else 0))
+    assert abs(V[0] - expected_V) <= 1e-13 * expected_V
+    (several, _), V_alone = memory.evaluate([0.5, a, 1.5]), memory.evaluate([a, a, a])[1]
+    assert several[1, 0] == pytest.approx(S[0], rel=0, abs=1e-14 * abs(c).sum() * 10)
+    assert V_alone[0] == V[0]
+
+
+@pytest.mark.parametrize("digits", [DIRECT, 6])
+@pytest.mark.parametrize("instruction_set", SETS)
+def test_integer_orders_are_ordinary_differences(digits: int, instruction_set: str) -> None:
+    x, P = np.arange(1.0, 401.0) ** 3 % 97, np.arange(1.0, 401.0) % 13
+    memory = Memory(digits, 300, "w", instruction_set)
+    memory.push(x, P)
+    new = x[::-1]
+    for a, S, V in (
+        (0.0, 0.0, 0.0),
+        (1.0, -new[0], 0.0),
+        (2.0, -2 * new[0] + new[1], P[-2]),
+        (3.0, -3 * new[0] + 3 * new[1] - new[2], 9 * P[-2] + P[-3]),
+    ):
+        tolerance = 1e-15 * 97 * 8
+        np.testing.assert_allclose(memory.sums(a)[0], S, rtol=0, atol=tolerance)
+        np.testing.assert_allclose(memory.sums(a)[1], V, rtol=1e-15, atol=0)
+        np.testing.assert_allclose(memory.evaluate([a, a, a])[0], S, rtol=0, atol=tolerance)
+
+
+# --- the compressed memory: weights one by one
+
+
+def weight_errors(memory: Memory, order: float, ages: list[int]) -> tuple[list[float], list[float]]:
+    """Relative errors of c_j and c_j^2 at the given ages j, from the answer to an impulse."""
+    memory.reset()
+    memory.push([1.0], [1.0])
+    age, state, variance = 1, [], []
+    for j in sorted(ages):
+        memory.push_zeros(j - age)
+        age = j
+        S, V = memory.sums(order)
+        with mpmath.workdps(30):
+            a = mpmath.mpf(order)
+            c = mpmath.gammaprod([j - a], [-a, j + 1])
+            state.append(float(abs(S[0] / c - 1)))
+            variance.append(float(abs(V[0] / (c * c) - 1)) if j > 1 else 0.0)
+    return state, variance
+
+
+def bounds(order: float, digits: int) -> tuple[float, float]:
+    """What compressed_config() promises for c_j, and what follows for its square (host/README.md)."""
+    state = 10.0**-digits * (1 if order <= 1 else 50)
+    return state, 10.0**-digits * (100 if order <= 1 else 10_000)
+
+
+@pytest.mark.parametrize("digits", [3, 6, 9])
+def test_weights_over_ten_million_samples(digits: int) -> None:
+    random = np.random.default_rng(3)
+    memory = Memory(digits)
+    for order in [-0.9, *random.uniform(-0.9, 3, 6), 0.999999, 1 + 1e-9, 2.9999]:
+        ages = [1, 2, 14, 15, 16, 17, *np.unique(np.exp(random.uniform(3, np.log(1e7), 12)).astype(int))]
+        state, variance = weight_errors(memory, float(order), [int(j) for j in ages])
+        # 1e-8: rounding over ten million samples, of weights that have become very small.
+        assert max(state[:4]) < 1e-14
+        assert max(state) < bounds(order, digits)[0] + 1e-9
+        assert max(variance) < bounds(order, digits)[1] + 1e-8
+
+
+@given(order=orders_in_range, j=st.integers(1, 5000))
+@settings(max_examples=80)
+def test_weights_anywhere(order: float, j: int) -> None:
+    if order in (0, 1, 2, 3) or min(abs(order - n) for n in range(4)) < 1e-100:
+        return  # no weight to be relative to
+    state, variance = weight_errors(Memory(8), order, [j])
+    assert state[0] < bounds(order, 8)[0]
+    assert variance[0] < bounds(order, 8)[1]
+
+
+@pytest.mark.parametrize("order", [-1.95, -1.6, -1.3, -1.1, -1.000001, -1.0, -0.999999, -0.95])
+def test_orders_below_minus_one_are_the_continuation(order: float) -> None:
+    window = 3000
+    memory = Memory(6, window)
+    memory.push([1.0], [1.0])
+    age = 1
+    c = weights(order, window)
+    for j in (2, 15, 16, 100, 1000, 2900, 3000):
+        memory.push_zeros(j - age)
+        age = j
+        S, V = memory.evaluate([order] * 3)
+        assert S[0, 0] == pytest.approx(c[j], rel=1e-6)
+        if order >= -1.3:
+            assert V[0] == pytest.approx(c[j] ** 2, rel=1e-5)
+    memory.push_zeros(1)
+    assert abs(memory.evaluate([order] * 3)[0][0, 0]) < 1e-9 * c[window]
+
+
+# --- the compressed memory: whole sums
+
+
+@pytest.mark.parametrize("window", [1, 2, 10, 15, 16, 100, 3000])
+@pytest.mark.parametrize("kind", "dw")
+def test_sums_are_those_of_the_direct_memory(window: int, kind: str) -> None:
+    compressed, direct = Memory(8, window, kind), Memory(DIRECT, window, kind)
+    random = np.random.default_rng(window)
+    for seed in range(12):
+        n = int(random.integers(1, 2 * window + 3))
+        x, P = history(n, seed)
+        for memory in (compressed, direct):
+            memory.push(x, P)
+        orders = random.uniform(-0.9, 3, 3)
+        S, V = compressed.evaluate(orders)
+        expected_S, expected_V = direct.evaluate(orders)
+        np.testing.assert_allclose(S, expected_S, rtol=0, atol=3e-8 * 4)
+        np.testing.assert_allclose(V, expected_V, rtol=1e-6)
+        if window <= 15:
+            np.testing.assert_allclose(S, expected_S, rtol=0, atol=1e-14 * 20)
+            np.testing.assert_allclose(V, expected_V, rtol=1e-14)
+
+
+def test_a_window_of_a_million() -> None:
+    window = 1_000_000
+    compressed, direct = Memory(7, window), Memory(DIRECT, window)
+    for memory in (compressed, direct):
+        memory.stir(1_300_000, 5)
+    for order in (-0.7, -0.3, 0.2, 0.5, 1.4):
+        S, V = compressed.sums(order)
+        expected_S, expected_V = direct.sums(order)
+        assert S[0] == pytest.approx(expected_S[0], rel=1e-6, abs=1e-8)
+        assert V[0] == pytest.approx(expected_V[0], rel=1e-6)
+
+
+@given(n=st.integers(0, 900), orders=st.tuples(*[orders_in_range] * 3), seed=st.integers(0, 2**32))
+@settings(max_examples=60)
+def test_a_window_as_long_as_the_history_is_unlimited(n: int, orders: tuple[float, ...], seed: int) -> None:
+    x, P = history(n, seed)
+    limited, unlimited = Memory(9, 900), Memory(9)
+    for memory in (limited, unlimited):
+        memory.push(x, P)
+    (S, V), (expected_S, expected_V) = limited.evaluate(orders), unlimited.evaluate(orders)
+    np.testing.assert_allclose(S, expected_S, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(V, expected_V, rtol=1e-7, atol=0)
+
+
+@given(order=finite, digits=st.sampled_from([DIRECT + 4, 6, 11]), window=st.sampled_from([0, 7, 500]))
+@settings(max_examples=300)
+def test_every_finite_order_has_finite_sums(order: float, digits: int, window: int) -> None:
+    memory = Memory(digits, window)
+    memory.push(*history(1000))
+    S, V = memory.evaluate([order, -order, order / 2])
+    assert np.isfinite(S).all()
+    assert np.isfinite(V).all()
+    assert V.min() >= 0
+
+
+@pytest.mark.parametrize(("order", "nearest"), [(-50.0, -1.95), (4.5, 4.0), (1e300, 4.0), (-1e300, -1.95)])
+def test_orders_out_of_range_are_the_nearest_inside(order: float, nearest: float) -> None:
+    memory = Memory(6, 500)
+    memory.push(*history(1000))
+    assert (memory.evaluate([order] * 3)[0] == memory.evaluate([nearest] * 3)[0]).all()
+    assert memory.sums(order) == memory.sums(max(nearest, -1.3))
+
+
+@pytest.mark.parametrize("order", [0.0, 1.0, 2.0, 3.0])
+def test_sums_are_continuous_at_integer_orders(order: float) -> None:
+    memory = Memory(8, 3000)
+    memory.push(*history(4000))
+    S, V = memory.sums(order)
+    for h in (1e-14, 1e-11, 1e-8, 1e-6):
+        for near in (order - h, order + h):
+            assert memory.sums(near)[0][0] == pytest.approx(S[0], rel=0, abs=20 * h + 1e-13)
+            assert memory.sums(near)[1][0] == pytest.approx(V[0], rel=0, abs=60 * h + 1e-13)
+
+
+def test_variance_is_not_negative_when_rounding_is_all_there_is() -> None:
+    memory = Memory(6, 50)
+    memory.push(*history(200))
+    memory.push_zeros(60)
+    for order in np.linspace(-1.3, 4, 107):
+        S, V = memory.sums(order)
+        assert abs(S[0]) < 1e-12
+        assert 0 <= V[0] < 1e-9
+
+
+@pytest.mark.parametrize("window", [0, 3000])
+def test_nothing_grows_over_ten_million_steps(window: int) -> None:
+    worn, fresh = Memory(6, window), Memory(6, window)
+    worn.stir(10_000_000, 7)
+    if window == 0:  # what the past leaves is part of the result: only its size can be judged
+        for order in (-0.5, 0.3, 0.8):
+            S, V = worn.sums(order)
+            assert abs(S[0]) < 10
+            assert 0 < V[0] < 10
+        return
+    for memory in (worn, fresh):
+        memory.stir(window, 8)
+    for order in (-0.9, -0.5, 0.0, 0.3, 0.8, 1.5):
+        (S, V), (expected_S, expected_V) = worn.sums(order), fresh.sums(order)
+        assert abs(S[0] - expected_S[0]) < 2e-10
+        assert abs(V[0] - expected_V[0]) < 2e-10
+
+
+def test_a_constant_offset_does_not_drift() -> None:
+    memory, direct = Memory(8, 3000), Memory(DIRECT, 3000)
+    for each in (memory, direct):
+        each.push(np.full(50_000, 5.0), np.full(50_000, 0.02))
+    for order in (-0.5, 0.1, 0.5, 1.2):
+        S, V = memory.sums(order)
+        expected_S, expected_V = direct.sums(order)
+        assert S[0] == pytest.approx(expected_S[0], rel=1e-8)
+        assert V[0] == pytest.approx(expected_V[0], rel=1e-7)
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_sums_are_linear(scale: float) -> None:
+    x, P = history(2000)
+    plain, scaled = Memory(6, 700), Memory(6, 700)
+    plain.push(x, P)
+    scaled.push(x * scale, P * scale**2)
+    for order in (-0.4, 0.3, 1.1):
+        S, V = plain.sums(order)
+        assert scaled.sums(order)[0][0] == pytest.approx(S[0] * scale, rel=1e-12, abs=1e-13 * scale)
+        assert scaled.sums(order)[1][0] == pytest.approx(V[0] * scale**2, rel=1e-12)
+
+
+def test_float32_is_good_for_six_digits() -> None:
+    compressed, direct = Memory(5, 3000, "f"), Memory(DIRECT, 3000)
+    x, P = (a.astype(np.float32).astype(np.float64) for a in history(10_000))
+    for memory in (compressed, direct):
+        memory.push(x, P)
+    for order in np.float32([-0.5, -0.2, 0.1, 0.3, 0.5, 0.8, 1.0, 1.7, 2.5]):
+        S, V = compressed.sums(order)
+        expected_S, expected_V = direct.sums(order)
+        assert S[0] == pytest.approx(expected_S[0], rel=0, abs=1e-5)
+        assert V[0] == pytest.approx(expected_V[0], rel=1e-5)
+
+
+# --- lanes, instruction sets, state
+
+
+@pytest.mark.parametrize("instruction_set", SETS)
+@pytest.mark.parametrize(("digits", "window"), [(DIRECT, 100), (6, 100), (6, 0)])
+def test_a_lane_is_what_it_would_be_alone(instruction_set: str, digits: int, window: int) -> None:
+    together = Memory(digits, window, "w", instruction_set)
+    lanes = together.lanes
+    random = np.random.default_rng(4)
+    x, P = random.standard_normal((350, lanes)), random.uniform(0.5, 2, (350, lanes))
+    orders = random.uniform(-0.9, 3, (3, lanes))
+    together.push(x, P)
+    S, V = together.evaluate(orders)
+    both = together.sums(orders[1])
+    for lane in range(lanes):
+        alone = Memory(digits, window, "d", instruction_set)
+        alone.push(x[:, lane], P[:, lane])
+        S_alone, V_alone = alone.evaluate(orders[:, lane])
+        assert (S[:, lane] == S_alone[:, 0]).all()
+        assert V[lane] == V_alone[0]
+        assert (both[0][lane], both[1][lane]) == tuple(a[0] for a in alone.sums(orders[1, lane]))
+
+
+@pytest.mark.parametrize(("digits", "window"), [(DIRECT, 100), (6, 100), (6, 0)])
+def test_instruction_sets_differ_by_rounding(digits: int, window: int) -> None:
+    results = []
+    for instruction_set in SETS:
+        memory = Memory(digits, window, "w", instruction_set)
+        memory.push(*history(400))
+        S, V = memory.evaluate([0.4, -0.6, 1.3])
+        results.append([*S[:, 0], V[0]])
+        np.testing.assert_array_equal(S, np.repeat(S[:, :1], memory.lanes, 1))
+    np.testing.assert_allclose(results, [results[0]] * len(SETS), rtol=1e-12)
+    if all(fused(name) for name in SETS[:2]) and len(SETS) > 1:
+        assert results[0] == results[1]
+
+
+@pytest.mark.parametrize(("digits", "window"), [(DIRECT, 30), (6, 30), (6, 0), (6, 7)])
+def test_cleared_lanes_are_new_and_the_others_untouched(digits: int, window: int) -> None:
+    memory, untouched, new = (Memory(digits, window, "w") for _ in range(3))
+    mask = np.arange(memory.lanes) % 2 == 0
+    for each in (memory, untouched):
+        each.push(*history(100))
+    memory.clear(mask)
+    for each in (memory, untouched, new):
+        each.push(*history(20, seed=9))
+    (S, V), (kept_S, kept_V) = memory.evaluate([0.4, -0.6, 1.3]), untouched.evaluate([0.4, -0.6, 1.3])
+    new_S, new_V = new.evaluate([0.4, -0.6, 1.3])
+    assert (S[:, ~mask] == kept_S[:, ~mask]).all()
+    assert (V[~mask] == kept_V[~mask]).all()
+    np.testing.assert_allclose(S[:, mask], new_S[:, mask], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(V[mask], new_V[mask], rtol=1e-15)
+
+
+@pytest.mark.parametrize(("digits", "window"), [(DIRECT, 30), (6, 30), (6, 0), (6, 7), (6, 15)])
+@pytest.mark.parametrize("n", [0, 1, 15, 29, 100])
+def test_a_restored_memory_continues_bit_for_bit(digits: int, window: int, n: int) -> None:
+    first, second = Memory(digits, window, "w"), Memory(digits, window, "w")
+    first.push(*history(n))
+    second.push(*history(37, seed=5))
+    second.restore(first.save())
+    for seed in range(3):
+        for each in (first, second):
+            each.push(*history(23, seed))
+        for mine, other in zip(
+            first.evaluate([0.4, -0.6, 1.3]), second.evaluate([0.4, -0.6, 1.3]), strict=True
+        ):
+            assert (mine == other).all()
+
+
+def test_reset_forgets() -> None:
+    for digits, window in ((DIRECT, 30), (6, 30), (6, 0)):
+        used, new = Memory(digits, window), Memory(digits, window)
+        used.push(*history(100))
+        used.reset()
+        for each in (used, new):
+            each.push(*history(44, seed=3))
+        assert used.sums(0.3) == new.sums(0.3)
+
+
+def test_cost_in_modes() -> None:
+    """Digits and window set the modes; pinned, so that a change of the rule is seen."""
+    assert [Memory(digits, 3000).modes[:2] for digits in (3, 6, 9, 11)] == [
+        (16, 16),
+        (32, 28),
+        (48, 48),
+        (64, 64),
+    ]
+    assert [Memory(6, window).modes[:2] for window in (10, 1000, 10**6, 0)] == [
+        (0, 0),
+        (28, 28),
+        (40, 40),
+        (56, 56),
+    ]
+
+
+# --- the generated constants
+
+
+def test_committed_constants_are_up_to_date() -> None:
+    command = [sys.executable, ROOT / "tools/gen_memory_constants.py", "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,194 @@
+// The memories behind a C interface, for tests and benchmarks in Python: a shared library for each
+// instruction set, and in it one kind of memory for each number type.
+#include <stdlib.h>
+
+#include <chrono>
+#include <cstring>
+#include <new>
+
+#include "memory_compressed.hpp"
+#include "memory_direct.hpp"
+#include "pack_math.hpp"
+
+namespace {
+
+using namespace fltea;
+typedef Pack<double, kWidth> Wide;
+
+struct Probe {
+    virtual ~Probe() {}
+    virtual int lanes() const = 0;
+    virtual void reset() = 0;
+    virtual void push(std::size_t n, const double* x, const double* P) = 0;
+    virtual void evaluate(const double* orders, double* S, double* V) const = 0;
+    virtual void sums(const double* order, double* S, double* V) const = 0;
+    virtual void stir(std::size_t n, std::uint64_t seed) = 0;
+    virtual void clear(const unsigned char* mask) = 0;
+    virtual std::size_t bytes() const = 0;
+    virtual void save(void* out) const = 0;
+    virtual void restore(const void* in) = 0;
+    virtual double seconds(std::size_t n) = 0;
+    virtual void nodes(double* out) const = 0;
+};
+
+template <class T>
+T load(const double* lanes) {
+    T number = T(Real<T>(0));
+    for (int lane = 0; lane < Lanes<T>::count; ++lane) set_lane(number, lane, Real<T>(lanes[lane]));
+    return number;
+}
+template <class T>
+void store(T number, double* lanes) {
+    for (int lane = 0; lane < Lanes<T>::count; ++lane) lanes[lane] = double(get_lane(number, lane));
+}
+
+void describe(const void*, double*) {}
+template <class T>
+void describe(const CompressedMemory<T>* memory, double* out) {
+    out[0] = double(memory->nodes().state.count);
+    out[1] = double(memory->nodes().variance.count);
+    out[2] = memory->nodes().step;
+}
+
+template <class T, class Memory>
+class Holder : public Probe {
+    static constexpr int kLanes = Lanes<T>::count;
+
+  public:
+    // Exactly as much as is asked for, so that a sanitizer sees the first byte beyond.
+    template <class... Setup>
+    explicit Holder(std::size_t n, Setup... setup)
+        : bytes_(n * sizeof(T)), storage_(allocate(bytes_)), memory_(storage_, setup...) {}
+    ~Holder() override { free(storage_); }
+
+    int lanes() const override { return kLanes; }
+    void reset() override { memory_.reset(); }
+
+    void push(std::size_t n, const double* x, const double* P) override {
+        const T zero = T(Real<T>(0));
+        for (std::size_t k = 0; k < n; ++k) {
+            memory_.push(x ? load<T>(x + k * kLanes) : zero, P ? load<T>(P + k * kLanes) : zero);
+        }
+    }
+    // Three orders a lane in one call; V of the first by itself.
+    void evaluate(const double* orders, double* S, double* V) const override {
+        T order[3], state[3];
+        for (int i = 0; i < 3; ++i) order[i] = load<T>(orders + i * kLanes);
+        memory_.state_sums(order, state);
+        for (int i = 0; i < 3; ++i) store(state[i], S + i * kLanes);
+        store(memory_.variance_sum(order[0]), V);
+    }
+    void sums(const double* order, double* S, double* V) const override {
+        T state, variance;
+        memory_.sums(load<T>(order), state, variance);
+        store(state, S);
+        store(variance, V);
+    }
+    // n random samples, roughly normal with unit variance, and P around 1; the same in all lanes.
+    void stir(std::size_t n, std::uint64_t seed) override {
+        for (std::size_t k = 0; k < n; ++k) {
+            double sum = 0;
+            for (int i = 0; i < 3; ++i) {
+                seed = seed * 6364136223846793005u + 1442695040888963407u;
+                sum += double(seed >> 11) / 9007199254740992.0 - 0.5;
+            }
+            memory_.push(T(Real<T>(2 * sum)), T(Real<T>(1 + sum / 3)));
+        }
+    }
+    void clear(const unsigned char* mask) override { memory_.clear(to_mask(mask, T())); }
+    std::size_t bytes() const override { return bytes_ + sizeof(typename Memory::Position); }
+    void save(void* out) const override {
+        const typename Memory::Position position = memory_.position();
+        memcpy(out, storage_, bytes_);
+        memcpy(static_cast<char*>(out) + bytes_, &position, sizeof position);
+    }
+    void restore(const void* in) override {
+        typename Memory::Position position;
+        memcpy(storage_, in, bytes_);
+        memcpy(&position, static_cast<const char*>(in) + bytes_, sizeof position);
+        memory_.set_position(position);
+    }
+    // What a step of the estimator asks of the memory, n times, each depending on the one before.
+    double seconds(std::size_t n) override {
+        T order[3] = {T(Real<T>(0.3)), T(Real<T>(0.5)), T(Real<T>(0.1))}, S[3], past, V;
+        const T small = T(Real<T>(1e-9));
+        const std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+        for (std::size_t k = 0; k < n; ++k) {
+            memory_.state_sums(order, S);
+            memory_.sums(order[0] + S[1] * small, past, V);
+            memory_.push(past * small + T(Real<T>(k % 7)), V * small + T(Real<T>(1)));
+            order[0] = order[0] + past * small;
+        }
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
+    void nodes(double* out) const override { describe(&memory_, out); }
+
+  private:
+    static T* allocate(std::size_t n) {
+        void* block = nullptr;
+        if (posix_memalign(&block, 64, n) != 0) abort();
+        memset(block, 0xa5, n);
+        return static_cast<T*>(block);
+    }
+    static bool to_mask(const unsigned char* mask, float) { return mask[0] != 0; }
+    static bool to_mask(const unsigned char* mask, double) { return mask[0] != 0; }
+    static Mask<kWidth> to_mask(const unsigned char* mask, Wide) {
+        Mask<kWidth> result = Wide(0) != Wide(0);
+        for (int lane = 0; lane < kWidth; ++lane) result.set(lane, mask[lane] != 0);
+        return result;
+    }
+
+    std::size_t bytes_;
+    T* storage_;
+    Memory memory_;
+};
+
+template <class T>
+Probe* make(int digits, std::size_t window) {
+    if (digits < 0) return new Holder<T, DirectMemory<T>>(DirectMemory<T>::storage(window), window);
+    const CompressedConfig config = compressed_config(window, digits);
+    return new Holder<T, CompressedMemory<T>>(CompressedMemory<T>::storage(config), config);
+}
+
+template <class T>
+void tabulate(std::size_t n, const double* x, double* up, double* down, double* sine) {
+    const std::size_t lanes = Lanes<T>::count;
+    for (std::size_t i = 0; i + lanes <= n; i += lanes) {
+        const Powers<T> powers = exp_both(load<T>(x + i));
+        store(powers.up, up + i);
+        store(powers.down, down + i);
+        store(sin_pi(load<T>(x + i)), sine + i);
+    }
+}
+
+}  // namespace
+
+extern "C" {
+int probe_width() { return kWidth; }
+// type: 'f' float, 'd' double, 'w' as wide as the registers. digits < 0: direct memory.
+Probe* probe_make(char type, int digits, std::size_t window) {
+    return type == 'f'   ? make<float>(digits, window)
+           : type == 'd' ? make<double>(digits, window)
+                         : make<Wide>(digits, window);
+}
+void probe_free(Probe* probe) { delete probe; }
+int probe_lanes(const Probe* probe) { return probe->lanes(); }
+void probe_reset(Probe* probe) { probe->reset(); }
+void probe_push(Probe* probe, std::size_t n, const double* x, const double* P) { probe->push(n, x, P); }
+void probe_evaluate(const Probe* probe, const double* orders, double* S, double* V) {
+    probe->evaluate(orders, S, V);
+}
+void probe_sums(const Probe* probe, const double* order, double* S, double* V) { probe->sums(order, S, V); }
+void probe_stir(Probe* probe, std::size_t n, std::uint64_t seed) { probe->stir(n, seed); }
+void probe_clear(Probe* probe, const unsigned char* mask) { probe->clear(mask); }
+std::size_t probe_bytes(const Probe* probe) { return probe->bytes(); }
+void probe_save(const Probe* probe, void* out) { probe->save(out); }
+void probe_restore(Probe* probe, const void* in) { probe->restore(in); }
+double probe_seconds(Probe* probe, std::size_t n) { return probe->seconds(n); }
+void probe_nodes(const Probe* probe, double* out) { probe->nodes(out); }
+void probe_math(char type, std::size_t n, const double* x, double* up, double* down, double* sine) {
+    type == 'f'   ? tabulate<float>(n, x, up, down, sine)
+    : type == 'd' ? tabulate<double>(n, x, up, down, sine)
+                  : tabulate<Wide>(n, x, up, down, sine);
+}
+}

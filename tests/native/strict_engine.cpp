@@ -1,0 +1,21 @@
+// Compiled with the device's flags only, never run: the filters compile for every number type and memory.
+#include "lane.hpp"
+#include "memory_compressed.hpp"
+#include "memory_direct.hpp"
+
+namespace fltea {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+#define FLTEA_USE(Number)                                                  \
+    template class Lane<Number, Triple<Number>, DirectMemory<Number>>;     \
+    template class Lane<Number, Triple<Number>, CompressedMemory<Number>>; \
+    template class Lane<Number, Joint<Number>, DirectMemory<Number>>;      \
+    template class Lane<Number, Joint<Number>, CompressedMemory<Number>>
+
+typedef Pack<double, kWidth> Wide;
+FLTEA_USE(float);
+FLTEA_USE(double);
+FLTEA_USE(Wide);
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace fltea

@@ -1,0 +1,109 @@
+// The memories stay inside the storage that they ask for, and agree with sums by the recurrence written out.
+#include <doctest/doctest.h>
+#include <stdlib.h>
+
+#include <cmath>
+#include <initializer_list>
+#include <vector>
+
+#include "memory_compressed.hpp"
+#include "memory_direct.hpp"
+
+namespace {
+
+using fltea::CompressedMemory;
+using fltea::DirectMemory;
+typedef fltea::Pack<double, fltea::kWidth> Wide;
+
+// Storage of exactly n elements: the sanitizer sees the first byte beyond. Filled with NaN.
+template <class T>
+class Block {
+  public:
+    explicit Block(std::size_t n) : data_(nullptr) {
+        REQUIRE(posix_memalign(&data_, 64, n * sizeof(T)) == 0);
+        std::memset(data_, 0xff, n * sizeof(T));
+    }
+    ~Block() { free(data_); }
+    Block(const Block&) = delete;
+    Block& operator=(const Block&) = delete;
+    T* data() const { return static_cast<T*>(data_); }
+
+  private:
+    void* data_;
+};
+
+double x_at(std::size_t k) { return std::sin(double(k * k)); }
+double P_at(std::size_t k) { return 1.5 + std::cos(double(k)); }
+
+// Sums over the samples 0 .. k-1, newest last, by definition.
+void exact(double a, std::size_t k, std::size_t window, double& S, double& V) {
+    const std::size_t length = window > 0 && window < k ? window : k;
+    double c = 1;
+    S = V = 0;
+    for (std::size_t j = 1; j <= length; ++j) {
+        c *= (double(j) - 1 - a) / double(j);
+        S += c * x_at(k - j);
+        if (j > 1) V += c * c * P_at(k - j);
+    }
+}
+
+template <class T>
+double in(T number, int lane) {
+    return double(fltea::get_lane(number, lane));
+}
+
+// Pushes and compares at every step; `tolerance` is relative to 1 + |sum|.
+template <class T, class Memory>
+void follow(Memory& memory, std::size_t window, std::size_t steps, double tolerance) {
+    typedef fltea::Real<T> R;
+    const double orders[3] = {0.3, -0.45, 1.7};
+    for (std::size_t k = 0; k <= steps; ++k) {
+        T order[3], S[3], s, v;
+        for (int i = 0; i < 3; ++i) order[i] = T(R(orders[i]));
+        memory.state_sums(order, S);
+        for (int i = 0; i < 3; ++i) {
+            double expected_S, expected_V;
+            exact(double(R(orders[i])), k, window, expected_S, expected_V);
+            memory.sums(order[i], s, v);
+            const int last = fltea::Lanes<T>::count - 1;
+            for (int lane : {0, last}) {
+                REQUIRE(std::fabs(in(S[i], lane) - expected_S) <= tolerance * (1 + std::fabs(expected_S)));
+                REQUIRE(std::fabs(in(s, lane) - expected_S) <= tolerance * (1 + std::fabs(expected_S)));
+                REQUIRE(std::fabs(in(v, lane) - expected_V) <= tolerance * (1 + expected_V));
+                REQUIRE(in(memory.variance_sum(order[i]), lane) == in(v, lane));
+            }
+        }
+        memory.push(T(R(x_at(k))), T(R(P_at(k))));
+    }
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("direct", T, float, double, Wide) {
+    const double tolerance = sizeof(fltea::Real<T>) == 4 ? 3e-6 : 1e-14;
+    for (std::size_t window : {1u, 2u, 3u, 7u, 8u, 9u, 10u, 11u, 40u}) {
+        Block<T> block(DirectMemory<T>::storage(window));
+        DirectMemory<T> memory(block.data(), window);
+        follow<T>(memory, window, 3 * window + 2, tolerance);
+        memory.reset();
+        follow<T>(memory, window, window + 1, tolerance);
+    }
+}
+
+TEST_CASE_TEMPLATE("compressed", T, float, double, Wide) {
+    const double tolerance = sizeof(fltea::Real<T>) == 4 ? 1e-5 : 1e-7;
+    for (std::size_t window : {0u, 1u, 2u, 3u, 14u, 15u, 16u, 17u, 40u, 300u}) {
+        const fltea::CompressedConfig config = fltea::compressed_config(window, 7);
+        Block<T> block(CompressedMemory<T>::storage(config));
+        CompressedMemory<T> memory(block.data(), config);
+        follow<T>(memory, window, window < 100 ? 120 : 700, tolerance);
+        memory.reset();
+        follow<T>(memory, window, 20, tolerance);
+    }
+}
+
+TEST_CASE("settings out of range count as the nearest") {
+    CHECK(fltea::compressed_config(0, 0).digits == fltea::kDefaultDigits);
+    CHECK(fltea::compressed_config(0, -5).digits == fltea::kLeastDigits);
+    CHECK(fltea::compressed_config(0, 99).digits == fltea::kMostDigits);
+}

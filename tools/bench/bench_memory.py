@@ -1,0 +1,127 @@
+"""The compressed memory: modes, accuracy and time of a step, by digits, window and width.
+
+`python -m tools.bench.bench_memory [--json]`. A step is what the estimator asks of its memory: state sums of
+three orders, both sums of a fourth, one push, each waiting for the one before. Errors are relative, the
+worst over ages up to ten million samples and over orders in the range.
+"""
+
+import argparse
+import json
+import statistics
+import sys
+from pathlib import Path
+
+import mpmath
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/estimator"))
+from memory_probe import DIRECT, SETS, Memory
+
+DIGITS = (3, 4, 5, 6, 7, 8, 9, 10, 11)
+WINDOWS = (1000, 3000, 10_000, 100_000, 1_000_000, 0)
+RANGES = ((-0.9, 0), (0, 1), (1, 2), (2, 3))
+REPETITIONS = 9
+AGES = 10_000_000
+
+
+def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]:
+    """Worst relative errors of c_j and of c_j^2, over orders from low to high and a grid of ages."""
+    ages = np.unique(np.geomspace(16, AGES, 60).astype(int))
+    worst = [0.0, 0.0]
+    for order in np.linspace(low, high, 7)[1 if low >= 0 else 0 : -1]:
+        memory.reset()
+        memory.push([1.0], [1.0])
+        age = 1
+        for j in ages.tolist():
+            memory.push_zeros(j - age)
+            age = j
+            S, V = memory.sums(order)
+            with mpmath.workdps(30):
+                a = mpmath.mpf(float(order))
+                c = mpmath.gammaprod([j - a], [-a, j + 1])
+                errors = float(abs(S[0] / c - 1)), float(abs(V[0] / c**2 - 1))
+            worst = [max(pair) for pair in zip(worst, errors, strict=True)]
+    return worst[0], worst[1]
+
+
+def nanoseconds(memory: Memory, window: int) -> float:
+    """Median time of a step, with a full window."""
+    memory.stir(window or 10_000, 1)
+    steps = max(50, int(2e6 / (memory.seconds(50) / 50 * 1e9)))
+    return statistics.median(memory.seconds(steps) / steps * 1e9 for _ in range(REPETITIONS))
+
+
+def measure() -> dict[str, object]:
+    """Everything as one object for JSON."""
+    by_digits = []
+    for digits in DIGITS:
+        memory = Memory(digits)
+        state, variance, step = Memory(digits, 3000).modes
+        by_digits.append(
+            {
+                "digits": digits,
+                "state_modes": state,
+                "variance_modes": variance,
+                "grid_step": step,
+                "unlimited_modes": memory.modes[:2],
+                "weight_error": {f"{low}..{high}": worst_errors(memory, low, high) for low, high in RANGES},
+                "ns_per_step": nanoseconds(Memory(digits, 3000, "w"), 3000),
+            }
+        )
+    by_window = [
+        {
+            "instruction_set": name,
+            "lanes": Memory(6, 10, "w", name).lanes,
+            "window": window or "unlimited",
+            "modes": Memory(6, window).modes[:2],
+            "bytes": Memory(6, window, "w", name).bytes,
+            "ns_per_step": nanoseconds(Memory(6, window, "w", name), window),
+        }
+        for name in SETS
+        for window in WINDOWS
+    ]
+    direct = [
+        {
+            "instruction_set": name,
+            "lanes": Memory(DIRECT, 10, kind, name).lanes,
+            "window": 3000,
+            "ns_per_step": nanoseconds(Memory(DIRECT, 3000, kind, name), 3000),
+        }
+        for name in SETS
+        for kind in "dw"
+    ]
+    return {"by_digits": by_digits, "by_window": by_window, "direct": direct}
+
+
+def main() -> None:
+    """Print the tables, as text or with --json as one object."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    as_json = parser.parse_args().json
+    result = measure()
+    if as_json:
+        print(json.dumps(result))
+        return
+    print("digits  modes at L = 3000   worst relative error of c_j (of its square), by order       ns/step")
+    print(" " * 28 + "".join(f"{f'{low} .. {high}':>18}" for low, high in RANGES))
+    for row in result["by_digits"]:
+        errors = "".join(f"{f'{s:.0e} ({v:.0e})':>18}" for s, v in row["weight_error"].values())
+        print(
+            f"{row['digits']:>6}  {row['state_modes']} + {row['variance_modes']:<15}{errors}"
+            f"{row['ns_per_step']:>10.0f}"
+        )
+    for title, rows in (("compressed, 6 digits", result["by_window"]), ("direct", result["direct"])):
+        print(f"\n{title}")
+        for row in rows:
+            extra = (
+                f"{row['modes'][0]} + {row['modes'][1]} modes, {row['bytes']:,} B" if "modes" in row else ""
+            )
+            ns = row["ns_per_step"]
+            print(
+                f"  {row['instruction_set']:<9} {row['lanes']} lane(s)  L = {row['window']!s:<10}"
+                f"{ns:>8.0f} ns a step, {ns / row['lanes']:>7.1f} ns a lane  {extra}"
+            )
+
+
+if __name__ == "__main__":
+    main()

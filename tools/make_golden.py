@@ -1,0 +1,160 @@
+"""Writes tests/estimator/golden: the paper's examples 1 to 3, 200 samples each, in 50-digit arithmetic.
+
+It judges both the reference and the engine, so nothing here comes from either: the formulas are typed from
+Macias & Sierociuk 2023, section 5, as printed (P by subtraction, binomials by their definition), in mpmath.
+Two readings are those of the project: covariance sums start at i = 0, and L(k) terms enter every sum over the
+past.
+
+Each file has comment lines, then one line a sample: y and u (inputs, to be read as floats exactly), and x, P,
+α, its variance and Q, f, its variance and Q, with 25 digits. `--check` computes everything again, names the
+files that differ and exits 1.
+"""
+
+import argparse
+import random
+import sys
+from pathlib import Path
+
+from mpmath import mp, mpf
+
+FOLDER = Path(__file__).resolve().parents[1] / "tests/estimator/golden"
+SAMPLES = 200
+COLUMNS = "y u x P alpha alpha_P alpha_Q f f_P f_Q"
+
+mp.dps = 50
+
+
+def difference_weights(alpha: mpf, n: int) -> list[mpf]:
+    """(-1)^j binom(alpha, j), j = 0 .. n, by the definition: alpha (alpha-1) ... (alpha-j+1) / j!."""
+    weights, binomial = [mpf(1)], mpf(1)
+    for j in range(1, n + 1):
+        binomial = binomial * (alpha - j + 1) / j
+        weights.append((-1) ** j * binomial)
+    return weights
+
+
+class Example:
+    """Section 6.1: one state, B = C = 1, full memory."""
+
+    h = mpf("0.001")
+    Q, R = mpf("1e-5"), mpf("1e-3")
+    order_R = parameter_R = mpf("1e-3")
+    order_delta = parameter_delta = mpf("0.5")
+
+    def __init__(self) -> None:
+        self.x, self.P = [mpf(0)], [mpf(1)]  # x_0, P_0; the index is the sample's number
+        self.alpha, self.order_P, self.order_Q = mpf(1), mpf("0.05"), mpf("0.005")
+        self.f, self.parameter_P, self.parameter_Q = mpf(0), mpf("0.001"), mpf("0.01")
+
+    def past(self, alpha: mpf, k: int) -> mpf:
+        """The sum over x_{k-1} .. x_0 in the model of sample k."""
+        weights = difference_weights(alpha, k)
+        return mp.fsum(weights[j] * self.x[k - j] for j in range(1, k + 1))
+
+    def step(self, y: mpf, u: mpf) -> None:
+        """Sample k of sections 5.1 (KFo), 5.3 (KFw) and 5.2 (KFx)."""
+        k = len(self.x)
+        rate = self.f * self.x[k - 1] + u
+
+        predicted = self.order_P + self.order_Q
+        spread = mp.sqrt(3 * predicted)
+        points = [self.alpha, self.alpha + spread, self.alpha - spread]
+        Y = [self.h**point * rate - self.past(point, k) for point in points]
+        K, e, Pyy = gain(points, self.alpha, Y, y, self.order_R)
+        self.alpha = self.alpha + K * e
+        self.order_P = predicted - K * Pyy * K
+        self.order_Q = (1 - self.order_delta) * self.order_Q + self.order_delta * K * e * e * K
+
+        scale, past = self.h**self.alpha, self.past(self.alpha, k)
+        f_before = self.f
+        predicted = self.parameter_P + self.parameter_Q
+        spread = mp.sqrt(3 * predicted)
+        points = [self.f, self.f + spread, self.f - spread]
+        Y = [scale * (point * self.x[k - 1] + u) - past for point in points]
+        K, e, Pyy = gain(points, self.f, Y, y, self.parameter_R)
+        self.f = self.f + K * e
+        self.parameter_P = predicted - K * Pyy * K
+        self.parameter_Q = (
+            1 - self.parameter_delta
+        ) * self.parameter_Q + self.parameter_delta * K * e * e * K
+
+        weights = difference_weights(self.alpha, k)
+        x = scale * rate - past
+        F = scale * f_before + self.alpha
+        P = F * self.P[k - 1] * F + self.Q
+        P += mp.fsum(weights[j] ** 2 * self.P[k - j] for j in range(2, k + 1))
+        K = P / (P + self.R)
+        self.x.append(x + K * (y - x))
+        self.P.append((1 - K) * P)
+
+
+def gain(points: list[mpf], mean: mpf, Y: list[mpf], y: mpf, R: mpf) -> tuple[mpf, mpf, mpf]:
+    """Gain, innovation and Pyy of an unscented filter with n = 1: lambda = 2, A = 1, B = 2 (section 5.1)."""
+    W_mean = [mpf(2) / 3, mpf(1) / 6, mpf(1) / 6]
+    W_cov = [mpf(2) / 3 + (1 - 1 + 2), mpf(1) / 6, mpf(1) / 6]
+    predicted = mp.fsum(W_mean[i] * Y[i] for i in range(3))
+    Pyy = mp.fsum(W_cov[i] * (Y[i] - predicted) ** 2 for i in range(3)) + R
+    Pxy = mp.fsum(W_cov[i] * (points[i] - mean) * (Y[i] - predicted) for i in range(3))
+    return Pxy / Pyy, y - predicted, Pyy
+
+
+def inputs(number: int) -> list[tuple[float, float]]:
+    """y_k and u_{k-1} of an example, rounded to nine decimals; saw-tooth of ±1 and 10 Hz in examples 1, 2."""
+    source = random.Random(number)
+    h, x, rows = 0.001, [0.0], []
+    for k in range(1, SAMPLES + 1):
+        alpha = 0.6 if number == 1 else 0.2 + 0.1 * k * h
+        u = 2 * ((k - 1) / 100 % 1) - 1 if number < 3 else source.gauss(0, 0.1**0.5)
+        u = round(u, 9)
+        c, past = 1.0, 0.0
+        for j in range(1, k + 1):
+            c *= (j - 1 - alpha) / j
+            past += c * x[k - j]
+        x.append(h**alpha * (-0.3 * x[k - 1] + u + source.gauss(0, 1e-5**0.5)) - past)
+        rows.append((round(x[k] + source.gauss(0, 1e-3**0.5), 9), u))
+    return rows
+
+
+def text(number: int) -> str:
+    """The file of one example."""
+    example = Example()
+    lines = [
+        f"# Example {number} of section 6.1 with a full memory; made by tools/make_golden.py.",
+        f"# {COLUMNS}",
+    ]
+    for y, u in inputs(number):
+        example.step(mpf(y), mpf(u))
+        values = (
+            example.x[-1],
+            example.P[-1],
+            example.alpha,
+            example.order_P,
+            example.order_Q,
+            example.f,
+            example.parameter_P,
+            example.parameter_Q,
+        )
+        lines.append(" ".join((repr(y), repr(u), *(mp.nstr(value, 25) for value in values))))
+    return "\n".join(lines) + "\n"
+
+
+def main() -> int:
+    """Write the files, or compare them."""
+    parser = argparse.ArgumentParser(description="Golden estimates of the paper's examples.")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
+    check = parser.parse_args().check
+    differing = []
+    for number in (1, 2, 3):
+        path, content = FOLDER / f"example_{number}.txt", text(number)
+        if not check:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(content, encoding="utf-8")
+        elif not path.is_file() or path.read_text(encoding="utf-8") != content:
+            differing.append(path.name)
+    if differing:
+        print(f"differ from what tools/make_golden.py computes: {', '.join(differing)}", file=sys.stderr)
+    return 1 if differing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
