@@ -11,7 +11,7 @@ import msgspec
 
 from fltea import wire
 from fltea.errors import UsageError
-from fltea.estimator.settings import GyroscopeSettings
+from fltea.estimator.settings import GyroscopeSettings, JointSettings
 
 
 class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -48,14 +48,27 @@ def _given(value: str | float | list[float]) -> list[float]:
 
 
 class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True):
-    """The estimator, its start-up window (samples), bias (deg/s) and R ((deg/s)²)."""
+    """The estimator, its start-up window (samples), bias (deg/s) and R ((deg/s)²).
+
+    engine: "compressed" (native, at a cost that does not depend on the window), "direct" (native, exact)
+    or "reference" (numpy; the printed algorithm only). variant: "triple" (the paper's) or "joint" (one filter
+    on α and h^α f). guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do).
+    """
 
     startup: int = 500
     bias: Literal["startup", "none"] | float | list[float] = "startup"
     R: Literal["auto"] | float | list[float] = "auto"
+    engine: Literal["compressed", "direct", "reference"] = "compressed"
+    variant: Literal["triple", "joint"] = "joint"
+    guard: Literal["off", "faithful", "consistent"] = "consistent"
+    joint: JointSettings = JointSettings()
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.engine == "reference" and (self.variant, self.guard) != ("triple", "off"):
+            raise ValueError(
+                "engine reference is the printed algorithm: it needs variant triple and guard off"
+            )
         if self.startup < 2:
             raise ValueError("startup must be at least 2 samples: a variance needs two")
         if any(not math.isfinite(r) or r <= 0 for r in _given(self.R)):

@@ -135,6 +135,7 @@ class Estimate(Record, frozen=True, tag="estimate"):
     epoch: int
     device_us: int
     host_ns: int
+    variant: str
     axes: dict[str, AxisEstimate]
 
 
@@ -152,6 +153,7 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     variant: str
     engine: str
+    guard: str
     window: int
     startup_samples: int
     bias: str | float | tuple[float, ...]
@@ -198,6 +200,7 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     bias_dps: float | None
     R_dps2: float | None
     restarts: int
+    interventions: dict[str, int]
 
 
 class Stats(Record, frozen=True, tag="stats"):

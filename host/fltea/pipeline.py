@@ -14,6 +14,7 @@ from fltea.continuity import Continuity, Placed
 from fltea.errors import UsageError
 from fltea.estimator import gyroscope
 from fltea.estimator.online import OnlineEstimator
+from fltea.estimator.supervisor import Reason
 from fltea.model import (
     AXES,
     AnyRecord,
@@ -39,6 +40,7 @@ from fltea.timebase import Timebase
 from fltea.units import resolution_dps, to_units
 
 STATS_PERIOD_NS = 10**9
+LOST_PERIOD_NS = 60 * 10**9
 
 
 class Pipeline:
@@ -53,6 +55,7 @@ class Pipeline:
         self._estimator: OnlineEstimator | None = None
         self._device: DeviceStatus | None = None
         self._now_ns = 0
+        self._told_lost: dict[str, int] = {}
         self._offset_ns = source.unix_offset_ns
         self._stats_due_ns: int | None = None
 
@@ -121,7 +124,18 @@ class Pipeline:
             yield from self._on_baseline()
         if estimates is not None:
             axes = {axis: _published(estimate) for axis, estimate in estimates.items()}
-            yield Estimate(sample.seq, sample.epoch, sample.device_us, sample.host_ns, axes)
+            yield from self._on_lost()
+            variant = self._config.estimator.variant
+            yield Estimate(sample.seq, sample.epoch, sample.device_us, sample.host_ns, variant, axes)
+
+    def _on_lost(self) -> Iterator[Error]:
+        """Tell which axes have just become invalid; the same axis not more than once a minute."""
+        assert self._estimator is not None
+        for axis, reason in self._estimator.lost.items():
+            told_ns = self._told_lost.get(axis)
+            if told_ns is None or self._now_ns - told_ns >= LOST_PERIOD_NS:
+                self._told_lost[axis] = self._now_ns
+                yield Error(*_explain_lost(axis, reason), self._unix_ns())
 
     def _on_baseline(self) -> Iterator[AnyRecord]:
         assert self._estimator is not None and self._estimator.baseline is not None  # noqa: PT018
@@ -153,10 +167,13 @@ class Pipeline:
         if self._estimator is None:
             return {}
         restarts, baseline = self._estimator.restarts, self._estimator.baseline
+        interventions = self._estimator.interventions
         if baseline is None:
-            return {axis: AxisStats(None, None, 0) for axis in self._estimator.axes}
+            return {axis: AxisStats(None, None, 0, {}) for axis in self._estimator.axes}
         return {
-            axis: AxisStats(bias, R if math.isfinite(R) else None, restarts[axis])
+            axis: AxisStats(
+                bias, R if math.isfinite(R) else None, restarts[axis], interventions.get(axis, {})
+            )
             for axis, bias, R in zip(self._estimator.axes, baseline.bias_dps, baseline.R, strict=True)
         }
 
@@ -172,7 +189,7 @@ class Pipeline:
         e = self._config.estimator
         bias = tuple(e.bias) if isinstance(e.bias, list) else e.bias
         R = tuple(e.R) if isinstance(e.R, list) else e.R
-        return EstimatorInfo("triple", "reference", e.window, e.startup_needed, bias, R)
+        return EstimatorInfo(e.variant, e.engine, e.guard, e.window, e.startup_needed, bias, R)
 
     def _unix_ns(self) -> int:
         return self._now_ns + self._offset_ns
@@ -184,3 +201,16 @@ def _published(estimate: gyroscope.AxisEstimate) -> AxisEstimate:
         value if math.isfinite(value) else None for value in estimate[:6]
     )
     return AxisEstimate(alpha, alpha_std, f, f_std, state, innovation, estimate.valid)
+
+
+def _explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
+    """Kind and text of the error that an axis has become invalid."""
+    if reason == "runaway":
+        return "axis_runaway", (
+            f"{axis} ran away (order or parameter beyond all bounds) and begins anew: an offset, a wrong R "
+            "or a moving sensor does this to the unguarded algorithm. --guard consistent holds it."
+        )
+    return "axis_bound", (
+        f"{axis} needs the guard in more than a quarter of its samples, so it is not valid until that ends: "
+        "is the sensor at rest, and does R (see stats) fit it?"
+    )

@@ -196,13 +196,12 @@ def test_a_missing_measurement_is_a_prediction() -> None:
     before = fltea.run(ys[:60], u[:60])[-1]
     twin.run(ys[:60], u[:60])
     order, parameter = fltea.order, fltea.parameter
-    for missed in range(1, 4):
+    for _ in range(3):
         step = fltea.step(None, u[60])
         assert same(step, twin.predict(u[60]))
         assert (step.order, step.w[0]) == (before.order, before.w[0])
-        assert step.order_variance == pytest.approx(before.order_variance + missed * order.Q[0, 0])
-        assert step.Pw[0, 0] == pytest.approx(before.Pw[0, 0] + missed * parameter.Q[0, 0])
-        assert (fltea.order.Q, fltea.parameter.Q) == (order.Q, parameter.Q)
+        assert (step.order_variance, step.Pw) == (before.order_variance, before.Pw)
+        assert (fltea.order, fltea.parameter) == (order, parameter)
         assert np.isnan(step.innovation).all()
         assert step.finite
         assert fltea.memory.states[0] == step.x

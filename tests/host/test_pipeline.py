@@ -30,6 +30,7 @@ from fltea.pipeline import Pipeline
 from fltea.sources.replay import ReplaySource
 
 PERIOD_NS = 10**7
+PRINTED = {"estimator__guard": "off", "estimator__variant": "triple"}
 T = TypeVar("T")
 
 
@@ -176,7 +177,7 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
 
 def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
     """An offset of some deg/s that nobody removes makes the printed algorithm diverge."""
-    pipeline = Pipeline(ListSource(), config(estimator__bias="none", estimator__R=1e-4))
+    pipeline = Pipeline(ListSource(), config(estimator__bias="none", estimator__R=1e-4, **PRINTED))
     events = [raw(k, tuple(g + 500 for g in raw(k).gyro)) for k in range(400)]
     records = feed(pipeline, hello(), *events)
     lines = msgspec.json.encode(records)
@@ -186,6 +187,57 @@ def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
     assert invalid, "this case is there to diverge"
     assert all(v is None for e in invalid for v in msgspec.structs.astuple(e.axes["gyro_x"])[:-1])
     assert pipeline.stats().axes["gyro_x"].restarts == len(invalid)
+    told = [e for e in of(Error, records) if e.kind == "axis_runaway"]
+    assert len(told) == 3, "each axis once a minute"
+
+
+def test_every_estimate_names_its_variant_and_every_epoch_its_estimator() -> None:
+    for settings in (
+        {"engine": "reference", "variant": "triple", "guard": "off"},
+        {"engine": "direct", "variant": "joint"},
+        {},
+    ):
+        changes = {f"estimator__{key}": value for key, value in settings.items()}
+        chosen = config(**changes)
+        records = feed(Pipeline(ListSource(), chosen), hello(), *(raw(k) for k in range(30)))
+        assert {e.variant for e in of(Estimate, records)} == {chosen.estimator.variant}
+        info = of(Epoch, records)[0].estimator
+        assert (info.engine, info.variant, info.guard) == (
+            chosen.estimator.engine,
+            chosen.estimator.variant,
+            chosen.estimator.guard,
+        )
+
+
+def test_native_engines_and_the_reference_give_the_same_estimates() -> None:
+    events = [hello(), *(raw(k) for k in range(300) if k not in (100, 101, 200))]
+    runs = {
+        engine: of(
+            Estimate,
+            feed(
+                Pipeline(
+                    ListSource(),
+                    config(estimator__engine=engine, estimator__guard="off", estimator__variant="triple"),
+                ),
+                *events,
+            ),
+        )
+        for engine in ("reference", "direct", "compressed")
+    }
+    for engine, tolerance in (("direct", 1e-10), ("compressed", 1e-5)):
+        for ours, theirs in zip(runs[engine], runs["reference"], strict=True):
+            for axis, one in theirs.axes.items():
+                other = ours.axes[axis]
+                assert other.alpha == pytest.approx(one.alpha, rel=tolerance, abs=tolerance)
+                assert other.f == pytest.approx(one.f, rel=tolerance, abs=tolerance)
+                assert other.state_dps == pytest.approx(one.state_dps, rel=tolerance, abs=tolerance)
+
+
+def test_guard_interventions_are_published_by_cause() -> None:
+    pipeline = Pipeline(ListSource(), config(estimator__R=1e-4, estimator__guard="consistent"))
+    records = feed(pipeline, hello(), *(raw(k, tuple(50 * g for g in raw(k).gyro)) for k in range(400)))
+    assert "axis_bound" in [e.kind for e in of(Error, records)]
+    assert pipeline.stats().axes["gyro_x"].interventions["state_bound"] > 100
 
 
 def test_stats_come_once_a_second_even_when_nothing_else_does() -> None:

@@ -35,7 +35,7 @@ HELLO = hello(
     source="serial:/dev/ttyACM0", sensor="MPU-9250", gyro_range_dps=2000.0, firmware_version="0.1.0"
 )
 EPOCH = Epoch(
-    3, "gap", 700, 7_000_000, 7, 8, EstimatorInfo("triple", "reference", 3000, 500, "startup", "auto")
+    3, "gap", 700, 7_000_000, 7, 8, EstimatorInfo("triple", "reference", "off", 3000, 500, "startup", "auto")
 )
 GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True)
 INVALID = AxisEstimate(None, None, None, None, None, None, False)
@@ -47,14 +47,14 @@ STATS = Stats(
     startup_remaining=123,
     link=LinkStats(bytes=5, frames=4, bad_frames={"crc": 2, "cobs": 3}, reconnects=1),
     samples=SampleStats(1234, 56, 7, 8, 9),
-    axes={"gyro_x": AxisStats(0.1, 0.02, 0)},
+    axes={"gyro_x": AxisStats(0.1, 0.02, 0, {"order_box": 3})},
     device=DeviceStatus(1, 2, 3, 4, 5, "user"),
 )
 ERROR = Error("silent", "nothing [bold]came[/bold] for [5 s]", 1)
 
 
 def estimate(host_ns: int = 0, **axes: AxisEstimate) -> Estimate:
-    return Estimate(701, 3, 7_010_000, host_ns, axes or {"gyro_x": GOOD, "gyro_y": INVALID})
+    return Estimate(701, 3, 7_010_000, host_ns, "triple", axes or {"gyro_x": GOOD, "gyro_y": INVALID})
 
 
 EVERY_KIND: list[AnyRecord] = [

@@ -20,6 +20,7 @@ import numpy as np
 
 from fltea.estimator import reference
 from fltea.estimator.settings import GyroscopeSettings
+from fltea.estimator.supervisor import LOST_ORDER, Reason, ran_away
 
 
 class AxisEstimate(NamedTuple):
@@ -42,16 +43,14 @@ class AxisEstimate(NamedTuple):
     valid: bool
 
 
-# A diverged run can stay finite for ever, at orders of 10 to 60 with f up to 1e139. Noise has an order
-# between 0 and 2, and no run that stayed of use was seen beyond 3.5.
-LOST_ORDER = 5.0
-
 _NAN = math.nan
 INVALID = AxisEstimate(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, valid=False)
 
 
 class GyroscopeEstimator:
     """FLTEA for named axes; `step` takes one sample of all of them.
+
+    `lost` holds, after a step, the axes that have just become invalid and why.
 
     Arguments, each with one entry an axis where it is a sequence: `R`, measurement variances in (deg/s)²,
     used in all three filters as in the paper; `bias` in deg/s, subtracted before anything else; `h`,
@@ -83,6 +82,7 @@ class GyroscopeEstimator:
         if abs(self.settings.order.alpha0) > LOST_ORDER:
             raise ValueError(f"alpha0 must lie within ±{LOST_ORDER:g}, got {self.settings.order.alpha0}")
         self.restarts = dict.fromkeys(self.axes, 0)
+        self.lost: dict[str, Reason] = {}
         self._filters = [self._start(R_axis) for R_axis in self.R]
 
     def step(self, y_dps: Sequence[float] | None) -> dict[str, AxisEstimate]:
@@ -98,13 +98,15 @@ class GyroscopeEstimator:
             for axis, y in zip(self.axes, y_dps, strict=True):
                 if not math.isfinite(y):
                     raise ValueError(f"{axis} is {y}: pass None for a missing sample")
+        self.lost = {}
         return {
             axis: self._step_axis(i, None if y_dps is None else y_dps[i]) for i, axis in enumerate(self.axes)
         }
 
     def _step_axis(self, i: int, y: float | None) -> AxisEstimate:
         step = self._filters[i].step(None if y is None else y - self.bias[i])
-        if not step.finite or abs(step.order) > LOST_ORDER:
+        if ran_away(step.order, float(step.w[0]), float(step.x[0])) or not step.finite:
+            self.lost[self.axes[i]] = "runaway"
             self.restarts[self.axes[i]] += 1
             self._filters[i] = self._start(self.R[i])
             return INVALID

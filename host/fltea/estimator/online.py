@@ -3,6 +3,8 @@
 from fltea.config import EstimatorConfig
 from fltea.estimator.bias import Baseline, Startup
 from fltea.estimator.gyroscope import INVALID, AxisEstimate, GyroscopeEstimator
+from fltea.estimator.native_gyroscope import NativeGyroscope
+from fltea.estimator.supervisor import Reason
 
 
 class OnlineEstimator:
@@ -21,7 +23,7 @@ class OnlineEstimator:
         self._startup = Startup(axes, config.startup, bias, config.R, resolution_dps)
         self.startup_remaining = self._startup.needed
         self.baseline: Baseline | None = None
-        self._estimator: GyroscopeEstimator | None = None
+        self._estimator: GyroscopeEstimator | NativeGyroscope | None = None
         if not self.startup_remaining:
             self._begin(self._startup.baseline())
 
@@ -51,13 +53,24 @@ class OnlineEstimator:
         counts = self._estimator.restarts if self._estimator else {}
         return {axis: counts.get(axis, 0) for axis in self.axes}
 
+    @property
+    def interventions(self) -> dict[str, dict[str, int]]:
+        """How often the guard stepped in, by axis and cause."""
+        native = self._estimator if isinstance(self._estimator, NativeGyroscope) else None
+        return native.interventions if native else {}
+
+    @property
+    def lost(self) -> dict[str, Reason]:
+        """Axes that have become invalid with the last sample, and why."""
+        return self._estimator.lost if self._estimator else {}
+
     def _begin(self, baseline: Baseline) -> None:
         self.baseline = baseline
         self._live = [i for i, axis in enumerate(self.axes) if axis not in baseline.constant_axes]
-        self._estimator = GyroscopeEstimator(
-            [self.axes[i] for i in self._live],
-            [baseline.R[i] for i in self._live],
-            [baseline.bias_dps[i] for i in self._live],
-            self._h,
-            self._config,
-        )
+        axes = [self.axes[i] for i in self._live]
+        R = [baseline.R[i] for i in self._live]
+        bias = [baseline.bias_dps[i] for i in self._live]
+        if self._config.engine == "reference":
+            self._estimator = GyroscopeEstimator(axes, R, bias, self._h, self._config)
+        else:
+            self._estimator = NativeGyroscope(axes, R, bias, self._h, self._config)

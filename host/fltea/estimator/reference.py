@@ -303,9 +303,10 @@ class Fltea:
 
         The state moves on by the model alone and enters the memory with its predicted covariance, so that
         the history keeps one entry a sample time: that is the fractional Kalman filter over a lossy link
-        (the paper's references 18 and 20). Order and parameters walk at random, so their best prediction is
-        the value they have, with a covariance grown by one step's Q; Q itself learns only from
-        measurements.
+        (the paper's references 18 and 20). The filters of order and parameters stand still: their Q is
+        adapted to what a measurement moves them by, so it is a walk a measurement, not a sample time. (If
+        their covariances grew in a gap, a loss of 20 % of the samples would move α on white noise from 0.39
+        to 0.60.)
         """
         drive = self._drive(u)
         with np.errstate(all="ignore"):
@@ -313,8 +314,6 @@ class Fltea:
             rate = A @ self.memory.states[0] + drive
             at = difference(self.order.mean[0], self.system.h, self.memory)
             x, P = predict_state(A, rate, at, self.memory, self._Q)
-            self.order = self.order._replace(P=self.order.P + self.order.Q)
-            self.parameter = self.parameter._replace(P=self.parameter.P + self.parameter.Q)
             C = self.system.C
             return self._finish(x, P, np.full(len(C), np.nan), symmetric(C @ P @ C.T + self._R))
 

@@ -71,6 +71,23 @@ class ParameterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
         _check_delta(self.delta)
 
 
+class JointSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The joint filter on (α, β = h^α f), both without unit; P0 and Q0 hold for both. delta as in KFo."""
+
+    P0: float = 0.06
+    Q0: float = 0.0
+    alpha0: float = 0.5
+    beta0: float = -0.1
+    delta: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_variance("P0", self.P0)
+        _check_variance("Q0", self.Q0)
+        _check_number("alpha0", self.alpha0)
+        _check_number("beta0", self.beta0)
+        _check_delta(self.delta)
+
+
 class GyroscopeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of one gyroscope estimator; `window` is the implementation length L in samples."""
 

@@ -1,0 +1,128 @@
+"""Several gyroscope axes on the native engine, each a lane, under the supervisor.
+
+The same interface as `gyroscope.GyroscopeEstimator`, which runs the numpy reference.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fltea.config import EstimatorConfig
+from fltea.estimator.engine import (
+    CAUSES,
+    Engine,
+    EngineSettings,
+    JointTuning,
+    OrderTuning,
+    ParameterTuning,
+    StateTuning,
+)
+from fltea.estimator.gyroscope import INVALID, AxisEstimate
+from fltea.estimator.supervisor import Reason, Supervisor
+
+STATE_BOUND = CAUSES.index("state_bound")
+
+
+class NativeGyroscope:
+    """FLTEA for named axes on the native engine; `step` takes one sample of all of them.
+
+    Arguments as for `GyroscopeEstimator`; `config` names memory, variant and guard too.
+    `lost` holds, after a step, the axes that have just become invalid and why.
+    Raises ValueError for settings that no filter can work with.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[str],
+        R: Sequence[float],
+        bias: Sequence[float],
+        h: float,
+        config: EstimatorConfig,
+    ) -> None:
+        self.axes = tuple(axes)
+        self.lost: dict[str, Reason] = {}
+        self.restarts = dict.fromkeys(self.axes, 0)
+        self._bias = np.array(bias, dtype=np.float64)
+        self._supervisors = [Supervisor() for _ in self.axes]
+        self._engine = Engine(len(self.axes), _engine_settings(config, h, R)) if self.axes else None
+        self._bounded = np.zeros(len(self.axes), dtype=np.int32)
+
+    def step(self, y_dps: Sequence[float] | None) -> dict[str, AxisEstimate]:
+        """Take one sample in deg/s of all axes, or None for a missing one; an estimate for each axis.
+
+        Raises ValueError for a sample that is not finite, and leaves every axis as it was.
+        """
+        self.lost = {}
+        if self._engine is None:
+            return {}
+        missing = None if y_dps is not None else np.ones(len(self.axes), dtype=bool)
+        y = np.zeros(len(self.axes)) if y_dps is None else np.asarray(y_dps) - self._bias
+        e = self._engine.step(y, missing=missing)
+        bounded = e.interventions[:, STATE_BOUND]
+        result = {}
+        restart = np.zeros(len(self.axes), dtype=bool)
+        for i, axis in enumerate(self.axes):
+            verdict = self._supervisors[i].judge(
+                float(e.alpha[i]),
+                float(e.f[i]),
+                float(e.x[i]),
+                state_bound=bool(bounded[i] > self._bounded[i]),
+            )
+            restart[i] = verdict.restart
+            if verdict.news:
+                self.lost[axis] = verdict.news
+            result[axis] = (
+                AxisEstimate(
+                    float(e.alpha[i]),
+                    _std(e.alpha_var[i]),
+                    float(e.f[i]),
+                    _std(e.f_var[i]),
+                    float(e.x[i]),
+                    float(e.innovation[i]),
+                    _std(e.innovation_var[i]),
+                    valid=True,
+                )
+                if verdict.valid
+                else INVALID
+            )
+        self._bounded = bounded.copy()
+        if restart.any():
+            self._engine.reset(restart)
+            for i in np.flatnonzero(restart).tolist():
+                self.restarts[self.axes[i]] += 1
+                self._supervisors[i] = Supervisor()
+                self._bounded[i] = 0
+        return result
+
+    @property
+    def interventions(self) -> dict[str, dict[str, int]]:
+        """How often the guard stepped in since the lane's last start, by axis and cause; zeros left out."""
+        if self._engine is None:
+            return {}
+        counts = self._engine.interventions()
+        return {
+            axis: {cause: int(n) for cause, n in zip(CAUSES, counts[i], strict=True) if n}
+            for i, axis in enumerate(self.axes)
+        }
+
+
+def _engine_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> EngineSettings:
+    order, parameter, state, joint = config.order, config.parameter, config.state, config.joint
+    return EngineSettings(
+        h=h,
+        window=config.window,
+        memory="direct" if config.engine == "direct" else "compressed",
+        variant=config.variant,
+        guard=config.guard,
+        state=StateTuning(P0=state.P0, Q=state.Q, x0=state.x0, R=tuple(R)),
+        order=OrderTuning(P0=order.P0, Q0=order.Q0, alpha0=order.alpha0, delta=order.delta),
+        parameter=ParameterTuning(P0=parameter.P0, Q0=parameter.Q0, f0=parameter.f0, delta=parameter.delta),
+        joint=JointTuning(
+            P0=joint.P0, Q0=joint.Q0, alpha0=joint.alpha0, beta0=joint.beta0, delta=joint.delta
+        ),
+    )
+
+
+def _std(variance: float) -> float:
+    return math.sqrt(max(float(variance), 0.0))
