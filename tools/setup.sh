@@ -61,7 +61,7 @@ pip() { quietly .venv/bin/python -m pip "$@"; }
 say "installing pinned Python packages and building the native module ($level)"
 pip install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
 extras=
-[ "$level" = dev ] && extras='[test,lint]'
+[ "$level" = dev ] && extras='[test,lint,plot,bench]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
 pip install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
 say "ready"

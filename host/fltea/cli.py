@@ -1,4 +1,4 @@
-"""The command line: `fltea run`, `fltea inspect`, `fltea simulate`."""
+"""The command line: `fltea run`, `inspect`, `simulate`, `reproduce`, `bench`."""
 
 import contextlib
 import os
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fltea import __version__, wire
+from fltea import __version__, cli_reproduce, wire
 from fltea.config import load_config, parse_setting
 from fltea.errors import FlteaError, UsageError
 
@@ -129,6 +129,16 @@ def run(
             "--r", help="Measurement variance R in (deg/s)²: `auto` (of the window, default) or numbers."
         ),
     ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="`compressed` (default), `direct` (exact window) or `reference` (numpy)."),
+    ] = None,
+    variant: Annotated[
+        str | None, typer.Option(help="`triple` (the paper's) or `joint` (one filter on α and h^α f).")
+    ] = None,
+    guard: Annotated[
+        str | None, typer.Option(help="`off` (the printed algorithm), `faithful` or `consistent`.")
+    ] = None,
     baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
     max_gap: Annotated[
         int | None, typer.Option(help="Longest gap in samples that is bridged (default 100).")
@@ -169,6 +179,9 @@ def run(
         "estimator.startup": startup,
         "estimator.bias": _numbers(bias, "--bias", ("startup", "none")),
         "estimator.R": _numbers(r, "--r", ("auto",)),
+        "estimator.engine": engine,
+        "estimator.variant": variant or ("triple" if engine == "reference" else None),
+        "estimator.guard": guard or ("off" if engine == "reference" else None),
         "link.baud": baud,
         "link.max_gap": max_gap,
     }
@@ -312,3 +325,7 @@ def simulate(
         window=window,
         seed=seed,
     )
+
+
+app.command(epilog=EXIT_CODES)(cli_reproduce.reproduce)
+app.command(epilog=EXIT_CODES)(cli_reproduce.bench)

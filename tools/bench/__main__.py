@@ -3,7 +3,9 @@
 import argparse
 import json
 
-from tools.bench import bench_decode, bench_estimator
+from fltea import bench_estimator
+
+from tools.bench import bench_decode
 
 
 def main() -> None:
@@ -13,17 +15,14 @@ def main() -> None:
     as_json = parser.parse_args().json
     decode, estimator = bench_decode.measure(), bench_estimator.measure()
     if as_json:
-        print(json.dumps({"decode": decode, "reference": estimator}))
+        print(json.dumps({"decode": decode, **estimator}))
         return
     print(
         f"decode     {decode['fltea_frames_per_s']:>12,.0f} frames/s "
         f"({decode['fltea_frames_per_s_min']:,.0f} to {decode['fltea_frames_per_s_max']:,.0f}, "
         f"median of {decode['repetitions']}): COBS, CRC, version, fields\n"
-        f"bare cobs  {decode['cobs_frames_per_s']:>12,.0f} frames/s, {decode['ratio']:.1f} times as fast\n"
-        f"reference  {estimator['steps_per_s']:>12,.0f} axis-steps/s at L = {estimator['window']} "
-        f"({estimator['steps_per_s_min']:,.0f} to {estimator['steps_per_s_max']:,.0f}, "
-        f"median of {estimator['repetitions']})\n"
-        f"paper      {estimator['paper_steps_per_s']:>12,.1f} steps/s (4,000 in 230.75 s, MATLAB, i7-5500U)"
+        f"bare cobs  {decode['cobs_frames_per_s']:>12,.0f} frames/s, {decode['ratio']:.1f} times as fast\n\n"
+        + bench_estimator.text(estimator)
     )
 
 
