@@ -1,8 +1,10 @@
 """The commands `fltea reproduce` and `fltea bench`."""
 
+import contextlib
 import json
 import math
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,6 +14,7 @@ from fltea.errors import FlteaError, UsageError
 
 if TYPE_CHECKING:
     from fltea.reproduce.report import Report
+    from fltea.reproduce.runs import Options
 
 DEFAULT_SEEDS = 1000
 
@@ -62,6 +65,12 @@ def reproduce(
     unipolar: Annotated[
         bool, typer.Option("--unipolar", help="The saw-tooth rises from 0, not from -amplitude.")
     ] = False,
+    score: Annotated[
+        bool,
+        typer.Option(
+            "--score", help="Score the guards instead, on the examples and on every kind of bad input."
+        ),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")
     ] = False,
@@ -79,6 +88,8 @@ def reproduce(
 
         fltea reproduce --table 3 --guard consistent --amplitude 5 --json
 
+        fltea reproduce --score --memory compressed
+
         fltea reproduce --table 5 --figure 13 --recording rest.npz --out figures
     """
     from fltea.reproduce.gyroscope import RecordingFile
@@ -88,6 +99,13 @@ def reproduce(
     from fltea.reproduce.scenarios import SawTooth
     from fltea.reproduce.tables import document
 
+    if score:
+        if table or figure or out or recording:
+            raise UsageError(
+                "--score makes its own cases; it goes with --seeds, --variant, --memory and --json."
+            )
+        _score(seeds, Options(variant, guard, memory), as_json)
+        return
     tables, figures, everything = select(table or [], figure or [])
     names = [name.strip() for name in columns.split(",")] if columns else None
     if recording is None and (names or units or rate):
@@ -114,8 +132,26 @@ def reproduce(
         print(f"fltea: {len(report.files)} files in {request.folder}", file=sys.stderr)
 
 
+def _score(seeds: int, options: "Options", as_json: bool) -> None:
+    from fltea.reproduce.score import document, score, steps
+
+    with _bar(steps(seeds)) as advance:
+        rows = score(seeds, options, advance)
+    _print(
+        json.dumps({"score": rows}, ensure_ascii=False, allow_nan=False) + "\n" if as_json else document(rows)
+    )
+
+
 def _with_progress(report: "Report") -> dict[str, list[dict[str, object]]]:
     """Run `report` with a bar on stderr."""
+    with _bar(report.steps) as advance:
+        report.progress = advance
+        return report.run()
+
+
+@contextlib.contextmanager
+def _bar(total: int) -> Iterator[Callable[[str, int], None]]:
+    """Show a bar on stderr, if that is a terminal; what it gives takes a text and a number of steps done."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -127,9 +163,8 @@ def _with_progress(report: "Report") -> dict[str, list[dict[str, object]]]:
     )
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=report.steps)
-        report.progress = lambda text, steps: bar.update(task, advance=steps, description=text)
-        return report.run()
+        task = bar.add_task("", total=total)
+        yield lambda text, steps: bar.update(task, advance=steps, description=text)
 
 
 def bench(

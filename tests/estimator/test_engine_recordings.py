@@ -1,0 +1,27 @@
+"""The compressed memory on long real recordings: its difference from the exact one stays bounded."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fltea.estimator.engine import Engine, EngineSettings, StateTuning
+from fltea.sources.recording import read_npz
+
+
+@pytest.mark.parametrize(("variant", "guard"), [("triple", "off"), ("joint", "consistent")])
+def test_a_hundred_thousand_real_samples(recordings: Path, variant: str, guard: str) -> None:
+    """Two axes of the ten-minute recording one after the other, and no growth from each half to the next."""
+    recording = read_npz(recordings / "mpu6050_sunsided_10min.npz")
+    rates = recording.gyro / recording.lsb_per_dps
+    y = (rates - rates.mean(axis=0))[:, :2].T.reshape(-1, 1)[:100_000]
+    runs = [
+        Engine(
+            1, EngineSettings(memory=memory, variant=variant, guard=guard, state=StateTuning(R=y.var()))
+        ).run(y)  # type: ignore[arg-type]
+        for memory in ("direct", "compressed")
+    ]
+    for name, bound in (("x", 1e-6), ("alpha", 1e-6), ("f", 1e-4)):
+        difference = np.abs(getattr(runs[0], name) - getattr(runs[1], name))
+        assert difference.max() < bound, name
+        halves = difference[:50_000].max(), difference[50_000:].max()
+        assert halves[1] < 20 * halves[0] + bound / 100, (name, halves)
