@@ -68,21 +68,19 @@ class CompressedMemory {
         new_P[0] = new_P[Nodes::kHead] = P;
         ++pushed_;
         if (nodes_.state.count == 0) return;
-        if (nodes_.window == 0) {
-            advance(nodes_.state.count, 0, state_, state_table_, x_in, T(R(0)));
-            advance(nodes_.variance.count, 0, variance_, variance_table_, P_in, T(R(0)));
-            return;
+        T x_out = T(R(0)), P_out = T(R(0));
+        if (nodes_.window > 0) {
+            T* const slot = ring_ + 2 * ring_position_;
+            ring_position_ = (ring_position_ + 1 == ring_length(nodes_) ? 0 : ring_position_ + 1);
+            __builtin_prefetch(slot + 2 * kPrefetch, 1);
+            __builtin_prefetch(slot + 2 * kPrefetch + 1, 1);
+            x_out = slot[0];
+            P_out = slot[1];
+            slot[0] = x_in;
+            slot[1] = P_in;
         }
-        T* const slot = ring_ + 2 * ring_position_;
-        ring_position_ = (ring_position_ + 1 == ring_length(nodes_) ? 0 : ring_position_ + 1);
-        __builtin_prefetch(slot + 2 * kPrefetch, 1);
-        __builtin_prefetch(slot + 2 * kPrefetch + 1, 1);
-        const T x_out = slot[0], P_out = slot[1];
-        slot[0] = x_in;
-        slot[1] = P_in;
-        advance(state_forgotten_, nodes_.state.count - state_forgotten_, state_, state_table_, x_in, x_out);
-        advance(variance_forgotten_, nodes_.variance.count - variance_forgotten_, variance_, variance_table_,
-                P_in, P_out);
+        advance(state_, state_table_, state_forgotten_, nodes_.state.count, x_in, x_out);
+        advance(variance_, variance_table_, variance_forgotten_, nodes_.variance.count, P_in, P_out);
     }
 
     // L in samples; 0: unlimited.
@@ -170,19 +168,22 @@ class CompressedMemory {
 
     // z <- z - om z + K in - KW out, om = 1 - e^{-s}: not z e^{-s}, which would round the slow modes' om
     // away. The first `forgotten` modes have nothing left of what leaves the window. Last, the plain sum.
-    static void advance(std::size_t forgotten, std::size_t others, T* z, const R* table, T in, T out) {
-        for (std::size_t i = 0; i < forgotten; ++i, ++z, table += 3) {
-            *z = mul_add(T(table[1]), in, mul_add(T(table[0]), *z, *z));
+    static void advance(T* z, const R* table, std::size_t forgotten, std::size_t count, T in, T out) {
+        constexpr std::size_t G = kGroup;
+        T next[G];
+        for (std::size_t i = 0; i < forgotten; i += G, z += G, table += 3 * G) {
+            for (std::size_t g = 0; g < G; ++g) next[g] = kept(z[g], table + 3 * g, in);
+            for (std::size_t g = 0; g < G; ++g) z[g] = next[g];
         }
-        if (others == 0) {
-            *z += in;
-            return;
-        }
-        for (std::size_t i = 0; i < others; ++i, ++z, table += 3) {
-            *z = mul_add(T(table[2]), out, mul_add(T(table[1]), in, mul_add(T(table[0]), *z, *z)));
+        for (std::size_t i = forgotten; i < count; i += G, z += G, table += 3 * G) {
+            for (std::size_t g = 0; g < G; ++g) {
+                next[g] = mul_add(T(table[3 * g + 2]), out, kept(z[g], table + 3 * g, in));
+            }
+            for (std::size_t g = 0; g < G; ++g) z[g] = next[g];
         }
         *z += in - out;
     }
+    static T kept(T z, const R* row, T in) { return mul_add(T(row[1]), in, mul_add(T(row[0]), z, z)); }
 
     // The nodes below the slowest one go on for ever as a geometric sequence G, Gq, Gq^2 ... of weights times
     // a function of the node that is all but linear there. Its parabola through node 0 (the plain sum) and
@@ -327,6 +328,8 @@ class CompressedMemory {
             w_[i] = R(nodes_.w(i));
             variance_plain_ = nodes_.step / (pi * pi) * q * q * (1 - q_) * (1 - q_ * q_);
         }
+        state_forgotten_ -= state_forgotten_ % kGroup;
+        variance_forgotten_ -= variance_forgotten_ % kGroup;
     }
 
     // `decay`: how far, as an exponent, the mode forgets while a sample crosses the window.

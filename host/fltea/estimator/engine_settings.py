@@ -109,7 +109,7 @@ class EngineSettings:
     accuracy: int = 0
     variant: Literal["triple", "joint"] = "triple"
     guard: Literal["off", "faithful", "consistent"] = "off"
-    gate: Numbers = 4.0
+    gate: Numbers = 10.0
     state: StateTuning = field(default_factory=StateTuning)
     order: OrderTuning = field(default_factory=OrderTuning)
     parameter: ParameterTuning = field(default_factory=ParameterTuning)
