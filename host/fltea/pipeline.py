@@ -93,14 +93,13 @@ class Pipeline:
         hello = self._continuity.hello
         assert hello is not None
         raw = placed.raw
+        gap_epoch = self._epoch
         if placed.new_epoch is not None or self._timebase is None or self._estimator is None:
-            gap_epoch = self._epoch
             self._epoch += 1
             self._offset_ns = self._source.unix_offset_ns
             self._timebase = Timebase(self._offset_ns)
             self._estimator = self._new_estimator(len(raw.gyro), hello)
         else:
-            gap_epoch = self._epoch
             self._estimator.on_missing(placed.missing)
         host_ns = self._timebase.add(placed.seq, placed.device_us, raw.host_ns)
         if placed.missing:

@@ -63,6 +63,6 @@ class Supervisor:
         share = self._bounded / BOUND_SAMPLES
         if not self._distrusted and share <= BOUND_SHARE:
             return GOOD
-        news = None if self._distrusted else "bound"
+        news: Reason | None = None if self._distrusted else "bound"
         self._distrusted = share > BOUND_SHARE / 2
-        return Verdict(False, not self._distrusted, news)  # type: ignore[arg-type]
+        return Verdict(False, not self._distrusted, news)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.estimator.engine import Engine, Estimates
+from fltea.estimator.engine_settings import EngineSettings
 from fltea.reproduce.scenarios import Data, Scenario
 from fltea.reproduce.simulate import WIDTH, Array
 
@@ -49,14 +50,14 @@ class Outcome(NamedTuple):
 
 def estimate(scenario: Scenario, data: Data, length: int, options: Options) -> Estimates:
     """Every estimate of every run, arrays (n, runs)."""
-    settings = replace(
-        scenario.filters,
-        window=length,
-        variant=options.variant,
-        guard=options.guard,
-        memory=options.memory,
+    return Engine(data.y.shape[1], engine_settings(scenario.filters, length, options)).run(data.y, data.u)
+
+
+def engine_settings(filters: EngineSettings, length: int, options: Options) -> EngineSettings:
+    """The filters of an experiment with the length L and what of the engine is asked for."""
+    return replace(
+        filters, window=length, variant=options.variant, guard=options.guard, memory=options.memory
     )
-    return Engine(data.y.shape[1], settings).run(data.y, data.u)
 
 
 def outcomes(

@@ -8,6 +8,7 @@ with a wrong R, unremoved offsets, and inputs that are no noise at all. A run ha
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from fltea.estimator.engine import Engine
 from fltea.reproduce import paper
-from fltea.reproduce.runs import Options, Outcome, has_diverged, outcomes
+from fltea.reproduce.runs import Options, Outcome, engine_settings, has_diverged, outcomes
 from fltea.reproduce.scenarios import GYROSCOPE_FILTERS, SawTooth, Scenario, example
 from fltea.reproduce.simulate import WIDTH, Array
 
@@ -81,11 +82,12 @@ def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> 
     `f`: medians of the last estimates.
     """
     rows = []
-    for case in driven():
+    for simulated in driven():
+        case = replace(simulated, make=cache(simulated.make))  # once for all guards
+        name = f"{case.title}, {case.source}"
+        told = partial(advance, name)
         printed: Outcome | None = None
         for guard in GUARDS:
-            name = f"{case.title}, {case.source}"
-            told = lambda n, name=name: advance(name, n)  # noqa: E731
             outcome = outcomes(case, range(seeds), replace(options, guard=guard), told)[case.lengths[0]]
             printed = outcome if printed is None else printed
             rows.append(
@@ -113,14 +115,8 @@ def _medians(outcome: Outcome, chosen: NDArray[np.bool_]) -> dict[str, float | N
 def _at_rest(case: Resting, seeds: Sequence[int], options: Options) -> dict[str, Any]:
     V, n = paper.GYRO_R["x"], paper.GYRO_SAMPLES
     R = V * case.R_over_V
-    settings = replace(
-        GYROSCOPE_FILTERS,
-        state=replace(GYROSCOPE_FILTERS.state, R=R),
-        window=n,
-        variant=options.variant,
-        guard=options.guard,
-        memory=options.memory,
-    )
+    filters = replace(GYROSCOPE_FILTERS, state=replace(GYROSCOPE_FILTERS.state, R=R))
+    settings = engine_settings(filters, n, options)
     diverged, alpha, f = [], [], []
     for first in range(0, len(seeds), WIDTH):
         group = seeds[first : first + WIDTH]

@@ -12,9 +12,6 @@ from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.transport import ANY_BOARD
 
-PROGRAMMING_PORTS = {(0x2341, 0x003D), (0x2A03, 0x003D)}
-"""USB ids of the Arduino Due's programming port, as in `transport.ANY_BOARD`."""
-
 RECORDING_SUFFIXES = (".npz", ".csv", ".txt", ".ndjson", ".jsonl")
 
 
@@ -24,7 +21,7 @@ def find_board() -> str:
     Raises:
         UsageError: there is more than one.
     """
-    found = sorted(p.device for p in list_ports.comports() if (p.vid, p.pid) in PROGRAMMING_PORTS)
+    found = sorted(p.device for p in list_ports.grep(ANY_BOARD.removeprefix("hwgrep://")))
     if len(found) > 1:
         raise UsageError(f"several boards are plugged in: {', '.join(found)}. Choose one with --source.")
     return ANY_BOARD
