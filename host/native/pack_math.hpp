@@ -123,7 +123,8 @@ inline T sin_pi(T a) {
     typedef Real<T> R;
     typedef Layout<R> L;
     const T rounded = a + T(L::kRound);
-    const T r = a - (rounded - T(L::kRound));
+    // Where a has no half-integers left, the difference is rounding: any remainder will do, if it is small.
+    const T r = max(min(a - (rounded - T(L::kRound)), T(R(0.5))), T(R(-0.5)));
     const T s = r * r;
     // Taylor in (pi r)^2; |r| <= 1/2, so the first term left out is 1e-18.
     T sum = T(R(5.3926646626081290e-10));

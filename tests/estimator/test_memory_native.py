@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from fltea.estimator.gl import weights
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from memory_probe import DIRECT, SETS, Memory, fused, math
 
@@ -71,6 +71,8 @@ def test_sine_to_a_few_units_in_the_last_place_and_zero_at_integers(kind: str, i
 
 
 @given(x=finite)
+@example(x=6.53021945968722e16)
+@example(x=-1.7e308)
 def test_functions_are_finite_for_every_finite_number(x: float) -> None:
     up, down, sine = math("w", np.array([x]))
     assert 0 < up[0] < np.inf
