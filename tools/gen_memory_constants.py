@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import mpmath
+from generated import update
 
 HEADER = Path(__file__).resolve().parents[1] / "host/native/memory_constants.hpp"
 
@@ -92,15 +93,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if the header differs")
     check = parser.parse_args().check
-    text = render()
-    if HEADER.is_file() and HEADER.read_text() == text:
-        return 0
-    if check:
-        print(f"{HEADER.name} differs from what the generator writes", file=sys.stderr)
-        return 1
-    HEADER.write_text(text)
-    print(f"wrote {HEADER.name}")
-    return 0
+    return update(HEADER.parent, {HEADER.name: render()}, check=check, source="tools/gen_memory_constants.py")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from pathlib import Path
 import protocol_cpp
 import protocol_markdown
 import protocol_python
+from generated import update
 from protocol_definition import DefinitionError, Protocol, load
 
 DEFINITION = "protocol/messages.toml"
@@ -49,19 +50,7 @@ def main() -> int:
     except DefinitionError as error:
         print(f"{DEFINITION}: {error}", file=sys.stderr)
         return 1
-    status = 0
-    for name, text in wanted.items():
-        path = arguments.root / name
-        # A file that is right already keeps its time stamp, so that nothing is rebuilt for it.
-        if path.exists() and path.read_text() == text:
-            continue
-        if arguments.check:
-            print(f"{name} differs from {DEFINITION}: run `make gen`", file=sys.stderr)
-            status = 1
-        else:
-            path.write_text(text)
-            print(f"wrote {name}")
-    return status
+    return update(arguments.root, wanted, check=arguments.check, source=DEFINITION)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
 
-They judge fltea's own code, so nothing here comes from it or from the generator: COBS is PyPI's, CRC-32 is
+They judge fltea's own code, so nothing in them comes from it or from the generator: COBS is PyPI's, CRC-32 is
 zlib's, and the layouts and the text of the schema hash are typed by hand. `--check` writes nothing, names
 the files that differ and exits 1.
 """
@@ -12,6 +12,7 @@ import zlib
 from pathlib import Path
 
 from cobs import cobs
+from generated import update
 
 SCHEMA = """\
 message 1 HELLO
@@ -336,19 +337,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Write the generated vectors of protocol/vectors.")
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
     check = parser.parse_args().check
-    folder = Path(__file__).resolve().parent.parent / "protocol/vectors"
-    status = 0
-    for name, text in (("good.txt", good()), ("bad.txt", bad()), ("streams.txt", streams())):
-        path = folder / name
-        if path.exists() and path.read_text() == text:
-            continue
-        if check:
-            print(f"protocol/vectors/{name} differs: run tools/make_vectors.py", file=sys.stderr)
-            status = 1
-        else:
-            path.write_text(text)
-            print(f"wrote protocol/vectors/{name}")
-    return status
+    wanted = {"good.txt": good(), "bad.txt": bad(), "streams.txt": streams()}
+    return update(
+        Path(__file__).resolve().parents[1],
+        {f"protocol/vectors/{name}": text for name, text in wanted.items()},
+        check=check,
+        source="tools/make_vectors.py",
+    )
 
 
 if __name__ == "__main__":
