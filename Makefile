@@ -8,7 +8,7 @@
 
 PY := .venv/bin/python
 NATIVE := pyproject.toml constraints.txt tools/setup.sh host/native/CMakeLists.txt \
-          $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/*.h)
+          $(wildcard host/native/*.cpp host/native/*.hpp) $(addprefix firmware/core/,cobs.h crc32.h frame.h messages.h)
 CXX_FILES := $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/*.h tests/firmware/*.cpp tests/firmware/*.h \
                        tests/native/*.cpp tests/native/*.h)
 PY_DIRS := host tools tests

@@ -25,7 +25,15 @@ else
 fi
 printf 'int main() {}' | c++ -x c++ -o /dev/null - 2>/dev/null || packages+=(g++)
 if [ "$level" = dev ]; then
-    printf '#include <doctest/doctest.h>\nint main() {}' | c++ -x c++ -fsyntax-only - 2>/dev/null || packages+=(doctest-dev)
+    compiles() { printf '%s\nint main() { return 0; }\n' "$2" | ${1} -x c++ -o /dev/null - 2>/dev/null; }
+    compiles c++ '#include <doctest/doctest.h>' || packages+=(doctest-dev)
+    # The second compiler of the C++ tests, with sanitizers and libFuzzer.
+    compiles 'clang++ -fsanitize=address,undefined' '#include <type_traits>' || packages+=(clang libclang-rt-dev)
+    command -v clang-tidy >/dev/null || packages+=(clang-tidy)
+    command -v cppcheck >/dev/null || packages+=(cppcheck)
+    # The Due's compiler; C++11's <type_traits> is in newlib's package.
+    compiles 'arm-none-eabi-g++ -mcpu=cortex-m3 -mthumb -c' '#include <type_traits>' ||
+        packages+=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib)
 fi
 
 if [ ${#packages[@]} -gt 0 ]; then
@@ -60,8 +68,8 @@ export PATH="$PWD/.venv/bin:$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
 pip() { quietly .venv/bin/python -m pip "$@"; }
 say "installing pinned Python packages and building the native module ($level)"
 pip install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
-extras=
-[ "$level" = dev ] && extras='[test,lint,plot,bench]'
+extras='[emulator]'
+[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
 pip install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
 say "ready"
