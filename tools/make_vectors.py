@@ -23,6 +23,7 @@ field boot_id u32
 field device_id bytes16
 field firmware_version text24
 field who_am_i u8
+field sensor_starts u16
 field sample_rate u32 scale 0.001 unit Hz
 field gyro_range u16 scale 1 unit deg/s
 field gyro_lsb u16 scale 0.1 unit LSB per deg/s
@@ -67,6 +68,7 @@ value 2 sensor_unknown
 value 3 readback_mismatch
 value 4 bus_held
 value 5 sensor_lost
+value 6 data_ready_missing
 flags sample_flags
 bit 0 late
 bit 1 retried
@@ -78,28 +80,28 @@ HASH = zlib.crc32(SCHEMA.encode())
 HELLO, SAMPLE, STATUS, FAULT, UNKNOWN = 1, 2, 3, 4, 200
 NAMES = {
     HELLO: "protocol_major protocol_minor schema_hash boot_id device_id firmware_version who_am_i "
-    "sample_rate gyro_range gyro_lsb accel_range accel_lsb gyro_dlpf sampling_mode",
+    "sensor_starts sample_rate gyro_range gyro_lsb accel_range accel_lsb gyro_dlpf sampling_mode",
     SAMPLE: "gyro_x gyro_y gyro_z accel_x accel_y accel_z temperature flags",
     STATUS: "i2c_errors bus_recoveries sensor_reinits overruns dropped_frames reset_cause",
     FAULT: "code detail",
 }
-FORMATS = {HELLO: "<BBII16s24sBIHHHHHB", SAMPLE: "<hhhhhhhB", STATUS: "<IIIIIB", FAULT: "<BI"}
+FORMATS = {HELLO: "<BBII16s24sBHIHHHHHB", SAMPLE: "<hhhhhhhB", STATUS: "<IIIIIB", FAULT: "<BI"}
 
 DEVICE = bytes(range(0xA0, 0xB0))
-TYPICAL_HELLO = (1, 0, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 100_000, 2000, 164, 2, 16384, 184, 0)
+TYPICAL_HELLO = (1, 1, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
 TYPICAL_SAMPLE = (12, -7, 3, -120, 85, 16390, -1042, 0)
 TYPICAL_STATUS = (2, 1, 0, 3, 5, 4)
 U16, U32 = 0xFFFF, 0xFFFFFFFF
 
 GOOD = [
     ("hello of a healthy device", HELLO, 0, 1000, TYPICAL_HELLO),
-    ("hello, smallest values", HELLO, 0, 0, (1, 0, HASH, 0, bytes(16), "", *(0,) * 8)),
+    ("hello, smallest values", HELLO, 0, 0, (1, 0, HASH, 0, bytes(16), "", *(0,) * 9)),
     (
         "hello, largest values, a text that fills its field, another minor version",
         HELLO,
         U16,
         U32,
-        (1, 255, HASH, U32, b"\xff" * 16, "abcdefghijklmnopqrstuvwx", 255, U32, U16, U16, U16, U16, U16, 255),
+        (1, 255, HASH, U32, b"\xff" * 16, "abcdefghijklmnopqrstuvwx", 255, U16, U32, *(U16,) * 5, 255),
     ),
     ("sample at rest", SAMPLE, 1, 1_010_000, TYPICAL_SAMPLE),
     ("sample, all zero", SAMPLE, 0, 0, (0,) * 8),
@@ -110,6 +112,7 @@ GOOD = [
     ("status, all zero", STATUS, 0, 0, (0,) * 6),
     ("status, all ones: a reset cause that no version names", STATUS, U16, U32, (*(U32,) * 5, 254)),
     ("fault, a register that did not keep its setting", FAULT, 0, 250_000, (3, 0x1B1800)),
+    ("fault, no edge on the data-ready pin", FAULT, 1, 12_345_678, (6, 1_000_123)),
     ("fault, code of no known kind", FAULT, U16, U32, (99, U32)),
 ]
 
@@ -170,8 +173,8 @@ def bad() -> str:
     whole = body(SAMPLE, 1, 1_010_000, payload(SAMPLE, TYPICAL_SAMPLE))
     flipped = bytes([whole[0], whole[1], whole[2], whole[3], whole[4] ^ 1, *whole[5:]])
     swapped = whole[:-4] + whole[-4:][::-1]
-    other = (2, 0, HASH, *TYPICAL_HELLO[3:])
-    foreign = (1, 0, 0xDEADBEEF, *TYPICAL_HELLO[3:])
+    other = (2, 1, HASH, *TYPICAL_HELLO[3:])
+    foreign = (1, 1, 0xDEADBEEF, *TYPICAL_HELLO[3:])
     cases = [
         ("block that promises more bytes than come", "cobs", b"\x00\x05\x01\x02\x00"),
         ("a code alone", "cobs", b"\x00\xff\x00"),
@@ -208,8 +211,8 @@ def bad() -> str:
         ("rubbish longer than any frame, as the first block", "partial", b"\x7e" * 400 + b"\x00"),
     ]
     refused = [
-        ("hello of the next major version", "2 0 " + f"{HASH:08x}", payload(HELLO, other)),
-        ("hello of another schema", "1 0 deadbeef", payload(HELLO, foreign)),
+        ("hello of the next major version", "2 1 " + f"{HASH:08x}", payload(HELLO, other)),
+        ("hello of another schema", "1 1 deadbeef", payload(HELLO, foreign)),
         (
             "hello of a later version that is only six bytes long",
             "7 3 00000001",

@@ -71,6 +71,7 @@ class Device:
             device_id=b"fltea stand-in".ljust(16, b"\0"),
             firmware_version=f"{__version__} stand-in",
             who_am_i=0x71,
+            sensor_starts=1,
             sample_rate=round(s.rate_hz * 1000),
             gyro_range=round(s.range_dps),
             gyro_lsb=round(s.lsb_per_dps * 10),

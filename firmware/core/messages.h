@@ -9,8 +9,8 @@
 namespace fltea {
 
 constexpr uint8_t kProtocolMajor = 1;
-constexpr uint8_t kProtocolMinor = 0;
-constexpr uint32_t kSchemaHash = 0x7CB53935;
+constexpr uint8_t kProtocolMinor = 1;
+constexpr uint32_t kSchemaHash = 0x45665F58;
 
 constexpr uint32_t kBaud = 250000;
 constexpr size_t kMaxPayload = 240;
@@ -56,10 +56,12 @@ enum class FaultCode : uint8_t {
     bus_held = 4,
     // the sensor stopped answering; detail: errors in a row
     sensor_lost = 5,
+    // no edge on the data-ready pin; detail: microseconds since the last
+    data_ready_missing = 6,
 };
 
 namespace sample_flags {
-// read more than a tenth of a period after its instant
+// read more than a tenth of a period after its due time
 constexpr uint8_t late = 1u << 0;
 // the first transfer failed, a second one gave this value
 constexpr uint8_t retried = 1u << 1;
@@ -73,7 +75,7 @@ constexpr uint8_t repeated = 1u << 3;
 struct Hello {
     static constexpr uint8_t type() { return 1; }
     // Bytes of payload.
-    static constexpr size_t size() { return 66; }
+    static constexpr size_t size() { return 68; }
 
     // version of this protocol; another one is refused
     uint8_t protocol_major;
@@ -87,8 +89,11 @@ struct Hello {
     uint8_t device_id[16];
     // version and build
     char firmware_version[24];
-    // WHO_AM_I register of the sensor
+    // WHO_AM_I register of the sensor; 0 while none has answered
     uint8_t who_am_i;
+    // times that the sensor has been set up since boot, 0 = not yet; another number: samples before and after
+    // do not belong together
+    uint16_t sensor_starts;
     // nominal rate of SAMPLE [0.001 Hz]
     uint32_t sample_rate;
     // full scale, plus and minus [deg/s]
@@ -114,6 +119,7 @@ struct Hello {
         visitor("device_id", self.device_id);
         visitor("firmware_version", self.firmware_version);
         visitor("who_am_i", self.who_am_i);
+        visitor("sensor_starts", self.sensor_starts);
         visitor("sample_rate", self.sample_rate);
         visitor("gyro_range", self.gyro_range);
         visitor("gyro_lsb", self.gyro_lsb);
@@ -124,7 +130,8 @@ struct Hello {
     }
 };
 
-// One burst read of the sensor; device_us is the instant of sampling.
+// One burst read of the sensor; device_us is the moment its read began (timer) or that of the edge
+// (data_ready).
 struct Sample {
     static constexpr uint8_t type() { return 2; }
     // Bytes of payload.

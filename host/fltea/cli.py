@@ -1,4 +1,4 @@
-"""The command line: `fltea run`, `inspect`, `simulate`, `reproduce`, `bench`."""
+"""The command line: `fltea run`, `inspect`, `flash`, `simulate`, `reproduce`, `bench`."""
 
 import contextlib
 import os
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fltea import __version__, cli_reproduce, wire
+from fltea import __version__, cli_flash, cli_reproduce, wire
 from fltea.config import load_config, parse_setting
 from fltea.errors import FlteaError, UsageError
 
@@ -327,5 +327,6 @@ def simulate(
     )
 
 
+app.command(epilog=EXIT_CODES)(cli_flash.flash)
 app.command(epilog=EXIT_CODES)(cli_reproduce.reproduce)
 app.command(epilog=EXIT_CODES)(cli_reproduce.bench)

@@ -1,8 +1,8 @@
 """Sequence and device time unwrapped; gaps and epochs found (pure).
 
-The rules are those of protocol/README.md: SAMPLE's sequence numbers the sampling instants, so
-within an epoch delivered + lost = due; where sequence and time disagree the device was restarted or
-exchanged, and nothing is believed until its next HELLO.
+The rules are those of protocol/README.md: SAMPLE's sequence numbers the sampling instants, so within a
+boot delivered + lost = due, also where the sensor was set up anew; where sequence and time disagree
+the device was restarted or exchanged, and nothing is believed until its next HELLO.
 """
 
 from typing import NamedTuple
@@ -48,17 +48,21 @@ class Continuity:
         self.hello: Hello | None = None
         self.delivered = self.lost = self.gaps = self.duplicates = self.before_hello = 0
         self._boot: tuple[int | None, str | None] | None = None
+        self._sensor_starts: int | None = None
         self._pending: EpochReason | None = "start"
         self._last: RawSample | None = None
         self._seq = self._device_us = 0
 
     def on_hello(self, hello: Hello) -> bool:
-        """Take note of a HELLO; True if it tells something new (another boot, or the first)."""
+        """Take note of a HELLO; True if it tells something new (the first, or another boot or sensor)."""
         boot = (hello.boot_id, hello.device_id)
-        news = boot != self._boot or self.hello is None
-        if self._boot is not None and boot != self._boot:
+        another_boot, another_sensor = boot != self._boot, hello.sensor_starts != self._sensor_starts
+        news = another_boot or another_sensor or self.hello is None
+        if another_boot and self._boot is not None:
             self._pending = "restart"
-        self._boot = boot
+        elif another_sensor and self._pending is None:
+            self._pending = "sensor_restart"
+        self._boot, self._sensor_starts = boot, hello.sensor_starts
         self.hello = hello
         return news
 
@@ -68,7 +72,7 @@ class Continuity:
 
     def on_break(self, reason: EpochReason) -> None:
         """Begin a new epoch with the next sample, as a recording says that one began there."""
-        if self._pending is None:
+        if self._pending in (None, "sensor_restart"):
             self._pending = reason
 
     def on_sample(self, raw: RawSample) -> Placed | None:
@@ -76,10 +80,10 @@ class Continuity:
         if self.hello is None:
             self.before_hello += 1
             return None
-        if self._pending is not None or self._last is None:
+        if self._last is None or self._pending not in (None, "sensor_restart"):
             return self._begin(raw, self._pending or "start")
         if raw.host_ns - self._last.host_ns > MAX_SILENCE_NS:
-            return self._begin(raw, "silence")
+            return self._begin(raw, self._pending or "silence")
         sequence_step = (raw.sequence - self._last.sequence) % SEQUENCE_WRAP
         time_step_us = (raw.device_us - self._last.device_us) % TIME_WRAP_US
         if sequence_step == 0 and time_step_us == 0:
@@ -106,7 +110,9 @@ class Continuity:
         self._seq += step
         self._device_us += time_step_us
         self._last = raw
-        return Placed(raw, self._seq, self._device_us, missing, "gap" if missing > self.max_gap else None)
+        reason = self._pending or ("gap" if missing > self.max_gap else None)
+        self._pending = None
+        return Placed(raw, self._seq, self._device_us, missing, reason)
 
     def _begin(self, raw: RawSample, reason: EpochReason) -> Placed:
         self._pending = None

@@ -54,7 +54,7 @@ def _value(field: str, value: object) -> str:
     if field in ("schema_hash", "boot_id", "detail"):
         return f"0x{value:08X}"
     if field == "who_am_i":
-        return f"0x{value:02X}"
+        return f"0x{value:02X}" if value else "0x00 (no sensor)"
     enum = {
         "sampling_mode": wire.SamplingMode,
         "reset_cause": wire.ResetCause,

@@ -14,7 +14,7 @@ AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
 
 
-EpochReason = Literal["start", "restart", "discontinuity", "gap", "silence"]
+EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence"]
 
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class"):
@@ -35,6 +35,7 @@ class Hello(Record, frozen=True, tag="hello"):
     firmware_version: str | None = None
     who_am_i: int | None = None
     sensor: str | None = None
+    sensor_starts: int | None = None
     gyro_range_dps: float | None = None
     gyro_lsb_per_dps: float | None = None
     accel_range_g: float | None = None

@@ -12,11 +12,25 @@ SENSORS = {
     0x75: "MPU-9250 clone (0x75)",
     0x78: "MPU-9250 clone (0x78)",
 }
-"""WHO_AM_I to name; 0x70 is often sold as a 9250."""
+"""WHO_AM_I to name."""
+
+NO_SENSOR = 0
+"""WHO_AM_I in HELLO while no sensor has answered."""
+
+_CLONE = "a chip sold as MPU-9250: its scales are taken for the same, its noise may be any."
+RELATIVES = {
+    0x70: "often sold as MPU-9250: the same kind of gyroscope, but no magnetometer.",
+    0x68: "an older chip sold in its place: the scales are the same, the noise is not.",
+    0x75: _CLONE,
+    0x78: _CLONE,
+}
+"""What the owner of a relative or clone ought to know."""
 
 
 def sensor_name(who_am_i: int) -> str:
-    """Name of the chip with this WHO_AM_I, or the number itself for an unknown one."""
+    """Name of the chip with this WHO_AM_I; "no sensor" for 0; the number itself for an unknown one."""
+    if who_am_i == NO_SENSOR:
+        return "no sensor"
     return SENSORS.get(who_am_i, f"unknown sensor (WHO_AM_I 0x{who_am_i:02X})")
 
 

@@ -23,8 +23,13 @@ from fltea.clock import host_ns
 from fltea.errors import UsageError
 
 FORBIDDEN_BAUD = 1200
-ANY_BOARD = "hwgrep://VID:PID=(2341|2A03):003D"
-"""The programming port of any Arduino Due (USB ids from the SAM core's boards.txt)."""
+DUE_VENDORS = (0x2341, 0x2A03)
+DUE_PROGRAMMING_PORT = 0x003D
+DUE_NATIVE_PORT = 0x003E
+"""USB ids from the SAM core's boards.txt."""
+
+ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
+"""The programming port of any Arduino Due."""
 
 READ_TIMEOUT_S = 0.1
 SOCKET = "socket://"

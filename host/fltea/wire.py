@@ -15,8 +15,8 @@ from struct import Struct
 from typing import ClassVar, Final, NamedTuple, Self, TypeAlias
 
 PROTOCOL_MAJOR: Final = 1
-PROTOCOL_MINOR: Final = 0
-SCHEMA_HASH: Final = 0x7CB53935
+PROTOCOL_MINOR: Final = 1
+SCHEMA_HASH: Final = 0x45665F58
 
 BAUD: Final = 250000
 MAX_PAYLOAD: Final = 240
@@ -91,13 +91,15 @@ class FaultCode(IntEnum):
     """SDA or SCL stayed low after nine clocks; detail: 1 SDA, 2 SCL, 3 both."""
     SENSOR_LOST = 5
     """The sensor stopped answering; detail: errors in a row."""
+    DATA_READY_MISSING = 6
+    """No edge on the data-ready pin; detail: microseconds since the last."""
 
 
 class SampleFlags(IntFlag):
     """Sample flags."""
 
     LATE = 1 << 0
-    """Read more than a tenth of a period after its instant."""
+    """Read more than a tenth of a period after its due time."""
     RETRIED = 1 << 1
     """The first transfer failed, a second one gave this value."""
     SATURATED = 1 << 2
@@ -120,7 +122,10 @@ class _HelloFields(NamedTuple):
     firmware_version: str
     """Version and build."""
     who_am_i: int
-    """WHO_AM_I register of the sensor."""
+    """WHO_AM_I register of the sensor; 0 while none has answered."""
+    sensor_starts: int
+    """Times that the sensor has been set up since boot, 0 = not yet; another number: samples before and after
+    do not belong together."""
     sample_rate: int
     """Nominal rate of SAMPLE [0.001 Hz]."""
     gyro_range: int
@@ -138,14 +143,14 @@ class _HelloFields(NamedTuple):
 
 
 class Hello(_HelloFields):
-    """Message HELLO: type 1, 66 bytes of payload.
+    """Message HELLO: type 1, 68 bytes of payload.
 
     Who is speaking, and what its samples mean. At boot, before any sample, and every second.
     """
 
     __slots__ = ()
     TYPE: ClassVar[int] = 1
-    SIZE: ClassVar[int] = 66
+    SIZE: ClassVar[int] = 68
     SCALE: ClassVar[dict[str, float]] = {
         "sample_rate": 0.001,
         "gyro_range": 1.0,
@@ -154,7 +159,7 @@ class Hello(_HelloFields):
         "accel_lsb": 1.0,
         "gyro_dlpf": 1.0,
     }
-    _STRUCT: ClassVar[Struct] = Struct("<BBII16s24sBIHHHHHB")
+    _STRUCT: ClassVar[Struct] = Struct("<BBII16s24sBHIHHHHHB")
 
     def pack(self) -> bytes:
         return self._STRUCT.pack(
@@ -165,6 +170,7 @@ class Hello(_HelloFields):
             _bytes_in(self.device_id, 16, "Hello.device_id"),
             _text_in(self.firmware_version, 24, "Hello.firmware_version"),
             self.who_am_i,
+            self.sensor_starts,
             self.sample_rate,
             self.gyro_range,
             self.gyro_lsb,
@@ -203,7 +209,8 @@ class _SampleFields(NamedTuple):
 class Sample(_SampleFields):
     """Message SAMPLE: type 2, 15 bytes of payload.
 
-    One burst read of the sensor; device_us is the instant of sampling.
+    One burst read of the sensor; device_us is the moment its read began (timer) or that of the edge
+    (data_ready).
     """
 
     __slots__ = ()

@@ -168,6 +168,7 @@ def hello(**changes: object) -> wire.Hello:
         "device_id": bytes(16),
         "firmware_version": "test",
         "who_am_i": 0x71,
+        "sensor_starts": 1,
         "sample_rate": 100_000,
         "gyro_range": 2000,
         "gyro_lsb": 164,
@@ -192,7 +193,7 @@ def test_another_protocol_version_is_refused_by_name_until_the_right_one_comes(p
     daemon.wait_for(refused, "the refusal")
     assert daemon.errors() == ["version"]
     text = daemon.of("error")[0]["message"]
-    assert "9.0" in text
+    assert f"9.{wire.PROTOCOL_MINOR}" in text
     assert "0xDEADBEEF" in text
     assert f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}" in text
     assert f"0x{wire.SCHEMA_HASH:08X}" in text

@@ -50,6 +50,7 @@ def hello(**changes: object) -> Hello:
         boot_id=7,
         device_id="a0",
         who_am_i=0x71,
+        sensor_starts=1,
         gyro_lsb_per_dps=16.4,
         accel_lsb_per_g=16384.0,
     )

@@ -139,6 +139,68 @@ def test_another_boot_or_device_begins_an_epoch(change: dict[str, object]):
     assert continuity.lost == 0
 
 
+def test_a_sensor_set_up_again_begins_an_epoch_and_what_it_missed_is_counted():
+    continuity = heard(sensor_starts=1)
+    deliver(continuity, Device(first_sequence=65530), [0, 1, 2])
+    assert continuity.on_hello(hello(sensor_starts=2))
+    assert not continuity.on_hello(hello(sensor_starts=2))
+    after, then = deliver(continuity, Device(first_sequence=65530), [20, 21])
+    assert after is not None
+    assert then is not None
+    assert (after.new_epoch, after.seq, after.missing) == ("sensor_restart", 65550, 17)
+    assert (then.new_epoch, then.seq) == (None, 65551)
+    assert (continuity.delivered, continuity.lost, continuity.gaps) == (5, 17, 1)
+
+
+def test_a_sensor_restart_whose_hello_was_lost_begins_an_epoch_with_the_next_hello():
+    continuity = heard(sensor_starts=1)
+    placed = deliver(continuity, Device(), [0, 1, 20, 21])
+    assert [p.new_epoch for p in placed if p] == ["start", None, None, None]
+    continuity.on_hello(hello(sensor_starts=3))
+    after = continuity.on_sample(Device().sample(22))
+    assert after is not None
+    assert (after.new_epoch, after.missing, continuity.lost) == ("sensor_restart", 0, 18)
+
+
+def test_the_first_start_of_the_sensor_is_the_start_of_the_first_epoch():
+    continuity = heard(who_am_i=0, sensor_starts=0)
+    assert continuity.on_hello(hello(sensor_starts=1)), "who the sensor is, is news"
+    first = continuity.on_sample(Device().sample(0))
+    assert first is not None
+    assert first.new_epoch == "start"
+
+
+def test_another_boot_outranks_its_sensor_starts():
+    continuity = heard(sensor_starts=1)
+    deliver(continuity, Device(first_us=10**6), [0, 1, 2])
+    continuity.on_hello(hello(sensor_starts=2))
+    continuity.on_hello(hello(boot_id=8, sensor_starts=0))
+    continuity.on_hello(hello(boot_id=8, sensor_starts=1))
+    after = continuity.on_sample(Device().sample(0))
+    assert after is not None
+    assert (after.new_epoch, after.missing) == ("restart", 0)
+
+
+def test_time_that_disagrees_after_a_sensor_restart_is_not_believed():
+    continuity = heard(sensor_starts=1)
+    deliver(continuity, Device(), [0, 1, 2])
+    continuity.on_hello(hello(sensor_starts=2))
+    assert continuity.on_sample(Device(first_us=10**6).sample(3)) is None
+    continuity.on_hello(hello(sensor_starts=2))
+    after = continuity.on_sample(Device(first_us=10**6).sample(4))
+    assert after is not None
+    assert after.new_epoch == "discontinuity"
+
+
+def test_a_sensor_that_was_away_for_longer_than_can_be_counted():
+    continuity = heard(sensor_starts=1)
+    continuity.on_sample(Device().sample(0))
+    continuity.on_hello(hello(sensor_starts=2))
+    after = continuity.on_sample(Device().sample(HALF_HOUR + 100))
+    assert after is not None
+    assert (after.new_epoch, after.missing) == ("sensor_restart", 0)
+
+
 def after_lost_reset(k_before: int, k_after: int) -> tuple[Continuity, RawSample, Placed | None]:
     """A reset whose HELLO was lost: the counters begin anew, the host's clock goes on."""
     continuity = heard(max_gap=100)

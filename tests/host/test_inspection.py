@@ -101,6 +101,7 @@ def test_hello() -> None:
         bytes(range(16)),
         "fltea 0.1",
         0x71,
+        2,
         100_000,
         2000,
         164,
@@ -113,13 +114,13 @@ def test_hello() -> None:
         f"HELLO    seq 65535  t 4294.967295 s  protocol_major 1  protocol_minor 0  "
         f"schema_hash 0x{wire.SCHEMA_HASH:08X}  boot_id 0x0000000A  "
         "device_id 000102030405060708090a0b0c0d0e0f  firmware_version 'fltea 0.1'  who_am_i 0x71  "
-        "sample_rate 100000  gyro_range 2000  gyro_lsb 164  accel_range 2  accel_lsb 16384  gyro_dlpf 184  "
-        "sampling_mode 1 (data_ready)"
+        "sensor_starts 2  sample_rate 100000  gyro_range 2000  gyro_lsb 164  accel_range 2  accel_lsb 16384  "
+        "gyro_dlpf 184  sampling_mode 1 (data_ready)"
     )
 
 
 def test_text_of_a_device_cannot_steer_the_terminal() -> None:
-    hello = wire.Hello(1, 0, wire.SCHEMA_HASH, 1, bytes(16), "\x1b[2J\r\n", 0x71, 1, 1, 1, 1, 1, 1, 0)
+    hello = wire.Hello(1, 0, wire.SCHEMA_HASH, 1, bytes(16), "\x1b[2J\r\n", 0x71, 1, 1, 1, 1, 1, 1, 1, 0)
     text = line(hello)
     assert "\x1b" not in text
     assert "\n" not in text

@@ -52,8 +52,10 @@ def config(**changes: object) -> Config:
     return load_config(None, {**small, **{k.replace("__", "."): v for k, v in changes.items()}})
 
 
-def hello(boot_id: int = 1, lsb: float | None = 16.4) -> Hello:
-    return Hello("test", 0, 100.0, "timer", boot_id=boot_id, gyro_lsb_per_dps=lsb)
+def hello(boot_id: int = 1, lsb: float | None = 16.4, sensor_starts: int = 1) -> Hello:
+    return Hello(
+        "test", 0, 100.0, "timer", boot_id=boot_id, gyro_lsb_per_dps=lsb, sensor_starts=sensor_starts
+    )
 
 
 def raw(k: int, gyro: tuple[float, ...] | None = None) -> RawSample:
@@ -137,10 +139,12 @@ def test_a_restart_begins_anew_and_says_hello_once_a_boot() -> None:
     assert all(e.epoch == 2 for e in of(Estimate, records))
 
 
-def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sensor_starts", [1, 2])
+def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path, sensor_starts: int) -> None:
     """Live, the sample that gave it away is dropped and a HELLO follows; the recording holds neither."""
     late = [raw(k)._replace(device_us=(k * 10_000 + 7_000_000) % 2**32) for k in range(60, 100)]
-    events = [hello(), *(raw(k) for k in range(60)), late[0], hello(), *late[1:]]
+    after = hello(sensor_starts=sensor_starts)
+    events = [hello(), *(raw(k) for k in range(60)), after, late[0], after, *late[1:]]
     live = feed(Pipeline(ListSource(), config(samples=True)), *events)
     assert [(e.reason, e.seq) for e in of(Epoch, live)] == [("start", 0), ("discontinuity", 61)]
     path = tmp_path / "live.ndjson"

@@ -281,15 +281,20 @@ class Live:
 
 
 def live_events() -> Iterator[Event]:
-    """Lost samples, a port that was away, an overlong gap, and a restart, with late arrivals."""
+    """Lost samples, a port or a sensor that was away, an overlong gap, and a restart, with late arrivals."""
     rng = np.random.default_rng(3)
     now_ns = 5_000_000_000
-    for boot_id, away in ((1, {*range(90, 95), *range(140, 180), *range(260, 500)}), (2, {33})):
+    for boot_id, away in (
+        (1, {*range(90, 95), *range(140, 180), *range(260, 500)}),
+        (2, {33, *range(290, 300)}),
+    ):
         yield hello(boot_id=boot_id, host_ns=now_ns)
         for k in (k for k in range(600) if k not in away):
             if k == 180:
                 yield LinkDown(now_ns)
                 yield hello(boot_id=boot_id, host_ns=now_ns)
+            if k == 300 and boot_id == 2:
+                yield hello(boot_id=boot_id, sensor_starts=2, host_ns=now_ns)
             arrival_ns = now_ns + k * 10_000_000 + int(rng.exponential(3e6))
             counts = tuple(rng.integers(-9, 9, 3).tolist())
             yield RawSample(k % 65536, k * 10_000, arrival_ns, counts, (0, 0, 16384), -1042, flags=k % 4)
@@ -328,7 +333,9 @@ def test_recorded_live_run_replays_to_the_same_bits(tmp_path: Path) -> None:
         (2, 500, "gap"),
         (3, 0, "restart"),
         (3, 33, 1),
+        (3, 290, 10),
+        (4, 300, "sensor_restart"),
     ]
     assert breaks(again) == breaks(live)
-    assert len(estimates(live)) == 195 + 80 + 579
+    assert len(estimates(live)) == 195 + 80 + 269 + 280
     assert estimates(again) == estimates(live)

@@ -17,6 +17,7 @@ HELLO = wire.Hello(
     device_id=bytes(range(16)),
     firmware_version="1.2.3",
     who_am_i=0x71,
+    sensor_starts=1,
     sample_rate=100_000,
     gyro_range=2000,
     gyro_lsb=164,
@@ -68,6 +69,7 @@ def test_hello_in_units(script: Script) -> None:
             firmware_version="1.2.3",
             who_am_i=0x71,
             sensor="MPU-9250",
+            sensor_starts=1,
             gyro_range_dps=2000.0,
             gyro_lsb_per_dps=16.4,
             accel_range_g=2.0,
@@ -86,16 +88,19 @@ def test_each_message_becomes_its_event(script: Script) -> None:
     assert health == DeviceStatus(1, 2, 3, 4, 5, "watchdog")
     assert isinstance(trouble, Trouble)
     assert trouble.kind == "device_fault"
-    assert "sensor_lost (detail 0x10)" in trouble.message
+    assert "sensor_lost: the sensor stopped answering (16 errors in a row)" in trouble.message
     assert not trouble.fatal
 
 
 def test_codes_that_this_version_does_not_know_are_named_by_number(script: Script) -> None:
     data = hello_bytes(sampling_mode=77, who_am_i=0x42) + encode(wire.Fault(99, 0), 0, 0)
-    hello, trouble = script.at(Chunk(data, 3))
+    hello, sensor, trouble = script.at(Chunk(data, 3))
     assert isinstance(hello, Hello)
     assert hello.sampling_mode == "unknown (77)"
     assert hello.sensor == "unknown sensor (WHO_AM_I 0x42)"
+    assert isinstance(sensor, Trouble)
+    assert sensor.kind == "sensor_unknown"
+    assert "0x42" in sensor.message
     assert isinstance(trouble, Trouble)
     assert "unknown (99)" in trouble.message
 
@@ -207,3 +212,38 @@ def test_damage_is_counted_by_reason(script: Script) -> None:
 def test_nothing_for_a_while_is_a_tick() -> None:
     [event] = Script().source._on_transport(None)
     assert isinstance(event, Tick)
+
+
+@pytest.mark.parametrize(("who_am_i", "name"), [(0x70, "MPU-6500"), (0x68, "MPU-6050"), (0x75, "clone")])
+def test_a_relative_is_warned_of_once_and_used(who_am_i: int, name: str, script: Script) -> None:
+    hello, trouble, sample = script.at(Chunk(hello_bytes(who_am_i=who_am_i) + encode(SAMPLE, 0, 0), 1))
+    assert isinstance(hello, Hello)
+    assert isinstance(trouble, Trouble)
+    assert isinstance(sample, RawSample)
+    assert (trouble.kind, trouble.fatal) == ("sensor_relative", False)
+    assert name in trouble.message
+    again = script.at(Chunk(hello_bytes(who_am_i=who_am_i, boot_id=6, sensor_starts=2), 2))
+    assert [type(e) for e in again] == [Hello]
+
+
+@pytest.mark.parametrize("who_am_i", [0x71, 0x73, 0])
+def test_the_right_sensor_and_none_yet_are_nothing_peculiar(who_am_i: int, script: Script) -> None:
+    [hello] = script.at(Chunk(hello_bytes(who_am_i=who_am_i), 1))
+    assert isinstance(hello, Hello)
+    assert "unknown" not in str(hello.sensor)
+    assert (hello.sensor == "no sensor") == (who_am_i == 0)
+
+
+def faults(events: list[Event]) -> list[str]:
+    return [e.message for e in events if isinstance(e, Trouble) and e.kind == "device_fault"]
+
+
+def test_the_same_fault_is_told_once_a_minute_and_anew_after_a_start_of_the_sensor(script: Script) -> None:
+    missing = encode(wire.Fault(wire.FaultCode.SENSOR_MISSING, 0x68), 0, 0)
+    held = encode(wire.Fault(wire.FaultCode.BUS_HELD, 1), 0, 0)
+    script.at(Chunk(hello_bytes(), 0))
+    told = [len(faults(script.at(Chunk(missing + hello_bytes(), t * S)))) for t in range(63)]
+    assert [t for t, n in enumerate(told) if n] == [0, 61]
+    assert len(faults(script.at(Chunk(held, 63 * S)))) == 1
+    script.at(Chunk(hello_bytes(sensor_starts=2), 64 * S))
+    assert len(faults(script.at(Chunk(missing, 64 * S)))) == 1

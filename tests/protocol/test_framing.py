@@ -14,7 +14,7 @@ from protocol_support import fixed, messages, sequences, times
 
 SAMPLE = wire.Sample(12, -7, 3, -120, 85, 16390, -1042, 0)
 HELLO = wire.Hello(
-    1, 0, wire.SCHEMA_HASH, 7, bytes(16), "fltea 0.1.0", 0x71, 100_000, 2000, 164, 2, 16384, 184, 3
+    1, 0, wire.SCHEMA_HASH, 7, bytes(16), "fltea 0.1.0", 0x71, 1, 100_000, 2000, 164, 2, 16384, 184, 3
 )
 NEXT = encode(SAMPLE, 99, 990_000)
 

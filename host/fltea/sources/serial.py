@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 
 from fltea import clock, wire
+from fltea.faults import fault_text
 from fltea.messages import Frame, FrameReader, Refused
 from fltea.model import DeviceStatus, Event, Hello, LinkDown, LinkStats, RawSample, Tick, Trouble
-from fltea.mpu9250 import sensor_name
+from fltea.mpu9250 import NO_SENSOR, RELATIVES, SENSORS, sensor_name
 from fltea.transport import Chunk, Failed, Opened, Reader, TransportEvent
 
 SILENCE_S = 5.0
@@ -36,6 +37,9 @@ class SerialSource:
         self._unread_since_ns: int | None = None
         self._unread_bytes = 0
         self._told: tuple[str, int] | None = None
+        self._sensor: tuple[int, int] | None = None
+        self._told_sensors = {NO_SENSOR}
+        self._told_faults: dict[int, int] = {}
         self._connections = 0
         self._refused_frames = 0
 
@@ -114,6 +118,7 @@ class SerialSource:
             case wire.Hello() as hello:
                 self._refused, self._heard_hello, self._told = False, True, None
                 yield hello_event(hello, f"serial:{self.url}", host_ns)
+                yield from self._on_sensor(hello, host_ns)
             case wire.Sample() as s:
                 yield RawSample(
                     frame.sequence,
@@ -127,8 +132,30 @@ class SerialSource:
             case wire.Status() as s:
                 yield DeviceStatus(*s[:5], reset_cause=_name(wire.ResetCause, s.reset_cause))
             case wire.Fault(code, detail):
-                text = f"the device reports {_name(wire.FaultCode, code)} (detail 0x{detail:X})."
-                yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
+                told_ns = self._told_faults.get(code)
+                if told_ns is None or host_ns - told_ns > REPEAT_S * 1e9:
+                    self._told_faults[code] = host_ns
+                    text = f"the device reports {_name(wire.FaultCode, code)}: {fault_text(code, detail)}"
+                    yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
+
+    def _on_sensor(self, hello: wire.Hello, host_ns: int) -> Iterator[Trouble]:
+        """Tell once what is peculiar about a chip; after another start of the sensor its faults are news."""
+        sensor, who = (hello.boot_id, hello.sensor_starts), hello.who_am_i
+        if sensor != self._sensor:
+            self._sensor = sensor
+            self._told_faults.clear()
+        if who in self._told_sensors:
+            return
+        self._told_sensors.add(who)
+        if who in RELATIVES:
+            text = f"the sensor is no MPU-9250 but {sensor_name(who)}, {RELATIVES[who]}"
+            yield Trouble("sensor_relative", f"{self.url}: {text}", host_ns, fatal=False)
+        elif who not in SENSORS:
+            text = (
+                f"{sensor_name(who)}: no MPU-9250, and none of its known relatives. Do not trust its scales; "
+                "another sensor, or a bad contact on SDA?"
+            )
+            yield Trouble("sensor_unknown", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _forgive(self, now_ns: int) -> None:
         """Begin all waiting anew: the port was just opened, or we ourselves were not listening."""
@@ -192,6 +219,7 @@ def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
         firmware_version=hello.firmware_version,
         who_am_i=hello.who_am_i,
         sensor=sensor_name(hello.who_am_i),
+        sensor_starts=hello.sensor_starts,
         gyro_range_dps=scaled("gyro_range"),
         gyro_lsb_per_dps=scaled("gyro_lsb"),
         accel_range_g=scaled("accel_range"),
