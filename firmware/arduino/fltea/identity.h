@@ -1,0 +1,68 @@
+// What the board knows of itself, read once in setup(). SAM3X data sheet (11057): TRNG; EEFC, "Unique
+// Identifier"; RSTC_SR.
+#pragma once
+
+#include <Arduino.h>
+#include <application.h>
+#include <string.h>
+
+namespace fltea {
+
+// Ample: the random word is there after 84 cycles, the identifier after some microseconds.
+constexpr uint32_t kIdentityTries = 100000;
+
+// A number that differs from boot to boot; 0 if the generator stays silent.
+inline uint32_t random_word() {
+    pmc_enable_periph_clk(ID_TRNG);
+    TRNG->TRNG_CR = TRNG_CR_KEY(0x524E47) | TRNG_CR_ENABLE;
+    uint32_t word = 0;
+    for (uint32_t i = 0; i < kIdentityTries; ++i) {
+        if ((TRNG->TRNG_ISR & TRNG_ISR_DATRDY) != 0) {
+            word = TRNG->TRNG_ODATA;
+            break;
+        }
+    }
+    TRNG->TRNG_CR = TRNG_CR_KEY(0x524E47);
+    pmc_disable_periph_clk(ID_TRNG);
+    return word;
+}
+
+// True if FRDY took the wanted value in time. In RAM, as its caller.
+__attribute__((section(".ramfunc"), noinline)) static bool flash_ready_is(bool wanted) {
+    for (uint32_t i = 0; i < kIdentityTries; ++i) {
+        if (((EFC0->EEFC_FSR & EEFC_FSR_FRDY) != 0) == wanted) return true;
+    }
+    return false;
+}
+
+// The chip's 128 bits; zeros if the controller does not answer. Runs from RAM with interrupts off: in between
+// the first flash bank shows the identifier in place of the program.
+__attribute__((section(".ramfunc"), noinline)) static void read_unique_identifier(uint32_t (&id)[4]) {
+    constexpr uint32_t kKey = 0x5A000000, kStart = 0x0E, kStop = 0x0F;
+    const uint32_t mode = EFC0->EEFC_FMR;
+    EFC0->EEFC_FMR = mode | EEFC_FMR_SCOD;  // errata: else the identifier may be read wrongly
+    EFC0->EEFC_FCR = kKey | kStart;
+    if (flash_ready_is(false)) {
+        const volatile uint32_t* flash = reinterpret_cast<const volatile uint32_t*>(IFLASH0_ADDR);
+        for (int i = 0; i < 4; ++i) id[i] = flash[i];
+    }
+    EFC0->EEFC_FCR = kKey | kStop;
+    flash_ready_is(true);
+    EFC0->EEFC_FMR = mode;
+}
+
+inline Identity read_identity() {
+    Identity identity{};
+    identity.boot_id = random_word();
+    uint32_t id[4] = {0, 0, 0, 0};
+    noInterrupts();
+    read_unique_identifier(id);
+    interrupts();
+    memcpy(identity.device_id, id, sizeof id);
+    identity.port = "arduino";
+    identity.reset_cause =
+        reset_cause_from_rsttyp((RSTC->RSTC_SR & RSTC_SR_RSTTYP_Msk) >> RSTC_SR_RSTTYP_Pos);
+    return identity;
+}
+
+}  // namespace fltea

@@ -1,0 +1,90 @@
+// The sensor's bus through Arduino's Wire, which has three gaps that are closed here: it never frees a held
+// bus, its time-outs last tens of milliseconds, and it does not tell a time-out from a NACK.
+#pragma once
+
+#include <Arduino.h>
+#include <Wire.h>
+#include <i2c_bus.h>
+#include <settings.h>
+
+namespace fltea {
+
+class WireBus final : public I2cBus {
+  public:
+    explicit WireBus(TwoWire& wire) : wire_(wire) {}
+
+    I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override {
+        if (!idle()) return I2cResult::timeout;
+        const uint32_t began_us = micros();
+        // Only the overload with an internal address makes a repeated start.
+        const size_t got = wire_.requestFrom(address, static_cast<uint8_t>(n), static_cast<uint32_t>(reg),
+                                             static_cast<uint8_t>(1), static_cast<uint8_t>(true));
+        for (size_t i = 0; i < got && i < n; ++i) data[i] = static_cast<uint8_t>(wire_.read());
+        if (got == n) return I2cResult::ok;
+        if (too_long(began_us)) return I2cResult::timeout;
+        return got == 0 ? I2cResult::nack : I2cResult::short_read;
+    }
+
+    I2cResult write(uint8_t address, uint8_t reg, uint8_t value) override {
+        if (!idle()) return I2cResult::timeout;
+        const uint32_t began_us = micros();
+        wire_.beginTransmission(address);
+        wire_.write(reg);
+        wire_.write(value);
+        if (wire_.endTransmission() == 0) return I2cResult::ok;
+        return too_long(began_us) ? I2cResult::timeout : I2cResult::nack;
+    }
+
+    // About 0.15 ms.
+    HeldLines recover() override {
+        release(PIN_WIRE_SDA);
+        release(PIN_WIRE_SCL);
+        for (int clock = 0; clock < kRecoveryClocks && low(PIN_WIRE_SDA); ++clock) {
+            pull(PIN_WIRE_SCL);
+            release(PIN_WIRE_SCL);
+        }
+        // STOP: SDA rises while SCL is high.
+        pull(PIN_WIRE_SCL);
+        pull(PIN_WIRE_SDA);
+        release(PIN_WIRE_SCL);
+        release(PIN_WIRE_SDA);
+        const unsigned held = (low(PIN_WIRE_SDA) ? 1u : 0u) | (low(PIN_WIRE_SCL) ? 2u : 0u);
+        // Wire takes the pins over behind pinMode's back, and pinMode does nothing if it believes that the
+        // pin has the mode asked for: so it must not be left at the one that release() asks for.
+        pinMode(PIN_WIRE_SDA, INPUT);
+        pinMode(PIN_WIRE_SCL, INPUT);
+        wire_.begin();
+        wire_.setClock(settings::kI2cHz);
+        return static_cast<HeldLines>(held);
+    }
+
+  private:
+    static constexpr int kRecoveryClocks = 9;
+    static constexpr uint32_t kHalfClockUs = 5;
+
+    static bool low(uint32_t pin) { return digitalRead(pin) == LOW; }
+
+    // Open drain: a line is pulled low or let go, never driven high.
+    static void release(uint32_t pin) {
+        pinMode(pin, INPUT_PULLUP);
+        delayMicroseconds(kHalfClockUs);
+    }
+    static void pull(uint32_t pin) {
+        digitalWrite(pin, LOW);
+        pinMode(pin, OUTPUT);
+        delayMicroseconds(kHalfClockUs);
+    }
+
+    // Both lines are high; seen before a transfer, so that a held bus does not cost Wire's time-out.
+    static bool idle() {
+        if (!low(PIN_WIRE_SDA) && !low(PIN_WIRE_SCL)) return true;
+        delayMicroseconds(kHalfClockUs);
+        return !low(PIN_WIRE_SDA) && !low(PIN_WIRE_SCL);
+    }
+
+    static bool too_long(uint32_t began_us) { return micros() - began_us > settings::kI2cTimeoutUs; }
+
+    TwoWire& wire_;
+};
+
+}  // namespace fltea

@@ -1,0 +1,197 @@
+"""The Arduino sketch, compiled as it stands against a stub of the Arduino core, and run in virtual time."""
+
+import json
+import shutil
+import subprocess
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from fltea import wire
+from fltea.continuity import Continuity
+from fltea.messages import Frame, FrameReader
+from fltea.model import RawSample
+from fltea.sources.serial import hello_event
+
+FOLDER = Path(__file__).parent
+ROOT = FOLDER.parents[1]
+SKETCH = ROOT / "firmware/arduino/fltea"
+
+
+@pytest.fixture(scope="session", params=["g++", "clang++"])
+def build(request: pytest.FixtureRequest) -> Path:
+    """Folder of the programs, made by one of both compilers with all warnings as errors."""
+    if shutil.which(request.param) is None:
+        pytest.skip(f"{request.param} is not installed")
+    folder = ROOT / "build/tests-arduino" / request.param
+    done = subprocess.run(
+        ["make", "-C", FOLDER / "arduino_stub", f"BUILD={folder}", f"CXX={request.param}", "all"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+class Run(NamedTuple):
+    """What the sketch sent, and how the board fared."""
+
+    frames: list[Frame]
+    board: dict[str, Any]
+
+    def of(self, kind: type) -> list[Any]:
+        return [f.message for f in self.frames if isinstance(f.message, kind)]
+
+    def samples(self) -> list[Frame]:
+        return [f for f in self.frames if isinstance(f.message, wire.Sample)]
+
+    def faults(self) -> list[int]:
+        return [fault.code for fault in self.of(wire.Fault)]
+
+
+def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
+    done = subprocess.run([build / f"run-{mode}", *arguments], capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    assert done.stdout[:1] == b"\0", "0x00 ends whatever is on the line before the first frame"
+    reader = FrameReader()
+    frames = reader.feed_all(done.stdout)
+    assert set(reader.counts) == {"frames"}
+    assert all(isinstance(frame, Frame) for frame in frames)
+    return Run([f for f in frames if isinstance(f, Frame)], json.loads(done.stderr))
+
+
+def lost(run: Run) -> tuple[list[str], int, int]:
+    """Reasons of the host's epochs, samples that the host takes as lost, and epochs' samples delivered."""
+    continuity = Continuity(max_gap=10**6)
+    reasons = []
+    for frame in run.frames:
+        match frame.message:
+            case wire.Hello() as hello:
+                continuity.on_hello(hello_event(hello, "test", 0))
+            case wire.Sample():
+                arrival_ns = frame.device_us * 1000
+                placed = continuity.on_sample(
+                    RawSample(frame.sequence, frame.device_us, arrival_ns, (0, 0, 0))
+                )
+                assert placed is not None
+                if placed.new_epoch:
+                    reasons.append(placed.new_epoch)
+    assert continuity.before_hello == continuity.duplicates == 0
+    return reasons, continuity.lost, continuity.delivered
+
+
+@pytest.mark.timeout(300)  # a first build with sanitizers on a small machine
+def test_parts_of_the_port(build: Path) -> None:
+    done = subprocess.run([build / "bus"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_core_as_an_arduino_library_has_the_version_of_the_project() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert (
+        f"version={project['version']}"
+        in (ROOT / "firmware/core/library.properties").read_text().splitlines()
+    )
+
+
+def test_the_sketch_is_short() -> None:
+    assert len((SKETCH / "fltea.ino").read_text().splitlines()) < 40
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("mode", ["timer", "data_ready"])
+def test_ten_quiet_seconds(build: Path, mode: str) -> None:
+    quiet = run(build, "10", mode=mode)
+    samples = quiet.samples()
+    assert [s.sequence for s in samples] == list(range(len(samples)))
+    assert len(samples) in range(983, 987)  # the set-up takes 0.15 s
+    steps = [b.device_us - a.device_us for a, b in pairwise(samples)]
+    assert set(steps) <= set(range(9990, 10011))
+    for sample, frame in zip(quiet.of(wire.Sample), samples, strict=True):
+        assert sample.flags == 0
+        # the stub's sensor gives the time of the burst in ms
+        assert abs(sample.gyro_x - frame.device_us / 1000) <= 2
+    hello = quiet.of(wire.Hello)[-1]
+    assert hello.boot_id == 0x12345678
+    assert hello.device_id == bytes(range(16))
+    assert " arduino " in hello.firmware_version
+    assert (hello.who_am_i, hello.sensor_starts) == (0x71, 1)
+    assert wire.SamplingMode(hello.sampling_mode).name.lower() == mode
+    assert quiet.faults() == []
+    assert quiet.of(wire.Status)[-1] == wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER)
+    assert (quiet.board["baud"], quiet.board["watchdog_us"]) == (wire.BAUD, 2_000_000)
+    assert quiet.board["waited"] is False
+    assert quiet.board["hunger_us"] < 10_000
+    assert (quiet.board["edge_pin"], quiet.board["edge_mode"]) == ((2, 4) if mode == "data_ready" else (0, 0))
+
+
+@pytest.mark.parametrize(
+    ("trouble", "overruns", "errors", "retried"),
+    [("nacks=2,1", 0, 1, 1), ("nacks=2,4", 2, 4, 0), ("short=2,3", 0, 1, 1), ("held=2,9", 0, 1, 1)],
+)
+def test_a_short_trouble_costs_few_samples_and_no_epoch(
+    build: Path, trouble: str, overruns: int, errors: int, retried: int
+) -> None:
+    after = run(build, "4.8", trouble)
+    status = after.of(wire.Status)[-1]
+    reasons, missing, _ = lost(after)
+    assert reasons == ["start"]
+    assert missing == status.overruns == overruns
+    assert status.i2c_errors == errors
+    assert (status.sensor_reinits, status.dropped_frames) == (0, 0)
+    assert sum(bool(s.flags & wire.SampleFlags.RETRIED) for s in after.of(wire.Sample)) == retried
+
+
+@pytest.mark.parametrize("stalls", [1, 2])
+def test_a_stalled_transfer_loses_its_instants_and_nothing_else(build: Path, stalls: int) -> None:
+    """A sample that is read a period or more after its instant would carry a time of another instant."""
+    after = run(build, "4.8", f"stalls=2,{stalls}")
+    reasons, missing, _ = lost(after)
+    assert reasons == ["start"]
+    assert missing == after.of(wire.Status)[-1].overruns <= 6 * stalls
+
+
+@pytest.mark.parametrize(
+    ("trouble", "mode", "fault"),
+    [
+        ("unplug=2,1.2", "timer", wire.FaultCode.SENSOR_LOST),
+        ("unplug=2,1.2", "data_ready", wire.FaultCode.DATA_READY_MISSING),
+        ("brownout=2,0", "timer", wire.FaultCode.READBACK_MISMATCH),
+        ("scl=2,1", "timer", wire.FaultCode.BUS_HELD),
+        ("noint=2,1.2", "data_ready", wire.FaultCode.DATA_READY_MISSING),
+    ],
+)
+def test_a_sensor_that_was_away_begins_an_epoch_and_every_instant_is_accounted_for(
+    build: Path, trouble: str, mode: str, fault: wire.FaultCode
+) -> None:
+    after = run(build, "6.8", trouble, mode=mode)
+    status = after.of(wire.Status)[-1]
+    reasons, missing, delivered = lost(after)
+    assert reasons[0] == "start"
+    assert set(reasons[1:]) == {"sensor_restart"}
+    assert fault in after.faults()
+    assert 1 <= len(reasons) - 1 <= status.sensor_reinits == after.of(wire.Hello)[-1].sensor_starts - 1
+    assert missing == status.overruns
+    assert delivered + missing == after.samples()[-1].sequence + 1
+    assert after.board["longest_us"] < 10_000
+
+
+def test_a_line_that_takes_nothing_loses_whole_frames_and_counts_them(build: Path) -> None:
+    after = run(build, "5.8", "deaf=2,1")
+    status = after.of(wire.Status)[-1]
+    reasons, missing, _ = lost(after)
+    assert reasons == ["start"]
+    assert missing == status.dropped_frames > 90
+    assert status.overruns == 0
+    assert after.board["waited"] is False
+
+
+def test_a_stalled_transfer_takes_as_long_as_the_readme_says(build: Path) -> None:
+    """Wire's spin counts, at about 20 cycles a turn: 50 ms for a read; two in a row are the worst."""
+    one, two = run(build, "3", "stalls=2,1"), run(build, "3", "stalls=2,2")
+    assert one.board["longest_us"] in range(50_000, 53_000)
+    assert two.board["longest_us"] in range(100_000, 103_000)
+    assert two.board["hunger_us"] < two.board["watchdog_us"] / 10
