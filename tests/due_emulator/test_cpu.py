@@ -1,0 +1,162 @@
+"""The processor: time, memory, counting, and what ends a run."""
+
+import pytest
+from machine_support import COUNT, TICK_EACH_MS, Bench, fault_of, program, run
+
+from tools.due_emulator.instruction_count import InstructionCount, is_wide
+from tools.due_emulator.memory_map import FLASH_BASE, RAM_BASE
+
+
+def test_instructions_take_a_cycle_each_and_sleep_takes_until_the_next_event():
+    bench = run(f"movs r1, #0\n keep r1, 0\n{TICK_EACH_MS} wait_forever\n{COUNT}", 0.1005, {15: "count"})
+    assert bench.slot(0) == 100
+    assert bench.board.cpu.instructions < 2000
+    assert bench.board.machine.idle_ps > 0.99 * bench.board.machine.now_ps - 1_000_000_000
+
+
+def test_a_loop_of_known_length_takes_its_time():
+    # 4 MHz: 100,000 turns of two instructions are 50 ms; the tick counter sees them.
+    bench = run(
+        f"""movs r1, #0
+  keep r1, 0
+  {TICK_EACH_MS}
+  ldr r2, =100000
+1: subs r2, #1
+  bne 1b
+  load r3, 0x20070000
+  keep r3, 1
+  cpsid i
+  wait_forever
+{COUNT}""",
+        0.2,
+        {15: "count"},
+    )
+    assert bench.slot(1) == 50
+
+
+def test_the_time_of_an_access_is_exact_within_a_slice():
+    # SysTick counts cycles: two reads, 20 instructions and one access apart.
+    bench = run(
+        """store 0xE000E014, 0xFFFFFF
+  store 0xE000E018, 0
+  store 0xE000E010, 5
+  ldr r0, =0xE000E018
+  ldr r1, [r0]
+  .rept 20
+  nop
+  .endr
+  ldr r2, [r0]
+  subs r1, r2
+  keep r1, 0
+  wait_forever"""
+    )
+    assert bench.slot(0) == 25  # 20 + the first read with its 4 cycles of the bridge
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("udf #0", "undefined instruction"),
+        ("svc #0", "SVC instruction"),
+        ("bkpt #0", "BKPT instruction"),
+        ("load r1, 0x30000000", "read of an address where nothing is: 0x30000000"),
+        ("store 0x30000000, 1", "write to an address where nothing is: 0x30000000"),
+        ("store 0x000C0000, 1", "write to flash: 0x000C0000"),
+        ("ldr r0, =0x60000001\n bx r0", "jump to an address where nothing is: 0x60000000"),
+        ("movs r0, #1\n bx r0", "null pointer"),
+        ("load r1, 0x00100000", "read of an address where nothing is: 0x00100000"),
+        ("load r1, 0x400FF000", "read of an address where nothing is"),
+        ("load r1, 0x40001000", "no peripheral there"),
+        ("load r1, 0x400E0690", "unknown register of PMC: offset 0x90"),
+        ("load r1, 0xE000ED94", "not modelled in the processor"),
+        ("load r1, 0xE0001004", "read of an address where nothing is"),
+        ("load r1, 0x400E0610", "read of the write-only register PMC_PCER0"),
+        ("store 0x400E0618, 1", "write of the read-only register PMC_PCSR0"),
+        ("ldr r0, =0x400E0618\n ldrb r1, [r0]", "1 byte(s) of PMC_PCSR0"),
+        ("load r1, 0x400E0814", "read of UART_SR without its clock: bit 8 of PMC_PCER0"),
+        ("store 0xE000ED08, 0x00080004", "aligned to 256"),
+        ("store 0xE000ED10, 4", "deep sleep"),
+        ("ldr r0, =0x20070010\n msr msp, r0\n store 0xE000ED04, 0x04000000\n nop", "no room on the stack"),
+        ("store 0xE000ED04, 0x04000000\n nop", "exception 15 has no handler"),
+        ("movs r0, #2\n msr control, r0\n store 0xE000ED04, 0x04000000\n nop", "process stack"),
+    ],
+)
+def test_what_the_processor_does_not_forgive_ends_the_run(text, reason):
+    message = fault_of(f"{text}\n wait_forever")
+    assert reason in message
+    assert "at PC 0x0008" in message or "jump" in message
+
+
+def test_an_empty_flash_is_said_to_be_one():
+    bench = Bench(b"\0" * 8)
+    assert "no image in flash" in bench.fault()
+
+
+def test_ram_begins_as_rubbish_that_the_seed_decides():
+    image = program("wait_forever")
+    contents = [Bench(image, seed=seed).board.memory.read(RAM_BASE, 4096) for seed in (1, 1, 2)]
+    assert contents[0] == contents[1] != contents[2]
+    assert len(set(contents[0])) == 256
+
+
+def test_sram0_is_seen_at_both_of_its_addresses():
+    bench = run("store 0x20000010, 0x11223344\n load r1, 0x20070010\n keep r1, 0\n wait_forever")
+    assert bench.slot(0) == 0x11223344
+
+
+def test_ram_that_the_program_wrote_is_counted():
+    bench = run(
+        """ldr r2, =0x20071000
+  ldr r3, =0x20071800
+  movs r1, #0
+1: stmia r2!, {r1}
+  cmp r2, r3
+  bne 1b
+  wait_forever"""
+    )
+    assert bench.board.memory.ram_touched_bytes() == 0x800
+
+
+def test_polling_a_timer_goes_on_in_time():
+    # A program that waits for SysTick's COUNTFLAG without any interrupt.
+    bench = run(
+        """store 0xE000E014, 3999
+  store 0xE000E018, 0
+  store 0xE000E010, 5
+  movs r4, #0
+1: wait 0xE000E010, 0x10000
+  adds r4, #1
+  keep r4, 0
+  b 1b""",
+        0.0505,
+    )
+    assert bench.slot(0) == 50
+    assert bench.board.cpu.instructions < 100_000, "waiting is not played out turn by turn"
+
+
+def test_two_runs_are_equal():
+    text = f"{TICK_EACH_MS} wait_forever\n{COUNT}"
+    runs = [run(text, 0.05, {15: "count"}) for _ in range(2)]
+    assert runs[0].board.memory.ram[:] == runs[1].board.memory.ram[:]
+    assert runs[0].board.cpu.instructions == runs[1].board.cpu.instructions
+
+
+@pytest.mark.parametrize(
+    ("halfword", "wide"),
+    [(0xBF30, False), (0xE7FE, False), (0xE800, True), (0xF000, True), (0xF800, True), (0x4770, False)],
+)
+def test_instructions_are_measured(halfword, wide):
+    assert is_wide(halfword) is wide
+
+
+def test_instructions_are_counted_within_blocks_and_over_them():
+    code = bytes.fromhex("0130 4ff00001 0132 fee7".replace(" ", ""))
+    count = InstructionCount(lambda address, n: code[address - FLASH_BASE :][:n])
+    count.begin()
+    count.enter(None, FLASH_BASE, 10, None)
+    assert count.done(FLASH_BASE) == 0
+    assert count.done(FLASH_BASE + 6) == 2
+    assert count.done(0x123456) == 4
+    count.enter(None, FLASH_BASE + 8, 2, None)
+    assert count.done(FLASH_BASE + 8) == 4
+    assert count.done(FLASH_BASE) == 5

@@ -1,0 +1,282 @@
+"""Fault scripts: what may stand in them, what is said of mistakes, and what each fault does to the board."""
+
+import pytest
+from fltea.errors import UsageError
+from sensor_support import SmallBoard
+
+from tools.due_emulator.faults import (
+    KINDS,
+    BrownOut,
+    Clone,
+    HostStopsReading,
+    NackBurst,
+    PortReopen,
+    SclStuck,
+    SdaStuck,
+    SensorClock,
+    UartLoss,
+    Unplug,
+    WatchdogStarvation,
+    parse_fault,
+    read_faults,
+    schedule_faults,
+)
+
+
+class Board(SmallBoard):
+    """Writes down what faults ask of the parts that are not here."""
+
+    def __init__(self):
+        super().__init__()
+        self.asked = []
+        self.set_up()
+
+    def __getattr__(self, name):
+        if name in ("brown_out", "reopen_port", "starve", "lose_bytes", "lose_randomly", "stop_reading"):
+            return lambda *arguments: self.asked.append((name, *arguments))
+        raise AttributeError(name)
+
+    def suffer(self, text):
+        schedule_faults(self, [parse_fault(text)])
+        return self
+
+    def who(self):
+        return self.read_block(0x75, 1)
+
+
+SCRIPT = """
+[[fault]]
+kind = "sda_stuck"
+at_s = 2.0
+clocks = 5
+
+[[fault]]
+kind = "scl_stuck"
+for_s = 0.5
+
+[[fault]]
+kind = "nack_burst"
+count = 3
+
+[[fault]]
+kind = "unplug"
+at_s = 1
+for_s = 2.0
+who_am_i = 0x75
+
+[[fault]]
+kind = "clone"
+who_am_i = 0x12
+
+[[fault]]
+kind = "brown_out"
+part = "board"
+
+[[fault]]
+kind = "uart_loss"
+probability = 0.01
+for_s = 5.0
+
+[[fault]]
+kind = "host_stops_reading"
+for_s = 10.0
+
+[[fault]]
+kind = "sensor_clock"
+percent = -1.0
+
+[[fault]]
+kind = "watchdog_starvation"
+for_s = 2.0
+
+[[fault]]
+kind = "port_reopen"
+"""
+FAULTS = [
+    SdaStuck(at_s=2.0, clocks=5),
+    SclStuck(for_s=0.5),
+    NackBurst(count=3),
+    Unplug(at_s=1.0, for_s=2.0, who_am_i=0x75),
+    Clone(who_am_i=0x12),
+    BrownOut(part="board"),
+    UartLoss(probability=0.01, for_s=5.0),
+    HostStopsReading(for_s=10.0),
+    SensorClock(percent=-1.0),
+    WatchdogStarvation(for_s=2.0),
+    PortReopen(),
+]
+
+
+def test_script_of_every_kind(tmp_path):
+    path = tmp_path / "faults.toml"
+    path.write_text(SCRIPT)
+    assert read_faults(path) == FAULTS
+    assert {type(fault) for fault in FAULTS} == set(KINDS.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("sda_stuck at=2.0 clocks=5", SdaStuck(at_s=2.0, clocks=5)),
+        ("unplug at_s=1 for=2 who_am_i=0x75", Unplug(at_s=1.0, for_s=2.0, who_am_i=0x75)),
+        ("clone who_am_i=120", Clone(who_am_i=0x78)),
+        ("brown_out part=sensor", BrownOut()),
+        ("port_reopen at=3", PortReopen(at_s=3.0)),
+    ],
+)
+def test_fault_of_the_command_line(text, fault):
+    assert parse_fault(text) == fault
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "sda_stuk at=1",
+            r"--fault sda_stuk at=1: fault\[0\]\.kind: Invalid value .* Kinds: sda_stuck, ",
+        ),
+        ("", "kind"),
+        ("sda_stuck at=x", r"at_s: Expected `float`"),
+        ("sda_stuck 2.0", r"'2\.0' is not KEY=VALUE"),
+        ("sda_stuck colour=1", "unknown field `colour`"),
+        ("sda_stuck clocks=-1", "clocks must be 0 or more"),
+        ("sda_stuck clocks=1 for=1", "clocks or for_s, not both"),
+        ("sda_stuck at=-1", "at_s must be 0 s or more, not -1"),
+        ("scl_stuck for=inf", "for_s must be 0 s or more, not inf"),
+        ("nack_burst", "either count or for_s"),
+        ("nack_burst count=1 for=1", "either count or for_s"),
+        ("clone", "missing required field `who_am_i`"),
+        ("clone who_am_i=0x1FF", "one byte"),
+        ("clone who_am_i=0xZZ", "Expected `int`"),
+        ("brown_out part=host", "Invalid enum value 'host'"),
+        ("uart_loss", "either count, or probability and for_s"),
+        ("uart_loss count=2 probability=0.1 for=1", "either count, or probability and for_s"),
+        ("uart_loss probability=2 for=1", "between 0 and 1"),
+        ("uart_loss probability=0.5", "either count, or probability and for_s"),
+        ("sensor_clock percent=nan", "at most 10 percent"),
+        ("sensor_clock percent=1 ppm=1", "percent or ppm, not both"),
+    ],
+)
+def test_mistakes_are_named(text, message):
+    with pytest.raises(UsageError, match=message):
+        parse_fault(text)
+
+
+def test_mistakes_in_a_file_are_named(tmp_path):
+    path = tmp_path / "faults.toml"
+    path.write_text('[[fault]]\nkind = "port_reopen"\n[[fault]]\nkind = "nack_burst"\n')
+    with pytest.raises(UsageError, match=r"faults\.toml: fault\[1\]: give either count or for_s"):
+        read_faults(path)
+    path.write_text("[[fault]\n")
+    with pytest.raises(UsageError, match="is not TOML"):
+        read_faults(path)
+    path.write_text("[[faults]]\n")
+    with pytest.raises(UsageError, match="unknown field `faults`"):
+        read_faults(path)
+    with pytest.raises(UsageError, match="cannot be read"):
+        read_faults(tmp_path / "absent.toml")
+
+
+def test_a_fault_happens_at_its_moment():
+    board = Board()
+    board.wait_us(500_000)
+    board.suffer("port_reopen at=1.5")
+    board.wait_us(999_999)
+    assert board.asked == []
+    board.wait_us(1)
+    assert board.asked == [("reopen_port",)]
+
+
+def test_sda_stuck_for_a_time():
+    board = Board().suffer("sda_stuck for=0.1")
+    assert not board.lines.sda.level
+    board.wait_us(100_001)
+    assert board.lines.sda.level
+
+
+def test_sda_stuck_for_clocks():
+    board = Board().suffer("sda_stuck clocks=2")
+    board.take_pins()
+    board.clock()
+    assert not board.sda()
+    board.clock()
+    assert board.sda()
+
+
+def test_scl_stuck():
+    board = Board().suffer("scl_stuck for=0.1")
+    assert not board.lines.scl.level
+    board.wait_us(100_001)
+    assert board.lines.scl.level
+
+
+def test_nack_burst_by_count():
+    board = Board().suffer("nack_burst count=2")
+    assert [board.who() for _ in range(3)] == [None, None, b"\x71"]
+
+
+def test_nack_burst_by_time():
+    board = Board().suffer("nack_burst for=0.01")
+    assert board.who() is None
+    board.wait_us(10_000)
+    assert board.who() == b"\x71"
+
+
+def test_unplug_and_back():
+    board = Board()
+    board.write_register(0x1B, 0x18)
+    board.suffer("unplug for=1 who_am_i=0x73")
+    assert board.who() is None
+    board.wait_us(900_000)
+    assert board.who() is None
+    board.wait_us(200_000)
+    assert board.who() == b"\x73"
+    assert board.read_block(0x1B, 1) == b"\x00"
+
+
+def test_unplug_for_good():
+    board = Board().suffer("unplug")
+    board.wait_us(10_000_000)
+    assert board.who() is None
+
+
+def test_clone_from_the_start_answers_at_once():
+    assert Board().suffer("clone who_am_i=0x12").who() == b"\x12"
+
+
+def test_clone_later_powers_up_first():
+    board = Board().suffer("clone at=0.1 who_am_i=0x70")
+    assert board.who() == b"\x71"
+    board.wait_us(100_000)
+    assert board.who() is None
+    board.wait_us(100_000)
+    assert board.who() == b"\x70"
+
+
+def test_brown_out_of_the_sensor():
+    board = Board()
+    board.write_register(0x1B, 0x18)
+    board.suffer("brown_out")
+    assert board.read_block(0x1B, 1) == b"\x00"
+    assert board.asked == []
+
+
+def test_sensor_clock():
+    board = Board().suffer("sensor_clock percent=-1")
+    assert board.chip.clock_ppm == -10_000
+    assert board.suffer("sensor_clock ppm=50").chip.clock_ppm == 50
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("brown_out part=board", ("brown_out",)),
+        ("uart_loss count=7", ("lose_bytes", 7)),
+        ("uart_loss probability=0.5 for=2", ("lose_randomly", 0.5, 2.0)),
+        ("host_stops_reading for=10", ("stop_reading", 10.0)),
+        ("watchdog_starvation for=2", ("starve", 2.0)),
+        ("port_reopen", ("reopen_port",)),
+    ],
+)
+def test_what_the_board_is_asked_for(text, asked):
+    assert Board().suffer(text).asked == [asked]

@@ -1,0 +1,179 @@
+"""The two wires, edge by edge: what a cut-off sensor does, and what nine clocks and a STOP are good for."""
+
+import pytest
+from sensor_support import SCL, SDA, SmallBoard
+
+from tools.due_emulator.machine import EmulationFault, Machine
+from tools.due_emulator.wire import Wire
+
+
+def test_wire_levels():
+    wire = Wire(Machine(), "W")
+    changes = []
+    wire.listen(changes.append)
+    assert not wire.level
+    wire.pull_up("board", True)
+    wire.drive("a", False)
+    wire.drive("b", False)
+    wire.drive("a", None)
+    assert wire.holders() == ["b"]
+    assert not wire.level
+    wire.drive("b", None)
+    wire.drive("a", True)
+    assert wire.level
+    assert changes == [True, False, True]
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_driving_high_what_is_held_low_is_a_short_circuit(first):
+    wire = Wire(Machine(), "W")
+    wire.drive("a", first)
+    high, low = ("a", "b") if first else ("b", "a")
+    with pytest.raises(EmulationFault, match=f"W: {high} drives it high while {low} holds it low"):
+        wire.drive("b", not first)
+
+
+def start(board):
+    board.line(SDA, False)
+
+
+def test_bit_banged_read_of_who_am_i():
+    board = SmallBoard()
+    board.take_pins()
+    start(board)
+    assert board.send_byte(0xD0)
+    assert board.send_byte(0x75)
+    board.line(SCL, False)
+    board.line(SDA, True)
+    board.line(SCL, True)
+    start(board)
+    assert board.send_byte(0xD1)
+    assert board.receive_byte(ack=True) == 0x71
+    assert board.receive_byte(ack=False) == 0x00
+    board.send_stop()
+    assert board.lines.clocks_without_stop == 0
+
+
+def test_bit_banged_write():
+    board = SmallBoard()
+    board.take_pins()
+    start(board)
+    assert [board.send_byte(b) for b in (0xD0, 0x1B, 0x18, 0x08)] == [True] * 4
+    board.send_stop()
+    assert board.chip.read_block(0x1B, 2) == b"\x18\x08"
+
+
+def test_nobody_answers_at_another_address():
+    board = SmallBoard()
+    board.take_pins()
+    start(board)
+    assert not board.send_byte(0xD2)
+
+
+def clocks_until_free(board, limit=20):
+    for clocks in range(limit):
+        if board.sda():
+            return clocks
+        board.clock()
+    return None
+
+
+@pytest.mark.parametrize("n", [1, 5, 9])
+def test_stuck_sensor_lets_go_after_n_clocks(n):
+    board = SmallBoard()
+    board.lines.hold_sda(n)
+    board.take_pins()
+    assert clocks_until_free(board) == n
+
+
+def test_stuck_for_good():
+    board = SmallBoard()
+    board.lines.hold_sda()
+    board.take_pins()
+    assert clocks_until_free(board) is None
+    board.lines.release_sda()
+    assert board.sda()
+
+
+@pytest.mark.parametrize(
+    ("byte", "bits", "clocks"),
+    [
+        (0x00, 0, 8),  # the whole byte is 0: free in the acknowledge slot
+        (0x00, 7, 1),
+        (0x80, 1, 7),
+        (0x01, 3, 4),
+        (0xFF, 0, 0),
+        (0xF0, 2, 0),  # the bit on the line is a 1: free at once
+    ],
+)
+def test_sensor_cut_off_in_a_byte_holds_sda_by_its_bits(byte, bits, clocks):
+    board = SmallBoard()
+    board.lines.cut_off(sending=True, byte=byte, bits=bits)
+    board.take_pins()
+    assert clocks_until_free(board) == clocks
+
+
+def test_sensor_cut_off_while_it_listens_holds_nothing():
+    board = SmallBoard()
+    board.lines.cut_off(sending=False, byte=0x00, bits=4)
+    assert board.lines.sda.level
+
+
+def test_unplugged_sensor_holds_nothing():
+    board = SmallBoard()
+    board.lines.hold_sda()
+    board.lines.hold_scl()
+    board.lines.unplug()
+    assert board.lines.sda.level
+    assert board.lines.scl.level
+    board.lines.cut_off(sending=True, byte=0, bits=0)
+    assert board.lines.sda.level
+
+
+def test_a_stop_is_asked_for_after_clocks():
+    board = SmallBoard().set_up()
+    board.take_pins()
+    for _ in range(9):
+        board.clock()
+    board.pio.write("PDR", SDA | SCL)
+    with pytest.raises(EmulationFault, match="9 clocks by PIO that no STOP ended"):
+        board.read_block(0x75, 1)
+
+
+def test_stop_satisfies():
+    board = SmallBoard().set_up()
+    board.take_pins()
+    for _ in range(9):
+        board.clock()
+    board.send_stop()
+    board.pio.write("PDR", SDA | SCL)
+    assert board.read_block(0x75, 1) == b"\x71"
+    assert board.lines.recovery_clocks == 10
+
+
+def test_what_a_fault_does_to_the_wires_is_no_clock():
+    board = SmallBoard().set_up()
+    board.lines.hold_scl()
+    board.lines.release_scl()
+    assert board.read_block(0x75, 1) == b"\x71"
+
+
+@pytest.mark.parametrize(("half_us", "too_fast"), [(1.25, False), (1.2, True), (0.5, True)])
+def test_clocks_above_400_khz_are_a_fault(half_us, too_fast):
+    board = SmallBoard()
+    board.take_pins()
+    if too_fast:
+        board.clock(half_us)
+        with pytest.raises(EmulationFault, match="400 kHz"):
+            board.clock(half_us)
+    else:
+        for _ in range(9):
+            board.clock(half_us)
+
+
+def test_driving_scl_high_against_a_stretching_sensor_is_a_fault():
+    board = SmallBoard()
+    board.lines.hold_scl()
+    board.pio.write("SODR", SCL)
+    with pytest.raises(EmulationFault, match="SCL: PB13 drives it high while a stuck sensor holds it low"):
+        board.pio.write("OER", SCL)

@@ -1,0 +1,114 @@
+"""The world around the sensor: known noise, value by value, and recordings."""
+
+import numpy as np
+import pytest
+from fltea.errors import UsageError
+from fltea.simulate import quantise
+from fltea.sources.synthetic import NoiseGenerator, parse_noise
+
+from tools.due_emulator.mpu9250 import Mpu9250
+from tools.due_emulator.noise import Constant, fractional_world, recorded_world
+
+MS = 1_000_000
+QUERY = "alpha=0.4&f=-1.2&seed=7&window=50&offset_dps=0.5"
+
+
+def test_values_are_those_of_the_synthetic_source():
+    world, source = fractional_world(QUERY), NoiseGenerator(parse_noise(QUERY + "&lsb_per_dps=0"))
+    expected = [source.step() for _ in range(200)]
+    assert [world.at(k * 10 * MS).rate_dps for k in range(200)] == expected
+
+
+def test_a_value_holds_from_half_a_period_before_to_half_a_period_after():
+    world = fractional_world(QUERY)
+    values = [world.at(ms * MS).rate_dps for ms in range(40)]
+    changes = [ms for ms in range(1, 40) if values[ms] != values[ms - 1]]
+    assert changes == [5, 15, 25, 35]
+
+
+def test_a_value_does_not_depend_on_who_asks_when():
+    often, seldom = fractional_world(QUERY), fractional_world(QUERY)
+    for ms in range(1000):
+        last = often.at(ms * MS)
+    assert seldom.at(999 * MS) == last
+
+
+def test_seeds_differ_and_repeat():
+    a, b, c = (fractional_world(f"seed={s}&window=10").at(0) for s in (1, 1, 2))
+    assert a == b
+    assert a.rate_dps != c.rate_dps
+    assert a.accel_g != c.accel_g
+
+
+def test_counts_are_those_of_the_hosts_quantisation():
+    """A poll at 100 Hz through the chip gives each value once, in the counts that `fltea` expects."""
+    chip = Mpu9250(fractional_world(QUERY))
+    chip.write_register(0x19, 0, 1, 0x18, 0, 1)
+    source = NoiseGenerator(parse_noise(QUERY + "&lsb_per_dps=0"))
+    source.step()  # value 0 is over before the first poll
+    for k in range(1, 300):
+        chip.advance(k * 10 * MS)
+        counts = np.frombuffer(chip.read_block(0x43, 6), ">i2")
+        assert counts.tolist() == quantise(source.step(), 16.4, 2000.0).tolist()
+
+
+def test_accelerometer_feels_one_g_and_a_little_noise():
+    world = fractional_world("window=10")
+    accel = np.array([world.at(k * 10 * MS).accel_g for k in range(2000)])
+    assert accel.mean(axis=0) == pytest.approx([0, 0, 1], abs=5e-4)  # 5 standard deviations
+    assert accel.std(axis=0) == pytest.approx([0.004] * 3, rel=0.1)
+
+
+def test_conversions_of_one_value_differ_in_the_accelerometer():
+    world = fractional_world("window=10")
+    one, same, other = world.at(6 * MS), world.at(6 * MS + 1), world.at(7 * MS)
+    assert one is same
+    assert one.rate_dps == other.rate_dps
+    assert one.accel_g != other.accel_g
+
+
+def test_time_does_not_run_backwards():
+    world = fractional_world("window=10")
+    world.at(20 * MS)
+    with pytest.raises(ValueError, match="past"):
+        world.at(14 * MS)
+
+
+def test_constant():
+    world = Constant((1.0, 2.0, 3.0), celsius=30.0)
+    assert world.at(0) is world.at(10**12)
+    assert world.at(0).rate_dps == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize("query", ["alpha=x", "colour=1", "n=5"])
+def test_bad_queries_are_refused(query):
+    with pytest.raises(UsageError, match=query.split("=")[0]):
+        fractional_world(query)
+
+
+def test_recording_goes_round(tmp_path):
+    path = tmp_path / "rest.npz"
+    np.savez(
+        path, gyro_raw=np.array([[131, -262], [0, 13], [262, 0]], np.int16), lsb_per_dps=131.0, fs_hz=99.3
+    )
+    world = recorded_world(path)
+    rates = [world.at(k * 10 * MS).rate_dps for k in range(7)]
+    assert rates[:3] == [(1.0, -2.0, 0.0), (0.0, pytest.approx(13 / 131), 0.0), (2.0, 0.0, 0.0)]
+    assert rates[3:] == rates[:3] + rates[:1]
+    assert (world.rows, world.laps) == (3, 2)
+
+
+def test_recording_as_csv(tmp_path):
+    path = tmp_path / "rest.csv"
+    path.write_text("gyro_x_dps,gyro_y_dps,gyro_z_dps\n1,2,3\n4,5,6\n")
+    assert recorded_world(path).at(10 * MS).rate_dps == (4.0, 5.0, 6.0)
+
+
+def test_missing_recording_is_named(tmp_path):
+    with pytest.raises(UsageError, match=r"absent\.npz"):
+        recorded_world(tmp_path / "absent.npz")
+
+
+def test_real_recording(recordings):
+    world = recorded_world(recordings / "mpu6050_tomisuarez_100s.npz")
+    assert world.at(0).rate_dps == pytest.approx((-480 / 131, 193 / 131, -83 / 131))

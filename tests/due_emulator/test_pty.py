@@ -1,0 +1,154 @@
+"""The port as a pseudo-terminal: opening resets, baud rates matter, Ctrl-C ends it with 0."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import termios
+import time
+import tty
+
+import pytest
+from machine_support import FOLDER, program
+
+ROOT = FOLDER.parents[1]
+TIMEOUT_S = 60
+"""Keeps a hung process from hanging the run; nothing is asserted on it."""
+
+NOTICED_S = 1.0
+"""The port is looked at every few milliseconds: closing and opening within one look is not seen."""
+
+COUNT_UP = """
+  full_speed
+  store 0x400E1A54, 0x8000
+  store 0x400E0610, 0x100
+  store 0x400E0E04, 0x300
+  store 0x400E0804, 0x800
+  store 0x400E0820, 21
+  store 0x400E0800, 0x40
+  movs r4, #0
+1: wait 0x400E0814, 0x2
+  ldr r0, =0x400E081C
+  str r4, [r0]
+  adds r4, #1
+  uxtb r4, r4
+  ldr r5, =20000
+3: subs r5, #1
+  bne 3b
+  b 1b
+"""
+"""Sends 0, 1, 2 and so on, some 2,000 bytes a second."""
+
+
+@pytest.fixture
+def emulator(tmp_path):
+    """The emulator with the counting program; gives the process and the port."""
+    image, link = tmp_path / "count.bin", tmp_path / "port"
+    image.write_bytes(program(COUNT_UP))
+    command = [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", link, "--image", image]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert line.startswith(f"{link}: count.bin"), line + (process.stderr.read() if process.poll() else "")
+    yield process, link
+    if process.poll() is None:
+        process.kill()
+        process.wait()
+    for stream in (process.stdout, process.stderr):
+        stream.close()
+
+
+@contextlib.contextmanager
+def opened(link, baud=None):
+    port = os.open(link, os.O_RDWR | os.O_NOCTTY)
+    try:
+        tty.setraw(port)
+        settings = termios.tcgetattr(port)
+        settings[4] = settings[5] = baud or termios.B38400
+        if baud is None:
+            set_250000(port)
+        else:
+            termios.tcsetattr(port, termios.TCSANOW, settings)
+        yield port
+    finally:
+        os.close(port)
+
+
+def set_250000(port):
+    """Through pyserial's way of setting rates that termios has no constant for."""
+    import array
+    import fcntl
+
+    buffer = array.array("i", [0] * 64)
+    fcntl.ioctl(port, 0x802C542A, buffer)
+    buffer[2] = buffer[2] & ~0o10017 | 0o10000
+    buffer[9] = buffer[10] = 250_000
+    fcntl.ioctl(port, 0x402C542B, buffer)
+
+
+def read(port, n):
+    data = b""
+    while len(data) < n:
+        data += os.read(port, n - len(data))
+    return data
+
+
+def end(process, number):
+    process.send_signal(number)
+    out, err = process.communicate(timeout=TIMEOUT_S)
+    return process.returncode, out, err
+
+
+def test_opening_resets_the_board_each_time_and_a_signal_ends_it_cleanly(emulator):
+    process, link = emulator
+    for _ in range(2):
+        with opened(link) as port:
+            assert read(port, 300) == bytes(n % 256 for n in range(300))
+        time.sleep(NOTICED_S)
+    code, out, err = end(process, signal.SIGINT)
+    assert (code, err) == (0, "")
+    assert "opened 2 time(s)" in out
+    assert not link.is_symlink()
+
+
+def test_sigterm_ends_it_too(emulator):
+    process, link = emulator
+    assert end(process, signal.SIGTERM)[0] == 0
+    assert not link.is_symlink()
+
+
+def test_the_wrong_baud_rate_gives_garbage(emulator):
+    process, link = emulator
+    with opened(link, termios.B115200) as port:
+        data = read(port, 300)
+    expected = bytes(n % 256 for n in range(300))
+    assert sum(a == b for a, b in zip(data, expected, strict=True)) < 30
+    assert end(process, signal.SIGINT)[0] == 0
+
+
+def test_1200_baud_erases_the_flash(emulator):
+    process, link = emulator
+    with opened(link, termios.B1200):
+        pass
+    assert "1200 baud" in process.stderr.readline()
+    with opened(link) as port:
+        os.set_blocking(port, False)
+        time.sleep(1.0)
+        with pytest.raises(BlockingIOError):
+            os.read(port, 1)
+    assert end(process, signal.SIGINT)[0] == 0
+
+
+def test_a_program_that_the_board_does_not_forgive_ends_it_with_1(tmp_path):
+    image, link = tmp_path / "bad.bin", tmp_path / "port"
+    image.write_bytes(program("load r1, 0x400E0814\n wait_forever"))
+    command = [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", link, "--image", image]
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        process.stdout.readline()
+        with opened(link):
+            out, err = process.communicate(timeout=TIMEOUT_S)
+        assert (process.returncode, err) == (1, "")
+        assert "ENDED EARLY: read of UART_SR without its clock" in out

@@ -1,0 +1,164 @@
+"""Timer counters: what they count, when they compare, and what is refused."""
+
+import pytest
+from machine_support import Bench
+
+from tools.due_emulator.machine import PS_PER_S, PS_PER_US, EmulationFault
+
+US = PS_PER_US
+CPCS, COVFS, CLKSTA = 1 << 4, 1 << 0, 1 << 16
+WAVE, UP_TO_RC, CPCTRG = 1 << 15, 2 << 13, 1 << 14
+START = 5
+
+
+@pytest.fixture
+def board():
+    board = Bench(b"\xff" * 8).board
+    board.machine.set_mck(84_000_000)
+    board.machine.clocked = 0b111 << 27
+    board.watchdog.write("MR", 1 << 15)
+    board.irqs = {}
+    board.machine.on_irq = board.irqs.__setitem__
+    return board
+
+
+@pytest.fixture
+def tc(board):
+    return next(p for p in board.peripherals if p.name == "TC0")
+
+
+def reason(action, *arguments):
+    with pytest.raises(EmulationFault) as caught:
+        action(*arguments)
+    return caught.value.reason
+
+
+@pytest.mark.parametrize(("source", "count"), [(0, 42_000), (1, 10_500), (2, 2625), (3, 656), (4, 32)])
+def test_each_clock_counts_at_its_rate(board, tc, source, count):
+    tc.write("CMR0", WAVE | source)
+    tc.write("CCR0", START)
+    board.machine.advance(1000 * US)
+    assert tc.read("CV0") == count
+    assert tc.read("SR0") & CLKSTA
+
+
+def test_up_to_rc_repeats_without_drift_and_asks_for_an_interrupt(board, tc):
+    tc.write("CMR0", WAVE | UP_TO_RC)
+    tc.write("RC0", 420_000)
+    tc.write("IER0", CPCS)
+    begun_ps = board.machine.now_ps
+    tc.write("CCR0", START)
+    for n in range(1, 6):
+        board.machine.advance_to(begun_ps + n * 10_000 * US - 1)
+        assert not board.irqs[27]
+        assert tc.read("CV0") == 419_999
+        board.machine.advance_to(begun_ps + n * 10_000 * US)
+        assert board.irqs[27]
+        assert tc.read("CV0") == 0
+        assert tc.read("SR0") & CPCS
+        assert not board.irqs[27], "reading SR ends the request"
+        assert not tc.read("SR0") & CPCS
+
+
+def test_counting_up_to_the_end_compares_with_rc_on_the_way(board, tc):
+    tc.write("CMR0", WAVE)
+    tc.write("RC0", 1000)
+    tc.write("IER0", CPCS)
+    tc.write("CCR0", START)
+    board.machine.advance(24 * US)
+    assert board.irqs[27]
+    assert tc.read("SR0") & CPCS
+    assert tc.read("CV0") == 1008
+    tc.write("RC0", 2000)
+    board.machine.advance(20 * US)
+    assert not board.irqs[27]
+    board.machine.advance(4 * US)
+    assert board.irqs[27]
+    assert tc.read("CV0") == 2016
+
+
+def test_the_end_of_32_bits_is_an_overflow(board, tc):
+    tc.write("CMR0", WAVE)
+    tc.write("IER0", COVFS)
+    tc.write("CCR0", START)
+    board.machine.advance(102 * PS_PER_S)
+    assert not board.irqs[27]
+    board.machine.advance(PS_PER_S)
+    assert board.irqs[27]
+    assert tc.read("CV0") == 103 * 42_000_000 - (1 << 32)
+
+
+def test_capture_mode_can_start_over_at_rc(board, tc):
+    tc.write("CMR0", CPCTRG)
+    tc.write("RC0", 100)
+    tc.write("CCR0", START)
+    board.machine.advance(3 * US)
+    assert tc.read("CV0") == 26
+    assert tc.read("SR0") & CPCS
+
+
+def test_a_trigger_starts_over_and_disabling_stops(board, tc):
+    tc.write("CMR0", WAVE)
+    tc.write("CCR0", START)
+    board.machine.advance(US)
+    assert tc.read("CV0") == 42
+    tc.write("CCR0", 4)
+    assert tc.read("CV0") == 0
+    tc.write("CCR0", 2)
+    board.machine.advance(US)
+    assert not tc.read("SR0") & CLKSTA
+    tc.write("CCR0", 4)
+    board.machine.advance(US)
+    assert tc.read("CV0") == 0, "a trigger without a clock starts nothing"
+
+
+def test_the_count_survives_a_change_of_the_master_clock(board, tc):
+    tc.write("CMR0", WAVE)
+    tc.write("CCR0", START)
+    board.machine.advance(10 * US)
+    board.machine.set_mck(42_000_000)
+    board.machine.advance(10 * US)
+    assert tc.read("CV0") == 420 + 210
+
+
+def test_channels_are_apart(board, tc):
+    tc.write("CMR1", WAVE | UP_TO_RC)
+    tc.write("RC1", 42)
+    tc.write("IER1", CPCS)
+    tc.write("CCR1", START)
+    board.machine.advance(US)
+    assert board.irqs[28]
+    assert not board.irqs.get(27)
+    assert tc.read("CV0") == tc.read("SR0") == 0
+
+
+def test_each_channel_needs_its_own_clock(board, tc):
+    board.machine.clocked = 1 << 27
+    tc.read("CV0")
+    assert "TC0_CV1 without its clock: bit 28 of PMC_PCER0" in reason(tc.read, "CV1")
+
+
+@pytest.mark.parametrize(
+    ("register", "value"),
+    [
+        ("CMR0", WAVE | 1 << 13),
+        ("CMR0", 5),
+        ("CMR0", WAVE | 1 << 6),
+        ("CMR0", 1 << 3),
+        ("IER0", 1 << 2),
+        ("BMR", 1),
+    ],
+)
+def test_what_is_not_modelled_ends_the_run(tc, register, value):
+    assert "modelled" in reason(tc.write, register, value)
+
+
+def test_a_reset_stops_everything(board, tc):
+    tc.write("CMR0", WAVE | UP_TO_RC)
+    tc.write("RC0", 42)
+    tc.write("IER0", CPCS)
+    tc.write("CCR0", START)
+    tc.reset()
+    board.machine.advance(10 * US)
+    assert not board.irqs[27]
+    assert tc.read("CV0") == tc.read("RC0") == tc.read("IMR0") == 0

@@ -1,0 +1,305 @@
+"""The TWI as a master: SAM3X datasheet, chapter 33. Times are worked by hand from the bits on the wires."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sensor_support import (
+    MSEN,
+    NACK,
+    RXRDY,
+    SCL,
+    SDA,
+    START,
+    STOP,
+    SWRST,
+    TWI1_ID,
+    TXCOMP,
+    TXRDY,
+    US,
+    SmallBoard,
+)
+
+from tools.due_emulator.machine import EmulationFault
+from tools.due_emulator.noise import Motion
+
+
+@pytest.fixture
+def board():
+    return SmallBoard().set_up()
+
+
+def words(data):
+    return [int.from_bytes(data[i : i + 2], "big", signed=True) for i in range(0, len(data), 2)]
+
+
+def test_reads_and_writes_registers(board):
+    assert board.read_block(0x75, 1) == b"\x71"
+    assert board.write_register(0x1B, 0x18)
+    board.wait_us(2000)
+    assert board.read_block(0x1A, 3) == b"\x00\x18\x00"
+    assert words(board.read_block(0x43, 6)) == [16, -33, 49]
+
+
+@pytest.mark.parametrize(
+    ("n", "bits"),
+    # START, address, register, START, address: 1 + 9 + 9 + 1 + 9; then 9 a byte; STOP: 1
+    [(1, 39), (5, 75), (14, 156), (20, 210)],
+)
+def test_a_read_takes_its_time_on_the_wires(board, n, bits):
+    assert len(board.read_block(0x3B, n)) == n
+    assert board.twi.busy_ps == bits * 2_500_000  # 14 bytes: 390 us
+
+
+def test_a_write_takes_its_time_on_the_wires(board):
+    board.write_register(0x19, 9)
+    assert board.twi.busy_ps == (1 + 3 * 9 + 1) * 2_500_000
+
+
+@pytest.mark.parametrize(
+    ("cwgr", "hz"),
+    [
+        (101 << 8 | 101, 400_000),  # 84 MHz / (2 * 105)
+        (2 << 16 | 104 << 8 | 104, 100_000),  # 84 MHz / (2 * (104 * 4 + 4))
+    ],
+)
+def test_bus_clock(board, cwgr, hz):
+    board.twi.write("CWGR", cwgr)
+    assert board.twi.scl_hz == pytest.approx(hz)
+
+
+@pytest.mark.parametrize("cwgr", [0, 98 << 8 | 98])
+def test_bus_clock_too_fast_is_a_fault(board, cwgr):
+    board.twi.write("CWGR", cwgr)
+    with pytest.raises(EmulationFault, match="400 kHz"):
+        board.read_block(0x75, 1)
+
+
+def test_status_after_reset_and_after_msen(board):
+    board.twi.write("CR", SWRST)
+    assert board.twi.read("SR") == 0xF009  # SVD
+    board.twi.write("CR", MSEN)
+    assert board.twi.read("SR") & (TXCOMP | TXRDY) == TXCOMP | TXRDY
+
+
+def test_nobody_at_the_address(board):
+    board.address(0x75, True, device=0x69)
+    board.twi.write("CR", START | STOP)
+    assert not board.twi.read("SR") & TXCOMP
+    seen = board.wait_for(TXCOMP)
+    assert seen & NACK
+    assert not seen & RXRDY
+    assert not board.twi.read("SR") & NACK  # reading cleared it
+    assert board.twi.busy_ps == (1 + 9 + 1) * 2_500_000
+    assert board.read_block(0x75, 1) == b"\x71"
+
+
+def test_refused_byte_of_a_write(board):
+    board.socket.nacks_left = 0
+    board.address(0x1B, False)
+    board.twi.write("THR", 0x18)
+    board.wait_us(60)  # address and register are through
+    board.socket.nacks_left = 1
+    assert board.wait_for(TXCOMP) & NACK
+    assert board.chip.read_block(0x1B, 1) == b"\x00"
+
+
+def test_several_bytes_of_a_write(board):
+    board.address(0x19, False)
+    for value in (9, 1, 0x18):
+        assert board.wait_for(TXRDY)
+        board.twi.write("THR", value)
+    board.twi.write("CR", STOP)
+    assert board.wait_for(TXCOMP)
+    assert board.chip.read_block(0x19, 3) == b"\x09\x01\x18"
+
+
+def test_internal_address_of_two_bytes_goes_out_high_byte_first(board):
+    board.twi.write("MMR", 0x68 << 16 | 2 << 8)
+    board.twi.write("IADR", 0x1907)
+    board.twi.write("THR", 0x03)
+    board.twi.write("CR", STOP)
+    assert board.wait_for(TXCOMP)
+    assert board.chip.read_block(0x19, 2) == b"\x07\x03"
+
+
+def test_a_write_waits_for_its_stop(board):
+    board.address(0x19, False)
+    board.twi.write("THR", 9)
+    assert board.wait_for(TXCOMP) is None
+    board.twi.write("CR", STOP)
+    assert board.wait_for(TXCOMP)
+
+
+def test_scl_waits_until_rhr_is_read(board):
+    """Nothing is overrun: the second byte does not end before the first is fetched (33.8.5)."""
+    board.address(0x75, True)
+    board.twi.write("CR", START)
+    assert board.wait_for(RXRDY)
+    board.wait_us(500)
+    board.twi.write("CR", STOP)
+    assert board.twi.read("RHR") == 0x71
+    assert board.wait_for(TXCOMP)
+    assert board.twi.read("RHR") == 0x00
+
+
+def test_stop_set_too_late_is_a_fault(board):
+    """STOP after the last byte was fetched: one more is on its way, and nobody wants it."""
+    board.address(0x3B, True)
+    board.twi.write("CR", START)
+    for _ in range(14):
+        assert board.wait_for(RXRDY)
+        board.twi.read("RHR")
+    board.twi.write("CR", STOP)
+    assert board.wait_for(TXCOMP)
+    with pytest.raises(EmulationFault, match="STOP was set too late"):
+        board.read_block(0x3B, 14)
+
+
+def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
+    """As the Arduino core does it: after the next-to-last byte was fetched."""
+    board.address(0x3B, True)
+    board.twi.write("CR", START)
+    for i in range(14):
+        if i == 13:
+            board.twi.write("CR", STOP)
+        assert board.wait_for(RXRDY)
+        board.twi.read("RHR")
+    assert board.wait_for(TXCOMP)
+    assert board.read_block(0x75, 1) == b"\x71"
+
+
+def test_without_a_stop_a_read_never_completes(board):
+    board.address(0x75, True)
+    board.twi.write("CR", START)
+    assert board.wait_for(TXCOMP) is None
+
+
+def test_start_while_busy_is_a_fault(board):
+    board.address(0x75, True)
+    board.twi.write("CR", START)
+    with pytest.raises(EmulationFault, match="START while a transfer"):
+        board.twi.write("CR", START)
+
+
+def test_thr_overrun_is_a_fault(board):
+    board.address(0x19, False)
+    board.twi.write("THR", 1)
+    with pytest.raises(EmulationFault, match="TXRDY is 0"):
+        board.twi.write("THR", 2)
+
+
+def test_settings_may_not_change_under_way(board):
+    board.address(0x75, True)
+    board.twi.write("CR", START)
+    with pytest.raises(EmulationFault, match="TWI1_IADR is written while"):
+        board.twi.write("IADR", 0)
+
+
+def test_thr_in_a_read_is_a_fault(board):
+    board.address(0x19, True)
+    with pytest.raises(EmulationFault, match="MREAD"):
+        board.twi.write("THR", 1)
+
+
+def test_needs_master_mode(board):
+    board.twi.write("CR", SWRST)
+    board.twi.write("CWGR", 101 << 8 | 101)
+    board.address(0x75, True)
+    with pytest.raises(EmulationFault, match="without MSEN"):
+        board.twi.write("CR", START)
+
+
+@pytest.mark.parametrize(("register", "value"), [("PER", SDA), ("PER", SCL), ("ABSR", SCL)])
+def test_needs_its_pins(board, register, value):
+    board.pio.write(register, value)
+    with pytest.raises(EmulationFault, match=r"PB1[23] is not given to peripheral A"):
+        board.read_block(0x75, 1)
+
+
+def test_needs_its_clock(board):
+    board.machine.clocked &= ~(1 << TWI1_ID)
+    with pytest.raises(EmulationFault, match="TWI1_SR without its clock"):
+        board.twi.read("SR")
+
+
+@pytest.mark.parametrize(("register", "value"), [("CR", 0x40), ("PTCR", 0x1)])
+def test_what_is_not_modelled_is_refused(board, register, value):
+    with pytest.raises(EmulationFault, match="not modelled"):
+        board.twi.write(register, value)
+
+
+def test_slave_mode_has_to_be_off(board):
+    board.twi.write("CR", 0x10)
+    with pytest.raises(EmulationFault, match="SVEN"):
+        board.read_block(0x75, 1)
+
+
+@pytest.mark.parametrize("off", [0x20, SWRST])
+def test_slave_mode_may_have_been_on(board, off):
+    """The Arduino core switches it on and off again before it sets the master up."""
+    board.twi.write("CR", 0x10)
+    board.twi.write("CR", off)
+    board.twi.write("CWGR", 101 << 8 | 101)
+    board.twi.write("CR", MSEN)
+    assert board.read_block(0x75, 1) == b"\x71"
+
+
+def test_master_can_be_switched_off_in_mid_transfer(board):
+    board.address(0x75, True)
+    board.twi.write("CR", START)
+    board.twi.write("CR", 0x08)
+    board.twi.write("CR", MSEN)
+    assert board.read_block(0x75, 1) == b"\x71"
+
+
+def test_interrupt_follows_the_enabled_flags(board):
+    board.twi.write("IER", RXRDY | NACK)
+    assert board.twi.read("IMR") == RXRDY | NACK
+    board.address(0x75, True)
+    board.twi.write("CR", START | STOP)
+    assert not board.irqs[TWI1_ID]
+    board.wait_us(150)
+    assert board.irqs[TWI1_ID]
+    board.twi.read("RHR")
+    assert not board.irqs[TWI1_ID]
+    board.twi.write("IER", TXCOMP)
+    assert board.irqs[TWI1_ID]
+    board.twi.write("IDR", TXCOMP)
+    assert not board.irqs[TWI1_ID]
+
+
+def test_bus_load_counts_a_transfer_that_hangs(board):
+    board.address(0x75, True)
+    board.lines.hold_sda()
+    board.twi.write("CR", START)
+    board.wait_us(1000)
+    assert board.twi.load_ps == 1000 * US
+    board.twi.write("CR", SWRST)
+    assert (board.twi.load_ps, board.twi.transfers) == (1000 * US, 1)
+
+
+def test_a_burst_on_the_wires_is_of_one_instant(board):
+    """390 us at an output rate of 8 kHz: three updates pass while it is read."""
+
+    class Counting:
+        def at(self, now_ns):
+            n = float(now_ns // 125_000)
+            return Motion((n, n, n), (n / 16384, n / 16384, n / 16384), 25.0)
+
+    board.chip.world = Counting()
+    for _ in range(20):
+        ax, ay, az, _, gx, gy, gz = words(board.read_block(0x3B, 14))
+        assert ax == ay == az
+        assert (gx, gy, gz) == (ax * 131,) * 3
+
+
+settings = st.tuples(st.sampled_from([0x19, 0x1A, 0x1C, 0x23]), st.integers(0, 255))
+
+
+@given(st.lists(settings, max_size=8), st.data())
+def test_the_bus_and_the_chip_agree(writes, data):
+    board = SmallBoard().set_up()
+    for register, value in writes:
+        assert board.write_register(register, value)
+        n = data.draw(st.integers(1, 6))
+        assert board.read_block(0x19, n) == board.chip.read_block(0x19, n)

@@ -1,0 +1,179 @@
+"""Run an image for the Arduino Due on a Due in software, with an MPU-9250 on its I2C pins.
+
+  --virtual S   runs S seconds of virtual time as fast as it goes, and says what a host made of the bytes.
+                Two runs with the same arguments give the same bytes.
+  --pty         offers the programming port as a pseudo-terminal in real time. Opening it resets the board;
+                a wrong baud rate gives garbage; 1200 baud erases the flash. Ctrl-C ends it.
+
+The board is strict: unknown registers, peripherals without clock, overruns, too few wait states, a watchdog
+mode written twice and the like end the run with a reason.
+"""
+
+import argparse
+import contextlib
+import json
+import math
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from fltea.errors import FlteaError, UsageError
+from fltea.sources.synthetic import parse_noise
+
+from tools.due_emulator.board import Board
+from tools.due_emulator.faults import KINDS, parse_fault, read_faults, schedule_faults
+from tools.due_emulator.host_view import HostView
+from tools.due_emulator.image import Image, read_image
+from tools.due_emulator.machine import EmulationFault
+from tools.due_emulator.noise import World, fractional_world, recorded_world
+from tools.due_emulator.pty_front import Front, Port
+from tools.due_emulator.report import describe, make_report
+
+IMAGE = Path(__file__).resolve().parents[2] / "firmware/due/image/fltea_due.bin"
+EPILOG = f"""
+Kinds of faults: {", ".join(KINDS)}.
+Examples:
+  python -m tools.due_emulator --virtual 20 --json
+  python -m tools.due_emulator --virtual 10 --fault 'sda_stuck at=2 clocks=5' --fault 'unplug at=5 for=1'
+  python -m tools.due_emulator --pty --link /tmp/due --noise 'alpha=0.5&f=-1'
+Exit codes: 0, or 1 if the run ended by what the board does not forgive, or 2 for wrong arguments.
+"""
+
+
+def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.due_emulator",
+        description=__doc__,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    mode = parser.add_mutually_exclusive_group(required=True)
+    mode.add_argument("--virtual", type=float, metavar="S", help="seconds of virtual time to run")
+    mode.add_argument("--pty", action="store_true", help="offer the port as a pseudo-terminal, in real time")
+    parser.add_argument("--image", type=Path, default=IMAGE, help="raw binary for the Due (default: ours)")
+    parser.add_argument("--seed", type=int, default=1, help="of RAM's contents, random numbers and losses")
+    world = parser.add_mutually_exclusive_group()
+    world.add_argument(
+        "--noise",
+        default="",
+        metavar="KEY=VALUE&…",
+        help="as in synthetic:?… of 'fltea run'; alpha, f, Q, R, seed",
+    )
+    world.add_argument(
+        "--recording", type=Path, metavar="FILE", help="replay .npz or .csv as the sensor's rate"
+    )
+    parser.add_argument("--faults", type=Path, metavar="FILE.toml", help="script of faults, [[fault]] tables")
+    parser.add_argument(
+        "--fault", action="append", default=[], metavar="'KIND at=S …'", help="one fault; may be given again"
+    )
+    parser.add_argument("--json", action="store_true", help="print the report as one JSON object")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the bytes that reach the host")
+    parser.add_argument("--baud", type=float, default=250_000, help="what the host listens at with --virtual")
+    parser.add_argument("--link", type=Path, help="with --pty: a symbolic link to the port")
+    return parser.parse_args(arguments)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run; returns the exit code."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    options = parse_arguments(arguments)
+    try:
+        _check(options)
+        image = read_image(options.image)
+        world = recorded_world(options.recording) if options.recording else fractional_world(options.noise)
+        return _on_pty(options, image, world) if options.pty else _virtually(options, image, world)
+    except FlteaError as error:
+        print(f"due_emulator: error: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 0 if options.pty else 130
+
+
+def _check(options: argparse.Namespace) -> None:
+    if options.virtual is not None and not (math.isfinite(options.virtual) and options.virtual > 0):
+        raise UsageError(f"--virtual {options.virtual:g}: has to be a positive number of seconds.")
+    if options.link and not options.pty:
+        raise UsageError("--link: there is a port to link to only with --pty.")
+    if not options.baud > 0:
+        raise UsageError(f"--baud {options.baud:g}: has to be positive.")
+    if options.seed < 0:
+        raise UsageError(f"--seed {options.seed}: has to be 0 or more.")
+
+
+def _virtually(options: argparse.Namespace, image: Image, world: World) -> int:
+    board = _build(options, image, world)
+    board.bridge.host_baud = options.baud
+    host = HostView(board.machine)
+    error = None
+    begin_s = time.perf_counter()
+    with _writer(options.out) as write:
+        board.bridge.deliver = lambda byte: write(byte) and host.take(byte)
+        try:
+            board.run_until(options.virtual)
+        except EmulationFault as fault:
+            error = fault.reason
+    _show(options, make_report(board, host, image, wall_s=time.perf_counter() - begin_s, error=error))
+    return 1 if error else 0
+
+
+def _on_pty(options: argparse.Namespace, image: Image, world: World) -> int:
+    board = _build(options, image, world)
+    board.bridge.strict_baud = False
+    host = HostView(board.machine)
+    error = None
+    port = Port(options.link)
+    try:
+        front = Front(board, port)
+        name = options.link or port.name
+        with _writer(options.out) as write, contextlib.suppress(KeyboardInterrupt):
+            board.bridge.deliver = lambda byte: port.put(byte) and write(byte) and host.take(byte)
+            print(f"{name}: {image.path.name} {image.build_id}, {_truth(options)}", flush=True)
+            try:
+                front.serve()
+            except EmulationFault as fault:
+                error = fault.reason
+        _show(options, make_report(board, host, image, wall_s=None, error=error, notes=front.notes))
+        return 1 if error else 0
+    finally:
+        port.close()
+
+
+def _build(options: argparse.Namespace, image: Image, world: World) -> Board:
+    faults = read_faults(options.faults) if options.faults else []
+    faults += [parse_fault(text) for text in options.fault]
+    board = Board(image.content, seed=options.seed, world=world)
+    schedule_faults(board, faults)
+    return board
+
+
+@contextlib.contextmanager
+def _writer(path: Path | None) -> Iterator[Callable[[int], bool]]:
+    """Give what writes each byte to the file, if there is one, and says that it did."""
+    if path is None:
+        yield lambda byte: True
+        return
+    try:
+        with path.open("wb") as file:
+            yield lambda byte: bool(file.write(bytes((byte,))))
+    except OSError as error:
+        raise UsageError(f"--out {path}: cannot be written ({error.strerror}).") from error
+
+
+def _truth(options: argparse.Namespace) -> str:
+    if options.recording:
+        return f"replaying {options.recording}"
+    settings = parse_noise(options.noise)
+    return f"α {settings.alpha:g}, f {settings.f:g}, Q {settings.Q:g}, R {settings.R:g}"
+
+
+def _show(options: argparse.Namespace, report: dict[str, Any]) -> None:
+    print(json.dumps(report, ensure_ascii=False) if options.json else describe(report), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,63 @@
+"""The peripheral bus: an address to a register of a peripheral, or the end of the run."""
+
+from typing import NamedTuple, NoReturn
+
+from tools.due_emulator.machine import Machine
+from tools.due_emulator.peripheral import Peripheral
+
+PERIPHERALS_BASE = 0x4000_0000
+PERIPHERALS_BYTES = 0x000E_2000
+WORD = 4
+
+
+class _Port(NamedTuple):
+    peripheral: Peripheral
+    register: str
+    clock: int
+    """Bits of `Machine.clocked` that have to be set; 0 if none."""
+
+
+class Bus:
+    """Reads and writes of the program, by absolute address."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._peripherals: list[Peripheral] = []
+        # Polling is most of what a program does here: accesses that are in order are found with one look.
+        self._readers: dict[int, _Port] = {}
+        self._writers: dict[int, _Port] = {}
+
+    def add(self, peripheral: Peripheral) -> None:
+        """Put a peripheral at its address."""
+        self._peripherals.append(peripheral)
+        for register in peripheral.table.registers.values():
+            if peripheral.register_at(register.offset, WORD, "map") is not register:
+                continue
+            clock = peripheral.clock_id(register.name)
+            port = _Port(peripheral, register.name, 0 if clock is None else 1 << clock)
+            address = peripheral.table.base + register.offset
+            if register.readable:
+                self._readers[address] = port
+            if register.writable:
+                self._writers[address] = port
+
+    def read(self, address: int, size: int) -> int:
+        """Return what a read of `size` bytes gives."""
+        port = self._readers.get(address)
+        if port is None or size != WORD or port.clock & ~self._machine.clocked:
+            self._refuse(address, size, "read")
+        return port.peripheral.on_read(port.register) & 0xFFFF_FFFF
+
+    def write(self, address: int, size: int, value: int) -> None:
+        """Write `size` bytes."""
+        port = self._writers.get(address)
+        if port is None or size != WORD or port.clock & ~self._machine.clocked:
+            self._refuse(address, size, "write")
+        port.peripheral.on_write(port.register, value)
+
+    def _refuse(self, address: int, size: int, verb: str) -> NoReturn:
+        for peripheral in self._peripherals:
+            offset = address - peripheral.table.base
+            if 0 <= offset <= max(r.offset for r in peripheral.table.registers.values()):
+                peripheral.check_access(peripheral.register_at(offset, size, verb), verb)
+        self._machine.fault(f"{verb} at 0x{address:08X}: no peripheral there")

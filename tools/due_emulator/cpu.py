@@ -1,0 +1,333 @@
+"""The Cortex-M3: Unicorn runs the instructions; time, exceptions, sleep and strictness are here.
+
+Unicorn has no NVIC: exceptions are entered and left by hand (ARMv7-M, B1.5). It runs in slices that end
+before the next event. Every instruction takes one cycle and an access to a peripheral a few: this is a clock
+for the program, not a claim about the speed of a real processor.
+"""
+
+import ctypes
+import mmap
+from typing import Any
+
+import unicorn
+from unicorn import arm_const
+
+from tools.due_emulator import memory_map, system_control
+from tools.due_emulator.bus import PERIPHERALS_BASE, PERIPHERALS_BYTES, Bus
+from tools.due_emulator.instruction_count import InstructionCount
+from tools.due_emulator.machine import PS_PER_S, Machine
+from tools.due_emulator.memory_map import Memory
+from tools.due_emulator.nvic import FIRST_IRQ, Nvic
+from tools.due_emulator.system_control import SystemControl
+
+SLICE_INSTRUCTIONS = 200
+"""Longest run without a look at events: 2.4 us at 84 MHz, which bounds how late an interrupt can be."""
+ACCESS_CYCLES = 4
+"""An access to a peripheral, over the bridge [cycles]; a round number."""
+POLL_PCS = 8
+POLL_NEAR_PS = 25_000_000
+POLL_STEP_PS = 10_000_000
+"""A read is a poll if the same instruction was among the last few that read, nothing was written since, and
+the value is the same as then. After a poll, time jumps to the next event if that is near, about a byte on a
+wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it."""
+
+EXCEPTION_EXIT = 8
+HOOK_NUMBERS = {2: "SVC instruction", 7: "BKPT instruction"}
+RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
+"""EXC_RETURN as it shows in PC, bit 0 cleared; the process stack (…FFFD) is not modelled."""
+FRAME_WORDS = 8
+WFI, WFE = b"\x30\xbf", b"\x20\xbf"
+THUMB = 1
+NO_END = 0xFFFF_FFFE
+XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9
+STACKED = tuple(
+    getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("R0", "R1", "R2", "R3", "R12", "LR", "PC", "XPSR")
+)
+PC, SP, LR, IPSR = (getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("PC", "SP", "LR", "IPSR"))
+PRIMASK, BASEPRI, CONTROL = (
+    getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("PRIMASK", "BASEPRI", "CONTROL")
+)
+REASONS = {
+    unicorn.UC_ERR_INSN_INVALID: "undefined instruction",
+    unicorn.UC_ERR_READ_UNMAPPED: "read of an address where nothing is",
+    unicorn.UC_ERR_WRITE_UNMAPPED: "write to an address where nothing is",
+    unicorn.UC_ERR_FETCH_UNMAPPED: "jump to an address where nothing is",
+    unicorn.UC_ERR_WRITE_PROT: "write to flash",
+    unicorn.UC_ERR_FETCH_PROT: "jump to an address that holds no code (a null pointer?)",
+    unicorn.UC_ERR_READ_UNALIGNED: "unaligned read",
+    unicorn.UC_ERR_WRITE_UNALIGNED: "unaligned write",
+}
+
+
+class Cpu:
+    """Runs the program in virtual time."""
+
+    def __init__(
+        self, machine: Machine, memory: Memory, bus: Bus, nvic: Nvic, control: SystemControl
+    ) -> None:
+        self._machine = machine
+        self._memory = memory
+        self._nvic = nvic
+        self._control = control
+        self._spaces: dict[int, Bus | SystemControl] = {PERIPHERALS_BASE: bus, system_control.BASE: control}
+        self.instructions = 0
+        """Instructions since the emulator was made."""
+        self._restart = True
+        self._halted_until_ps = 0
+        self._pc = 0
+        machine.where = lambda: f"at PC 0x{self._pc:08X}"
+
+    @property
+    def pc(self) -> int:
+        """Address of the instruction that runs, or runs next."""
+        return self._pc
+
+    def restart(self, hold_ps: int = 0) -> None:
+        """Begin anew from the reset vector, once reset is released in `hold_ps`."""
+        self._restart = True
+        self._machine.asleep = False
+        self._halted_until_ps = self._machine.now_ps + hold_ps
+
+    def hang(self, for_ps: int) -> None:
+        """Run no instruction for so long; this is no sleep."""
+        self._halted_until_ps = self._machine.now_ps + for_ps
+
+    def run_until(self, at_ps: int) -> None:
+        """Run the program until a moment of virtual time.
+
+        Raises:
+            EmulationFault: the program did what is not forgiven.
+        """
+        machine = self._machine
+        while machine.now_ps < at_ps:
+            if machine.now_ps < self._halted_until_ps:
+                machine.advance_to(min(machine.next_event_ps, self._halted_until_ps, at_ps))
+                continue
+            if self._restart:
+                self._begin()
+            urgent = self._urgent()
+            if machine.asleep and urgent is None:
+                machine.advance_to(min(machine.next_event_ps, at_ps))
+                continue
+            machine.asleep = False
+            masked = urgent is not None and self._uc.reg_read(PRIMASK) & 1
+            if urgent is not None and not masked:
+                self._enter(urgent)
+            # A window without PRIMASK may be two instructions long: no slice may run over it.
+            self._run_slice(min(machine.next_event_ps, at_ps), 1 if masked else SLICE_INSTRUCTIONS)
+
+    def _urgent(self) -> int | None:
+        nvic = self._nvic
+        if not nvic.pending & nvic.enabled:
+            return None
+        return nvic.urgent(self._uc.reg_read(BASEPRI))
+
+    def _begin(self) -> None:
+        """Reset: a fresh processor on the same memory."""
+        self._restart = False
+        self._raised: BaseException | None = None
+        self._exception_exit = False
+        self._unexpected = ""
+        self._event_register = False
+        self._answered: dict[tuple[int, int, bool, int], int] = {}
+        self._recent_reads: dict[int, int] = {}
+        self._invalid_address: int | None = None
+        self._uc = uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
+        uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
+        self._map(uc)
+        self._count = InstructionCount(lambda address, n: bytes(uc.mem_read(address, n)))
+        uc.hook_add(unicorn.UC_HOOK_BLOCK, self._count.enter)
+        uc.hook_add(unicorn.UC_HOOK_INTR, self._on_interrupt)
+        uc.hook_add(unicorn.UC_HOOK_MEM_INVALID, self._on_invalid)
+        stack, entry = self._vector(0), self._vector(1)
+        self._pc = entry & ~THUMB
+        if not entry & THUMB:
+            self._machine.fault(
+                f"the reset vector 0x{entry:08X} is not that of Thumb code: no image in flash?"
+            )
+        uc.reg_write(SP, stack & ~3)
+        uc.reg_write(LR, 0xFFFF_FFFF)
+
+    def _map(self, uc: unicorn.Uc) -> None:
+        code, data = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_ALL
+        m = memory_map
+        flash, ram = _address_of(self._memory.flash), _address_of(self._memory.ram)
+        uc.mem_map_ptr(0, m.BANK_BYTES, unicorn.UC_PROT_READ, flash)
+        uc.mem_map_ptr(m.FLASH_BASE, m.FLASH_BYTES, code, flash)
+        uc.mem_map_ptr(m.SRAM0_BASE, m.SRAM0_BYTES, data, ram)
+        uc.mem_map_ptr(m.RAM_BASE, m.RAM_BYTES, data, ram)
+        for base, size in (
+            (PERIPHERALS_BASE, PERIPHERALS_BYTES),
+            (system_control.BASE, system_control.BYTES),
+        ):
+            uc.mmio_map(base, size, self._on_read, base, self._on_write, base)
+
+    def _run_slice(self, until_ps: int, limit: int) -> None:
+        machine = self._machine
+        self._slice_ps, self._slice_hz, self._charged_ps = machine.now_ps, machine.mck_hz, 0
+        n = max(1, min(limit, (until_ps - machine.now_ps) * machine.mck_hz // PS_PER_S))
+        self._count.begin()
+        error: unicorn.UcError | None = None
+        try:
+            self._uc.emu_start(self._pc | THUMB, NO_END, 0, n)
+        except unicorn.UcError as caught:
+            error = caught
+        self._pc = self._uc.reg_read(PC)
+        if self._raised is not None:
+            raise self._raised
+        self.instructions += self._count.done(self._pc)
+        machine.advance_to(self._time_at(self._pc))
+        # Unicorn takes WFE for an undefined instruction, once it is past it.
+        if error is not None and not self._has_just_done(WFE):
+            reason = REASONS.get(error.errno, str(error))
+            place = "" if self._invalid_address is None else f": 0x{self._invalid_address:08X}"
+            machine.fault(reason + place)
+        if self._unexpected:
+            machine.fault(f"{self._unexpected}: not modelled")
+        if self._exception_exit:
+            self._leave()
+        elif self._has_just_done(WFI):
+            machine.asleep = True
+        elif self._has_just_done(WFE):
+            machine.asleep, self._event_register = not self._event_register, False
+
+    def _has_just_done(self, instruction: bytes) -> bool:
+        """Whether the slice ended behind this instruction, and not by a jump to what follows it."""
+        if self._count.at_start_or_inside(self._pc):
+            return False
+        try:
+            return bytes(self._uc.mem_read(self._pc - 2, 2)) == instruction
+        except unicorn.UcError:
+            return False
+
+    def _time_at(self, pc: int) -> int:
+        return self._slice_ps + self._count.done(pc) * PS_PER_S // self._slice_hz + self._charged_ps
+
+    # Exceptions
+
+    def _vector(self, exception: int) -> int:
+        address = self._control.vector_table + 4 * exception
+        try:
+            return int.from_bytes(self._uc.mem_read(address, 4), "little")
+        except unicorn.UcError:
+            self._machine.fault(f"the vector table at 0x{self._control.vector_table:08X} is not in memory")
+
+    def _enter(self, exception: int) -> None:
+        uc = self._uc
+        if uc.reg_read(CONTROL):
+            self._machine.fault("the process stack and unprivileged code are not modelled")
+        values = [uc.reg_read(register) for register in STACKED]
+        sp = uc.reg_read(SP)
+        frame = (sp - 4 * FRAME_WORDS) & ~7
+        values[-1] |= XPSR_ALIGNED * bool(sp & 4)
+        try:
+            uc.mem_write(frame, b"".join(value.to_bytes(4, "little") for value in values))
+        except unicorn.UcError:
+            self._machine.fault(f"no room on the stack for an exception: SP 0x{sp:08X}")
+        vector = self._vector(exception)
+        if not vector & THUMB:
+            self._machine.fault(
+                f"{describe_exception(exception)} has no handler: its vector is 0x{vector:08X}"
+            )
+        nested = bool(self._nvic.active)
+        self._nvic.enter(exception)
+        self._event_register = True
+        uc.reg_write(SP, frame)
+        uc.reg_write(LR, (RETURN_TO_HANDLER if nested else RETURN_TO_THREAD) | 1)
+        uc.reg_write(arm_const.UC_ARM_REG_XPSR, values[-1] & 0xF800_0000 | XPSR_T | exception)
+        self._pc = vector & ~THUMB
+        self._recent_reads.clear()
+
+    def _leave(self) -> None:
+        self._exception_exit = False
+        self._event_register = True
+        uc, active = self._uc, self._nvic.active
+        expected = RETURN_TO_HANDLER if len(active) > 1 else RETURN_TO_THREAD
+        if not active or self._pc != expected:
+            self._machine.fault(f"return from an exception to 0x{self._pc | 1:08X} is not possible here")
+        self._nvic.leave()
+        frame = uc.reg_read(SP)
+        stacked = bytes(uc.mem_read(frame, 4 * FRAME_WORDS))
+        values = [int.from_bytes(stacked[i : i + 4], "little") for i in range(0, len(stacked), 4)]
+        xpsr = values[-1]
+        if (xpsr & 0x1FF) != (active[-1] if active else 0):
+            self._machine.fault("the stack of an exception was overwritten: it holds another PSR")
+        for register, value in zip(STACKED[:-1], values[:-1], strict=True):
+            uc.reg_write(register, value)
+        uc.reg_write(SP, frame + 4 * FRAME_WORDS + 4 * bool(xpsr & XPSR_ALIGNED))
+        uc.reg_write(arm_const.UC_ARM_REG_XPSR, xpsr & ~XPSR_ALIGNED)
+        self._pc = values[-2] & ~THUMB
+
+    # What Unicorn calls while it runs; nothing may be raised through it.
+
+    def _on_interrupt(self, uc: unicorn.Uc, number: int, _: Any) -> None:
+        if number == EXCEPTION_EXIT:
+            self._exception_exit = True
+        else:
+            self._unexpected = HOOK_NUMBERS.get(number, f"exception {number} of the processor")
+        uc.emu_stop()
+
+    def _on_invalid(
+        self, _uc: unicorn.Uc, _access: int, address: int, _size: int, _value: int, _: Any
+    ) -> bool:
+        self._invalid_address = address
+        return False
+
+    def _on_read(self, _: unicorn.Uc, offset: int, size: int, base: int) -> int:
+        return self._access(base, base + offset, size, None)
+
+    def _on_write(self, _: unicorn.Uc, offset: int, size: int, value: int, base: int) -> None:
+        self._access(base, base + offset, size, value)
+
+    def _access(self, base: int, address: int, size: int, value: int | None) -> int:
+        """Do one access at its exact moment; stop if an interrupt is to be taken right after it.
+
+        Unicorn repeats an access during which it was stopped: the repetition gets the answer of the first
+        time and has no effect.
+        """
+        if self._raised is not None:
+            return 0
+        pc = self._pc = self._uc.reg_read(PC)
+        key = (pc, address, value is None, len(self._nvic.active))
+        if self._answered and key in self._answered:
+            return self._answered.pop(key)
+        try:
+            self._machine.advance_to(self._time_at(pc))
+            answer = 0
+            if value is None:
+                answer = self._spaces[base].read(address, size)
+                self._charge_read(pc, answer)
+            else:
+                self._spaces[base].write(address, size, value)
+                self._recent_reads.clear()
+            self._charged_ps += ACCESS_CYCLES * PS_PER_S // self._slice_hz
+            urgent = self._urgent()
+            if self._stops_now() or (urgent is not None and not self._uc.reg_read(PRIMASK) & 1):
+                self._answered[key] = answer
+                self._uc.emu_stop()
+            return answer
+        except BaseException as raised:
+            self._raised = raised
+            self._uc.emu_stop()
+            return 0
+
+    def _charge_read(self, pc: int, value: int) -> None:
+        recent = self._recent_reads
+        if pc not in recent and len(recent) >= POLL_PCS:
+            recent.clear()
+        elif recent.get(pc) == value:
+            to_event_ps = self._machine.next_event_ps - self._machine.now_ps
+            self._charged_ps += max(0, to_event_ps) if to_event_ps <= POLL_NEAR_PS else POLL_STEP_PS
+        recent[pc] = value
+
+    def _stops_now(self) -> bool:
+        return self._restart or self._machine.now_ps < self._halted_until_ps
+
+
+def describe_exception(exception: int) -> str:
+    """Name an exception for a person."""
+    return f"interrupt {exception - FIRST_IRQ}" if exception >= FIRST_IRQ else f"exception {exception}"
+
+
+def _address_of(content: mmap.mmap) -> int:
+    return ctypes.addressof(ctypes.c_char.from_buffer(content))

@@ -1,0 +1,42 @@
+"""A count of clock cycles that is worked out when somebody asks, so that counting costs nothing."""
+
+from collections.abc import Callable
+
+from tools.due_emulator.machine import PS_PER_S, Machine
+
+
+class CycleCounter:
+    """Counts cycles of a clock from a moment on; changes of its rate do not disturb the count.
+
+    rate_hz: gives the rate at present, as numerator and denominator.
+    """
+
+    def __init__(self, machine: Machine, rate_hz: Callable[[], tuple[int, int]]) -> None:
+        self._machine = machine
+        self._rate_hz = rate_hz
+        self._rate = rate_hz()
+        self._from_ps = 0
+        self._from_cycles = 0
+
+    def restart(self, cycles: int = 0) -> None:
+        """Go on from `cycles`, at the rate of now."""
+        self._from_ps = self._machine.now_ps
+        self._from_cycles = cycles
+        self._rate = self._rate_hz()
+
+    def rate_changed(self) -> None:
+        """Keep the count over a change of the rate."""
+        if self._rate_hz() != self._rate:
+            self.restart(self.cycles)
+
+    @property
+    def cycles(self) -> int:
+        """Whole cycles by now."""
+        hz, divider = self._rate
+        return self._from_cycles + (self._machine.now_ps - self._from_ps) * hz // (PS_PER_S * divider)
+
+    def ps_until(self, cycles: int) -> int:
+        """Time until the count reaches `cycles` [ps]; 0 if it has."""
+        hz, divider = self._rate
+        at_ps = self._from_ps - (-(cycles - self._from_cycles) * PS_PER_S * divider // hz)
+        return max(0, at_ps - self._machine.now_ps)

@@ -1,0 +1,140 @@
+"""EEFC0 and EEFC1: wait states, the chip's unique identifier, GPNVM bits (datasheet 18).
+
+Erasing and programming are not modelled and end the run.
+"""
+
+from collections.abc import Callable
+
+from tools.due_emulator.machine import PS_PER_US, Event, Machine
+from tools.due_emulator.memory_map import BANK_BYTES, FLASH_BASE, Memory
+from tools.due_emulator.peripheral import Peripheral
+
+KEY = 0x5A
+GET_DESCRIPTOR, GET_GPNVM, START_ID, STOP_ID = 0x00, 0x0D, 0x0E, 0x0F
+FRDY, FCMDE = 1, 2
+COMMAND_PS = 10 * PS_PER_US
+"""How long a command takes; a round number."""
+FASTEST_HZ = (19_000_000, 50_000_000, 64_000_000, 80_000_000, 90_000_000)
+"""Highest master clock for each number of wait states, VDDCORE 1.8 V (datasheet 45.9; the vendor's header
+sam3x8e.h has the same numbers as CHIP_FREQ_FWS_0 to 4)."""
+BOOT_FROM_FLASH = 0b010
+"""GPNVM bit 1: without it the ROM would start (datasheet 11.2)."""
+DESCRIPTOR = (0x000F_0950, BANK_BYTES, 256, 1, BANK_BYTES, 16, *[BANK_BYTES // 16] * 16)
+"""FL_ID (from memory), size, page size, planes, bytes of the plane, locks and bytes each."""
+
+
+class FlashController(Peripheral):
+    """One of the two controllers with its bank of flash.
+
+    uid: the chip's 16 bytes, which stand in the bank's place between STUI and SPUI.
+    """
+
+    def __init__(self, machine: Machine, number: int, memory: Memory, uid: bytes) -> None:
+        super().__init__(machine, f"EFC{number}")
+        self._memory = memory
+        self._uid = uid
+        self._start = number * BANK_BYTES
+        self.pc: Callable[[], int] = lambda: 0
+        """Gives the address of the instruction that runs."""
+        self._results: list[int] = []
+        self._event: Event | None = None
+        self._hidden: bytes | None = None
+
+    def reset(self) -> None:
+        """No wait states, and the flash is readable."""
+        if self._event is not None:
+            self._event.cancel()
+        self._show_flash()
+        super().reset()
+        self._settle_irq()
+
+    @property
+    def shows_id(self) -> bool:
+        """Whether reads of the bank give the unique identifier."""
+        return self._hidden is not None
+
+    def _holds(self, address: int) -> bool:
+        return FLASH_BASE + self._start <= address < FLASH_BASE + self._start + BANK_BYTES
+
+    def check(self, mck_hz: int) -> None:
+        """End the run if the wait states are too few for a master clock."""
+        fws = self.field("FMR", "FWS")
+        fastest = FASTEST_HZ[min(fws, len(FASTEST_HZ) - 1)]
+        if mck_hz > fastest:
+            self.machine.fault(
+                f"{self.name}_FMR.FWS is {fws}, good for {fastest / 1e6:g} MHz, but the master clock is "
+                f"{mck_hz / 1e6:g} MHz: set the wait states first"
+            )
+
+    def on_read(self, register: str) -> int:
+        """FSR's error flags go when read; FRR gives one word of the result after the other."""
+        value = self.registers[register]
+        if register == "FSR":
+            self.registers["FSR"] &= FRDY
+        elif register == "FRR":
+            return self._results.pop(0) if self._results else 0
+        return value
+
+    def on_write(self, register: str, value: int) -> None:
+        """Wait states, or a command."""
+        if register == "FCR":
+            self._command(value)
+            return
+        self.registers[register] = value
+        self.check(self.machine.mck_hz)
+        self._settle_irq()
+
+    def _command(self, value: int) -> None:
+        command = value & 0xFF
+        if value >> 24 != KEY:
+            self.machine.fault(
+                f"{self.name}_FCR = 0x{value:08X} without its key 0x5A: the command is refused"
+            )
+        if not self.registers["FSR"] & FRDY and not (self.shows_id and command == STOP_ID):
+            self.machine.fault(f"{self.name}: command 0x{command:02X} while FSR.FRDY is 0")
+        match command:
+            case 0x00:
+                self._results = list(DESCRIPTOR)
+            case 0x0D:
+                self._results = [BOOT_FROM_FLASH]
+            case 0x0E:
+                self._show_id()
+                return
+            case 0x0F:
+                if not self.shows_id:
+                    self.machine.fault(f"{self.name}: SPUI without STUI")
+                self._show_flash()
+            case _:
+                self.machine.fault(
+                    f"{self.name}: command 0x{command:02X}: changing the flash is not modelled"
+                )
+        self._busy_for(COMMAND_PS, FRDY)
+
+    def _show_id(self) -> None:
+        if self._holds(self.pc()):
+            self.machine.fault(f"{self.name}: STUI by code in the flash that it hides: run it from RAM")
+        # FRDY stays 0 until SPUI: the datasheet (18.4.3.8) says that it falls, and rises after SPUI.
+        self.registers["FSR"] &= ~FRDY
+        self._settle_irq()
+        end = self._start + BANK_BYTES
+        self._hidden = self._memory.flash[self._start : end]
+        self._memory.flash[self._start : end] = self._uid * (BANK_BYTES // len(self._uid))
+
+    def _show_flash(self) -> None:
+        if self._hidden is not None:
+            self._memory.flash[self._start : self._start + BANK_BYTES] = self._hidden
+            self._hidden = None
+
+    def _busy_for(self, delay_ps: int, flag: int) -> None:
+        self.registers["FSR"] &= ~FRDY
+        self._settle_irq()
+        self._event = self.machine.schedule(delay_ps, lambda: self._done(flag))
+
+    def _done(self, flag: int) -> None:
+        self.registers["FSR"] |= flag
+        self._settle_irq()
+
+    def _settle_irq(self) -> None:
+        assert self.table.irq is not None
+        ready = self.registers["FSR"] & self.registers["FMR"] & FRDY
+        self.machine.set_irq(self.table.irq, bool(ready))

@@ -1,0 +1,110 @@
+"""What a host makes of the bytes: fltea's own decoder and its own judgement of continuity."""
+
+from typing import Any
+
+from fltea import wire
+from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US, Continuity, Placed
+from fltea.messages import Frame, FrameReader, Refused
+from fltea.model import RawSample
+from fltea.sources.serial import hello_event
+
+from tools.due_emulator.machine import PS_PER_S, PS_PER_US, Machine
+
+MAX_GAP = 1 << 30
+"""No gap is too long to be counted as one."""
+
+
+class HostView:
+    """Takes bytes as they arrive and keeps counts."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self.reader = FrameReader()
+        self.continuity = Continuity(MAX_GAP)
+        self.hello: wire.Hello | None = None
+        self.hellos = 0
+        self.boots: list[int] = []
+        """boot_id of each boot that was heard."""
+        self.statuses: list[wire.Status] = []
+        """The last one of each boot that gave one."""
+        self.faults: list[str] = []
+        self.refused: str | None = None
+        self.flags: dict[str, int] = {}
+        """How many samples had each flag."""
+        self.min_step_us: int | None = None
+        self.max_step_us: int | None = None
+        self._steps = 0
+        self._steps_us = 0
+        self._last: Placed | None = None
+        self._new_boot = True
+
+    def take(self, byte: int) -> bool:
+        """Take one byte; the answer is always that it was taken."""
+        for item in self.reader.feed(bytes((byte,))):
+            if isinstance(item, Refused):
+                self.refused = item.message
+            else:
+                self._on_frame(item)
+        return True
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Samples per second of the device's own clock, lost ones included; None before two samples."""
+        return self._steps / self._steps_us * 1e6 if self._steps_us else None
+
+    def _on_frame(self, frame: Frame) -> None:
+        host_ns = self._machine.now_ps // 1000
+        match frame.message:
+            case wire.Hello() as hello:
+                self.hellos += 1
+                if self.hello is None or hello.boot_id != self.hello.boot_id:
+                    self.boots.append(hello.boot_id)
+                    self._new_boot = True
+                self.hello = hello
+                self.continuity.on_hello(hello_event(hello, "emulator", host_ns))
+            case wire.Sample() as sample:
+                self._on_sample(sample, frame, host_ns)
+            case wire.Status() as status:
+                if not self._new_boot:
+                    self.statuses.pop()
+                self.statuses.append(status)
+                self._new_boot = False
+            case wire.Fault(code, detail):
+                known = code in wire.FaultCode._value2member_map_
+                name = wire.FaultCode(code).name.lower() if known else str(code)
+                self.faults.append(f"{name} (detail {detail}) at {frame.device_us / 1e6:.3f} s since boot")
+
+    def _on_sample(self, sample: wire.Sample, frame: Frame, host_ns: int) -> None:
+        for flag in wire.SampleFlags:
+            if sample.flags & flag:
+                name = str(flag.name).lower()
+                self.flags[name] = self.flags.get(name, 0) + 1
+        gyro = (sample.gyro_x, sample.gyro_y, sample.gyro_z)
+        placed = self.continuity.on_sample(
+            RawSample(frame.sequence % SEQUENCE_WRAP, frame.device_us % TIME_WRAP_US, host_ns, gyro)
+        )
+        if placed is None:
+            return
+        if placed.new_epoch is None and self._last is not None:
+            step_us = placed.device_us - self._last.device_us
+            self._steps += placed.seq - self._last.seq
+            self._steps_us += step_us
+            if not placed.missing:
+                self.min_step_us = min(step_us, self.min_step_us or step_us)
+                self.max_step_us = max(step_us, self.max_step_us or step_us)
+        self._last = placed
+
+
+def plain(message: wire.Message | None) -> dict[str, Any] | None:
+    """Fields of a message as JSON can hold them; bytes in hex."""
+    if message is None:
+        return None
+    return {
+        name: value.hex() if isinstance(value, bytes) else value
+        for name, value in zip(message._fields, message, strict=True)
+    }
+
+
+def seconds(ps: int) -> float:
+    """Picoseconds to seconds, to the microsecond."""
+    return round(ps / PS_PER_US) * PS_PER_US / PS_PER_S

@@ -1,0 +1,51 @@
+"""An image for the board, with what its build says of it."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+from fltea.errors import UsageError
+
+from tools.due_emulator.memory_map import FLASH_BYTES
+
+
+class Image(NamedTuple):
+    """ram_bytes: of the JSON beside the image; None without one. build_id: without one, of the contents."""
+
+    path: Path
+    content: bytes
+    build_id: str
+    ram_bytes: int | None
+
+    @property
+    def flash_bytes(self) -> int:
+        """Size in flash [bytes]."""
+        return len(self.content)
+
+
+def read_image(path: Path) -> Image:
+    """Read a raw binary (objcopy -O binary) that begins with the vector table.
+
+    Raises:
+        UsageError: it cannot be read, is no such image, or the JSON beside it is none.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UsageError(
+            f"{path}: cannot be read ({error.strerror}). Build it with 'make firmware'."
+        ) from error
+    if content[:4] == b"\x7fELF":
+        raise UsageError(f"{path}: is an ELF file; the board is given the .bin (objcopy -O binary).")
+    if not 8 <= len(content) <= FLASH_BYTES:
+        raise UsageError(f"{path}: has {len(content)} bytes; an image for the Due has 8 to {FLASH_BYTES}.")
+    build_id, ram_bytes = hashlib.sha256(content).hexdigest()[:8], None
+    beside = path.with_suffix(".json")
+    if beside.exists():
+        try:
+            facts = json.loads(beside.read_text(encoding="utf-8"))
+            build_id, ram_bytes = str(facts["build_id"]), int(facts["ram_bytes"])
+        except (ValueError, KeyError, TypeError, OSError) as error:
+            raise UsageError(f"{beside}: does not describe an image ({error!r}). Build it again.") from error
+    return Image(path, content, build_id, ram_bytes)

@@ -1,0 +1,63 @@
+"""Flash and RAM of the ATSAM3X8E (datasheet 7, Memories)."""
+
+import mmap
+
+import numpy as np
+
+FLASH_BASE = 0x0008_0000
+FLASH_BYTES = 512 * 1024
+BANK_BYTES = FLASH_BYTES // 2
+RAM_BASE = 0x2007_0000
+"""SRAM0 is seen here once more, so that SRAM1 follows it; linker scripts for the board use this address."""
+SRAM0_BASE = 0x2000_0000
+SRAM0_BYTES = 64 * 1024
+RAM_BYTES = 96 * 1024
+ERASED = 0xFF
+PAGE = 4096
+
+
+class Memory:
+    """The contents of flash and RAM: they outlive the processor's resets."""
+
+    def __init__(self) -> None:
+        self.flash = mmap.mmap(-1, FLASH_BYTES)
+        self.ram = mmap.mmap(-1, RAM_BYTES)
+        self._rubbish = bytes(RAM_BYTES)
+        self.is_blank = True
+        """Whether the flash holds no image."""
+        self.erase_flash()
+
+    def erase_flash(self) -> None:
+        """Leave the flash blank."""
+        self.is_blank = True
+        self.flash[:] = bytes([ERASED]) * FLASH_BYTES
+
+    def program(self, image: bytes) -> None:
+        """Put an image at the beginning of a blank flash.
+
+        Raises:
+            ValueError: it is empty or longer than the flash.
+        """
+        if not 0 < len(image) <= FLASH_BYTES:
+            raise ValueError(f"an image has 1 to {FLASH_BYTES} bytes, not {len(image)}")
+        self.erase_flash()
+        self.flash[: len(image)] = image
+        self.is_blank = False
+
+    def lose_power(self, seed: int) -> None:
+        """Fill the RAM with rubbish: no program may rely on what it finds there."""
+        self._rubbish = np.random.default_rng(seed).bytes(RAM_BYTES)
+        self.ram[:] = self._rubbish
+
+    def ram_touched_bytes(self) -> int:
+        """Bytes of RAM, in words, that differ from the rubbish: written by the program since power-up."""
+        now = np.frombuffer(self.ram[:], dtype=np.uint32)
+        return int(np.count_nonzero(now != np.frombuffer(self._rubbish, dtype=np.uint32))) * 4
+
+    def read(self, address: int, n: int) -> bytes | None:
+        """Return n bytes as a DMA controller reads them; None where there is no memory."""
+        places = ((RAM_BASE, self.ram), (FLASH_BASE, self.flash), (SRAM0_BASE, self.ram[:SRAM0_BYTES]))
+        for base, content in places:
+            if base <= address and address + n <= base + len(content):
+                return content[address - base : address - base + n]
+        return None

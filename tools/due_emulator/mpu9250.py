@@ -1,0 +1,395 @@
+"""The MPU-9250 as its register file: what a driver sees over I2C, in virtual time.
+
+A plain object without any emulator, so that the Raspberry Pi's fake bus uses it too. Not modelled: filters
+(the world's signal is taken as it is), self-test, offset registers, wake on motion, cycle mode, the auxiliary
+I2C bus and the magnetometer behind it, and the separate rate of an accelerometer with ACCEL_FCHOICE_B.
+"""
+
+import errno
+from collections.abc import Callable
+
+from tools.due_emulator import mpu9250_registers as reg
+from tools.due_emulator.mpu9250_fifo import Fifo
+from tools.due_emulator.mpu9250_scaling import OUTPUT_BYTES, output_bytes
+from tools.due_emulator.noise import Motion, World
+
+PS_PER_NS = 1000
+MS_NS = 1_000_000
+
+QUIET_NS = 11 * MS_NS
+"""No acknowledge after power-up or reset: the typical start-up time (PS-MPU-9250A-01, 3.4.2)."""
+READY_NS = 95 * MS_NS
+"""Until then settings are lost. The limit in 3.4.2 is 100 ms; a little less, for a driver may count its
+100 ms from the moment at which it began to write the reset."""
+PULSE_NS = 50_000
+"""INT pulse without LATCH_INT_EN (PS-MPU-9250A-01, 3.4.2)."""
+
+_CLOCKING = {reg.SMPLRT_DIV, reg.CONFIG, reg.GYRO_CONFIG, reg.PWR_MGMT_1}
+_SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, reg.PWR_MGMT_1, reg.PWR_MGMT_2}
+_POINTER_MASK = 0x7F
+
+
+class Mpu9250:
+    """One chip on the bus; byte by byte through `start`, `write`, `read` and `stop`.
+
+    world: where motion comes from. clock_ppm: how much too fast its clock is. on_int(level, at_ns): called
+    when the INT pin changes. It has been powered for long at time 0.
+    """
+
+    def __init__(
+        self, world: World, *, who_am_i: int = 0x71, address: int = 0x68, clock_ppm: float = 0.0
+    ) -> None:
+        self.world = world
+        self.address = address
+        self.on_int: Callable[[bool, int], None] = lambda level, at_ns: None
+        self.fifo = Fifo()
+        self.variant = reg.variant_of(who_am_i)
+        self.powered = True
+        self._clock_ppm = clock_ppm
+        self._now_ns = 0
+        self._quiet_until_ns = 0
+        self._ready_at_ns: int | None = None
+        self._active = False
+        self._level = False
+        self._pulse_end_ns: int | None = None
+        self._last_update_ns = 0
+        self._measured: tuple[Motion, int, int, bytes] | None = None
+        self._pointer = 0
+        self._selected = self._reading = self._pointer_next = self._busy = False
+        self._registers = bytearray(128)
+        self._output = self._shown = bytes(OUTPUT_BYTES)
+        self._output_ns = -1
+        self._status = self._count_latch = 0
+        self._restore()
+
+    # Time
+
+    def advance(self, now_ns: int) -> None:
+        """Let time run up to `now_ns`.
+
+        Raises:
+            ValueError: time would run backwards.
+        """
+        if now_ns < self._now_ns:
+            raise ValueError(f"the chip is at {self._now_ns} ns and cannot go back to {now_ns} ns")
+        while (at_ns := self._next_internal_ns()) is not None and at_ns <= now_ns:
+            self._now_ns = at_ns
+            self._happen(at_ns)
+        self._now_ns = now_ns
+        self._skip_updates()
+
+    def next_event_ns(self) -> int | None:
+        """Moment at which the INT pin can change next by itself; None if it cannot."""
+        moments = [self._pulse_end_ns]
+        latched = self._active and bool(self._registers[reg.INT_PIN_CFG] & reg.LATCH_INT_EN)
+        if self._interrupts() and not latched:
+            moments.append(self._next_update_ns())
+        return min((m for m in moments if m is not None), default=None)
+
+    @property
+    def clock_ppm(self) -> float:
+        """How much faster its clock runs than it should [ppm]; may be set at any time."""
+        return self._clock_ppm
+
+    @clock_ppm.setter
+    def clock_ppm(self, ppm: float) -> None:
+        self._refresh_output()
+        self._clock_ppm = ppm
+        self._start_clock()
+
+    @property
+    def output_hz(self) -> float:
+        """Nominal rate at which the output registers change; 0 when it stands still (registers 25 and 26)."""
+        power = self._registers[reg.PWR_MGMT_1]
+        if not self.powered or self._ready_at_ns is not None or power & reg.SLEEP:
+            return 0.0
+        if power & reg.CLKSEL == reg.CLKSEL_STOP:
+            return 0.0
+        divider = 1 + self._registers[reg.SMPLRT_DIV]
+        dlpf = self._registers[reg.CONFIG] & 7
+        if self.variant.has_fchoice and self._registers[reg.GYRO_CONFIG] & 3:
+            return 32_000.0
+        if dlpf in (0, 7):
+            return 8000.0 if self.variant.has_fchoice else 8000.0 / divider
+        return 1000.0 / divider
+
+    # Power
+
+    def power_off(self) -> None:
+        """Take the supply away: it answers no more and holds nothing."""
+        self.powered = False
+        self._restore()
+
+    def power_on(self, who_am_i: int | None = None) -> None:
+        """Power it up, or another chip in its place."""
+        if who_am_i is not None:
+            self.variant = reg.variant_of(who_am_i)
+        self.powered = True
+        self._begin_reset()
+
+    def become(self, who_am_i: int) -> None:
+        """Have been another chip all along: call it before anything else."""
+        self.variant = reg.variant_of(who_am_i)
+        self._restore()
+
+    def brown_out(self) -> None:
+        """Fall back to reset values in the midst of running, and answer on at once: the worst case."""
+        self._restore()
+
+    # Bus
+
+    def start(self, address: int, read: bool) -> bool:
+        """Take a START or repeated START with an address; return whether it acknowledges.
+
+        From here to the STOP, the output registers show one instant: the user-facing set follows the internal
+        one only while the bus is idle (RM-MPU-6000A-00, 4.17).
+        """
+        self._selected = (
+            address == self.address
+            and self.powered
+            and self._now_ns >= self._quiet_until_ns
+            and not self._registers[reg.USER_CTRL] & reg.I2C_IF_DIS
+        )
+        if not self._selected:
+            return False
+        if not self._busy:
+            self._busy = True
+            self._refresh_output()
+            self._shown = self._output
+        self._reading = read
+        self._pointer_next = not read
+        return True
+
+    def write(self, byte: int) -> bool:
+        """Take a byte: the register's address first, then values of it and of those that follow."""
+        if not self._selected or self._reading:
+            return False
+        if self._pointer_next:
+            self._pointer = byte & _POINTER_MASK
+            self._pointer_next = False
+        else:
+            self._store(self._pointer, byte)
+            self._step_pointer()
+        return True
+
+    def read(self, ack: bool) -> int:
+        """Give the next byte; without `ack` it is the last one. 0xFF, the idle line, unless it is read."""
+        if not self._selected or not self._reading:
+            return 0xFF
+        value = self._load(self._pointer)
+        self._step_pointer()
+        self._selected = ack
+        return value
+
+    def stop(self) -> None:
+        """Take a STOP."""
+        self._busy = self._selected = False
+
+    # Conveniences over the same bytes
+
+    def read_block(self, register: int, n: int) -> bytes:
+        """Read n bytes from `register` on in one transaction, as `smbus2` does.
+
+        Raises:
+            OSError: EREMOTEIO, as Linux says when nobody acknowledges.
+        """
+        data = b""
+        if self.start(self.address, False) and self.write(register) and self.start(self.address, True):
+            data = bytes(self.read(ack=i < n - 1) for i in range(n))
+        self.stop()
+        if len(data) < n:
+            raise OSError(errno.EREMOTEIO, "Remote I/O error")
+        return data
+
+    def write_register(self, register: int, *values: int) -> None:
+        """Write one value, or several to registers that follow each other.
+
+        Raises:
+            OSError: EREMOTEIO, as Linux says when nobody acknowledges.
+        """
+        acked = self.start(self.address, False) and all(self.write(b) for b in (register, *values))
+        self.stop()
+        if not acked:
+            raise OSError(errno.EREMOTEIO, "Remote I/O error")
+
+    # Registers
+
+    def _step_pointer(self) -> None:
+        if self._pointer != reg.FIFO_R_W:
+            self._pointer = (self._pointer + 1) & _POINTER_MASK
+
+    def _load(self, register: int) -> int:
+        if register == reg.INT_STATUS:
+            value = self._status
+            self._clear_status()
+            return value
+        if self._registers[reg.INT_PIN_CFG] & reg.INT_ANYRD_2CLEAR:
+            self._clear_status()
+        if reg.ACCEL_XOUT_H <= register <= reg.GYRO_ZOUT_L:
+            return self._shown[register - reg.ACCEL_XOUT_H]
+        match register:
+            case reg.WHO_AM_I:
+                return self.variant.who_am_i
+            case reg.FIFO_COUNTH:  # latches both bytes (registers 114 and 115)
+                self._count_latch = len(self.fifo)
+                return self._count_latch >> 8
+            case reg.FIFO_COUNTL:
+                return self._count_latch & 0xFF
+            case reg.FIFO_R_W:
+                return self.fifo.pop()
+            case reg.PWR_MGMT_1 if self._ready_at_ns is not None:
+                return self._registers[register] | reg.H_RESET
+        return self._registers[register]
+
+    def _store(self, register: int, value: int) -> None:
+        if register == reg.PWR_MGMT_1 and value & reg.H_RESET:
+            self._begin_reset()
+            return
+        if register == reg.FIFO_R_W:
+            self._push_fifo(bytes([value]))
+            return
+        if register in _SCALING:
+            self._refresh_output()  # what was measured so far keeps its scale
+        before = self.output_hz
+        self._registers[register] = value & self.variant.writable.get(register, 0)
+        if register == reg.USER_CTRL and value & reg.FIFO_RST:
+            if not (self.variant.fifo_reset_needs_off and value & reg.USER_FIFO_EN):
+                self.fifo.clear()
+        elif register in (reg.INT_PIN_CFG, reg.INT_ENABLE):
+            self._settle_pin()
+        elif register in _CLOCKING and self.output_hz != before:
+            self._start_clock()
+
+    # Reset
+
+    def _begin_reset(self) -> None:
+        self._restore()
+        self._quiet_until_ns = self._now_ns + QUIET_NS
+        self._ready_at_ns = self._now_ns + READY_NS
+        self._start_clock()
+
+    def _restore(self) -> None:
+        """Reset values, and the clock started anew if they let it run."""
+        self._ready_at_ns = None
+        self._quiet_until_ns = 0
+        self._registers = bytearray(128)
+        for register, value in self.variant.reset.items():
+            self._registers[register] = value
+        self.fifo.clear()
+        self._status = self._count_latch = 0
+        self._output = self._shown = bytes(OUTPUT_BYTES)
+        self._output_ns = self._last_update_ns
+        self._selected = self._busy = False
+        self._pulse_end_ns = None
+        self._set_pin(False)
+        self._start_clock()
+
+    # Conversions
+
+    def _start_clock(self) -> None:
+        """Count output updates from now on, at the rate that is configured now."""
+        self._anchor_ps = self._now_ns * PS_PER_NS
+        self._updates = 0
+        rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
+        self._period_ps = round(1e12 / rate_hz) if rate_hz else None
+
+    def _next_update_ns(self) -> int | None:
+        if self._period_ps is None:
+            return None
+        return -(-(self._anchor_ps + (self._updates + 1) * self._period_ps) // PS_PER_NS)
+
+    def _next_internal_ns(self) -> int | None:
+        """The next moment that has to be gone through one by one; updates only if somebody follows each."""
+        moments = [self._pulse_end_ns, self._ready_at_ns]
+        if self._interrupts() or self._fills_fifo():
+            moments.append(self._next_update_ns())
+        return min((m for m in moments if m is not None), default=None)
+
+    def _happen(self, at_ns: int) -> None:
+        if at_ns == self._ready_at_ns:
+            self._restore()
+        elif at_ns == self._pulse_end_ns:
+            self._pulse_end_ns = None
+            self._set_pin(False)
+        else:
+            self._updates += 1
+            self._update(at_ns)
+
+    def _skip_updates(self) -> None:
+        """Catch up with updates that nobody followed."""
+        if self._period_ps is None:
+            return
+        updates = (self._now_ns * PS_PER_NS - self._anchor_ps) // self._period_ps
+        if updates > self._updates:
+            self._updates = updates
+            self._update(-(-(self._anchor_ps + updates * self._period_ps) // PS_PER_NS))
+
+    def _update(self, at_ns: int) -> None:
+        self._last_update_ns = at_ns
+        self._status |= reg.RAW_DATA_RDY
+        causes = reg.RAW_DATA_RDY
+        if self._fills_fifo():
+            self._refresh_output()
+            sources = self._registers[reg.FIFO_EN]
+            data = b"".join(self._output[a:b] for bit, a, b in reg.FIFO_SOURCES if sources & bit)
+            if self._push_fifo(data):
+                causes |= reg.FIFO_OFLOW
+        if self._interrupts() & causes:
+            if not self._registers[reg.INT_PIN_CFG] & reg.LATCH_INT_EN:
+                self._pulse_end_ns = at_ns + PULSE_NS
+            self._set_pin(True)
+
+    def _fills_fifo(self) -> bool:
+        enabled = self._registers[reg.USER_CTRL] & reg.USER_FIFO_EN
+        return bool(enabled and self._registers[reg.FIFO_EN] & 0xF8)
+
+    def _interrupts(self) -> int:
+        return self._registers[reg.INT_ENABLE] & (reg.FIFO_OFLOW | reg.RAW_DATA_RDY)
+
+    def _push_fifo(self, data: bytes) -> bool:
+        overflow = self.fifo.push(data, bool(self._registers[reg.CONFIG] & reg.FIFO_MODE_STOP))
+        if overflow:
+            self._status |= reg.FIFO_OFLOW
+        return overflow
+
+    def _refresh_output(self) -> None:
+        """Bring the internal output registers to the last update."""
+        if self._output_ns != self._last_update_ns:
+            self._output_ns = self._last_update_ns
+            self._output = self._measure(self.world.at(self._output_ns))
+
+    def _measure(self, motion: Motion) -> bytes:
+        """Counts of a motion at the configured ranges; axes switched off keep theirs (register 108)."""
+        gyro_fs = self._registers[reg.GYRO_CONFIG] >> 3 & 3
+        accel_fs = self._registers[reg.ACCEL_CONFIG] >> 3 & 3
+        off = self._registers[reg.PWR_MGMT_2] & 0x3F
+        known = self._measured
+        if not off and known is not None and known[0] is motion and known[1:3] == (gyro_fs, accel_fs):
+            return known[3]
+        data = bytearray(output_bytes(motion, gyro_fs, accel_fs, self.variant.who_am_i))
+        for bit, place in enumerate((12, 10, 8, 4, 2, 0)):  # ZG, YG, XG, ZA, YA, XA
+            if off >> bit & 1:
+                data[place : place + 2] = self._output[place : place + 2]
+        self._measured = None if off else (motion, gyro_fs, accel_fs, bytes(data))
+        return bytes(data)
+
+    # Interrupt pin
+
+    def _clear_status(self) -> None:
+        self._status = 0
+        self._settle_pin()
+
+    def _settle_pin(self) -> None:
+        """After a change of status or settings: a latched pin is active as long as an enabled flag is set."""
+        if self._registers[reg.INT_PIN_CFG] & reg.LATCH_INT_EN:
+            self._pulse_end_ns = None
+            self._set_pin(bool(self._status & self._registers[reg.INT_ENABLE]))
+        else:
+            self._set_pin(self._pulse_end_ns is not None)
+
+    def _set_pin(self, active: bool) -> None:
+        self._active = active
+        level = active != bool(self._registers[reg.INT_PIN_CFG] & reg.ACTIVE_LOW)
+        if level != self._level:
+            self._level = level
+            self.on_int(level, self._now_ns)

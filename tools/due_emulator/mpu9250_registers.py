@@ -1,0 +1,88 @@
+"""Register map of the MPU-9250 family, as the chip model needs it.
+
+Sources: RM-MPU-9250A-00 revision 1.4 (section 3 and the descriptions by register number) and, for the
+MPU-6050, RM-MPU-6000A-00 revision 4.2. Register numbers are decimal there: 0x19 is register 25.
+"""
+
+from typing import NamedTuple
+
+SMPLRT_DIV = 0x19
+CONFIG = 0x1A
+GYRO_CONFIG = 0x1B
+ACCEL_CONFIG = 0x1C
+ACCEL_CONFIG_2 = 0x1D
+FIFO_EN = 0x23
+INT_PIN_CFG = 0x37
+INT_ENABLE = 0x38
+INT_STATUS = 0x3A
+ACCEL_XOUT_H = 0x3B
+GYRO_ZOUT_L = 0x48
+SIGNAL_PATH_RESET = 0x68
+USER_CTRL = 0x6A
+PWR_MGMT_1 = 0x6B
+PWR_MGMT_2 = 0x6C
+FIFO_COUNTH = 0x72
+FIFO_COUNTL = 0x73
+FIFO_R_W = 0x74
+WHO_AM_I = 0x75
+
+# CONFIG, register 26
+FIFO_MODE_STOP = 0x40
+# INT_PIN_CFG, register 55
+ACTIVE_LOW, LATCH_INT_EN, INT_ANYRD_2CLEAR = 0x80, 0x20, 0x10
+# INT_ENABLE and INT_STATUS, registers 56 and 58
+FIFO_OFLOW, RAW_DATA_RDY = 0x10, 0x01
+# USER_CTRL, register 106
+USER_FIFO_EN, I2C_IF_DIS, FIFO_RST, SELF_CLEARING = 0x40, 0x10, 0x04, 0x07
+# PWR_MGMT_1, register 107
+H_RESET, SLEEP, CLKSEL, CLKSEL_STOP = 0x80, 0x40, 0x07, 0x07
+
+FIFO_SOURCES = ((0x08, 0, 6), (0x80, 6, 8), (0x40, 8, 10), (0x20, 10, 12), (0x10, 12, 14))
+"""Bit of FIFO_EN (register 35), and the slice of the 14 output bytes; in the order of register numbers."""
+
+# Bits that keep what is written. Registers that are absent here are read-only or reserved.
+_WRITABLE = {
+    **dict.fromkeys([0x00, 0x01, 0x02, 0x0D, 0x0E, 0x0F], 0xFF),  # self-test
+    **dict.fromkeys(range(0x13, 0x19), 0xFF),  # gyro offsets
+    SMPLRT_DIV: 0xFF,
+    CONFIG: 0x7F,
+    GYRO_CONFIG: 0xFB,
+    ACCEL_CONFIG: 0xF8,
+    ACCEL_CONFIG_2: 0x0F,
+    0x1E: 0x0F,
+    0x1F: 0xFF,
+    FIFO_EN: 0xFF,
+    **dict.fromkeys(range(0x24, 0x35), 0xFF),  # auxiliary I2C
+    INT_PIN_CFG: 0xFE,
+    INT_ENABLE: 0x59,
+    **dict.fromkeys(range(0x63, 0x67), 0xFF),
+    0x67: 0x9F,
+    0x69: 0xC0,
+    USER_CTRL: 0x70,
+    PWR_MGMT_1: 0x7F,
+    PWR_MGMT_2: 0x3F,
+    **dict.fromkeys([0x77, 0x78, 0x7A, 0x7B, 0x7D, 0x7E], 0xFF),  # accel offsets
+}
+
+
+class Variant(NamedTuple):
+    """What differs between the relatives.
+
+    reset: registers that are not 0 after a reset. has_fchoice: GYRO_CONFIG selects 32 kHz; without it
+    SMPLRT_DIV divides 8 kHz too. fifo_reset_needs_off: FIFO_RST works only while USER_CTRL's FIFO_EN is 0.
+    """
+
+    who_am_i: int
+    reset: dict[int, int]
+    writable: dict[int, int]
+    has_fchoice: bool
+    fifo_reset_needs_off: bool
+
+
+def variant_of(who_am_i: int) -> Variant:
+    """Variant with this WHO_AM_I; an unknown id behaves like an MPU-9250 but for its name."""
+    if who_am_i == 0x68:
+        writable = _WRITABLE | {GYRO_CONFIG: 0xF8, INT_ENABLE: 0x19, PWR_MGMT_2: 0xFF}
+        del writable[ACCEL_CONFIG_2]  # reserved on the MPU-6050
+        return Variant(who_am_i, {PWR_MGMT_1: 0x40}, writable, False, True)
+    return Variant(who_am_i, {PWR_MGMT_1: 0x01}, _WRITABLE, True, False)

@@ -1,0 +1,152 @@
+"""The world that the sensor sits in: what rate, acceleration and temperature there is at a moment.
+
+The rate is piecewise constant. Value k holds from half a period before k periods to half a period after, so
+that a program that polls once a period, at multiples of it, meets each value exactly once.
+"""
+
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import msgspec
+import numpy as np
+from fltea.errors import UsageError
+from fltea.model import AXES
+from fltea.sources.recording import Recording, read_csv, read_npz
+from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
+
+Vector = tuple[float, float, float]
+
+ACCEL_STD_G = 0.004
+"""300 ug/sqrt(Hz) over 184 Hz (PS-MPU-9250A-01, 3.2)."""
+ACCEL_PERIOD_NS = 1_000_000
+ACCEL_ROWS = 4099
+"""A prime, so that its repetition falls on no rate of sampling."""
+CELSIUS = 25.0
+NS_PER_S = 1_000_000_000
+
+
+class Motion(NamedTuple):
+    """What the sensor feels: rate [deg/s], specific force [g], temperature [°C]."""
+
+    rate_dps: Vector
+    accel_g: Vector
+    celsius: float
+
+
+class World(Protocol):
+    """Where a chip takes its motion from."""
+
+    def at(self, now_ns: int) -> Motion:
+        """Motion at a moment; moments never run backwards. Equal motions of one value are the same object."""
+
+
+class Constant:
+    """A world that never changes, for tests."""
+
+    def __init__(
+        self,
+        rate_dps: Vector = (0.0, 0.0, 0.0),
+        accel_g: Vector = (0.0, 0.0, 1.0),
+        celsius: float = CELSIUS,
+    ) -> None:
+        self.motion = Motion(rate_dps, accel_g, celsius)
+
+    def at(self, now_ns: int) -> Motion:
+        """The same motion at any moment."""
+        return self.motion
+
+
+class Stepped:
+    """A resting sensor whose rate takes the values of `next_rate`, one a period.
+
+    The accelerometer feels 1 g along z and white noise, new every ms: two conversions are never equal by
+    chance, as they would be if only the rate changed. Equal seeds give equal worlds.
+    """
+
+    def __init__(self, rate_hz: float, seed: int) -> None:
+        self._period_ns = round(NS_PER_S / rate_hz)
+        noise = np.random.default_rng((seed, len(AXES))).standard_normal((ACCEL_ROWS, 3))
+        self._accel_g = (ACCEL_STD_G * noise + (0.0, 0.0, 1.0)).tolist()
+        self._k = -1
+        self._row = -1
+        self._rate_now: Vector = (0.0, 0.0, 0.0)
+        self._motion = Motion((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), CELSIUS)
+
+    def at(self, now_ns: int) -> Motion:
+        """Motion at a moment.
+
+        Raises:
+            ValueError: the moment lies before the value that was given last.
+        """
+        k = (2 * now_ns + self._period_ns) // (2 * self._period_ns)
+        if k < self._k:
+            raise ValueError(f"the world is past {now_ns} ns already")
+        row = now_ns // ACCEL_PERIOD_NS % ACCEL_ROWS
+        if k > self._k or row != self._row:
+            while self._k < k:
+                self._k += 1
+                self._rate_now = self.next_rate(self._k)
+            self._row = row
+            x, y, z = self._accel_g[row]
+            self._motion = Motion(self._rate_now, (x, y, z), CELSIUS)
+        return self._motion
+
+    def next_rate(self, k: int) -> Vector:
+        """Rate of value k; asked for in order, once each [deg/s]."""
+        raise NotImplementedError
+
+
+class Fractional(Stepped):
+    """Noise of known order: exactly the values that `fltea.sources.synthetic` gives, before quantisation."""
+
+    def __init__(self, settings: NoiseSettings) -> None:
+        super().__init__(settings.rate_hz, settings.seed)
+        self._noise = NoiseGenerator(msgspec.structs.replace(settings, lsb_per_dps=0.0))
+
+    def next_rate(self, k: int) -> Vector:
+        """The next value of the noise; FlteaError once it is no longer finite."""
+        x, y, z = self._noise.step()
+        return x, y, z
+
+
+class Replayed(Stepped):
+    """A recording, one row a period whatever its own rate was; at its end it begins again.
+
+    Axes that it lacks are 0. Its accelerometer is not used: recordings do not state its scale.
+    """
+
+    def __init__(self, recording: Recording, rate_hz: float = 100.0, seed: int = 1) -> None:
+        super().__init__(rate_hz, seed)
+        rate = recording.gyro / (recording.lsb_per_dps or 1.0)
+        self._rate_dps = np.pad(rate, ((0, 0), (0, len(AXES) - rate.shape[1])))
+        self.rows = len(rate)
+        self.laps = 0
+        """How often it has been gone through to its end."""
+
+    def next_rate(self, k: int) -> Vector:
+        """Row k of the recording, counted round."""
+        self.laps = k // self.rows
+        x, y, z = (float(v) for v in self._rate_dps[k % self.rows])
+        return x, y, z
+
+
+def fractional_world(query: str) -> Fractional:
+    """World from the text behind `synthetic:`, such as `alpha=0.3&f=-1.5&seed=7`.
+
+    Raises:
+        UsageError: names the key that is unknown or has an impossible value.
+    """
+    settings = parse_noise(query)
+    if settings.n:
+        raise UsageError(f"noise {query}: n does not apply here; the emulated board has no last sample.")
+    return Fractional(settings)
+
+
+def recorded_world(path: Path, rate_hz: float = 100.0, seed: int = 1) -> Replayed:
+    """World from a recording that `fltea run --source replay:…` reads (.npz or .csv).
+
+    Raises:
+        UsageError: not such a file.
+    """
+    recording = read_npz(path) if path.suffix.lower() == ".npz" else read_csv(path, rate_hz=rate_hz)
+    return Replayed(recording, rate_hz, seed)

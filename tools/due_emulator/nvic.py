@@ -1,0 +1,78 @@
+"""Interrupts as the Cortex-M3 orders them: NVIC and the exceptions of the system (ARMv7-M, B1.5 and B3.4)."""
+
+from tools.due_emulator.machine import Machine
+
+SVCALL, PENDSV, SYSTICK = 11, 14, 15
+FIRST_IRQ = 16
+IRQS = 45
+"""Interrupt lines of the ATSAM3X8E (datasheet 9.1)."""
+PRIORITY_MASK = 0xF0
+"""The chip implements four bits of priority."""
+LOWEST = 0x100
+
+
+class Nvic:
+    """Which exceptions are pending, active and enabled, by exception number (16 + interrupt number).
+
+    A level-sensitive line pends its interrupt when it rises, and again if it is still up when the handler
+    returns.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self.reset()
+
+    def reset(self) -> None:
+        """As after a reset of the chip."""
+        self.pending = 0
+        self.enabled = 1 << PENDSV | 1 << SYSTICK
+        self.active: list[int] = []
+        self.priority = bytearray(FIRST_IRQ + IRQS)
+        self.priority_group = 0
+        self._lines = 0
+
+    def set_line(self, irq: int, level: bool) -> None:
+        """Raise or lower the line of an interrupt."""
+        bit = 1 << FIRST_IRQ + irq
+        if level and not self._lines & bit:
+            self.pending |= bit
+        self._lines = self._lines | bit if level else self._lines & ~bit
+
+    def pend(self, exception: int) -> None:
+        """Make an exception pending."""
+        self.pending |= 1 << exception
+
+    def unpend(self, exception: int) -> None:
+        """Take back a pending exception; a line that is still up pends it at once again."""
+        self.pending &= ~(1 << exception) | self._lines
+
+    def group(self, exception: int) -> int:
+        """Return the part of the priority that decides about preemption; a smaller one is more urgent."""
+        return self.priority[exception] & -(2 << self.priority_group)
+
+    def urgent(self, base_priority: int = 0) -> int | None:
+        """Return the pending exception that would be taken now were it not for PRIMASK.
+
+        base_priority: BASEPRI, 0 for none.
+        """
+        waiting = self.pending & self.enabled
+        if not waiting:
+            return None
+        best = min(
+            (n for n in range(FIRST_IRQ + IRQS) if waiting >> n & 1), key=lambda n: (self.priority[n], n)
+        )
+        running = min((self.group(n) for n in self.active), default=LOWEST)
+        if base_priority:
+            running = min(running, base_priority & -(2 << self.priority_group))
+        return best if self.group(best) < running else None
+
+    def enter(self, exception: int) -> None:
+        """Note that its handler begins."""
+        self.pending &= ~(1 << exception)
+        self.active.append(exception)
+
+    def leave(self) -> int:
+        """Note that the handler that runs returns, and say which it was."""
+        exception = self.active.pop()
+        self.pending |= self._lines & 1 << exception
+        return exception

@@ -1,0 +1,86 @@
+"""A peripheral as its registers: strict about which exist, how they may be accessed, and its clock."""
+
+from tools.due_emulator.machine import Machine
+from tools.due_emulator.register_table import Register, peripherals
+
+FIRST_CLOCKED_ID = 8
+"""Peripheral identifiers below belong to the system controller, which always runs (datasheet 9.1)."""
+
+
+class Peripheral:
+    """A register file by the SVD; what the registers do is up to `on_read` and `on_write`.
+
+    Programs come in through `read` and `write`, by the register's name. A register that does not exist, one
+    accessed against its mode, and a peripheral without its clock end the run.
+    """
+
+    def __init__(self, machine: Machine, name: str) -> None:
+        self.machine = machine
+        self.name = name
+        self.table = peripherals()[name]
+        self.registers: dict[str, int] = {}
+        self._by_offset: dict[int, Register] = {}
+        for register in self.table.registers.values():
+            self._by_offset.setdefault(register.offset, register)  # later ones are other views of the first
+        self._store_reset_values()
+
+    def reset(self) -> None:
+        """Back to the state after a reset of the chip; a subclass calls this and resets what it adds."""
+        self._store_reset_values()
+
+    def on_read(self, register: str) -> int:
+        """Return what the program reads; the stored value unless overridden."""
+        return self.registers[register]
+
+    def on_write(self, register: str, value: int) -> None:
+        """Take what the program writes; stored unless overridden."""
+        self.registers[register] = value
+
+    def clock_id(self, register: str) -> int | None:
+        """Identifier whose clock an access to `register` needs; None if it needs none."""
+        irq = self.table.irq
+        return irq if irq is not None and irq >= FIRST_CLOCKED_ID else None
+
+    def read(self, register: str) -> int:
+        """Read as a program does, with all checks."""
+        self.check_access(self.table.registers[register], "read")
+        return self.on_read(register)
+
+    def write(self, register: str, value: int) -> None:
+        """Write as a program does, with all checks."""
+        self.check_access(self.table.registers[register], "write")
+        self.on_write(register, value)
+
+    def register_at(self, offset: int, size: int, verb: str) -> Register:
+        """Return the register at an offset from the base; anything else ends the run."""
+        register = self._by_offset.get(offset)
+        if register is None:
+            self.machine.fault(f"{verb} of an unknown register of {self.name}: offset 0x{offset:X}")
+        if size != 4:
+            self.machine.fault(f"{verb} of {size} byte(s) of {self.name}_{register.name}: words only")
+        return register
+
+    def field(self, register: str, field: str) -> int:
+        """Return a field of a stored value."""
+        lsb, width = self.table.registers[register].fields[field]
+        return self.registers[register] >> lsb & ((1 << width) - 1)
+
+    def mask(self, register: str, field: str) -> int:
+        """Return the mask of a field in place."""
+        lsb, width = self.table.registers[register].fields[field]
+        return ((1 << width) - 1) << lsb
+
+    def _store_reset_values(self) -> None:
+        self.registers = {name: r.reset or 0 for name, r in self.table.registers.items()}
+
+    def check_access(self, register: Register, verb: str) -> None:
+        """End the run if the register cannot be accessed in this way, or has no clock."""
+        if not (register.readable if verb == "read" else register.writable):
+            mode = "write-only" if verb == "read" else "read-only"
+            self.machine.fault(f"{verb} of the {mode} register {self.name}_{register.name}")
+        needed = self.clock_id(register.name)
+        if needed is not None and not self.machine.clock_on(needed):
+            self.machine.fault(
+                f"{verb} of {self.name}_{register.name} without its clock: "
+                f"bit {needed % 32} of PMC_PCER{needed // 32} was not set"
+            )

@@ -1,0 +1,175 @@
+"""PIOA to PIOD: pins as outputs, inputs with interrupts, or handed to a peripheral.
+
+Sources: SAM3X datasheet, chapter 31. Not modelled: input filters (a glitch never happens here) and drive of
+unconnected pins.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+from tools.due_emulator.machine import Machine
+from tools.due_emulator.peripheral import Peripheral
+from tools.due_emulator.wire import Wire
+
+ALL = 0xFFFFFFFF
+WP_KEY, WPEN = 0x50494F, 0x01
+
+SET = {
+    "PER": "PSR",
+    "OER": "OSR",
+    "IFER": "IFSR",
+    "SODR": "ODSR",
+    "IER": "IMR",
+    "MDER": "MDSR",
+    "PUDR": "PUSR",  # a 1 in PUSR says that the pull-up is off
+    "OWER": "OWSR",
+    "AIMER": "AIMMR",
+    "LSR": "ELSR",
+    "REHLSR": "FRLHSR",
+    "DIFSR": "IFDGSR",
+}
+CLEAR = {
+    "PDR": "PSR",
+    "ODR": "OSR",
+    "IFDR": "IFSR",
+    "CODR": "ODSR",
+    "IDR": "IMR",
+    "MDDR": "MDSR",
+    "PUER": "PUSR",
+    "OWDR": "OWSR",
+    "AIMDR": "AIMMR",
+    "ESR": "ELSR",
+    "FELLSR": "FRLHSR",
+    "SCIFSR": "IFDGSR",
+}
+PROTECTED = {
+    *("PER", "PDR", "OER", "ODR", "IFER", "IFDR", "MDER", "MDDR"),
+    *("PUDR", "PUER", "ABSR", "OWER", "OWDR"),
+}
+"""Closed by WPMR (31.5.16)."""
+
+NEEDS_CLOCK = {"PDSR", "ISR", "IER"}
+"""Levels and edges of inputs are sampled; everything else works without a clock (31.4.3)."""
+
+
+class Pio(Peripheral):
+    """One controller of 32 pins; `connect` puts a pin on a wire."""
+
+    def __init__(self, machine: Machine, name: str) -> None:
+        super().__init__(machine, name)
+        self.on_mux_change: list[Callable[[], None]] = []
+        """Called when pins change hands between this controller and the peripherals."""
+        self.on_output: Callable[[int, bool], None] = lambda bit, level: None
+        """Called as on_output(bit, level) when a pin that is an output changes."""
+        self._wires: dict[int, Wire] = {}
+        self._shown = 0
+        self._power_up()
+
+    def reset(self) -> None:
+        """All pins are inputs with pull-ups, under this controller (31.7: PSR, PUSR)."""
+        super().reset()
+        self._power_up()
+
+    def _power_up(self) -> None:
+        self.registers["PSR"] = ALL
+        self._follow(ALL)
+        self._settle_irq()
+
+    def connect(self, bit: int, wire: Wire) -> None:
+        """Solder a pin to a wire."""
+        self._wires[bit] = wire
+        wire.listen(partial(self._on_wire, bit))
+        self._follow(1 << bit)
+
+    def peripheral(self, bit: int) -> str | None:
+        """'A' or 'B', the peripheral that has the pin, or None while this controller has it."""
+        if self.registers["PSR"] >> bit & 1:
+            return None
+        return "B" if self.registers["ABSR"] >> bit & 1 else "A"
+
+    def output(self, bit: int) -> bool | None:
+        """Level that the pin drives; None if it does not drive, as an open drain at 1 does not."""
+        registers = self.registers
+        if not (registers["PSR"] & registers["OSR"]) >> bit & 1:
+            return None
+        high = bool(registers["ODSR"] >> bit & 1)
+        return None if high and registers["MDSR"] >> bit & 1 else high
+
+    def level(self, bit: int) -> bool:
+        """Level at the pin."""
+        wire = self._wires.get(bit)
+        if wire is not None:
+            return wire.level
+        driven = self.output(bit)
+        return driven if driven is not None else not self.registers["PUSR"] >> bit & 1
+
+    def clock_id(self, register: str) -> int | None:
+        """Only what samples inputs needs the clock."""
+        return super().clock_id(register) if register in NEEDS_CLOCK else None
+
+    def on_read(self, register: str) -> int:
+        """Levels are live; reading ISR clears it."""
+        if register == "PDSR":
+            return sum(1 << bit for bit in range(32) if self.level(bit))
+        value = self.registers[register]
+        if register == "ISR":
+            self.registers["ISR"] = 0
+            self._settle_irq()
+        return value
+
+    def on_write(self, register: str, value: int) -> None:
+        """Set or clear bits; what drives or selects takes effect at once."""
+        if register in PROTECTED and self.registers["WPMR"] & WPEN:
+            self.machine.fault(f"write of 0x{value:X} to {self.name}_{register}, which WPMR protects")
+        if register == "WPMR":
+            if value >> 8 == WP_KEY:
+                self.registers["WPMR"] = value & WPEN
+            return
+        changed = value
+        if register in SET:
+            self.registers[SET[register]] |= value
+        elif register in CLEAR:
+            self.registers[CLEAR[register]] &= ~value & ALL
+        elif register == "ODSR":
+            changed = self.registers["OWSR"]
+            self.registers["ODSR"] = self.registers["ODSR"] & ~changed | value & changed
+        else:
+            changed = value ^ self.registers[register]
+            self.registers[register] = value
+        self._follow(changed & ALL)
+        if register in ("PER", "PDR", "ABSR"):
+            for tell in self.on_mux_change:
+                tell()
+        if register in ("IER", "IDR"):
+            self._settle_irq()
+
+    def _follow(self, bits: int) -> None:
+        """Bring the wires of these pins, and whoever watches outputs, to the registers."""
+        for bit, wire in self._wires.items():
+            if bits >> bit & 1:
+                who = f"P{self.name[-1]}{bit}"
+                wire.pull_up(who, not self.registers["PUSR"] >> bit & 1)
+                wire.drive(who, self.output(bit))
+        shown = self.registers["PSR"] & self.registers["OSR"] & self.registers["ODSR"]
+        changed, self._shown = shown ^ self._shown, shown
+        for bit in range(32):
+            if changed >> bit & 1:
+                self.on_output(bit, bool(shown >> bit & 1))
+
+    def _on_wire(self, bit: int, level: bool) -> None:
+        irq = self.table.irq
+        if irq is None or not self.machine.clock_on(irq):
+            return
+        if self._is_event(bit, level):
+            self.registers["ISR"] |= 1 << bit
+            self._settle_irq()
+
+    def _is_event(self, bit: int, level: bool) -> bool:
+        """Any edge, unless the additional modes choose one (31.5.10); a level counts as the edge to it."""
+        if not self.registers["AIMMR"] >> bit & 1:
+            return True
+        return level == bool(self.registers["FRLHSR"] >> bit & 1)
+
+    def _settle_irq(self) -> None:
+        if self.table.irq is not None:
+            self.machine.set_irq(self.table.irq, bool(self.registers["ISR"] & self.registers["IMR"]))

@@ -1,0 +1,204 @@
+"""The Power Management Controller: oscillators, PLLs, the master clock, clocks of peripherals (datasheet 28).
+
+The main oscillator has the board's 12 MHz crystal.
+"""
+
+from collections.abc import Callable
+
+from tools.due_emulator.machine import PS_PER_S, SLOW_CLOCK_HZ, Event, Machine
+from tools.due_emulator.peripheral import Peripheral
+
+CRYSTAL_HZ = 12_000_000
+RC_HZ = (4_000_000, 8_000_000, 12_000_000)
+MCK_MAX_HZ = 84_000_000
+PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
+"""Allowed range of the PLL's output (datasheet 45.5, read second hand)."""
+UPLL_HZ = 480_000_000
+KEY = 0x37
+CSS_SLOW, CSS_MAIN, CSS_PLLA, CSS_UPLL = range(4)
+MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))
+PCKRDY = 0x700
+SELECT_PS = 2_000_000
+"""Time that a change of a selector takes; a round number, the datasheet states none."""
+PLLAR_ONE = 1 << 29
+
+
+class Pmc(Peripheral):
+    """Clocks as the program sets them up, with the times that they take to become ready.
+
+    check_flash: called with the new master clock just before it is taken; ends the run if the flash is too
+    slow for it.
+    """
+
+    def __init__(self, machine: Machine, check_flash: Callable[[int], None]) -> None:
+        self._check_flash = check_flash
+        self._events: dict[int, Event] = {}
+        super().__init__(machine, "PMC")
+        self.reset()
+
+    def reset(self) -> None:
+        """The fast RC oscillator at 4 MHz, all peripheral clocks off."""
+        for event in self._events.values():
+            event.cancel()
+        super().reset()
+        self._rc_on = True
+        self.registers["SR"] |= MOSCRCS
+        self.machine.clocked = 0
+        self._settle_irq()
+        self.machine.set_mck(RC_HZ[0])
+
+    def on_write(self, register: str, value: int) -> None:
+        """Keys, order and readiness are checked."""
+        r = self.registers
+        match register:
+            case "PCER0" | "PCER1" | "PCDR0" | "PCDR1":
+                shift = 32 * int(register[-1])
+                bits = value << shift
+                clocked = self.machine.clocked
+                self.machine.clocked = clocked | bits if register.startswith("PCER") else clocked & ~bits
+                r["PCSR0"], r["PCSR1"] = self.machine.clocked & 0xFFFF_FFFF, self.machine.clocked >> 32
+            case "SCER":
+                r["SCSR"] |= value
+                r["SR"] |= value & PCKRDY
+            case "SCDR":
+                r["SCSR"] &= ~value | 1
+                r["SR"] &= ~(value & PCKRDY)
+            case "IER":
+                r["IMR"] |= value
+                self._settle_irq()
+            case "IDR":
+                r["IMR"] &= ~value
+                self._settle_irq()
+            case "CKGR_MOR":
+                self._set_oscillators(value)
+            case "CKGR_PLLAR":
+                self._set_plla(value)
+            case "CKGR_UCKR":
+                self._set_upll(value)
+            case "MCKR":
+                self._set_master_clock(value)
+            case "WPMR" if value & 1:
+                self.machine.fault("PMC_WPMR: write protection is not modelled")
+            case _:
+                r[register] = value
+
+    def on_read(self, register: str) -> int:
+        """Stored values; the measured main clock is always ready."""
+        if register == "CKGR_MCFR":
+            return 1 << 16 | self._main_hz() * 16 // SLOW_CLOCK_HZ
+        return self.registers[register]
+
+    def _set_oscillators(self, value: int) -> None:
+        r, old = self.registers, self.registers["CKGR_MOR"]
+        if value >> 16 & 0xFF != KEY:
+            self.machine.fault(f"PMC_CKGR_MOR = 0x{value:08X} without its key 0x37: the chip ignores it")
+        r["CKGR_MOR"] = value & ~self.mask("CKGR_MOR", "KEY")
+        self._rc_on = bool(self.field("CKGR_MOR", "MOSCRCEN"))
+        r["SR"] = r["SR"] | MOSCRCS if self._rc_on else r["SR"] & ~MOSCRCS
+        if not self.field("CKGR_MOR", "MOSCXTEN"):
+            self._not_ready(MOSCXTS)
+        elif not r["SR"] & MOSCXTS and MOSCXTS not in self._events:
+            cycles = max(1, 8 * self.field("CKGR_MOR", "MOSCXTST"))
+            self._ready_in(MOSCXTS, cycles * PS_PER_S // SLOW_CLOCK_HZ)
+        select = self.mask("CKGR_MOR", "MOSCSEL")
+        if value & select and not r["SR"] & MOSCXTS:
+            self.machine.fault("PMC_CKGR_MOR selects the crystal before it is ready: wait for PMC_SR.MOSCXTS")
+        if not value & select and not self._rc_on:
+            self.machine.fault("PMC_CKGR_MOR stops the RC oscillator that the chip runs on")
+        if (value ^ old) & select:
+            self._not_ready(MOSCSELS)
+            self._ready_in(MOSCSELS, SELECT_PS, self._take_master_clock)
+
+    def _set_plla(self, value: int) -> None:
+        if not value & PLLAR_ONE:
+            self.machine.fault(f"PMC_CKGR_PLLAR = 0x{value:08X}: bit 29 has to be 1")
+        if self.registers["MCKR"] & 3 == CSS_PLLA:
+            self.machine.fault("PMC_CKGR_PLLAR is written while the master clock comes from PLLA")
+        self.registers["CKGR_PLLAR"] = value
+        self._not_ready(LOCKA)
+        hz = self._plla_hz()
+        if hz:
+            if not PLLA_OUTPUT_HZ[0] <= hz <= PLLA_OUTPUT_HZ[1]:
+                self.machine.fault(f"PLLA is set to {hz / 1e6:g} MHz: it gives 96 to 192 MHz")
+            cycles = max(1, self.field("CKGR_PLLAR", "PLLACOUNT"))
+            self._ready_in(LOCKA, cycles * PS_PER_S // SLOW_CLOCK_HZ)
+
+    def _set_upll(self, value: int) -> None:
+        self.registers["CKGR_UCKR"] = value
+        self._not_ready(LOCKU)
+        if self.field("CKGR_UCKR", "UPLLEN"):
+            if not self.registers["SR"] & MOSCXTS:
+                self.machine.fault("PMC_CKGR_UCKR starts the USB PLL before the crystal runs")
+            cycles = max(1, 8 * self.field("CKGR_UCKR", "UPLLCOUNT"))
+            self._ready_in(LOCKU, cycles * PS_PER_S // SLOW_CLOCK_HZ)
+
+    def _set_master_clock(self, value: int) -> None:
+        r = self.registers
+        if not r["SR"] & MCKRDY:
+            self.machine.fault(
+                "PMC_MCKR is written before the change before it is done: wait for PMC_SR.MCKRDY"
+            )
+        css, pres = self.mask("MCKR", "CSS"), self.mask("MCKR", "PRES")
+        changed = value ^ r["MCKR"]
+        if changed & css and changed & pres:
+            self.machine.fault(
+                f"PMC_MCKR = 0x{value:X} changes CSS and PRES at once: change one, wait for MCKRDY, then the "
+                "other"
+            )
+        needed = {CSS_MAIN: MOSCSELS, CSS_PLLA: LOCKA, CSS_UPLL: LOCKU}.get(value & css, 0)
+        if needed and not r["SR"] & needed:
+            self.machine.fault(
+                f"PMC_MCKR = 0x{value:X} selects a clock that is not ready (PMC_SR = 0x{r['SR']:X})"
+            )
+        r["MCKR"] = value
+        self._check(self._mck_hz())
+        self._not_ready(MCKRDY)
+        self._ready_in(MCKRDY, SELECT_PS, self._take_master_clock)
+
+    def _take_master_clock(self) -> None:
+        hz = self._mck_hz()
+        self._check(hz)
+        self.machine.set_mck(hz)
+
+    def _check(self, hz: int) -> None:
+        if hz > MCK_MAX_HZ:
+            self.machine.fault(f"the master clock is set to {hz / 1e6:g} MHz: at most 84 MHz")
+        self._check_flash(hz)
+
+    def _main_hz(self) -> int:
+        if self.field("CKGR_MOR", "MOSCSEL"):
+            return CRYSTAL_HZ
+        return RC_HZ[self.field("CKGR_MOR", "MOSCRCF")]
+
+    def _plla_hz(self) -> int:
+        mula, diva = self.field("CKGR_PLLAR", "MULA"), self.field("CKGR_PLLAR", "DIVA")
+        return self._main_hz() * (mula + 1) // diva if mula and diva else 0
+
+    def _mck_hz(self) -> int:
+        source = {
+            CSS_SLOW: SLOW_CLOCK_HZ,
+            CSS_MAIN: self._main_hz(),
+            CSS_PLLA: self._plla_hz() >> self.field("MCKR", "PLLADIV2"),
+            CSS_UPLL: UPLL_HZ >> self.field("MCKR", "UPLLDIV2"),
+        }[self.field("MCKR", "CSS")]
+        pres = self.field("MCKR", "PRES")
+        return source // (3 if pres == 7 else 1 << pres)
+
+    def _not_ready(self, flag: int) -> None:
+        if flag in self._events:
+            self._events.pop(flag).cancel()
+        self.registers["SR"] &= ~flag
+        self._settle_irq()
+
+    def _ready_in(self, flag: int, delay_ps: int, action: Callable[[], None] = lambda: None) -> None:
+        def ready() -> None:
+            self._events.pop(flag, None)
+            action()
+            self.registers["SR"] |= flag
+            self._settle_irq()
+
+        self._events[flag] = self.machine.schedule(delay_ps, ready)
+
+    def _settle_irq(self) -> None:
+        assert self.table.irq is not None
+        self.machine.set_irq(self.table.irq, bool(self.registers["SR"] & self.registers["IMR"]))

@@ -1,0 +1,158 @@
+"""The programming port as a pseudo-terminal: the board in real time, reset whenever a program opens it.
+
+The kernel tells whether the port is open, not that it was opened: closing and opening it again within one
+look, some 5 to 20 ms, goes unseen and resets nothing.
+"""
+
+import fcntl
+import os
+import select
+import struct
+import sys
+import termios
+import time
+import tty
+from pathlib import Path
+from typing import NoReturn
+
+from fltea.errors import UsageError
+
+from tools.due_emulator.board import Board
+
+CHUNK_S = 0.005
+PACKET_BYTES = 64
+"""What the bridge hands to the host in one piece of USB."""
+BEHIND_S = 0.5
+"""A lag behind real time that is worth telling."""
+ERASE_BAUD = 1200
+TCGETS2 = 0x802C542A
+TERMIOS2 = struct.Struct("4I20s2I")
+
+
+class Port:
+    """Master side of a pseudo-terminal in raw mode."""
+
+    def __init__(self, link: Path | None) -> None:
+        if link is not None and link.exists() and not link.is_symlink():
+            raise UsageError(f"--link {link}: exists and is no link; choose another.")
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        self.name = os.ttyname(slave)
+        os.close(slave)
+        os.set_blocking(self.master, False)
+        self.link = link
+        if link is not None:
+            try:
+                link.unlink(missing_ok=True)
+                link.symlink_to(self.name)
+            except OSError as error:
+                raise UsageError(f"--link {link}: cannot be made ({error.strerror}).") from error
+        self._unsent = bytearray()
+
+    def close(self) -> None:
+        """Remove the link, if it is still ours."""
+        if self.link is not None and self.link.is_symlink() and str(self.link.readlink()) == self.name:
+            self.link.unlink()
+        os.close(self.master)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a program has the port open."""
+        poll = select.poll()
+        poll.register(self.master, 0)
+        return not any(flags & select.POLLHUP for _, flags in poll.poll(0))
+
+    @property
+    def baud(self) -> int:
+        """Baud rate that the program has set."""
+        answer = fcntl.ioctl(self.master, TCGETS2, bytes(TERMIOS2.size))
+        return int(TERMIOS2.unpack(answer)[-1])
+
+    def put(self, byte: int) -> bool:
+        """Take a byte for the host; False while it does not read."""
+        if len(self._unsent) >= PACKET_BYTES and not self.flush():
+            return False
+        self._unsent.append(byte)
+        return True
+
+    def flush(self) -> bool:
+        """Hand over what waits; False if some is left."""
+        try:
+            while self._unsent:
+                del self._unsent[: os.write(self.master, self._unsent)]
+        except BlockingIOError:
+            return False
+        except OSError:  # the client has just gone, and its bytes with it
+            self._unsent.clear()
+        return True
+
+    def forget(self) -> None:
+        """Throw away what the last program did not fetch, as a real port does when it is closed."""
+        self._unsent.clear()
+        port = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        termios.tcflush(port, termios.TCIOFLUSH)
+        os.close(port)
+
+
+class Front:
+    """Runs the board while the port is open; without a client the board stands still.
+
+    out: where warnings go.
+    """
+
+    def __init__(self, board: Board, port: Port) -> None:
+        self._board = board
+        self._port = port
+        self.worst_lag_s = 0.0
+        self.openings = 0
+
+    @property
+    def notes(self) -> list[str]:
+        """What a person should know of the run."""
+        notes = [f"the port was opened {self.openings} time(s)"]
+        if self.worst_lag_s > BEHIND_S:
+            notes.append(f"this machine is too slow: up to {self.worst_lag_s:.1f} s behind real time")
+        return notes
+
+    def serve(self) -> NoReturn:
+        """Serve one client after the other, until interrupted.
+
+        Raises:
+            EmulationFault: the program did what is not forgiven.
+        """
+        while True:
+            while not self._port.is_open:
+                self._look_at_baud()
+                time.sleep(4 * CHUNK_S)
+            self.openings += 1
+            self._board.reopen_port()
+            self._run()
+            self._port.forget()
+
+    def _run(self) -> None:
+        board, port = self._board, self._port
+        begin_s, board_begin_s = time.monotonic(), board.now_s
+        while port.is_open:
+            self._look_at_baud()
+            due_s = time.monotonic() - begin_s
+            done_s = board.now_s - board_begin_s
+            self.worst_lag_s = max(self.worst_lag_s, due_s - done_s)
+            if not board.memory.is_blank:
+                # A piece of fixed length, so that a board that lags still looks at its port.
+                board.run_until(board_begin_s + min(due_s, done_s + 4 * CHUNK_S) + CHUNK_S)
+            board.bridge.flush()
+            port.flush()
+            ahead_s = board.now_s - board_begin_s - (time.monotonic() - begin_s)
+            time.sleep(max(0.0, CHUNK_S if board.memory.is_blank else ahead_s))
+
+    def _look_at_baud(self) -> None:
+        baud = self._port.baud
+        self._board.bridge.host_baud = baud
+        if baud == ERASE_BAUD and not self._board.memory.is_blank:
+            self._board.memory.erase_flash()
+            print(
+                "due_emulator: the port was opened at 1200 baud, so the bridge erased the flash, as the real "
+                "one does: the board is silent until it is flashed (here: until the emulator starts again).",
+                file=sys.stderr,
+                flush=True,
+            )

@@ -1,0 +1,96 @@
+"""What a run gave: one JSON object, or lines for a person (tools/due_emulator/README.md lists the fields)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from tools.due_emulator.board import Board
+from tools.due_emulator.host_view import HostView, plain, seconds
+from tools.due_emulator.image import Image
+
+
+def make_report(
+    board: Board,
+    host: HostView,
+    image: Image,
+    *,
+    wall_s: float | None,
+    error: str | None,
+    notes: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Gather everything.
+
+    wall_s: how long it took; None if it was paced. error: why the run ended early; None if it did not.
+    """
+    machine, counts, bridge = board.machine, host.continuity, board.bridge
+    elapsed_ps = machine.now_ps or 1
+    touched = board.memory.ram_touched_bytes()
+    bad_frames = {reason: n for reason, n in sorted(host.reader.counts.items()) if reason != "frames"}
+    return {
+        "virtual_s": seconds(machine.now_ps),
+        "wall_s": None if wall_s is None else round(wall_s, 3),
+        "speed": None if wall_s is None else round(machine.now_ps / 1e12 / wall_s, 2),
+        "error": error,
+        "faults": [*board.events, *host.faults],
+        "notes": list(notes),
+        "image": str(image.path),
+        "build_id": image.build_id,
+        "flash_bytes": image.flash_bytes,
+        "ram_bytes": image.ram_bytes if image.ram_bytes is not None else touched,
+        "ram_touched_bytes": touched,
+        "samples": counts.delivered,
+        "gaps": counts.gaps,
+        "lost": counts.lost,
+        "duplicates": counts.duplicates,
+        "before_hello": counts.before_hello,
+        "rate_hz": None if host.rate_hz is None else round(host.rate_hz, 6),
+        "step_us": {"min": host.min_step_us, "max": host.max_step_us},
+        "flags": host.flags,
+        "boots": len(host.boots),
+        "hellos": host.hellos,
+        "resets": board.resets,
+        "hello": plain(host.hello),
+        "refused": host.refused,
+        "status": plain(host.statuses[-1]) if host.statuses else None,
+        "statuses": [plain(status) for status in host.statuses],
+        "bytes": host.reader.bytes_in,
+        "frames": host.reader.counts["frames"],
+        "bad_frames": bad_frames,
+        "bytes_lost_by_fault": bridge.lost_by_fault,
+        "bytes_lost_in_bridge": bridge.lost_in_bridge,
+        "bytes_garbled": bridge.garbled,
+        "bus_load": round(board.twi.load_ps / elapsed_ps, 6),
+        "i2c_transfers": board.twi.transfers,
+        "recovery_clocks": board.lines.recovery_clocks,
+        "uart_load": round(board.uart.busy_ps / elapsed_ps, 6),
+        "sleeping": round(machine.idle_ps / elapsed_ps, 6),
+        "instructions": board.cpu.instructions,
+    }
+
+
+def describe(report: dict[str, Any]) -> str:
+    """Return the report as lines for a person."""
+    rate, step = report["rate_hz"], report["step_us"]
+    lines = [
+        f"{report['image']}, build {report['build_id']}: {report['flash_bytes']} bytes of flash, "
+        f"{report['ram_bytes']} of RAM ({report['ram_touched_bytes']} written)",
+        f"{report['virtual_s']:g} s of virtual time"
+        + (
+            ""
+            if report["speed"] is None
+            else f" in {report['wall_s']:g} s: {report['speed']:g} times real time"
+        ),
+        f"{report['samples']} samples, {report['gaps']} gaps, {report['lost']} lost"
+        + ("" if rate is None else f"; {rate:.4f} Hz, steps of {step['min']} to {step['max']} us"),
+        f"{report['frames']} frames, bad: {report['bad_frames'] or 'none'}; I2C busy "
+        f"{report['bus_load']:.1%}, UART {report['uart_load']:.1%}, processor asleep "
+        f"{report['sleeping']:.1%}",
+    ]
+    if report["status"]:
+        lines.append("status: " + ", ".join(f"{name} {value}" for name, value in report["status"].items()))
+    lines += [f"fault: {fault}" for fault in report["faults"]]
+    lines += [f"note: {note}" for note in report["notes"]]
+    if report["refused"]:
+        lines.append(f"refused: {report['refused']}")
+    if report["error"]:
+        lines.append(f"ENDED EARLY: {report['error']}")
+    return "\n".join(lines)

@@ -1,0 +1,53 @@
+"""The Reset Controller: why the board started, and reset by the program (datasheet 12)."""
+
+from collections.abc import Callable
+from enum import IntEnum
+
+from tools.due_emulator.machine import Machine
+from tools.due_emulator.peripheral import Peripheral
+
+KEY = 0xA5
+PROCRST, PERRST, EXTRST = 1, 4, 8
+NRSTL = 1 << 16
+
+
+class ResetType(IntEnum):
+    """RSTC_SR.RSTTYP."""
+
+    POWER_UP = 0
+    BACKUP = 1
+    WATCHDOG = 2
+    SOFTWARE = 3
+    USER = 4
+
+
+class ResetController(Peripheral):
+    """Says why the chip started; `request` is called when the program asks for a reset."""
+
+    def __init__(self, machine: Machine, request: Callable[[], None]) -> None:
+        super().__init__(machine, "RSTC")
+        self._request = request
+        self.restarted(ResetType.POWER_UP)
+
+    def restarted(self, cause: ResetType) -> None:
+        """Note why the chip starts; a user reset is also noted in URSTS."""
+        self.reset()
+        self.registers["SR"] = cause << 8 | NRSTL | (cause is ResetType.USER)
+
+    def on_read(self, register: str) -> int:
+        """Reading SR clears URSTS."""
+        value = self.registers[register]
+        if register == "SR":
+            self.registers["SR"] &= ~1
+        return value
+
+    def on_write(self, register: str, value: int) -> None:
+        """Both registers have a key."""
+        if value >> 24 != KEY:
+            self.machine.fault(f"RSTC_{register} = 0x{value:08X} without its key 0xA5: the chip ignores it")
+        if register == "MR":
+            self.registers["MR"] = value & 0x00FF_FFFF
+        elif value & (PROCRST | PERRST) == PROCRST | PERRST:
+            self._request()
+        elif value & (PROCRST | PERRST):
+            self.machine.fault(f"RSTC_CR = 0x{value:08X}: processor and peripherals are reset together")

@@ -1,0 +1,109 @@
+"""Where the sensor is plugged in: its supply, its INT pin, and the clock that it lives by."""
+
+from tools.due_emulator.machine import Event, Machine
+from tools.due_emulator.mpu9250 import Mpu9250
+from tools.due_emulator.wire import Wire
+
+PS_PER_NS = 1000
+
+
+class SensorSocket:
+    """A chip in virtual time, with the faults that a loose plug or a bad contact makes.
+
+    Buses call `start`, `write`, `read` and `stop` as they would the chip itself.
+    """
+
+    def __init__(self, machine: Machine, chip: Mpu9250) -> None:
+        self.machine = machine
+        self.chip = chip
+        self.int_wire = Wire(machine, "the sensor's INT pin")
+        self.nacks_left = 0
+        """So many bytes from now on are not acknowledged."""
+        self.nack_until_ps = 0
+        """Until then nothing is acknowledged [ps]."""
+        self._event: Event | None = None
+        chip.on_int = lambda level, at_ns: self.int_wire.drive("sensor", level)
+        self.int_wire.drive("sensor", False)
+        self.settle()
+
+    def start(self, address: int, read: bool) -> bool:
+        """START and address; the answer is the acknowledge."""
+        self._catch_up()
+        ack = self.chip.start(address, read) and not self._refuses()
+        self.settle()
+        return ack
+
+    def write(self, byte: int) -> bool:
+        """Write a byte; the answer is the acknowledge. A byte that is refused does not arrive."""
+        self._catch_up()
+        ack = not self._refuses() and self.chip.write(byte)
+        self.settle()
+        return ack
+
+    def read(self, ack: bool) -> int:
+        """Read a byte; 0xFF, the idle line, where nobody answers."""
+        self._catch_up()
+        value = self.chip.read(ack)
+        self.settle()
+        return value
+
+    def stop(self) -> None:
+        """STOP."""
+        self._catch_up()
+        self.chip.stop()
+        self.settle()
+
+    def unplug(self) -> None:
+        """Pull the sensor's plug."""
+        self._catch_up()
+        self.chip.power_off()
+        self.int_wire.drive("sensor", None)
+        self.settle()
+
+    def plug(self, who_am_i: int | None = None) -> None:
+        """Plug the sensor in, or another one: it powers up."""
+        self._catch_up()
+        self.int_wire.drive("sensor", False)
+        self.chip.power_on(who_am_i)
+        self.settle()
+
+    def become(self, who_am_i: int) -> None:
+        """Let it have been another sensor since long before the start."""
+        self.chip.become(who_am_i)
+        self.settle()
+
+    def brown_out(self) -> None:
+        """Let the sensor's registers fall back to their reset values."""
+        self._catch_up()
+        self.chip.brown_out()
+        self.settle()
+
+    def set_clock_ppm(self, ppm: float) -> None:
+        """Change the rate of the sensor's own clock."""
+        self._catch_up()
+        self.chip.clock_ppm = ppm
+        self.settle()
+
+    def settle(self) -> None:
+        """Wake up again when the INT pin can change next."""
+        if self._event is not None:
+            self._event.cancel()
+            self._event = None
+        at_ns = self.chip.next_event_ns()
+        if at_ns is not None:
+            delay_ps = at_ns * PS_PER_NS - self.machine.now_ps
+            self._event = self.machine.schedule(delay_ps, self._on_event)
+
+    def _on_event(self) -> None:
+        self._event = None
+        self._catch_up()
+        self.settle()
+
+    def _catch_up(self) -> None:
+        self.chip.advance(self.machine.now_ps // PS_PER_NS)
+
+    def _refuses(self) -> bool:
+        if self.nacks_left:
+            self.nacks_left -= 1
+            return True
+        return self.machine.now_ps < self.nack_until_ps

@@ -1,0 +1,74 @@
+"""The true random number generator, here a seeded one (datasheet 41)."""
+
+import numpy as np
+
+from tools.due_emulator.machine import PS_PER_S, Event, Machine
+from tools.due_emulator.peripheral import Peripheral
+
+KEY = 0x52_4E47
+CYCLES = 84
+"""A new word every 84 cycles of its clock (datasheet 41.1)."""
+DATRDY = 1
+
+
+class Trng(Peripheral):
+    """Gives words from a generator that goes on over resets: each boot meets other ones."""
+
+    def __init__(self, machine: Machine, seed: int) -> None:
+        super().__init__(machine, "TRNG")
+        self._rng = np.random.default_rng((seed, 0x7216))
+        self._event: Event | None = None
+
+    def reset(self) -> None:
+        """Off."""
+        self._cancel()
+        super().reset()
+        self._settle_irq()
+
+    def on_read(self, register: str) -> int:
+        """Reading ISR clears DATRDY; a word may be read once that was seen."""
+        value = self.registers[register]
+        if register == "ISR":
+            self.registers["ISR"] = 0
+            self._settle_irq()
+        elif register == "ODATA":
+            if not value:
+                self.machine.fault("TRNG_ODATA is read when no new word is there: wait for TRNG_ISR.DATRDY")
+            self.registers["ODATA"] = 0
+            if self._event is None:
+                self._next()
+        return value
+
+    def on_write(self, register: str, value: int) -> None:
+        """CR has a key."""
+        if register == "CR":
+            if value >> 8 != KEY:
+                self.machine.fault(f"TRNG_CR = 0x{value:08X} without its key 0x524E47: the chip ignores it")
+            self._cancel()
+            if value & 1:
+                self._next()
+        else:
+            enable = register == "IER"
+            old = self.registers["IMR"]
+            self.registers["IMR"] = old | value if enable else old & ~value
+            self._settle_irq()
+
+    def _next(self) -> None:
+        self._event = self.machine.schedule(CYCLES * PS_PER_S // self.machine.mck_hz, self._ready)
+
+    def _ready(self) -> None:
+        # Never 0, so that "no word yet" can be told from a word; the real one may give it.
+        self.registers["ODATA"] = int(self._rng.integers(1, 1 << 32))
+        self.registers["ISR"] = DATRDY
+        self._settle_irq()
+        # The real one replaces a word that nobody fetched; here the next one is made when one is fetched.
+        self._event = None
+
+    def _cancel(self) -> None:
+        if self._event is not None:
+            self._event.cancel()
+            self._event = None
+
+    def _settle_irq(self) -> None:
+        assert self.table.irq is not None
+        self.machine.set_irq(self.table.irq, bool(self.registers["ISR"] & self.registers["IMR"]))

@@ -1,0 +1,318 @@
+"""TWI0 and TWI1 as bus masters: whole bytes, at the times that they take on the wires.
+
+Sources: SAM3X datasheet, chapter 33 (33.8 master mode, 33.11 registers); that SCL waits on the last bit until
+RHR is read is told for the same controller in the SAM4CP datasheet, 34.7.3.5. Not modelled, and refused:
+slave mode, quick command, transfers by PDC.
+"""
+
+from collections.abc import Generator
+
+from tools.due_emulator.i2c_lines import FASTEST_HZ, TOLERANCE, I2cLines
+from tools.due_emulator.machine import PS_PER_S, Event, Machine
+from tools.due_emulator.peripheral import Peripheral
+from tools.due_emulator.pio import Pio
+
+START, STOP, MSEN, MSDIS, SVEN, SVDIS, QUICK, SWRST = (1 << bit for bit in range(8))
+TXCOMP, RXRDY, TXRDY, NACK = 0x001, 0x002, 0x004, 0x100
+CLEARED_BY_READ = 0x370
+"""GACC, OVRE, NACK and ARBLST (33.11.6)."""
+PDC_ENABLES = 0x101
+
+LAST_BIT = 7.5
+"""SCL waits there while RHR is full; from RHR's read on, half a bit is left to set STOP."""
+
+Transfer = Generator[float | None, None, None]
+"""Yields how many bits the next thing takes, or None to wait until the program does something."""
+Addressing = Generator[float | None, None, bool]
+
+
+class Twi(Peripheral):
+    """One controller on its lines.
+
+    lines: what TWD and TWCK are soldered to. pio, pins: the controller and bits of the pins, which have to be
+    given to peripheral A.
+    """
+
+    def __init__(self, machine: Machine, name: str, lines: I2cLines, pio: Pio, pins: tuple[int, int]) -> None:
+        super().__init__(machine, name)
+        self._lines = lines
+        self._pio = pio
+        self._pins = pins
+        self.busy_ps = 0
+        """Time for which transfers have held the bus, ever [ps]."""
+        self.transfers = 0
+        self._event: Event | None = None
+        self._thr: int | None = None
+        self._on_line: tuple[bool, int] | None = None
+        """The byte on the wires, and whether the sensor sends it; None when there is none."""
+        self._transfer: Transfer | None = None
+        self._waiting = self._stalled = False
+        self._step_ps = self._begun_ps = 0
+        self._step_bits = 0.0
+        self._idle()
+        pio.on_mux_change.append(self._on_mux_change)
+        lines.scl.listen(self._on_scl)
+
+    def reset(self) -> None:
+        """Reset of the chip, or SWRST: a transfer is cut off wherever it is."""
+        self._abort()
+        super().reset()
+        self._idle()
+        self._settle_irq()
+
+    @property
+    def scl_hz(self) -> float:
+        """Clock of the bus as CWGR sets it (33.11.5) [Hz]."""
+        ckdiv = self.field("CWGR", "CKDIV")
+        cycles = sum((self.field("CWGR", name) << ckdiv) + 4 for name in ("CLDIV", "CHDIV"))
+        return self.machine.mck_hz / cycles
+
+    @property
+    def load_ps(self) -> int:
+        """`busy_ps` with the transfer that is under way."""
+        running = self.machine.now_ps - self._begun_ps if self._transfer is not None else 0
+        return self.busy_ps + running
+
+    def on_read(self, register: str) -> int:
+        """Reading SR clears what it told; reading RHR lets the next byte end."""
+        value = self.registers[register]
+        if register == "SR":
+            self.registers["SR"] &= ~CLEARED_BY_READ
+            self._settle_irq()
+        elif register == "RHR":
+            self._flag(RXRDY, False)
+            self._continue()
+        return value
+
+    def on_write(self, register: str, value: int) -> None:
+        """Commands, data, and settings that may change only between transfers."""
+        match register:
+            case "CR":
+                self._command(value)
+            case "THR":
+                self._transmit(value & 0xFF)
+            case "IER":
+                self.registers["IMR"] |= value
+                self._settle_irq()
+            case "IDR":
+                self.registers["IMR"] &= ~value
+                self._settle_irq()
+            case "PTCR" if value & PDC_ENABLES:
+                self.machine.fault(f"{self.name}_PTCR: transfers by PDC are not modelled for the TWI")
+            case _:
+                if register in ("MMR", "IADR", "CWGR") and self._transfer is not None:
+                    self.machine.fault(f"{self.name}_{register} is written while a transfer is under way")
+                self.registers[register] = value
+
+    # Commands
+
+    def _command(self, value: int) -> None:
+        if value & SWRST:
+            self.reset()
+            return
+        if value & QUICK:
+            self.machine.fault(f"{self.name}_CR = 0x{value:X}: the quick command is not modelled")
+        if value & (SVEN | SVDIS):
+            self._slave = not value & SVDIS
+        if value & MSDIS:
+            self._abort()
+            self._master = False
+            self._flag(TXRDY, False)
+            return
+        if value & MSEN:
+            self._master = True
+            if self._transfer is None:
+                self._flag(TXRDY, True)
+        if value & START and self.field("MMR", "MREAD"):
+            if self._transfer is not None:
+                self.machine.fault(f"{self.name}: START while a transfer is under way")
+            self._begin(self._receive())
+        if value & STOP and self._transfer is not None:
+            self._stop_wanted = True
+            self._continue()
+
+    def _transmit(self, byte: int) -> None:
+        if self._transfer is None:
+            if self.field("MMR", "MREAD"):
+                self.machine.fault(f"{self.name}_THR is written, but MMR.MREAD says that this is a read")
+            self._thr = byte
+            self._begin(self._send())
+            return
+        if not self.registers["SR"] & TXRDY:
+            self.machine.fault(f"{self.name}_THR is written while TXRDY is 0: the byte before it is lost")
+        self._thr = byte
+        self._flag(TXRDY, False)
+        self._continue()
+
+    def _begin(self, transfer: Transfer) -> None:
+        self._check_ready()
+        self._transfer = transfer
+        self._begun_ps = self.machine.now_ps
+        self.transfers += 1
+        self._stop_wanted = False
+        self._flag(TXCOMP | TXRDY, False)
+        self._resume()
+
+    def _check_ready(self) -> None:
+        name, fault = self.name, self.machine.fault
+        if not self._master:
+            fault(f"{name}: a transfer without MSEN")
+        if self._slave:
+            fault(f"{name}: a transfer while SVEN is on; slave mode is not modelled")
+        if self.registers["SR"] & RXRDY:
+            fault(f"{name}: a byte lies in RHR: STOP was set too late, and one byte too many was read")
+        for bit in self._pins:
+            if self._pio.peripheral(bit) != "A":
+                fault(f"{name}: a transfer while P{self._pio.name[-1]}{bit} is not given to peripheral A")
+        if self.scl_hz > FASTEST_HZ * (1 + TOLERANCE):
+            fault(f"{name}_CWGR sets {self.scl_hz / 1e3:.0f} kHz: the sensor takes 400 kHz")
+
+    # Transfers
+
+    def _open(self, read: bool) -> Addressing:
+        """START, addresses, and the repeated START that a read after an internal address needs (33.8.6)."""
+        self._lines.take(self.name)
+        address = self.field("MMR", "DADR")
+        inner = self.field("MMR", "IADRSZ")
+        self._on_line = (False, address << 1 | (read and not inner))
+        yield 10
+        acked = self._lines.start(address, read and not inner)
+        for place in reversed(range(inner)):
+            if not acked:
+                return False
+            byte = self.registers["IADR"] >> 8 * place & 0xFF
+            self._on_line = (False, byte)
+            yield 9
+            acked = self._lines.write(byte)
+        if acked and read and inner:
+            self._on_line = (False, address << 1 | 1)
+            yield 10
+            acked = self._lines.start(address, True)
+        return acked
+
+    def _receive(self) -> Transfer:
+        if not (yield from self._open(read=True)):
+            yield from self._refused()
+            return
+        more = True
+        while more:
+            byte = self._lines.read(True)
+            self._on_line = (True, byte)
+            yield LAST_BIT
+            while self.registers["SR"] & RXRDY:
+                yield None
+            self._bits_before = LAST_BIT
+            yield 8 - LAST_BIT
+            more = not self._stop_wanted
+            self._bits_before = 8
+            yield 1
+            self._bits_before = 0
+            self.registers["RHR"] = byte
+            self._flag(RXRDY, True)
+        yield from self._close()
+
+    def _send(self) -> Transfer:
+        if not (yield from self._open(read=False)):
+            yield from self._refused()
+            return
+        while True:
+            byte, self._thr = self._thr, None
+            assert byte is not None
+            self._flag(TXRDY, True)
+            self._on_line = (False, byte)
+            yield 9
+            if not self._lines.write(byte):
+                yield from self._refused()
+                return
+            while self._thr is None:
+                if self._stop_wanted:
+                    yield from self._close()
+                    return
+                yield None
+
+    def _refused(self) -> Transfer:
+        yield from self._close(NACK | TXRDY)
+
+    def _close(self, flags: int = TXRDY) -> Transfer:
+        self._on_line = None
+        yield 1
+        self._lines.stop()
+        self._end()
+        self._flag(TXCOMP | flags, True)
+
+    # Time
+
+    def _resume(self) -> None:
+        """Run the transfer to its next wait."""
+        self._event = None
+        self._waiting = False
+        if self._transfer is None or self._stalled:
+            return
+        if not self._lines.scl.level:
+            return  # stretched: `_on_scl` goes on
+        if not self._lines.sda.level:
+            self._stalled = True  # no START and no data: only SWRST or MSDIS ends this
+            return
+        try:
+            bits = next(self._transfer)
+        except StopIteration:
+            return
+        if bits is None:
+            self._waiting = True
+        else:
+            self._step_ps, self._step_bits = self.machine.now_ps, bits
+            self._event = self.machine.schedule(round(bits * self._bit_ps()), self._resume)
+
+    def _continue(self) -> None:
+        if self._waiting:
+            self._resume()
+
+    def _on_scl(self, high: bool) -> None:
+        if high and self._transfer is not None and self._event is None and not self._waiting:
+            self._resume()
+
+    def _bit_ps(self) -> float:
+        return PS_PER_S / self.scl_hz
+
+    def _end(self) -> None:
+        self.busy_ps += self.machine.now_ps - self._begun_ps
+        self._transfer = None
+        self._stalled = self._waiting = False
+        self._on_line = None
+
+    def _abort(self) -> None:
+        """Let the bus go at once; the sensor is left in mid-byte if it was in one."""
+        if self._transfer is None:
+            return
+        if self._event is not None:
+            self._event.cancel()
+            self._event = None
+        if self._on_line is not None and not self._stalled:
+            sending, byte = self._on_line
+            in_step = (self.machine.now_ps - self._step_ps) / self._bit_ps()
+            bits = int(self._bits_before + min(in_step, self._step_bits))
+            if bits < 8:
+                self._lines.cut_off(sending, byte, bits)
+        self._end()
+
+    def _on_mux_change(self) -> None:
+        if self._transfer is not None and any(self._pio.peripheral(bit) != "A" for bit in self._pins):
+            transfer = self._transfer
+            self._abort()  # the wires are gone, but the controller does not know it
+            self._transfer, self._begun_ps, self._stalled = transfer, self.machine.now_ps, True
+
+    def _idle(self) -> None:
+        self._master = self._slave = self._stop_wanted = False
+        self._thr = None
+        self._on_line = None
+        self._bits_before = 0.0
+
+    def _flag(self, mask: int, on: bool) -> None:
+        status = self.registers["SR"]
+        self.registers["SR"] = status | mask if on else status & ~mask
+        self._settle_irq()
+
+    def _settle_irq(self) -> None:
+        irq = self.table.irq
+        assert irq is not None
+        self.machine.set_irq(irq, bool(self.registers["SR"] & self.registers["IMR"]))

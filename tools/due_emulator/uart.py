@@ -1,0 +1,182 @@
+"""UART and USARTs as transmitters: holding register, shift register, and the PDC that feeds them.
+
+Sources: datasheet 34 (UART), 35 (USART), 26 (PDC). Nothing is ever received: the wire has one direction.
+"""
+
+from typing import Protocol
+
+from tools.due_emulator.machine import PS_PER_S, Event, Machine
+from tools.due_emulator.memory_map import Memory
+from tools.due_emulator.peripheral import Peripheral
+
+RSTTX, TXEN, TXDIS = 1 << 3, 1 << 6, 1 << 7
+TXRDY, ENDTX, TXEMPTY, TXBUFE = 1 << 1, 1 << 4, 1 << 9, 1 << 11
+PDC_TXTEN, PDC_TXTDIS, PDC_RXTEN, PDC_RXTDIS = 1 << 8, 1 << 9, 1 << 0, 1 << 1
+NO_PARITY = 4
+BITS_PER_BYTE = 10
+"""Start, eight data, stop: the only format that is modelled."""
+OVERSAMPLING = 16
+
+
+class Line(Protocol):
+    """Where transmitted bytes go."""
+
+    def send(self, byte: int, at_ps: int, baud: float) -> None:
+        """Take a byte whose stop bit has ended, at a moment and with the true baud rate."""
+
+
+class Transmitter(Peripheral):
+    """The transmit side of a UART or USART."""
+
+    def __init__(self, machine: Machine, name: str, memory: Memory, line: Line) -> None:
+        self._status = "SR" if name == "UART" else "CSR"
+        super().__init__(machine, name)
+        self._memory = memory
+        self._line = line
+        self.bytes_sent = 0
+        self.busy_ps = 0
+        """Time for which the line was not idle [ps]."""
+        self._event: Event | None = None
+        self._clear()
+
+    def _clear(self) -> None:
+        self._enabled = False
+        self._holding: int | None = None
+        self._shifting: int | None = None
+        self.registers[self._status] = ENDTX | TXBUFE
+
+    def reset(self) -> None:
+        """Off; a byte on the line is cut off and lost."""
+        self._cancel()
+        super().reset()
+        self._clear()
+        self._settle()
+
+    @property
+    def baud(self) -> float:
+        """Baud rate as BRGR sets it (datasheet 34.5.1) [baud]."""
+        divider = self.field("BRGR", "CD")
+        if not divider:
+            self.machine.fault(f"{self.name} sends while BRGR.CD is 0: it has no clock")
+        if self.name == "UART":
+            return self.machine.mck_hz / (OVERSAMPLING * divider)
+        oversampling = 8 if self.field("MR", "OVER") else OVERSAMPLING
+        return self.machine.mck_hz / (oversampling * (divider + self.field("BRGR", "FP") / 8))
+
+    def on_write(self, register: str, value: int) -> None:
+        """Commands, bytes, interrupts, the PDC, and settings."""
+        r = self.registers
+        match register:
+            case "CR":
+                self._command(value)
+            case "THR":
+                self._hold(value)
+            case "IER":
+                r["IMR"] |= value
+                self._settle()
+            case "IDR":
+                r["IMR"] &= ~value
+                self._settle()
+            case "PTCR":
+                self._control_pdc(value)
+            case "TCR" | "TNCR":
+                if register == "TNCR" and value and not r["TCR"]:
+                    # The datasheet does not say whether the next block is then taken at once.
+                    self.machine.fault(f"{self.name}_TNCR is written while TCR is 0: write TPR and TCR first")
+                r[register] = value & 0xFFFF
+                if r[register]:
+                    r[self._status] &= ~(ENDTX | TXBUFE)
+                self._feed()
+            case "BRGR" | "MR" if self._shifting is not None and value != r[register]:
+                self.machine.fault(f"{self.name}_{register} is changed while a byte is on the line")
+            case _:
+                r[register] = value
+
+    def _command(self, value: int) -> None:
+        if value & RSTTX:
+            self._cancel()
+            self._holding = self._shifting = None
+            self._enabled = False
+        if value & TXDIS:
+            # A byte under way is finished (34.6.1).
+            self._enabled = False
+        elif value & TXEN:
+            self._check_format()
+            self._enabled = True
+        self._feed()
+
+    def _check_format(self) -> None:
+        if self.field("MR", "PAR") != NO_PARITY or self.field("MR", "CHMODE"):
+            self.machine.fault(
+                f"{self.name}_MR = 0x{self.registers['MR']:X}: the host expects 8N1 (PAR 4, CHMODE 0)"
+            )
+
+    def _hold(self, byte: int) -> None:
+        if not self._enabled:
+            self.machine.fault(f"{self.name}_THR is written while the transmitter is off: the byte is lost")
+        if self._holding is not None:
+            self.machine.fault(f"{self.name}_THR is written while TXRDY is 0: the byte before it is lost")
+        self._holding = byte & 0xFF
+        self._feed()
+
+    def _control_pdc(self, value: int) -> None:
+        status = self.registers["PTSR"]
+        if value & PDC_TXTDIS:
+            status &= ~PDC_TXTEN
+        elif value & PDC_TXTEN:
+            status |= PDC_TXTEN
+        if value & PDC_RXTEN and not value & PDC_RXTDIS:
+            self.machine.fault(f"{self.name}_PTCR: nothing is ever received here")
+        self.registers["PTSR"] = status
+        self._feed()
+
+    def _feed(self) -> None:
+        """Move bytes on: from memory to the holding register, from there to the line."""
+        self._fetch()
+        if self._shifting is None and self._holding is not None and self._enabled:
+            self._check_format()
+            self._shifting, self._holding = self._holding, None
+            baud = self.baud
+            byte_ps = round(BITS_PER_BYTE * PS_PER_S / baud)
+            self._event = self.machine.schedule(byte_ps, lambda: self._sent(byte_ps, baud))
+            self._fetch()
+        self._settle()
+
+    def _fetch(self) -> None:
+        r = self.registers
+        if self._holding is not None or not self._enabled or not r["PTSR"] & PDC_TXTEN or not r["TCR"]:
+            return
+        byte = self._memory.read(r["TPR"], 1)
+        if byte is None:
+            self.machine.fault(f"{self.name}: the PDC reads at 0x{r['TPR']:08X}, where there is no memory")
+        self._holding = byte[0]
+        r["TPR"] += 1
+        r["TCR"] -= 1
+        if not r["TCR"]:
+            r[self._status] |= ENDTX
+            r["TPR"], r["TCR"] = r["TNPR"], r["TNCR"]
+            r["TNCR"] = 0
+            if not r["TCR"]:
+                r[self._status] |= TXBUFE
+
+    def _sent(self, byte_ps: int, baud: float) -> None:
+        assert self._shifting is not None
+        byte, self._shifting, self._event = self._shifting, None, None
+        self.bytes_sent += 1
+        self.busy_ps += byte_ps
+        self._line.send(byte, self.machine.now_ps, baud)
+        self._feed()
+
+    def _settle(self) -> None:
+        r = self.registers
+        ready = self._enabled and self._holding is None
+        empty = ready and self._shifting is None
+        flags = TXRDY * ready | TXEMPTY * empty
+        r[self._status] = r[self._status] & ~(TXRDY | TXEMPTY) | flags
+        assert self.table.irq is not None
+        self.machine.set_irq(self.table.irq, bool(r[self._status] & r["IMR"]))
+
+    def _cancel(self) -> None:
+        if self._event is not None:
+            self._event.cancel()
+            self._event = None

@@ -1,0 +1,102 @@
+"""The watchdog: on after reset, 16 s long, and its mode can be written once (datasheet 15)."""
+
+from collections.abc import Callable
+
+from tools.due_emulator.machine import PS_PER_S, SLOW_CLOCK_HZ, Event, Machine
+from tools.due_emulator.peripheral import Peripheral
+
+KEY = 0xA5
+DIVIDER = 128
+IRQ = 4
+WDUNF, WDERR = 1, 2
+
+
+class Watchdog(Peripheral):
+    """Bites when it was not fed: calls `bite`, which resets the board.
+
+    It stands still while the processor sleeps if WDIDLEHLT is set, as it is after reset.
+    """
+
+    def __init__(self, machine: Machine, bite: Callable[[], None]) -> None:
+        super().__init__(machine, "WDT")
+        self._bite = bite
+        self._event: Event | None = None
+        self._fed_ps = 0
+        self._written = False
+        self._feed()
+
+    def reset(self) -> None:
+        """On, with the longest time-out."""
+        super().reset()
+        self._written = False
+        self.machine.set_irq(IRQ, False)
+        self._feed()
+
+    @property
+    def period_ps(self) -> int:
+        """Time within which it must be fed [ps]."""
+        return self.field("MR", "WDV") * DIVIDER * PS_PER_S // SLOW_CLOCK_HZ
+
+    def on_read(self, register: str) -> int:
+        """SR is cleared by reading."""
+        value = self.registers[register]
+        if register == "SR":
+            self.registers["SR"] = 0
+            self.machine.set_irq(IRQ, False)
+        return value
+
+    def on_write(self, register: str, value: int) -> None:
+        """CR feeds; MR may be written once."""
+        if register == "CR":
+            if value >> 24 != KEY or not value & 1:
+                self.machine.fault(f"WDT_CR = 0x{value:08X}: to feed the watchdog write 0xA5000001")
+            if not self.field("MR", "WDDIS"):
+                self._restart()
+            return
+        if self._written:
+            self.machine.fault(
+                f"WDT_MR = 0x{value:08X}: it was written before, and the chip takes it only once"
+            )
+        self._written = True
+        self.registers["MR"] = value
+        self._feed()
+
+    def _restart(self) -> None:
+        left_ps = self.period_ps - (self._clock_ps() - self._fed_ps)
+        window_ps = self.field("MR", "WDD") * DIVIDER * PS_PER_S // SLOW_CLOCK_HZ
+        if left_ps > window_ps:
+            self._fail(WDERR)
+        else:
+            self._feed()
+
+    def _feed(self) -> None:
+        self._fed_ps = self._clock_ps()
+        self._wait()
+
+    def _wait(self) -> None:
+        if self._event is not None:
+            self._event.cancel()
+            self._event = None
+        if not self.field("MR", "WDDIS"):
+            left_ps = self.period_ps - (self._clock_ps() - self._fed_ps)
+            self._event = self.machine.schedule(left_ps, self._look)
+
+    def _look(self) -> None:
+        self._event = None
+        if self._clock_ps() - self._fed_ps >= self.period_ps:
+            self._fail(WDUNF)
+        else:
+            self._wait()
+
+    def _clock_ps(self) -> int:
+        asleep = self.machine.idle_ps if self.field("MR", "WDIDLEHLT") else 0
+        return self.machine.now_ps - asleep
+
+    def _fail(self, flag: int) -> None:
+        self.registers["SR"] |= flag
+        if self.field("MR", "WDFIEN"):
+            self.machine.set_irq(IRQ, True)
+        if self.field("MR", "WDRSTEN"):
+            self._bite()
+        else:
+            self._feed()

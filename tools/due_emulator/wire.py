@@ -1,0 +1,57 @@
+"""A wire on the board: who drives it, who pulls it up, and who listens."""
+
+from collections.abc import Callable
+
+from tools.due_emulator.machine import Machine
+
+
+class Wire:
+    """One net. A driver holds it low (False), drives it high (True) or lets go (None); pull-ups do the rest.
+
+    Driving high what another holds low is a short circuit and ends the run.
+    """
+
+    def __init__(self, machine: Machine, name: str) -> None:
+        self.machine = machine
+        self.name = name
+        self._drivers: dict[str, bool] = {}
+        self._pull_ups: set[str] = set()
+        self._listeners: list[Callable[[bool], None]] = []
+        self._level = False
+
+    @property
+    def level(self) -> bool:
+        """Whether it is high; without any driver or pull-up it reads as low."""
+        return self._level
+
+    def listen(self, listener: Callable[[bool], None]) -> None:
+        """Call `listener(level)` at every change from now on."""
+        self._listeners.append(listener)
+
+    def drive(self, who: str, level: bool | None) -> None:
+        """Let one driver pull it low, drive it high, or let go."""
+        if level is None:
+            self._drivers.pop(who, None)
+        else:
+            self._drivers[who] = level
+            for other, held in self._drivers.items():
+                if held != level:
+                    high, low = (who, other) if level else (other, who)
+                    self.machine.fault(f"{self.name}: {high} drives it high while {low} holds it low")
+        self._settle()
+
+    def pull_up(self, who: str, on: bool) -> None:
+        """Add or remove a pull-up resistor."""
+        (self._pull_ups.add if on else self._pull_ups.discard)(who)
+        self._settle()
+
+    def holders(self) -> list[str]:
+        """Names of those that hold it low."""
+        return [who for who, level in self._drivers.items() if not level]
+
+    def _settle(self) -> None:
+        level = all(self._drivers.values()) if self._drivers else bool(self._pull_ups)
+        if level != self._level:
+            self._level = level
+            for listener in self._listeners:
+                listener(level)
