@@ -1,0 +1,65 @@
+"""Writes what emulator and bare-metal firmware know of the ATSAM3X8E's registers, from the vendor's SVD.
+
+Run as `python tools/gen_registers.py`; with `--check` it writes nothing, names the files that differ and
+exits 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import registers_cpp
+from generated import update
+from svd import MEMBER, PACKAGE, Peripheral, Register, SvdError, obtain, read
+
+
+def table(peripherals: dict[str, Peripheral]) -> str:
+    """Return the emulator's table: JSON, one register a line; fields as [lowest bit, width]."""
+    return "{\n" + ",\n".join(map(_peripheral, peripherals.values())) + "\n}\n"
+
+
+def _peripheral(peripheral: Peripheral) -> str:
+    irq = peripheral.irqs[0] if peripheral.irqs else None
+    head = f'"base": {peripheral.base}, "irq": {json.dumps(irq)}, "irqs": {list(peripheral.irqs)}'
+    lines = (f'  "{name}": {_register(register)}' for name, register in peripheral.registers.items())
+    return f'"{peripheral.name}": {{{head}, "registers": {{\n' + ",\n".join(lines) + "\n}}"
+
+
+def _register(register: Register) -> str:
+    entry: dict[str, object] = {
+        "offset": register.offset,
+        "access": register.access,
+        "reset": register.reset,
+    }
+    if register.alternate_of:
+        entry["alternate_of"] = register.alternate_of
+    return json.dumps(
+        {**entry, "fields": {field.name: [field.lsb, field.width] for field in register.fields}}
+    )
+
+
+def main() -> int:
+    """Run the command line; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
+    parser.add_argument(
+        "--root", type=Path, default=Path(__file__).resolve().parent.parent, help="repository"
+    )
+    arguments = parser.parse_args()
+    try:
+        peripherals = read(obtain(arguments.root))
+    except SvdError as error:
+        print(error, file=sys.stderr)
+        return 1
+    wanted = {
+        "tools/due_emulator/sam3x_registers.json": table(peripherals),
+        "firmware/due/sam3x.h": registers_cpp.header(peripherals),
+    }
+    return update(arguments.root, wanted, check=arguments.check, source=f"{MEMBER} of {PACKAGE}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
