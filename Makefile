@@ -1,16 +1,20 @@
-# setup run test lint gen bench reproduce: each does first what it needs, and nothing twice on an unchanged tree.
-#   make run ARGS='--format ndjson'    arguments for 'fltea run'
-#   make test ARGS='-k timebase'       arguments for pytest
-#   make reproduce ARGS='--seeds 100'  arguments for 'fltea reproduce'
+# setup run test lint gen bench reproduce firmware flash emulate mutants: each does first what it needs, and
+# nothing twice on an unchanged tree.
+#   make run ARGS='--format ndjson'             arguments for 'fltea run'
+#   make test ARGS='-k timebase'                arguments for pytest
+#   make reproduce ARGS='--seeds 100'           arguments for 'fltea reproduce'
+#   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
+#   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test lint gen bench reproduce clean
+.PHONY: setup run test lint gen bench reproduce firmware flash emulate mutants clean
 .DELETE_ON_ERROR:
 
 PY := .venv/bin/python
 NATIVE := pyproject.toml constraints.txt tools/setup.sh host/native/CMakeLists.txt \
           $(wildcard host/native/*.cpp host/native/*.hpp) $(addprefix firmware/core/,cobs.h crc32.h frame.h messages.h)
-CXX_FILES := $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/*.h tests/firmware/*.cpp tests/firmware/*.h \
-                       tests/native/*.cpp tests/native/*.h)
+CXX_FILES := $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/*.h firmware/due/*.cpp firmware/due/*.h \
+                       firmware/arduino/fltea/*.h tests/firmware/*.cpp tests/firmware/*.h tests/firmware/arduino_stub/*.cpp \
+                       tests/firmware/arduino_stub/*.h tests/due_emulator/*.cpp tests/native/*.cpp tests/native/*.h)
 PY_DIRS := host tools tests
 
 setup: .venv/.dev
@@ -35,15 +39,34 @@ lint: .venv/.dev
 	@$(PY) -m mypy
 	@.venv/bin/clang-format --dry-run -Werror $(CXX_FILES)
 	@$(PY) tools/gen_protocol.py --check
+	@$(PY) tools/gen_registers.py --check
+	@$(PY) tools/build_id.py --check
 	@$(PY) tools/make_vectors.py --check
 	@$(PY) tools/gen_memory_constants.py --check
 	@$(PY) tools/make_golden.py --check
 
 gen: .venv/.dev
 	@$(PY) tools/gen_protocol.py
+	@$(PY) tools/gen_registers.py
 	@$(PY) tools/make_vectors.py
 	@$(PY) tools/gen_memory_constants.py
 	@$(PY) tools/make_golden.py
+
+# Both ports: the bare-metal image (committed), and the Arduino sketch against the stub of its libraries.
+firmware: .venv/.dev
+	@$(PY) tools/build_id.py
+	@$(PY) tools/build_firmware.py
+	@$(PY) -m pytest -q tests/firmware/test_image.py tests/firmware/test_arduino.py
+
+flash: .venv/.run
+	@$(PY) -m fltea flash $(if $(PORT),--port $(PORT)) $(ARGS)
+
+emulate: .venv/.run
+	@$(PY) -m tools.due_emulator $(ARGS)
+
+# Single bugs put into the firmware, one at a time, and what notices each.
+mutants: .venv/.dev
+	@$(PY) -m tools.mutants $(ARGS)
 
 bench: .venv/.dev
 	@$(PY) -m tools.bench $(ARGS)

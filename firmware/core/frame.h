@@ -13,7 +13,14 @@
 
 namespace fltea {
 
-// `out` must hold kMaxWire bytes; the caller puts at most kMaxPayload bytes of payload.
+// Bytes of a message on the wire, the closing 0x00 included.
+template <typename Message>
+constexpr size_t wire_size() {
+    return cobs_max_encoded(kMaxFrame - kMaxPayload + Message::size()) + 1;
+}
+
+// `out` must hold kMaxWire bytes, or wire_size() of the message; the caller puts at most kMaxPayload bytes of
+// payload.
 class FrameWriter {
   public:
     FrameWriter(uint8_t type, uint16_t sequence, uint32_t device_us, uint8_t* out) : out_(out), cobs_(out) {

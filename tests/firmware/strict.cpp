@@ -1,9 +1,6 @@
 // Compiled with the firmware's flags only, never run: every template that the firmware uses compiles without
-// exceptions and RTTI.
-#include "cobs.h"
-#include "crc32.h"
-#include "frame.h"
-#include "messages.h"
+// exceptions and RTTI, and nothing of the core is larger than a small chip can bear.
+#include "application.h"
 
 size_t hello(const fltea::Hello& message, uint8_t* out) { return fltea::encode_message(message, 1, 2, out); }
 size_t sample(const fltea::Sample& message, uint8_t* out) {
@@ -16,5 +13,16 @@ size_t fault(const fltea::Fault& message, uint8_t* out) { return fltea::encode_m
 size_t raw(const uint8_t* payload, size_t n, uint8_t* out) {
     return fltea::encode_frame(9, 1, 2, payload, n, out) + fltea::cobs_encode(payload, n, out);
 }
-uint32_t crc(const uint8_t* data, size_t n) { return fltea::crc32(data, n); }
-uint8_t flags() { return fltea::sample_flags::late; }
+uint32_t checksum(const uint8_t* data, size_t n) { return fltea::crc32(data, n); }
+
+void run(fltea::I2cBus& bus, fltea::ByteSink& sink, fltea::Clock& clock, const fltea::Identity& identity) {
+    fltea::Application application(bus, sink, clock, identity);
+    application.start();
+    application.on_data_ready(1);
+    application.step();
+}
+fltea::ResetCause cause(uint32_t rsttyp) { return fltea::reset_cause_from_rsttyp(rsttyp); }
+uint32_t line() { return fltea::settings::kLineBaud + fltea::settings::kI2cHz; }
+
+// Pointers of this machine are twice as long as the Due's.
+static_assert(sizeof(fltea::Application) <= 512, "the core's share of the RAM");

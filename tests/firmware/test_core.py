@@ -1,5 +1,7 @@
 """Builds and runs the C++ tests of firmware/core, so that pytest shows them beside the others."""
 
+import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -8,10 +10,16 @@ import pytest
 FOLDER = Path(__file__).parent
 BUILD = FOLDER.parents[1] / "build/tests-firmware"
 
+compilers = pytest.mark.parametrize("compiler", ["g++", "clang++"])
+"""Each builds in a folder of its own."""
 
-def make(*goals: str) -> None:
+
+def make(compiler: str, *goals: str | Path) -> None:
+    for tool in (compiler, "make"):
+        assert shutil.which(tool), f"{tool} is missing: tools/setup.sh names the packages that the tests need"
+    build = BUILD / compiler.rstrip("+")
     done = subprocess.run(
-        ["make", "-C", FOLDER, f"BUILD={BUILD}", *goals],
+        ["make", f"-j{os.cpu_count()}", "-C", FOLDER, f"CXX={compiler}", f"BUILD={build}", *goals],
         capture_output=True,
         text=True,
         check=False,
@@ -19,13 +27,26 @@ def make(*goals: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.timeout(300)  # a first build with sanitizers on a small machine
-def test_doctest_with_sanitizers() -> None:
-    make(f"{BUILD}/tests")
-    done = subprocess.run([BUILD / "tests"], capture_output=True, text=True, check=False)
+@compilers
+@pytest.mark.timeout(600)  # a first build with sanitizers on a small machine
+def test_doctest_with_sanitizers(compiler: str) -> None:
+    tests = BUILD / compiler.rstrip("+") / "tests"
+    make(compiler, tests)
+    done = subprocess.run([tests], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@compilers
 @pytest.mark.timeout(300)
-def test_core_compiles_with_the_flags_of_the_firmware() -> None:
-    make("strict")
+def test_core_compiles_in_both_modes_with_the_flags_of_the_firmware(compiler: str) -> None:
+    make(compiler, "strict")
+
+
+@pytest.mark.timeout(300)
+def test_clang_tidy_and_cppcheck_find_nothing() -> None:
+    make("clang++", "check")
+
+
+@pytest.mark.timeout(300)
+def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
+    make("clang++", "fuzz")

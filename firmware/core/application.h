@@ -1,0 +1,156 @@
+// The whole device but its hardware: a port makes one, calls start() once and step() for ever.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "build_id.h"
+#include "byte_sink.h"
+#include "clock.h"
+#include "faults.h"
+#include "health.h"
+#include "i2c_bus.h"
+#include "link.h"
+#include "messages.h"
+#include "reset_cause.h"
+#include "sampler.h"
+#include "settings.h"
+#include "timers.h"
+
+namespace fltea {
+
+// What a port knows of itself.
+struct Identity {
+    uint32_t boot_id;       // differs from boot to boot
+    uint8_t device_id[16];  // unique identifier of the microcontroller
+    const char* port;       // "due" or "arduino"
+    ResetCause reset_cause;
+};
+
+class Application {
+  public:
+    Application(I2cBus& bus, ByteSink& sink, Clock& clock, const Identity& identity,
+                SamplingMode mode = settings::kSamplingMode)
+        : clock_(clock),
+          identity_(identity),
+          mode_(mode),
+          link_(sink),
+          health_(bus, clock, faults_, mode),
+          sampler_(mode) {}
+
+    // Once, before the first step(): HELLO.
+    void start() {
+        const uint32_t now_us = clock_.now_us();
+        sampler_.begin(now_us);
+        hello_.begin(now_us);
+        status_.begin(now_us + kSecondUs / 2);
+        report(now_us);
+    }
+
+    // In the main loop, after every wake-up and at least every 10 ms. Returns within 10 ms, whatever the bus
+    // does.
+    void step() {
+        const uint32_t now_us = clock_.now_us();
+        health_.pass_time(now_us);
+        const bool due = sampler_.poll(now_us);
+        if (health_.running()) {
+            const uint32_t silence_us = sampler_.silence_us(now_us);
+            if (due) {
+                take_sample();
+            } else if (silence_us >= kMostSilenceUs) {
+                health_.data_ready_missing(silence_us);
+            }
+            if (!health_.running()) sampler_.sensor_stops();
+        } else {
+            if (due) sampler_.missed();
+            if (health_.set_up(now_us)) sampler_.sensor_runs(now_us);
+        }
+        report(clock_.now_us());
+    }
+
+    // From the interrupt handler of the data-ready pin, with the instant of the edge.
+    void on_data_ready(uint32_t now_us) { sampler_.on_data_ready(now_us); }
+
+  private:
+    static constexpr uint32_t kLateUs = settings::kSamplePeriodUs / 10;
+    static constexpr uint32_t kMostSilenceUs = 5 * settings::kSamplePeriodUs;
+
+    void take_sample() {
+        Health::Reading reading;
+        // No sample before the HELLO that says which set-up of the sensor it belongs to.
+        if (announced_starts_ != health_.sensor_starts() || !health_.read(reading)) {
+            sampler_.missed();
+            return;
+        }
+        sampler_.burst_began(reading.burst_us);
+        const uint32_t due_us = sampler_.due_us();
+        if (reading.burst_us - due_us > kLateUs) reading.sample.flags |= sample_flags::late;
+        const uint32_t device_us = mode_ == SamplingMode::data_ready ? due_us : reading.burst_us;
+        link_.send_sample(reading.sample, sampler_.sequence(), device_us);
+    }
+
+    void report(uint32_t now_us) {
+        const bool hello_due = hello_.due(now_us);
+        if ((hello_due || announced_starts_ != health_.sensor_starts()) && link_.send(hello(), now_us)) {
+            hello_.done();
+            announced_starts_ = health_.sensor_starts();
+        }
+        faults_.send(link_, now_us);
+        if (status_.due(now_us) && link_.send(status(), now_us)) status_.done();
+    }
+
+    Hello hello() const {
+        Hello hello = {};
+        hello.protocol_major = kProtocolMajor;
+        hello.protocol_minor = kProtocolMinor;
+        hello.schema_hash = kSchemaHash;
+        hello.boot_id = identity_.boot_id;
+        memcpy(hello.device_id, identity_.device_id, sizeof hello.device_id);
+        write_version(hello.firmware_version);
+        hello.who_am_i = health_.who_am_i();
+        hello.sensor_starts = health_.sensor_starts();
+        hello.sample_rate = 1000000000 / settings::kSamplePeriodUs;
+        hello.gyro_range = settings::kGyroRangeDps;
+        hello.gyro_lsb = kGyroLsbTenths;
+        hello.accel_range = settings::kAccelRangeG;
+        hello.accel_lsb = kAccelLsb;
+        hello.gyro_dlpf = gyro_dlpf_hz(health_.who_am_i());
+        hello.sampling_mode = mode_;
+        return hello;
+    }
+
+    Status status() const {
+        Status status = {};
+        status.i2c_errors = health_.i2c_errors();
+        status.bus_recoveries = health_.bus_recoveries();
+        status.sensor_reinits = health_.sensor_reinits();
+        status.overruns = sampler_.overruns();
+        status.dropped_frames = link_.dropped_frames();
+        status.reset_cause = identity_.reset_cause;
+        return status;
+    }
+
+    // "VERSION PORT BUILD", as much as fits.
+    template <size_t N>
+    void write_version(char (&text)[N]) const {
+        size_t n = 0;
+        const char* const parts[] = {kVersion, " ", identity_.port, " ", kBuildId};
+        for (const char* part : parts) {
+            while (*part != 0 && n < N) text[n++] = *part++;
+        }
+    }
+
+    Clock& clock_;
+    const Identity identity_;
+    const SamplingMode mode_;
+    Faults faults_;
+    Link link_;
+    Health health_;
+    Sampler sampler_;
+    EverySecond hello_;
+    EverySecond status_;
+    uint16_t announced_starts_ = 0;
+};
+
+}  // namespace fltea

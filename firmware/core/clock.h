@@ -1,0 +1,17 @@
+// What the core asks of time.
+#pragma once
+
+#include <stdint.h>
+
+namespace fltea {
+
+class Clock {
+  public:
+    // Microseconds since boot; wraps every 2^32 us.
+    virtual uint32_t now_us() = 0;
+
+  protected:
+    ~Clock() = default;
+};
+
+}  // namespace fltea

@@ -1,0 +1,38 @@
+// What the interrupt handler of the data-ready pin tells the main loop.
+#pragma once
+
+#include <stdint.h>
+
+#include <atomic>
+
+namespace fltea {
+
+class Edges {
+  public:
+    struct Seen {
+        uint32_t count;    // edges since boot, wrapping
+        uint32_t last_us;  // instant of the last
+    };
+
+    // The interrupt handler, and nobody else.
+    void add(uint32_t now_us) {
+        last_us_.store(now_us, std::memory_order_relaxed);
+        count_.store(count_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+    }
+
+    // The main loop. An edge that falls between the two reads changes the count: then read again, so that
+    // count and instant belong together.
+    Seen seen() const {
+        for (;;) {
+            const uint32_t count = count_.load(std::memory_order_acquire);
+            const uint32_t last_us = last_us_.load(std::memory_order_acquire);
+            if (count_.load(std::memory_order_acquire) == count) return {count, last_us};
+        }
+    }
+
+  private:
+    std::atomic<uint32_t> last_us_{0};
+    std::atomic<uint32_t> count_{0};
+};
+
+}  // namespace fltea

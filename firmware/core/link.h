@@ -1,0 +1,64 @@
+// Frames to the host: whole or not at all, never waiting, samples first.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "byte_sink.h"
+#include "frame.h"
+#include "messages.h"
+
+namespace fltea {
+
+class Link {
+  public:
+    explicit Link(ByteSink& sink) : sink_(sink) {}
+
+    // Sends the sample, or drops it and counts the drop; its number is used up either way.
+    void send_sample(const Sample& sample, uint16_t sequence, uint32_t device_us) {
+        if (room_for<Sample>(0)) {
+            write(sample, sequence, device_us);
+        } else {
+            ++dropped_frames_;
+        }
+    }
+
+    // Sends any other message if a sample fits beside it; false: not now, try again later.
+    template <typename Message>
+    bool send(const Message& message, uint32_t device_us) {
+        if (!room_for<Message>(wire_size<Sample>())) return false;
+        write(message, sequences_[Message::type()]++, device_us);
+        return true;
+    }
+
+    uint32_t dropped_frames() const { return dropped_frames_; }
+
+  private:
+    template <typename Message>
+    bool room_for(size_t spare) {
+        return sink_.room() >= (opened_ ? 0 : kOpening) + wire_size<Message>() + spare;
+    }
+
+    template <typename Message>
+    void write(const Message& message, uint16_t sequence, uint32_t device_us) {
+        uint8_t wire[kOpening + wire_size<Message>()];
+        wire[0] = 0;
+        const size_t n = encode_message(message, sequence, device_us, wire + kOpening);
+        if (opened_) {
+            sink_.write(wire + kOpening, n);
+        } else {
+            sink_.write(wire, kOpening + n);
+            opened_ = true;
+        }
+    }
+
+    // 0x00 before the first frame ends the rubbish that the line may hold.
+    static constexpr size_t kOpening = 1;
+
+    ByteSink& sink_;
+    uint32_t dropped_frames_ = 0;
+    uint16_t sequences_[Fault::type() + 1] = {};
+    bool opened_ = false;
+};
+
+}  // namespace fltea

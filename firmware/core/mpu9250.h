@@ -1,0 +1,186 @@
+// The MPU-9250 and its relatives: single transfers and what their bytes mean, in counts. Retries and waits
+// are health.h's.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "i2c_bus.h"
+#include "messages.h"
+#include "mpu9250_registers.h"
+#include "settings.h"
+
+namespace fltea {
+
+// A chip that the driver can run. host/fltea/mpu9250.py has the names.
+struct SensorKind {
+    uint8_t who_am_i;
+    bool has_accel_config_2;
+};
+
+// nullptr for a chip that is not known: it might have other registers or scales.
+inline const SensorKind* find_sensor_kind(uint8_t who_am_i) {
+    static const SensorKind kinds[] = {
+        {0x71, true},   // MPU-9250
+        {0x73, true},   // MPU-9255
+        {0x70, true},   // MPU-6500
+        {0x68, false},  // MPU-6050
+        {0x75, true},   // clone of the MPU-9250
+        {0x78, true},   // clone of the MPU-9250
+    };
+    for (const SensorKind& kind : kinds) {
+        if (kind.who_am_i == who_am_i) return &kind;
+    }
+    return nullptr;
+}
+
+// FS_SEL: each step doubles the range. 4 and more: there is no such range.
+constexpr uint8_t range_select(uint16_t range, uint16_t smallest) {
+    return range == smallest       ? 0
+           : range == smallest * 2 ? 1
+           : range == smallest * 4 ? 2
+           : range == smallest * 8 ? 3
+                                   : 4;
+}
+
+// DLPF_CFG for a bandwidth [Hz]; 0: there is no such filter with an internal rate of 1 kHz.
+constexpr uint8_t dlpf_select(uint16_t hz) {
+    return hz == 184 ? 1 : hz == 92 ? 2 : hz == 41 ? 3 : hz == 20 ? 4 : hz == 10 ? 5 : hz == 5 ? 6 : 0;
+}
+
+constexpr uint8_t kGyroSelect = range_select(settings::kGyroRangeDps, 250);
+constexpr uint8_t kAccelSelect = range_select(settings::kAccelRangeG, 2);
+constexpr uint8_t kDlpfSelect = dlpf_select(settings::kDlpfHz);
+
+static_assert(kGyroSelect < 4, "kGyroRangeDps must be 250, 500, 1000 or 2000");
+static_assert(kAccelSelect < 4, "kAccelRangeG must be 2, 4, 8 or 16");
+static_assert(kDlpfSelect != 0, "kDlpfHz must be 184, 92, 41, 20, 10 or 5");
+static_assert(settings::kSamplePeriodUs % 1000 == 0 && settings::kSamplePeriodUs >= 1000 &&
+                  settings::kSamplePeriodUs <= 256000,
+              "kSamplePeriodUs must be 1 to 256 whole milliseconds");
+
+// Sensitivity [0.1 LSB per deg/s]: 131.0, 65.5, 32.8, 16.4 (PS-MPU-9250A-01, 3.1).
+constexpr uint16_t kGyroLsbTenths = kGyroSelect == 0   ? 1310
+                                    : kGyroSelect == 1 ? 655
+                                    : kGyroSelect == 2 ? 328
+                                                       : 164;
+// Sensitivity [LSB per g] (PS-MPU-9250A-01, 3.2).
+constexpr uint16_t kAccelLsb = 16384 >> kAccelSelect;
+
+// Bandwidth of the gyroscope's filter [Hz]; the MPU-6050's differs a little (RM-MPU-6000A-00, register 26).
+inline uint16_t gyro_dlpf_hz(uint8_t who_am_i) {
+    static const uint16_t mpu6050[] = {188, 98, 42, 20, 10, 5};
+    return who_am_i == 0x68 ? mpu6050[kDlpfSelect - 1] : settings::kDlpfHz;
+}
+
+// SMPLRT_DIV: with the timer, conversions at the full internal rate of 1 kHz, so that the newest one is never
+// old; with the data-ready pin, one conversion a period.
+constexpr uint8_t rate_divider(SamplingMode mode) {
+    return mode == SamplingMode::data_ready ? settings::kSamplePeriodUs / 1000 - 1 : 0;
+}
+
+// INT_ENABLE.
+constexpr uint8_t interrupt_enable(SamplingMode mode) {
+    return mode == SamplingMode::data_ready ? mpu9250_reg::kRawReady : 0;
+}
+
+// What a register is set to.
+struct RegisterSetting {
+    uint8_t reg;
+    uint8_t value;
+};
+
+class Mpu9250 {
+  public:
+    static constexpr size_t kBurstBytes = 14;
+    static constexpr size_t kGuardBytes = 5;
+    static constexpr size_t kSettings = 8;
+
+    Mpu9250(I2cBus& bus, SamplingMode mode)
+        : bus_(bus),
+          settings_{
+              {mpu9250_reg::kPwrMgmt1, mpu9250_reg::kPllClock},
+              {mpu9250_reg::kSmplrtDiv, rate_divider(mode)},
+              {mpu9250_reg::kConfig, kDlpfSelect},
+              {mpu9250_reg::kGyroConfig, kGyroSelect << mpu9250_reg::kRangeShift},
+              {mpu9250_reg::kAccelConfig, kAccelSelect << mpu9250_reg::kRangeShift},
+              {mpu9250_reg::kAccelConfig2, kDlpfSelect},
+              {mpu9250_reg::kIntPinCfg, mpu9250_reg::kPulseHigh},
+              {mpu9250_reg::kIntEnable, interrupt_enable(mode)},
+          } {}
+
+    I2cResult read_who_am_i(uint8_t& who_am_i) {
+        return bus_.read(settings::kSensorAddress, mpu9250_reg::kWhoAmI, &who_am_i, 1);
+    }
+
+    // What the next transfers are for.
+    void set_kind(const SensorKind& kind) { has_accel_config_2_ = kind.has_accel_config_2; }
+
+    // Every register takes its reset value [4.34]; the next transfer has to wait (health.h).
+    I2cResult start_reset() {
+        return bus_.write(settings::kSensorAddress, mpu9250_reg::kPwrMgmt1, mpu9250_reg::kReset);
+    }
+
+    // The i-th of kSettings, in the order of writing: the first wakes the chip.
+    const RegisterSetting& setting(size_t i) const { return settings_[i]; }
+
+    // False for the one that this chip does not have.
+    bool has_setting(size_t i) const {
+        return has_accel_config_2_ || settings_[i].reg != mpu9250_reg::kAccelConfig2;
+    }
+
+    I2cResult write_setting(size_t i) {
+        return bus_.write(settings::kSensorAddress, settings_[i].reg, settings_[i].value);
+    }
+
+    I2cResult read_setting(size_t i, uint8_t& value) {
+        return bus_.read(settings::kSensorAddress, settings_[i].reg, &value, 1);
+    }
+
+    // All channels of one conversion in one transfer, so that no value is torn.
+    I2cResult read_burst(uint8_t (&burst)[kBurstBytes]) {
+        return bus_.read(settings::kSensorAddress, mpu9250_reg::kAccelXoutH, burst, kBurstBytes);
+    }
+
+    // The registers that give a sample its scale and bandwidth.
+    I2cResult read_guard(uint8_t (&guard)[kGuardBytes]) {
+        return bus_.read(settings::kSensorAddress, mpu9250_reg::kSmplrtDiv, guard, guard_size());
+    }
+
+    // Index of the first setting that the guard contradicts; kSettings if all is as set. A chip that lost its
+    // supply for a moment answers as if nothing had happened, but with other ranges and filters.
+    size_t first_mismatch(const uint8_t (&guard)[kGuardBytes]) const {
+        for (size_t i = 0; i < guard_size(); ++i) {
+            if (guard[i] != settings_[kGuardStart + i].value) return kGuardStart + i;
+        }
+        return kSettings;
+    }
+
+    // Index of the setting that guard byte 0 belongs to.
+    static constexpr size_t kGuardStart = 1;
+
+  private:
+    size_t guard_size() const { return has_accel_config_2_ ? kGuardBytes : kGuardBytes - 1; }
+
+    I2cBus& bus_;
+    RegisterSetting settings_[kSettings];
+    bool has_accel_config_2_ = true;
+};
+
+// Counts of a burst; big-endian on the chip [4.22 to 4.24].
+inline void decode_burst(const uint8_t (&burst)[Mpu9250::kBurstBytes], Sample& sample) {
+    int16_t* const fields[] = {&sample.accel_x, &sample.accel_y, &sample.accel_z, &sample.temperature,
+                               &sample.gyro_x,  &sample.gyro_y,  &sample.gyro_z};
+    for (size_t i = 0; i < 7; ++i) {
+        *fields[i] = static_cast<int16_t>(static_cast<uint16_t>(burst[2 * i] << 8 | burst[2 * i + 1]));
+    }
+}
+
+// At the end of the range the true rate may be beyond it.
+inline bool at_end_of_range(int16_t counts) { return counts == INT16_MAX || counts == INT16_MIN; }
+
+inline bool gyro_saturated(const Sample& sample) {
+    return at_end_of_range(sample.gyro_x) || at_end_of_range(sample.gyro_y) || at_end_of_range(sample.gyro_z);
+}
+
+}  // namespace fltea

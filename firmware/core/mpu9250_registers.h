@@ -1,0 +1,30 @@
+// Registers of the MPU-9250 that the driver uses. Numbers in brackets: section of the register map
+// RM-MPU-9250A-00. The MPU-6050 (RM-MPU-6000A-00) has them all but ACCEL_CONFIG_2.
+#pragma once
+
+#include <stdint.h>
+
+namespace fltea {
+namespace mpu9250_reg {
+
+constexpr uint8_t kSmplrtDiv = 0x19;     // [4.4] output rate = internal rate / (1 + value)
+constexpr uint8_t kConfig = 0x1A;        // [4.5] DLPF_CFG of the gyroscope
+constexpr uint8_t kGyroConfig = 0x1B;    // [4.6] range, FCHOICE_B
+constexpr uint8_t kAccelConfig = 0x1C;   // [4.7] range
+constexpr uint8_t kAccelConfig2 = 0x1D;  // [4.8] A_DLPF_CFG, ACCEL_FCHOICE_B
+constexpr uint8_t kIntPinCfg = 0x37;     // [4.19] behaviour of the INT pin
+constexpr uint8_t kIntEnable = 0x38;     // [4.20]
+constexpr uint8_t kAccelXoutH = 0x3B;    // [4.22 to 4.24] first of 14: acceleration, temperature, rate
+constexpr uint8_t kPwrMgmt1 = 0x6B;      // [4.34] reset, sleep, clock
+constexpr uint8_t kWhoAmI = 0x75;        // [4.38]
+
+constexpr uint8_t kReset = 0x80;      // PWR_MGMT_1: H_RESET
+constexpr uint8_t kPllClock = 0x01;   // PWR_MGMT_1: awake, PLL when it is ready
+constexpr uint8_t kRawReady = 0x01;   // INT_ENABLE: RAW_RDY_EN
+constexpr uint8_t kPulseHigh = 0x00;  // INT_PIN_CFG: push-pull, active high, a pulse of 50 us
+
+// FS_SEL and ACCEL_FS_SEL stand in bits 4:3; with FCHOICE_B = 0 below them the filters are on.
+constexpr uint8_t kRangeShift = 3;
+
+}  // namespace mpu9250_reg
+}  // namespace fltea

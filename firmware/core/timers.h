@@ -1,0 +1,55 @@
+// Waiting without blocking. Right over every wrap of the 32-bit clock, if asked at least every 35 minutes.
+#pragma once
+
+#include <stdint.h>
+
+namespace fltea {
+
+constexpr uint32_t kSecondUs = 1000000;
+
+// One wait.
+class Pause {
+  public:
+    void begin(uint32_t now_us, uint32_t length_us) {
+        begun_us_ = now_us;
+        length_us_ = length_us;
+        waiting_ = true;
+    }
+
+    // True from the end of the wait on, and before the first one.
+    bool over(uint32_t now_us) {
+        if (waiting_ && now_us - begun_us_ >= length_us_) waiting_ = false;
+        return !waiting_;
+    }
+
+    // Whether the last over() found the wait still on.
+    bool waiting() const { return waiting_; }
+
+  private:
+    uint32_t begun_us_ = 0;
+    uint32_t length_us_ = 0;
+    bool waiting_ = false;
+};
+
+// Something due every second; a turn stays due until it is done, and turns that pass meanwhile are left out.
+class EverySecond {
+  public:
+    void begin(uint32_t first_us) { next_us_ = first_us; }
+
+    bool due(uint32_t now_us) {
+        const uint32_t late_us = now_us - next_us_;
+        if (late_us < UINT32_C(0x80000000)) {
+            next_us_ += (late_us / kSecondUs + 1) * kSecondUs;
+            due_ = true;
+        }
+        return due_;
+    }
+
+    void done() { due_ = false; }
+
+  private:
+    uint32_t next_us_ = 0;
+    bool due_ = false;
+};
+
+}  // namespace fltea

@@ -1,0 +1,67 @@
+#include "clock.h"
+
+#include "sam3x.h"
+
+namespace fltea {
+namespace due {
+namespace clock {
+
+namespace {
+
+using namespace sam3x;
+
+constexpr uint32_t kCrystalHz = 12000000;
+constexpr uint32_t kMultiplier = 14;
+static_assert(kCrystalHz * kMultiplier / 2 == kMasterHz,
+              "PLLA, halved by the prescaler, is the master clock");
+
+// What 84 MHz needs (datasheet, Electrical Characteristics, Embedded Flash Characteristics).
+constexpr uint32_t kFlashWaitStates = 4;
+constexpr uint32_t kOscillatorKey = 0x37;
+// Start-up time of the crystal, times 8 periods of the slow clock: 2 ms.
+constexpr uint32_t kCrystalStart = 8;
+// Time for the PLL to lock, in periods of the slow clock: the longest, 1.9 ms.
+constexpr uint32_t kPllLock = 0x3F;
+
+void wait_for(uint32_t flag) {
+    while (!(PMC_SR::read() & flag)) {
+    }
+}
+
+}  // namespace
+
+// Datasheet, Power Management Controller, Programming Sequence.
+void start() {
+    EFC0_FMR::write(EFC0_FMR::FWS::put(kFlashWaitStates));
+    EFC1_FMR::write(EFC1_FMR::FWS::put(kFlashWaitStates));
+
+    const uint32_t oscillators = PMC_CKGR_MOR::KEY::put(kOscillatorKey) | PMC_CKGR_MOR::MOSCRCEN |
+                                 PMC_CKGR_MOR::MOSCXTEN | PMC_CKGR_MOR::MOSCXTST::put(kCrystalStart);
+    PMC_CKGR_MOR::write(oscillators);
+    wait_for(PMC_SR::MOSCXTS);
+    PMC_CKGR_MOR::write(oscillators | PMC_CKGR_MOR::MOSCSEL);
+    wait_for(PMC_SR::MOSCSELS);
+    PMC_MCKR::write(PMC_MCKR::CSS_MAIN_CLK);
+    wait_for(PMC_SR::MCKRDY);
+
+    PMC_CKGR_PLLAR::write(PMC_CKGR_PLLAR::ONE | PMC_CKGR_PLLAR::MULA::put(kMultiplier - 1) |
+                          PMC_CKGR_PLLAR::PLLACOUNT::put(kPllLock) | PMC_CKGR_PLLAR::DIVA::put(1));
+    wait_for(PMC_SR::LOCKA);
+    // Prescaler first, source second: never 168 MHz in between.
+    PMC_MCKR::write(PMC_MCKR::PRES_CLK_2 | PMC_MCKR::CSS_MAIN_CLK);
+    wait_for(PMC_SR::MCKRDY);
+    PMC_MCKR::write(PMC_MCKR::PRES_CLK_2 | PMC_MCKR::CSS_PLLA_CLK);
+    wait_for(PMC_SR::MCKRDY);
+}
+
+void enable(uint32_t peripheral) {
+    if (peripheral < 32) {
+        PMC_PCER0::write(1u << peripheral);
+    } else {
+        PMC_PCER1::write(1u << (peripheral - 32));
+    }
+}
+
+}  // namespace clock
+}  // namespace due
+}  // namespace fltea

@@ -1,0 +1,33 @@
+// What this port uses of the processor itself; section numbers of the ARMv7-M Architecture Reference Manual.
+#pragma once
+
+#include "register.h"
+
+namespace cortex_m3 {
+
+// Interrupt set-enable, interrupts 0 to 31 (B3.4.4).
+using NVIC_ISER0 = sam3x::ReadWrite<0xE000E100>;
+// Where the vector table is (B3.2.5).
+using SCB_VTOR = sam3x::ReadWrite<0xE000ED08>;
+
+inline void enable_irq(uint32_t irq) { NVIC_ISER0::write(1u << irq); }
+
+// What was written to memory is there before anything that follows (A3.7.3).
+inline void memory_barrier() { asm volatile("dsb" ::: "memory"); }
+
+// Sleeps until an interrupt is pending, also while interrupts are disabled (B1.5.19).
+inline void wait_for_interrupt() { asm volatile("dsb\n\twfi" ::: "memory"); }
+
+// No interrupt handler runs while it lives; may be nested.
+class InterruptLock {
+  public:
+    InterruptLock() { asm volatile("mrs %0, primask\n\tcpsid i" : "=r"(primask_)::"memory"); }
+    ~InterruptLock() { asm volatile("msr primask, %0" ::"r"(primask_) : "memory"); }
+    InterruptLock(const InterruptLock&) = delete;
+    InterruptLock& operator=(const InterruptLock&) = delete;
+
+  private:
+    uint32_t primask_ = 0;
+};
+
+}  // namespace cortex_m3

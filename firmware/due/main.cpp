@@ -1,0 +1,41 @@
+// The program: sets up the board, then step, feed, sleep.
+#include "../core/application.h"
+#include "chip.h"
+#include "data_ready.h"
+#include "device_clock.h"
+#include "led.h"
+#include "twi.h"
+#include "uart.h"
+#include "wake.h"
+#include "watchdog.h"
+
+int main() {
+    using namespace fltea;
+    using namespace fltea::due;
+
+    Identity identity;
+    identity.boot_id = chip::random_number();
+    chip::read_unique_id(identity.device_id);
+    identity.port = "due";
+    identity.reset_cause = reset_cause_from_rsttyp(chip::reset_type());
+
+    led::start();
+    static DeviceClock time;
+    time.start();
+    static Uart uart;
+    uart.start();
+    static Twi twi(time);
+    twi.recover();
+
+    static Application application(twi, uart, time, identity);
+    application.start();
+    if (settings::kSamplingMode == SamplingMode::data_ready) data_ready::start(application, time);
+
+    for (;;) {
+        const uint32_t seen = wake::signals();
+        application.step();
+        watchdog::feed();
+        led::show(time.now_us());
+        wake::sleep_unless_signalled(seen);
+    }
+}

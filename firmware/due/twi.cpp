@@ -1,0 +1,142 @@
+#include "twi.h"
+
+#include "../core/settings.h"
+#include "clock.h"
+#include "cortex_m3.h"
+#include "sam3x.h"
+
+namespace fltea {
+namespace due {
+
+namespace {
+
+using namespace sam3x;
+
+constexpr uint32_t kSda = 1u << 12;  // PB12, peripheral A: TWD1
+constexpr uint32_t kScl = 1u << 13;  // PB13, peripheral A: TWCK1
+
+// Datasheet, TWI Clock Waveform Generator Register: each half of a bit lasts its divider + 4 periods of MCK.
+// Low is longer than high, since fast mode asks for at least 1.3 and 0.6 us (NXP UM10204, table 10).
+constexpr uint32_t kFixed = 4;
+constexpr uint32_t kBit = clock::kMasterHz / settings::kI2cHz;
+constexpr uint32_t kLow = kBit * 54 / 100;
+constexpr uint32_t kHigh = kBit - kLow;
+static_assert(kLow - kFixed <= 0xFF && kHigh - kFixed > 0, "CLDIV and CHDIV hold 8 bits without a prescaler");
+
+// Half a bit of the recovery, at most 100 kHz [us].
+constexpr uint32_t kHalfBitUs = 5;
+
+void start_controller() {
+    TWI1_CR::write(TWI1_CR::SWRST);
+    TWI1_RHR::read();
+    TWI1_CWGR::write(TWI1_CWGR::CLDIV::put(kLow - kFixed) | TWI1_CWGR::CHDIV::put(kHigh - kFixed));
+    TWI1_CR::write(TWI1_CR::MSEN | TWI1_CR::SVDIS);
+}
+
+void address(uint8_t chip, uint8_t reg, uint32_t direction) {
+    TWI1_MMR::write(TWI1_MMR::DADR::put(chip) | TWI1_MMR::IADRSZ_1_BYTE | direction);
+    TWI1_IADR::write(reg);
+}
+
+}  // namespace
+
+// Datasheet, TWI, Read Flowcharts: the controller acknowledges each byte unless STOP was asked for while it
+// comes in. So STOP goes with START for one byte, and else follows the last byte but one.
+I2cResult Twi::read(uint8_t chip, uint8_t reg, uint8_t* data, size_t n) {
+    begun_us_ = clock_.now_us();
+    address(chip, reg, TWI1_MMR::MREAD);
+    TWI1_CR::write(n == 1 ? TWI1_CR::START | TWI1_CR::STOP : TWI1_CR::START);
+    return finish(receive(data, n));
+}
+
+I2cResult Twi::receive(uint8_t* data, size_t n) {
+    for (size_t i = 0; i < n; ++i) {
+        const I2cResult result = wait_for(TWI1_SR::RXRDY);
+        if (result != I2cResult::ok) return result;
+        // If this comes late, SCL waits for RHR to be read and then leaves half a bit of time for STOP.
+        cortex_m3::InterruptLock lock;
+        data[i] = static_cast<uint8_t>(TWI1_RHR::read());
+        if (i + 2 == n) TWI1_CR::write(TWI1_CR::STOP);
+    }
+    return I2cResult::ok;
+}
+
+// Datasheet, TWI, Write Flowcharts: writing THR starts, and STOP asked for at once ends after this byte.
+I2cResult Twi::write(uint8_t chip, uint8_t reg, uint8_t value) {
+    begun_us_ = clock_.now_us();
+    address(chip, reg, 0);
+    TWI1_THR::write(value);
+    TWI1_CR::write(TWI1_CR::STOP);
+    // Only once THR is empty does TWI_SR tell of this transfer's end.
+    return finish(wait_for(TWI1_SR::TXRDY));
+}
+
+// Reading TWI_SR clears NACK, ARBLST and OVRE, so every read is looked at for them.
+I2cResult Twi::wait_for(uint32_t flag) {
+    for (;;) {
+        const bool late = clock_.now_us() - begun_us_ > settings::kI2cTimeoutUs;
+        const uint32_t status = TWI1_SR::read();
+        if (status & TWI1_SR::NACK) return I2cResult::nack;
+        // Another master cannot be: something pulls SDA.
+        if (status & TWI1_SR::ARBLST) return I2cResult::timeout;
+        if (status & TWI1_SR::OVRE) return I2cResult::short_read;
+        if (status & flag) return I2cResult::ok;
+        if (late) return I2cResult::timeout;
+    }
+}
+
+// Lets the STOP get out; after an error the controller starts afresh, because THR and flags may hold remains.
+I2cResult Twi::finish(I2cResult result) {
+    const I2cResult end = wait_for(TWI1_SR::TXCOMP);
+    if (result == I2cResult::ok) result = end;
+    if (result != I2cResult::ok) start_controller();
+    return result;
+}
+
+void Twi::pause() {
+    const uint32_t begun_us = clock_.now_us();
+    while (clock_.now_us() - begun_us <= kHalfBitUs) {
+    }
+}
+
+HeldLines Twi::recover() {
+    clock::enable(PIOB_IRQ);
+    clock::enable(TWI1_IRQ);
+    // Open drain, both released, before the pins change hands.
+    PIOB_SODR::write(kSda | kScl);
+    PIOB_MDER::write(kSda | kScl);
+    PIOB_OER::write(kSda | kScl);
+    PIOB_PER::write(kSda | kScl);
+    pause();
+
+    for (int clocks = 0; clocks < 9 && !(PIOB_PDSR::read() & kSda); ++clocks) {
+        PIOB_CODR::write(kScl);
+        pause();
+        PIOB_SODR::write(kScl);
+        pause();
+    }
+    // STOP: SDA rises while SCL is high.
+    PIOB_CODR::write(kScl);
+    pause();
+    PIOB_CODR::write(kSda);
+    pause();
+    PIOB_SODR::write(kScl);
+    pause();
+    PIOB_SODR::write(kSda);
+    pause();
+    const uint32_t lines = PIOB_PDSR::read();
+
+    PIOB_ABSR::write(PIOB_ABSR::read() & ~(kSda | kScl));
+    PIOB_PDR::write(kSda | kScl);
+    // The TWI drives its pins as open drain by itself (datasheet, TWI, I/O Lines).
+    PIOB_MDDR::write(kSda | kScl);
+    start_controller();
+
+    const bool sda_held = !(lines & kSda);
+    const bool scl_held = !(lines & kScl);
+    if (sda_held) return scl_held ? HeldLines::both : HeldLines::sda;
+    return scl_held ? HeldLines::scl : HeldLines::none;
+}
+
+}  // namespace due
+}  // namespace fltea

@@ -1,0 +1,79 @@
+#include "uart.h"
+
+#include "../core/messages.h"
+#include "clock.h"
+#include "cortex_m3.h"
+#include "handlers.h"
+#include "sam3x.h"
+
+namespace fltea {
+namespace due {
+
+namespace {
+
+using namespace sam3x;
+
+// Datasheet, UART, Baud Rate Generator.
+constexpr uint32_t kDivisor = clock::kMasterHz / 16 / kBaud;
+static_assert(kDivisor * 16 * kBaud == clock::kMasterHz, "the baud rate is exact");
+
+constexpr uint32_t kTransmitPin = 1u << 9;  // PA9, peripheral A: UTXD
+
+// Two of the longest frames; a power of two, so that the counters below may wrap.
+constexpr uint32_t kRingBytes = 512;
+static_assert(kRingBytes >= 2 * kMaxWire && (kRingBytes & (kRingBytes - 1)) == 0, "size of the ring");
+
+uint8_t ring[kRingBytes];
+uint32_t written;        // bytes put in, by the main loop
+volatile uint32_t sent;  // bytes taken out, by the handler
+uint32_t in_flight;      // bytes that the PDC is sending
+
+// With interrupts disabled and nothing in flight: hands the PDC what lies in one piece, if there is anything.
+void send_next_piece() {
+    const uint32_t begin = sent % kRingBytes;
+    const uint32_t waiting = written - sent;
+    const uint32_t to_end = kRingBytes - begin;
+    in_flight = waiting < to_end ? waiting : to_end;
+    if (in_flight == 0) {
+        // ENDTX stays set while the PDC has nothing to do.
+        UART_IDR::write(UART_IDR::ENDTX);
+        return;
+    }
+    cortex_m3::memory_barrier();
+    UART_TPR::write(static_cast<uint32_t>(reinterpret_cast<uintptr_t>(&ring[begin])));
+    UART_TCR::write(in_flight);
+    UART_IER::write(UART_IER::ENDTX);
+}
+
+}  // namespace
+
+void Uart::start() {
+    clock::enable(UART_IRQ);
+    clock::enable(PIOA_IRQ);
+    PIOA_ABSR::write(PIOA_ABSR::read() & ~kTransmitPin);
+    PIOA_PDR::write(kTransmitPin);
+    UART_CR::write(UART_CR::RSTTX | UART_CR::RSTRX | UART_CR::RXDIS);
+    UART_MR::write(UART_MR::PAR_NO);
+    UART_BRGR::write(kDivisor);
+    UART_PTCR::write(UART_PTCR::TXTEN);
+    UART_CR::write(UART_CR::TXEN);
+    cortex_m3::enable_irq(UART_IRQ);
+}
+
+size_t Uart::room() { return kRingBytes - (written - sent); }
+
+void Uart::write(const uint8_t* data, size_t n) {
+    for (size_t i = 0; i < n; ++i) ring[(written + i) % kRingBytes] = data[i];
+    cortex_m3::InterruptLock lock;
+    written += n;
+    if (in_flight == 0) send_next_piece();
+}
+
+void on_uart() {
+    if (UART_TCR::read() != 0) return;
+    sent = sent + in_flight;
+    send_next_piece();
+}
+
+}  // namespace due
+}  // namespace fltea

@@ -1,0 +1,19 @@
+// The line to the host: the UART's transmitter, which the PDC feeds from a ring in RAM.
+#pragma once
+
+#include "../core/byte_sink.h"
+
+namespace fltea {
+namespace due {
+
+class Uart final : public ByteSink {
+  public:
+    // 250,000 baud, 8N1, on PA9 (the programming port). Nothing is ever received. Once.
+    void start();
+
+    size_t room() override;
+    void write(const uint8_t* data, size_t n) override;
+};
+
+}  // namespace due
+}  // namespace fltea

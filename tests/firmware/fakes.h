@@ -1,0 +1,238 @@
+// The hardware in little: a clock that stands unless it is moved, a sensor as a register file, a bus and a
+// line with faults on demand. Every rule that a port or a chip relies on is checked here, in each test that
+// runs.
+#pragma once
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <deque>
+#include <vector>
+
+#include "byte_sink.h"
+#include "clock.h"
+#include "i2c_bus.h"
+#include "receiver.h"
+#include "settings.h"
+
+class FakeClock final : public fltea::Clock {
+  public:
+    explicit FakeClock(uint64_t start_us = 0) : start_us_(start_us), us_(start_us) {}
+
+    uint32_t now_us() override { return static_cast<uint32_t>(us_); }
+
+    void pass(uint64_t us) { us_ += us; }
+    uint64_t us() const { return us_; }                  // does not wrap
+    uint64_t run_us() const { return us_ - start_us_; }  // since the test began
+
+  private:
+    uint64_t start_us_;
+    uint64_t us_;
+};
+
+// What a FakeChip says when its registers are not as they have to be.
+constexpr int16_t kWrong = 0x5A5A;
+
+// An MPU-9250 as far as the driver can tell, with the numbers of the register map typed by hand. Every burst
+// differs from the one before unless `frozen`, says in accel_x which life of the chip it comes from (a reset
+// or brown-out begins another one), and says kWrong in gyro_x if the registers were not as they have to be.
+class FakeChip {
+  public:
+    uint8_t who_am_i = 0x71;
+    uint8_t wanted[5] = {0x00, 0x01, 0x18, 0x00, 0x01};  // 0x19 to 0x1D
+    bool frozen = false;
+    int16_t gyro_y = 7;
+    std::vector<uint8_t> stuck;  // registers that take no value
+    int16_t life = 0;
+    bool quiet = false;  // never pulses its pin
+
+    explicit FakeChip(FakeClock& clock) : clock_(clock) { power_up(); }
+
+    // Registers as after a loss of supply, without a word.
+    void power_up() {
+        std::memset(registers_, 0, sizeof registers_);
+        registers_[0x6B] = who_am_i == 0x68 ? 0x40 : 0x01;
+        ++life;
+    }
+
+    void write(uint8_t reg, uint8_t value) {
+        ready();
+        if (reg == 0x6B && (value & 0x80) != 0) {
+            power_up();
+            reset_us_ = clock_.us();
+            resetting_ = true;
+            return;
+        }
+        if (who_am_i == 0x68 && reg == 0x1D) FAIL("the MPU-6050 has no such register");
+        for (uint8_t dead : stuck) {
+            if (dead == reg) return;
+        }
+        if (reg == 0x6B) woken_us_ = clock_.us();
+        registers_[reg & 0x7F] = value;
+    }
+
+    void read(uint8_t reg, uint8_t* data, size_t n) {
+        ready();
+        if (reg == 0x3B) {
+            REQUIRE(n == 14);
+            convert();
+        }
+        if (who_am_i == 0x68) REQUIRE(!(reg <= 0x1D && reg + n > 0x1D));
+        registers_[0x75] = who_am_i;
+        std::memcpy(data, registers_ + reg, n);
+    }
+
+    uint8_t reg(uint8_t number) const { return registers_[number]; }
+
+    bool as_wanted() const {
+        const size_t n = who_am_i == 0x68 ? 4 : 5;
+        return std::memcmp(registers_ + 0x19, wanted, n) == 0 && registers_[0x6B] == 0x01;
+    }
+
+    bool pulses() const { return !quiet && as_wanted() && registers_[0x38] == 0x01; }
+
+  private:
+    // 100 ms after a reset before the next transfer.
+    void ready() {
+        if (resetting_) REQUIRE(clock_.us() - reset_us_ >= 100000);
+        resetting_ = false;
+    }
+
+    void convert() {
+        REQUIRE(clock_.us() - woken_us_ >= 35000);  // start-up time of the gyroscope
+        if (!frozen) ++conversions_;
+        const int16_t gyro_x = as_wanted() ? static_cast<int16_t>(conversions_ % 1000) : kWrong;
+        const int16_t values[] = {life, -1, 16384, -256, gyro_x, gyro_y, -30000};
+        for (size_t i = 0; i < 7; ++i) {
+            const uint16_t bits = static_cast<uint16_t>(values[i]);
+            registers_[0x3B + 2 * i] = static_cast<uint8_t>(bits >> 8);
+            registers_[0x3B + 2 * i + 1] = static_cast<uint8_t>(bits & 0xFF);
+        }
+    }
+
+    FakeClock& clock_;
+    uint8_t registers_[128 + 16];
+    uint32_t conversions_ = 0;
+    uint64_t reset_us_ = 0;
+    uint64_t woken_us_ = 0;
+    bool resetting_ = false;
+};
+
+// What nine clocks and a STOP cost at most.
+constexpr uint64_t kRecoverUs = 900;
+
+class FakeBus final : public fltea::I2cBus {
+  public:
+    bool plugged = true;
+    std::deque<fltea::I2cResult> script;  // results of the next transfers; ok once it is empty
+    fltea::HeldLines held = fltea::HeldLines::none;
+    int clocks_to_free = 0;  // recoveries until `held` ends; -1: none will
+    int recoveries = 0;
+    int failures = 0;
+    std::vector<uint8_t> written;     // register numbers, in order
+    void (*during)(void*) = nullptr;  // called in the middle of every transfer
+    void* during_of = nullptr;
+
+    FakeBus(FakeClock& clock, FakeChip& chip) : clock_(clock), chip_(chip) {}
+
+    void fail(fltea::I2cResult result, size_t times) { script.insert(script.end(), times, result); }
+
+    fltea::I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override {
+        const fltea::I2cResult result = transfer(address, n + 3);
+        std::memset(data, 0xEE, n);
+        if (result == fltea::I2cResult::ok) chip_.read(reg, data, n);
+        return result;
+    }
+
+    fltea::I2cResult write(uint8_t address, uint8_t reg, uint8_t value) override {
+        const fltea::I2cResult result = transfer(address, 3);
+        if (result == fltea::I2cResult::ok) {
+            written.push_back(reg);
+            chip_.write(reg, value);
+        }
+        return result;
+    }
+
+    fltea::HeldLines recover() override {
+        ++recoveries;
+        clock_.pass(kRecoverUs);
+        if (held != fltea::HeldLines::none && clocks_to_free > 0 && --clocks_to_free == 0) {
+            held = fltea::HeldLines::none;
+        }
+        return held;
+    }
+
+  private:
+    fltea::I2cResult transfer(uint8_t address, size_t bytes) {
+        CHECK(address == fltea::settings::kSensorAddress);
+        fltea::I2cResult result = fltea::I2cResult::ok;
+        if (!script.empty()) {
+            result = script.front();
+            script.pop_front();
+        }
+        if (!plugged) result = fltea::I2cResult::nack;
+        if (held != fltea::HeldLines::none) result = fltea::I2cResult::timeout;
+        if (result != fltea::I2cResult::ok) ++failures;
+        // Nine clocks of 2.5 us a byte; half of them before the values are taken.
+        const uint64_t us =
+            result == fltea::I2cResult::timeout ? fltea::settings::kI2cTimeoutUs : bytes * 45 / 2;
+        clock_.pass(us / 2);
+        if (during != nullptr) during(during_of);
+        clock_.pass(us - us / 2);
+        return result;
+    }
+
+    FakeClock& clock_;
+    FakeChip& chip_;
+};
+
+// A ring that the line empties at 25 bytes a millisecond.
+class FakeSink final : public fltea::ByteSink {
+  public:
+    size_t size = 127;    // as Arduino's
+    bool jammed = false;  // the line takes nothing
+    Receiver receiver;
+    std::vector<uint8_t> bytes;
+
+    explicit FakeSink(FakeClock& clock) : clock_(clock) {}
+
+    size_t room() override {
+        drain();
+        return size - std::min(size, static_cast<size_t>(waiting_));
+    }
+
+    void write(const uint8_t* data, size_t n) override {
+        const size_t room_now = room();
+        REQUIRE(n <= room_now);
+        const size_t frames = receiver.frames.size();
+        receiver.feed(data, n);
+        bytes.insert(bytes.end(), data, data + n);
+        waiting_ += static_cast<double>(n);
+        // Whole frames only, one at a time, and nothing may take the room of a sample.
+        REQUIRE(receiver.frames.size() == frames + 1);
+        REQUIRE(data[n - 1] == 0);
+        if (receiver.frames.back().type != fltea::Sample::type()) REQUIRE(room_now - n >= 28);
+    }
+
+    // All frames of a type.
+    template <typename Message>
+    std::vector<Frame> of() const {
+        std::vector<Frame> found;
+        for (const Frame& frame : receiver.frames) {
+            if (frame.type == Message::type()) found.push_back(frame);
+        }
+        return found;
+    }
+
+  private:
+    void drain() {
+        const uint64_t us = clock_.us() - drained_us_;
+        drained_us_ = clock_.us();
+        if (!jammed) waiting_ = std::max(0.0, waiting_ - static_cast<double>(us) * 0.025);
+    }
+
+    FakeClock& clock_;
+    uint64_t drained_us_ = 0;
+    double waiting_ = 0;
+};

@@ -1,0 +1,163 @@
+// A receiver of the wire for tests alone, written from protocol/README.md and not from the host's.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <map>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "messages.h"
+
+struct Frame {
+    uint8_t type;
+    uint16_t sequence;
+    uint32_t device_us;
+    std::vector<uint8_t> payload;
+};
+
+// Payload bytes of a known type, -1 for others.
+inline int payload_size(uint8_t type) {
+    switch (type) {
+        case fltea::Hello::type():
+            return static_cast<int>(fltea::Hello::size());
+        case fltea::Sample::type():
+            return static_cast<int>(fltea::Sample::size());
+        case fltea::Status::type():
+            return static_cast<int>(fltea::Status::size());
+        case fltea::Fault::type():
+            return static_cast<int>(fltea::Fault::size());
+        default:
+            return -1;
+    }
+}
+
+inline uint32_t little_endian(const uint8_t* bytes, size_t n) {
+    uint32_t value = 0;
+    for (size_t i = n; i-- > 0;) value = value << 8 | bytes[i];
+    return value;
+}
+
+// One bit at a time, from the polynomial: not the firmware's table.
+inline uint32_t plain_crc32(const uint8_t* bytes, size_t n) {
+    uint32_t state = 0xFFFFFFFFu;
+    for (size_t i = 0; i < n; ++i) {
+        state ^= bytes[i];
+        for (int bit = 0; bit < 8; ++bit) state = (state >> 1) ^ ((state & 1) ? 0xEDB88320u : 0u);
+    }
+    return ~state;
+}
+
+class Receiver {
+  public:
+    std::vector<Frame> frames;          // of known types and right length
+    std::vector<Frame> intact;          // all with a right CRC, in any version
+    std::map<std::string, int> counts;  // blocks under their reason, and "frames" for the good ones
+    int refused = 0;                    // intact HELLOs of another version
+
+    void feed(const uint8_t* bytes, size_t n) {
+        for (size_t i = 0; i < n; ++i) feed(bytes[i]);
+    }
+    void feed(uint8_t byte) {
+        if (byte == 0) {
+            if (!skipping_ && !block_.empty()) count(judge());
+            block_.clear();
+            skipping_ = false;
+            first_ = false;
+        } else if (!skipping_) {
+            block_.push_back(byte);
+            if (block_.size() <= kMaxBlock) return;
+            count("oversize");
+            skipping_ = true;
+        }
+    }
+
+    // Blocks judged so far, whatever the verdict.
+    int judged() const {
+        int total = refused;
+        for (const auto& reason : counts) total += reason.second;
+        return total;
+    }
+
+  private:
+    static constexpr size_t kMaxBlock = 252;
+
+    // A block that began before the port was opened proves nothing when it is damaged.
+    void count(const std::string& reason) {
+        if (reason == "refused") {
+            ++refused;
+            return;
+        }
+        const bool damage = reason == "oversize" || reason == "cobs" || reason == "short" || reason == "crc";
+        ++counts[first_ && damage ? "partial" : reason];
+    }
+
+    bool decode(std::vector<uint8_t>& plain) const {
+        for (size_t i = 0; i < block_.size();) {
+            const size_t code = block_[i];
+            if (i + code > block_.size()) return false;
+            plain.insert(plain.end(), block_.begin() + static_cast<std::ptrdiff_t>(i + 1),
+                         block_.begin() + static_cast<std::ptrdiff_t>(i + code));
+            i += code;
+            if (code < 255 && i < block_.size()) plain.push_back(0);
+        }
+        return true;
+    }
+
+    std::string judge() {
+        std::vector<uint8_t> plain;
+        if (!decode(plain)) return "cobs";
+        if (plain.size() < 11) return "short";
+        const size_t end = plain.size() - 4;
+        if (plain_crc32(plain.data(), end) != little_endian(&plain[end], 4)) return "crc";
+        const Frame frame = {
+            plain[0], static_cast<uint16_t>(little_endian(&plain[1], 2)), little_endian(&plain[3], 4),
+            std::vector<uint8_t>(plain.begin() + 7, plain.begin() + static_cast<std::ptrdiff_t>(end))};
+        intact.push_back(frame);
+        if (frame.type == fltea::Hello::type() && frame.payload.size() >= 6 &&
+            (frame.payload[0] != fltea::kProtocolMajor ||
+             little_endian(&frame.payload[2], 4) != fltea::kSchemaHash)) {
+            return "refused";
+        }
+        const int size = payload_size(frame.type);
+        if (size >= 0 && frame.payload.size() != static_cast<size_t>(size)) return "length";
+        if (size < 0) return "unknown_type";
+        frames.push_back(frame);
+        return "frames";
+    }
+
+    std::vector<uint8_t> block_;
+    bool skipping_ = false;
+    bool first_ = true;
+};
+
+// Visitor of a message's fields that takes them from a payload, in their order.
+class PayloadReader {
+  public:
+    explicit PayloadReader(const std::vector<uint8_t>& payload) : next_(payload.data()) {}
+
+    template <typename T>
+    typename std::enable_if<std::is_integral<T>::value || std::is_enum<T>::value>::type operator()(
+        const char*, T& field) {
+        field = static_cast<T>(little_endian(next_, sizeof field));
+        next_ += sizeof field;
+    }
+    template <typename Byte, size_t N>
+    void operator()(const char*, Byte (&field)[N]) {
+        std::memcpy(field, next_, N);
+        next_ += N;
+    }
+
+  private:
+    const uint8_t* next_;
+};
+
+template <typename Message>
+Message message_of(const Frame& frame) {
+    Message message;
+    PayloadReader read(frame.payload);
+    Message::visit_fields(message, read);
+    return message;
+}

@@ -1,0 +1,112 @@
+// A device of fakes: the real application on them, stepped as a port would.
+#pragma once
+
+#include <functional>
+
+#include "application.h"
+#include "fakes.h"
+
+constexpr uint64_t kMs = 1000;
+constexpr uint64_t kS = 1000000;
+constexpr uint64_t kPeriodUs = fltea::settings::kSamplePeriodUs;
+
+inline fltea::Identity test_identity() {
+    fltea::Identity identity = {0xB007B007, {}, "due", fltea::ResetCause::user};
+    for (uint8_t i = 0; i < 16; ++i) identity.device_id[i] = static_cast<uint8_t>(0xA0 + i);
+    return identity;
+}
+
+class Rig {
+  public:
+    // How a port calls step().
+    enum class Calls { often, every_tick, unevenly };
+
+    FakeClock clock;
+    FakeChip chip;
+    FakeBus bus;
+    FakeSink sink;
+    fltea::Application application;
+    Calls calls = Calls::often;
+    uint64_t edge_period_us = kPeriodUs;
+    std::function<void()> before_step;
+
+    explicit Rig(fltea::SamplingMode mode = fltea::SamplingMode::timer, uint64_t start_us = 0)
+        : clock(start_us),
+          chip(clock),
+          bus(clock, chip),
+          sink(clock),
+          application(bus, sink, clock, test_identity(), mode),
+          next_edge_us_(start_us) {
+        if (mode == fltea::SamplingMode::data_ready) chip.wanted[0] = 9;
+        bus.during = [](void* self) { static_cast<Rig*>(self)->edges(); };
+        bus.during_of = this;
+    }
+
+    // Runs for `us` more.
+    void run(uint64_t us) {
+        const uint64_t end = clock.us() + us;
+        while (clock.us() < end) {
+            if (before_step) before_step();
+            edges();
+            const uint64_t begun = clock.us();
+            application.step();
+            REQUIRE(clock.us() - begun <= 10000);
+            clock.pass(pause());
+        }
+    }
+
+    void start() { application.start(); }
+
+    // Start, and run until the sensor does.
+    void start_and_settle() {
+        start();
+        run(305 * kMs);  // in the middle between two instants
+        REQUIRE(!samples().empty());
+    }
+
+    std::vector<Frame> samples() const { return sink.of<fltea::Sample>(); }
+    std::vector<Frame> faults() const { return sink.of<fltea::Fault>(); }
+    fltea::Hello hello() const { return message_of<fltea::Hello>(sink.of<fltea::Hello>().back()); }
+    fltea::Status status() const { return message_of<fltea::Status>(sink.of<fltea::Status>().back()); }
+
+    // Frames so far of one FAULT code; and the detail of the last one.
+    int fault_count(fltea::FaultCode code) const {
+        int n = 0;
+        for (const Frame& frame : faults()) n += message_of<fltea::Fault>(frame).code == code;
+        return n;
+    }
+    uint32_t fault_detail(fltea::FaultCode code) const {
+        uint32_t detail = 0;
+        for (const Frame& frame : faults()) {
+            const fltea::Fault fault = message_of<fltea::Fault>(frame);
+            if (fault.code == code) detail = fault.detail;
+        }
+        return detail;
+    }
+
+    // The pin pulses at the chip's own times, whatever the main loop is doing.
+    void edges() {
+        while (next_edge_us_ <= clock.us()) {
+            if (chip.pulses()) application.on_data_ready(static_cast<uint32_t>(next_edge_us_));
+            next_edge_us_ += edge_period_us;
+        }
+    }
+
+  private:
+    uint64_t pause() {
+        random_ = random_ * 6364136223846793005u + 1442695040888963407u;
+        switch (calls) {
+            case Calls::often:
+                return 150;
+            case Calls::every_tick:
+                // A waiting CPU wakes with its timer and with the pin.
+                return std::min(kPeriodUs - clock.us() % kPeriodUs,
+                                chip.pulses() ? next_edge_us_ - clock.us() : kPeriodUs);
+            default:
+                return (random_ >> 33) % 10000;
+        }
+    }
+
+    uint64_t next_edge_us_;
+    uint64_t random_ = 1;
+};

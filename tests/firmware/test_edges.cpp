@@ -1,0 +1,78 @@
+// The data-ready interrupt at every single instruction of the main loop's read: the CPU's single-step trap
+// plays the interrupt, which is what a Cortex-M does to a program: stop it anywhere, run the handler, go on.
+#include <doctest/doctest.h>
+
+#include "edges.h"
+
+#if defined(__x86_64__) && defined(__linux__)
+
+#include <signal.h>
+#include <ucontext.h>
+
+namespace {
+
+constexpr greg_t kTrapFlag = 0x100;
+
+fltea::Edges* edges;
+uint32_t next_us;
+volatile sig_atomic_t steps;
+volatile sig_atomic_t interrupt_at;
+
+void step_by_step(int, siginfo_t*, void* context) {
+    static_cast<ucontext_t*>(context)->uc_mcontext.gregs[REG_EFL] |= kTrapFlag;
+}
+
+void one_instruction(int, siginfo_t*, void* context) {
+    if (++steps < interrupt_at) return;
+    edges->add(next_us);
+    static_cast<ucontext_t*>(context)->uc_mcontext.gregs[REG_EFL] &= ~kTrapFlag;
+}
+
+void handle(int signal, void (*handler)(int, siginfo_t*, void*)) {
+    struct sigaction action = {};
+    action.sa_sigaction = handler;
+    action.sa_flags = SA_SIGINFO;
+    sigaction(signal, &action, nullptr);
+}
+
+}  // namespace
+
+TEST_CASE(
+    "edges: an interrupt at any instruction of the read never gives a count with another edge's instant") {
+    handle(SIGUSR1, step_by_step);
+    handle(SIGTRAP, one_instruction);
+    int before = 0;
+    int after = 0;
+    // Instants are count * 10000, so that each pair shows whether it belongs together.
+    for (interrupt_at = 1; interrupt_at < 3000; interrupt_at = interrupt_at + 1) {
+        fltea::Edges fresh;
+        edges = &fresh;
+        for (uint32_t n = 1; n <= 5; ++n) fresh.add(n * 10000);
+        next_us = 60000;
+        steps = 0;
+        raise(SIGUSR1);
+        const fltea::Edges::Seen seen = fresh.seen();
+        while (steps < interrupt_at) {
+        }
+        REQUIRE(seen.last_us == seen.count * 10000);
+        ++(seen.count == 5 ? before : after);
+        if (before > 50) break;  // well past the read
+    }
+    CHECK(after > 10);
+    CHECK(before > 50);
+    signal(SIGUSR1, SIG_DFL);
+    signal(SIGTRAP, SIG_DFL);
+}
+
+#endif
+
+TEST_CASE("edges: count and instant of the last, through the wrap of both") {
+    fltea::Edges edges_;
+    CHECK(edges_.seen().count == 0);
+    edges_.add(0xFFFFFFF0u);
+    CHECK(edges_.seen().count == 1);
+    CHECK(edges_.seen().last_us == 0xFFFFFFF0u);
+    edges_.add(0x10u);
+    CHECK(edges_.seen().count == 2);
+    CHECK(edges_.seen().last_us == 0x10u);
+}

@@ -1,0 +1,249 @@
+"""The committed image for the Due: what it holds, that the sources give it, and that its checker checks."""
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+IMAGE = "firmware/due/image/fltea_due.bin"
+RECORD = "firmware/due/image/fltea_due.json"
+BUILD_ID = "firmware/core/build_id.h"
+ELF = "build/firmware/timer/fltea_due.elf"
+
+FLASH = range(0x00080000, 0x00100000)
+RAM = range(0x20070000, 0x20088000)
+UART, PIOB, TC0 = 8, 12, 27
+
+
+def run_tool(tool: str, root: Path, *options: str, **kwargs: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", str(ROOT / "tools" / tool), "--root", str(root), *options]
+    return subprocess.run(command, capture_output=True, text=True, check=False, **kwargs)
+
+
+def copy_tree(root: Path) -> Path:
+    shutil.copytree(ROOT / "firmware", root / "firmware")
+    shutil.copy2(ROOT / "pyproject.toml", root)
+    return root
+
+
+def vectors(image: bytes) -> tuple[int, int, tuple[int, ...], tuple[int, ...]]:
+    stack, reset, *rest = struct.unpack("<61I", image[: 61 * 4])
+    return stack, reset, tuple(rest[:14]), tuple(rest[14:])
+
+
+def image() -> bytes:
+    return (ROOT / IMAGE).read_bytes()
+
+
+def record() -> dict[str, Any]:
+    return dict(json.loads((ROOT / RECORD).read_text()))
+
+
+def missing(reason: str) -> None:
+    """Skip where the ARM compiler is not to be expected; CI has it."""
+    if os.environ.get("CI") == "true":
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the sources with both images freshly built in it."""
+    if not shutil.which("arm-none-eabi-g++"):
+        missing("no arm-none-eabi-g++ (Debian: gcc-arm-none-eabi)")
+    root = copy_tree(tmp_path_factory.mktemp("first") / "fltea")
+    done = run_tool("build_firmware.py", root)
+    assert done.returncode == 0, done.stderr
+    return root
+
+
+def test_image_is_what_the_sources_give() -> None:
+    done = run_tool("build_firmware.py", ROOT, "--check")
+    if done.returncode in (3, 4):
+        missing(done.stderr)
+    assert done.returncode == 0, done.stderr
+
+
+def test_record_tells_of_this_image() -> None:
+    assert record()["sha256"] == hashlib.sha256(image()).hexdigest()
+    assert record()["flash_bytes"] == len(image())
+    assert record()["sampling_mode"] == "timer"
+
+
+def test_build_id_is_the_same_everywhere() -> None:
+    done = run_tool("build_id.py", ROOT, "--check")
+    assert done.returncode == 0, done.stderr
+    text = (ROOT / BUILD_ID).read_text()
+    named = dict(re.findall(r'constexpr char (\w+)\[\] = "(.*)";', text))
+    assert named == {"kVersion": record()["version"], "kBuildId": record()["build_id"]}
+    assert record()["build_id"].encode() + b"\0" in image()
+    assert record()["version"].encode() + b"\0" in image()
+    assert len(f"{named['kVersion']} due {named['kBuildId']}") <= 24
+
+
+def test_size_keeps_its_limits() -> None:
+    assert record()["flash_bytes"] <= 12_000
+    assert record()["ram_bytes"] <= 4_000
+
+
+def test_vector_table() -> None:
+    stack, reset, exceptions, interrupts = vectors(image())
+    assert stack % 8 == 0
+    assert RAM.start < stack <= RAM.stop
+    for handler in (reset, *exceptions, *interrupts):
+        assert handler % 2 == 1, "Thumb state"
+        assert FLASH.start + 61 * 4 <= handler < FLASH.start + len(image())
+    unexpected = exceptions[0]
+    assert set(exceptions) == {unexpected}
+    assert {n for n, handler in enumerate(interrupts) if handler != unexpected} == {UART, TC0}
+    assert len({unexpected, reset, interrupts[UART], interrupts[TC0]}) == 4
+
+
+@pytest.mark.parametrize(
+    ("mode", "handlers"),
+    [
+        ("timer", {UART: "on_uart", TC0: "on_tick"}),
+        ("data_ready", {UART: "on_uart", TC0: "on_tick", PIOB: "on_data_ready_pin"}),
+    ],
+)
+def test_each_interrupt_has_its_own_handler(built: Path, mode: str, handlers: dict[int, str]) -> None:
+    folder = built / "build/firmware" / mode
+    command = ["arm-none-eabi-nm", "-C", str(folder / "fltea_due.elf")]
+    names = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    address = {name: int(value, 16) for value, name in re.findall(r"^(\w+) T (?:.*::)?(\w+)", names, re.M)}
+    stack, reset, exceptions, interrupts = vectors((folder / "fltea_due.bin").read_bytes())
+    assert (reset, exceptions[0]) == (address["reset_handler"] | 1, address["unexpected_handler"] | 1)
+    for number, handler in enumerate(interrupts):
+        assert handler == address[handlers.get(number, "unexpected_handler")] | 1, number
+    assert f"{stack:08x} B stack_top" in names or f"{stack:08x} b stack_top" in names
+
+
+def test_image_knows_no_paths() -> None:
+    texts = re.findall(rb"[ -~]{6,}", image())
+    assert not [text for text in texts if b"/" in text or text.endswith((b".cpp", b".h"))]
+
+
+def test_bytes_do_not_depend_on_the_place(built: Path, tmp_path: Path) -> None:
+    root = copy_tree(tmp_path / "another place/and deeper")
+    done = run_tool("build_firmware.py", root)
+    assert done.returncode == 0, done.stderr
+    for mode in ("timer", "data_ready"):
+        for name in ("fltea_due.bin", "fltea_due.elf"):
+            file = f"build/firmware/{mode}/{name}"
+            assert (root / file).read_bytes() == (built / file).read_bytes(), file
+    assert (root / RECORD).read_text() == (built / RECORD).read_text()
+
+
+def disassembly(root: Path, function: str) -> list[str]:
+    command = ["arm-none-eabi-objdump", "-dC", "--no-show-raw-insn", str(root / ELF)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    found = re.search(
+        rf"^[0-9a-f]+ <[^\n]*{function}[^\n]*>:\n(.*?)\n\n", done.stdout, re.DOTALL | re.MULTILINE
+    )
+    assert found, function
+    return found[1].splitlines()
+
+
+def test_unique_id_is_read_from_ram_alone(built: Path) -> None:
+    lines = disassembly(built, "read_unique_words")
+    assert int(lines[0].split(":")[0], 16) in RAM
+    branches = [line for line in lines if re.search(r"\tb\w*(\.[nw])?\t|\tcbn?z\t", line)]
+    assert branches
+    for line in branches:  # a veneer of the linker's would be in RAM too, and lead to flash
+        assert "read_unique_words" in line.partition("\t")[2], f"leaves the function: {line}"
+
+
+def test_no_floating_point_and_no_libc(built: Path) -> None:
+    command = ["arm-none-eabi-nm", "-C", str(built / ELF)]
+    names = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "reset_handler" in names
+    assert not re.search(r"__aeabi_[fd]|malloc|printf|atexit|operator new|_GLOBAL__sub_I", names)
+
+
+def test_check_finds_a_changed_byte(built: Path, tmp_path: Path) -> None:
+    root = copy_tree(tmp_path / "fltea")
+    shutil.copytree(built / "firmware", root / "firmware", dirs_exist_ok=True)
+    assert run_tool("build_firmware.py", root, "--check").returncode == 0
+    changed = bytearray((root / IMAGE).read_bytes())
+    changed[0x200] ^= 1
+    (root / IMAGE).write_bytes(changed)
+    done = run_tool("build_firmware.py", root, "--check")
+    assert done.returncode == 1
+    assert "another image" in done.stderr
+    facts = json.loads((root / RECORD).read_text())
+    facts["sha256"] = hashlib.sha256(changed).hexdigest()
+    (root / RECORD).write_text(json.dumps(facts))
+    done = run_tool("build_firmware.py", root, "--check")
+    assert done.returncode == 1
+    assert "first differing byte at 0x00080200" in done.stderr
+
+
+def test_check_finds_a_changed_source(tmp_path: Path) -> None:
+    root = copy_tree(tmp_path)
+    source = root / "firmware/due/clock.cpp"
+    source.write_text(source.read_text() + "// changed\n")
+    done = run_tool("build_firmware.py", root, "--check", env={"PATH": ""})  # no compiler is needed for it
+    assert done.returncode == 1
+    assert record()["build_id"] in done.stderr
+    done = run_tool("build_id.py", root, "--check")
+    assert done.returncode == 1
+    assert BUILD_ID in done.stderr
+
+
+def test_check_without_an_image_says_so(tmp_path: Path) -> None:
+    root = copy_tree(tmp_path)
+    (root / RECORD).unlink()
+    done = run_tool("build_firmware.py", root, "--check")
+    assert done.returncode == 1
+    assert "missing" in done.stderr
+
+
+def test_check_without_the_compiler_says_so(tmp_path: Path) -> None:
+    root = copy_tree(tmp_path)
+    done = run_tool("build_firmware.py", root, "--check", env={"PATH": str(tmp_path)})
+    assert done.returncode == 3
+    assert "gcc-arm-none-eabi" in done.stderr
+
+
+def test_check_with_another_compiler_says_so(built: Path, tmp_path: Path) -> None:
+    root = copy_tree(tmp_path)
+    facts = record()
+    facts["compiler"] = "arm-none-eabi-g++ 4.8.3"
+    (root / RECORD).write_text(json.dumps(facts))
+    done = run_tool("build_firmware.py", root, "--check")
+    assert done.returncode == 4
+    assert "4.8.3" in done.stderr
+
+
+def test_failed_build_shows_the_compilers_words(built: Path, tmp_path: Path) -> None:
+    root = copy_tree(tmp_path)
+    (root / "firmware/due/main.cpp").write_text("int main() { return nothing; }\n")
+    done = run_tool("build_firmware.py", root)
+    assert done.returncode == 2
+    assert "nothing" in done.stderr
+    assert (root / IMAGE).read_bytes() == image()
+
+
+@pytest.mark.parametrize("change", ["content", "name", "new"])
+def test_build_id_follows_the_sources(tmp_path: Path, change: str) -> None:
+    root = copy_tree(tmp_path)
+    source = root / "firmware/due/led.cpp"
+    if change == "content":
+        source.write_text(source.read_text().replace("27", "26"))
+    elif change == "name":
+        source.rename(source.with_name("lcd.cpp"))  # the same place in the order
+    else:
+        source.with_name("empty.h").touch()
+    assert run_tool("build_id.py", root).returncode == 0
+    text = (root / BUILD_ID).read_text()
+    assert record()["build_id"] not in text
+    assert re.search(r'kBuildId\[\] = "[0-9a-f]{8}"', text)

@@ -1,0 +1,182 @@
+"""Builds the bare-metal images for the Due with Debian's gcc-arm-none-eabi.
+
+Writes firmware/due/image/fltea_due.bin and fltea_due.json (committed: timer mode) and, to build/firmware/,
+both modes with ELF, map and stack use. Run tools/build_id.py first: the id is in the image.
+
+`--check` writes nothing to the repository: it builds anew and compares. Exit codes: 0 the committed image is
+what the sources give; 1 it is not; 2 the build failed; 3 no compiler; 4 a compiler of another version than
+the image's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from build_id import build_id, version
+
+PREFIX = "arm-none-eabi-"
+IMAGE = "firmware/due/image/fltea_due.bin"
+RECORD = "firmware/due/image/fltea_due.json"
+COMMITTED_MODE = "timer"
+MODES = (COMMITTED_MODE, "data_ready")
+
+FLAGS = [
+    *("-mcpu=cortex-m3", "-mthumb", "-std=gnu++11", "-Os", "-g", "-ffreestanding"),
+    *("-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-fno-unwind-tables"),
+    *("-fno-asynchronous-unwind-tables", "-ffunction-sections", "-fdata-sections", "-fstack-usage"),
+    # memcpy and memset of runtime.cpp are loops: they must not be recognised as what they implement.
+    "-fno-tree-loop-distribute-patterns",
+    *("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"),
+]
+LINK_FLAGS = ["-nostdlib", "-Wl,--gc-sections", "-Wl,--no-warn-rwx-segments", "-Wl,--fatal-warnings"]
+
+OK, DIFFERS, FAILED, NO_COMPILER, OTHER_COMPILER = range(5)
+
+
+class BuildError(Exception):
+    """Compiler or linker failed; the text is theirs."""
+
+
+@dataclass(frozen=True)
+class Image:
+    """A built image. ram_bytes: the reserved stack is part of it."""
+
+    data: bytes
+    ram_bytes: int
+
+
+def compiler() -> str | None:
+    """Return name and version of the compiler as it states them; None if there is none."""
+    if not shutil.which(f"{PREFIX}g++"):
+        return None
+    return _run([f"{PREFIX}g++", "--version"], Path.cwd()).splitlines()[0]
+
+
+def build(root: Path, mode: str, folder: Path) -> Image:
+    """Build one image, with all that arises on the way in `folder`. Raises BuildError.
+
+    The compiler is called from within firmware/ and sees relative paths only, so that the bytes do not depend
+    on where the repository is.
+    """
+    firmware = root / "firmware"
+    folder.mkdir(parents=True, exist_ok=True)
+    objects = []
+    for source in sorted([*firmware.glob("core/*.cpp"), *firmware.glob("due/*.cpp")]):
+        name = source.relative_to(firmware).as_posix()
+        target = (folder / name.replace("/", "_")).with_suffix(".o").resolve()
+        mapped = [f"-ffile-prefix-map={firmware.resolve()}=firmware", f"-DFLTEA_SAMPLING_MODE={mode}"]
+        _run([f"{PREFIX}g++", *FLAGS, *mapped, "-c", "-o", str(target), name], firmware)
+        objects.append(str(target))
+    elf = (folder / "fltea_due.elf").resolve()
+    script = [f"-Wl,-Map={elf.with_suffix('.map')}", "-T", "due/sam3x8e.ld"]
+    _run([f"{PREFIX}g++", *FLAGS, *LINK_FLAGS, *script, "-o", str(elf), *objects], firmware)
+    binary = elf.with_suffix(".bin")
+    _run([f"{PREFIX}objcopy", "-O", "binary", str(elf), str(binary)], firmware)
+    _, data, bss, *_ = _run([f"{PREFIX}size", str(elf)], firmware).splitlines()[1].split()
+    return Image(binary.read_bytes(), int(data) + int(bss))
+
+
+def record(root: Path, image: Image, made_by: str) -> str:
+    """Return what fltea_due.json says about an image."""
+    return json.dumps(describe(root, image, made_by), indent=2) + "\n"
+
+
+def describe(root: Path, image: Image, made_by: str) -> dict[str, str | int]:
+    """Return the facts of fltea_due.json."""
+    return {
+        "version": version(root),
+        "build_id": build_id(root),
+        "sampling_mode": COMMITTED_MODE,
+        "sha256": hashlib.sha256(image.data).hexdigest(),
+        "flash_bytes": len(image.data),
+        "ram_bytes": image.ram_bytes,
+        "compiler": made_by,
+    }
+
+
+def check(root: Path, build_folder: Path) -> int:
+    """Compare the committed image with the sources; says what differs and returns the exit code."""
+    if not (root / IMAGE).exists() or not (root / RECORD).exists():
+        return _say(DIFFERS, f"{IMAGE} or {RECORD} is missing: run `make firmware`")
+    committed = (root / IMAGE).read_bytes()
+    recorded = json.loads((root / RECORD).read_text(encoding="utf-8"))
+    if recorded["sha256"] != hashlib.sha256(committed).hexdigest():
+        return _say(DIFFERS, f"{RECORD} tells of another image than {IMAGE}: run `make firmware`")
+    if recorded["build_id"] != build_id(root):
+        return _say(
+            DIFFERS,
+            f"{IMAGE} was built from sources with the id {recorded['build_id']}, "
+            f"these have {build_id(root)}: run `make firmware`",
+        )
+    made_by = compiler()
+    if made_by is None:
+        return _say(NO_COMPILER, f"{IMAGE} not compared: no {PREFIX}g++ here (Debian: gcc-arm-none-eabi)")
+    if made_by != recorded["compiler"]:
+        return _say(
+            OTHER_COMPILER,
+            f"{IMAGE} not compared: it was built by {recorded['compiler']}, here is {made_by}",
+        )
+    image = build(root, COMMITTED_MODE, build_folder / COMMITTED_MODE)
+    fresh = describe(root, image, made_by)
+    differing = [
+        f"{key}: {recorded[key]}, now {value}" for key, value in fresh.items() if recorded[key] != value
+    ]
+    if image.data != committed:
+        pairs = enumerate(zip(image.data, committed, strict=False))
+        first = next((i for i, (a, b) in pairs if a != b), min(len(image.data), len(committed)))
+        differing.append(f"first differing byte at 0x{0x80000 + first:08X}")
+    if differing:
+        return _say(DIFFERS, f"{IMAGE} is not what the sources give: {'; '.join(differing)}")
+    return OK
+
+
+def _say(code: int, text: str) -> int:
+    print(text, file=sys.stderr)
+    return code
+
+
+def _run(command: list[str], folder: Path) -> str:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise BuildError(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def main() -> int:
+    """Run the command line; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare with the committed image")
+    parser.add_argument(
+        "--root", type=Path, default=Path(__file__).resolve().parent.parent, help="repository"
+    )
+    arguments = parser.parse_args()
+    root: Path = arguments.root
+    folder = root / "build/firmware"
+    try:
+        if arguments.check:
+            return check(root, folder)
+        made_by = compiler()
+        if made_by is None:
+            return _say(
+                NO_COMPILER, f"no {PREFIX}g++ here: install gcc-arm-none-eabi, or use the committed {IMAGE}"
+            )
+        images = {mode: build(root, mode, folder / mode) for mode in MODES}
+    except BuildError as error:
+        return _say(FAILED, str(error))
+    (root / IMAGE).parent.mkdir(parents=True, exist_ok=True)
+    (root / IMAGE).write_bytes(images[COMMITTED_MODE].data)
+    (root / RECORD).write_text(record(root, images[COMMITTED_MODE], made_by), encoding="utf-8")
+    for mode, image in images.items():
+        print(f"{mode}: {len(image.data)} bytes of flash, {image.ram_bytes} of RAM with the stack")
+    return OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())
