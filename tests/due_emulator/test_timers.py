@@ -77,6 +77,21 @@ def test_counting_up_to_the_end_compares_with_rc_on_the_way(board, tc):
     assert tc.read("CV0") == 2016
 
 
+def test_a_compare_behind_the_count_waits_for_the_next_lap_and_setting_it_costs_no_time(board, tc):
+    tc.write("CMR0", WAVE)
+    tc.write("CCR0", START)
+    board.machine.advance(100 * US)
+    tc.write("RC0", 100)
+    board.machine.advance(US)
+    assert not tc.read("SR0") & CPCS
+    for _ in range(100):
+        board.machine.advance(PS_PER_S // 84_000_000)  # half a count
+        tc.write("RC0", 100)
+    assert tc.read("CV0") == 4242 + 49
+    board.machine.advance(103 * PS_PER_S)
+    assert tc.read("SR0") & CPCS
+
+
 def test_the_end_of_32_bits_is_an_overflow(board, tc):
     tc.write("CMR0", WAVE)
     tc.write("IER0", COVFS)

@@ -1,7 +1,8 @@
-"""The registers that firmware and emulator work with, against the datasheet and against their source.
+"""The registers that firmware and emulator work with, against facts typed by hand and against their source.
 
-Facts typed by hand from the SAM3X/SAM3A datasheet (Atmel-11057C): the register mapping tables and the reset
-values of its chapters EEFC, PIO, PMC, RSTC, TC, TRNG, TWI, UART, WDT, and 9.1 Peripheral Identifiers.
+The facts are what those who have programmed the chip know of the register mapping tables and reset values in
+the SAM3X/SAM3A datasheet: chapters EEFC, PIO, PMC, RSTC, TC, TRNG, TWI, UART, WDT, and 9.1 Peripheral
+Identifiers.
 """
 
 import json

@@ -97,8 +97,9 @@ class Channel:
 
     def compare_changed(self) -> None:
         """RC or the mode has changed; the count goes on."""
-        self._counter.restart(self._counter.cycles % self._period)
-        self._seen = 0
+        if self._counter.cycles >= self._period:  # a restart loses the part of a cycle that has passed
+            self._counter.restart(self._counter.cycles % self._period)
+        self._seen = self._counter.cycles
         self._schedule()
 
     def read_status(self) -> int:
