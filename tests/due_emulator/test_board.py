@@ -172,6 +172,13 @@ def test_a_reboot_begins_anew_and_is_no_loss(ours):
     assert found["step_us"]["min"] >= 9_950, "no step leads from one boot into the next"
 
 
+def test_a_reset_may_come_at_any_moment_of_a_sampling_period(ours):
+    moments = [f"port_reopen at={0.3 * i + 0.2 + 0.00025 * i:.5f}" for i in range(1, 21)]
+    found = report("--virtual", 6.6, *(part for fault in moments for part in ("--fault", fault)))
+    assert found["error"] is None
+    assert found["resets"] == 20
+
+
 def test_what_the_board_does_not_forgive_ends_the_command_with_1(tmp_path):
     image = tmp_path / "bad.bin"
     image.write_bytes(program("load r1, 0x400E0814\n wait_forever"))

@@ -294,7 +294,9 @@ class Cpu:
         try:
             self._machine.advance_to(self._time_at(pc))
             answer = 0
-            if value is None:
+            if self._restart:
+                pass  # a reset came first: the access went down with the program
+            elif value is None:
                 answer = self._spaces[base].read(address, size)
                 self._charge_read(pc, answer)
             else:
