@@ -1,7 +1,7 @@
-"""`make run`: the stand-in device, and `fltea run` on its port; Ctrl-C ends both, exit 0.
+"""`make run`: the emulated Due with its real firmware, and `fltea run` on its port; Ctrl-C ends both, exit 0.
 
-On a terminal this program takes the foreground, so that Ctrl-C reaches the two and not make, which
-would turn it into a failure.
+On a terminal this program takes the foreground, so that Ctrl-C reaches the daemon and not make, which would
+turn it into a failure.
 """
 
 import contextlib
@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-TOOLS = Path(__file__).parent
+ROOT = Path(__file__).resolve().parents[1]
 STOP_TIMEOUT_S = 5.0
 
 
@@ -41,46 +41,57 @@ def foreground() -> Iterator[None]:
         os.close(terminal)
 
 
-def stop(process: subprocess.Popen[str]) -> None:
-    """Ask a process to end, and insist if it does not."""
+def stop(process: subprocess.Popen[str]) -> str:
+    """Ask a process to end, and insist if it does not; returns the rest of what it said."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
     try:
-        process.wait(STOP_TIMEOUT_S)
+        return process.communicate(timeout=STOP_TIMEOUT_S)[0] or ""
     except subprocess.TimeoutExpired:
         process.kill()
-        process.wait()
+        return process.communicate()[0] or ""
+
+
+def run_daemon(port: Path, arguments: list[str]) -> int:
+    """Run `fltea run` on the port to its end; returns its exit code."""
+    daemon = subprocess.Popen(
+        [sys.executable, "-m", "fltea", "run", "--source", f"serial:{port}", *arguments], text=True
+    )
+    # Ctrl-C reaches the daemon by itself; what is sent to this program alone is passed on.
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: daemon.send_signal(signal.SIGTERM))
+    try:
+        return daemon.wait()
+    finally:
+        stop(daemon)
 
 
 def main() -> int:
     """Run both until the daemon ends; its exit code is ours."""
     arguments = shlex.split(os.environ.get("ARGS", "")) + sys.argv[1:]
-    # From here on Ctrl-C is the daemon's affair: it ends, and then we do.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: None)
     with foreground(), tempfile.TemporaryDirectory() as folder:
-        port = Path(folder) / "stand-in"
-        device = subprocess.Popen(
-            [sys.executable, TOOLS / "standin.py", "--link", port], stdout=subprocess.PIPE, text=True
+        port = Path(folder) / "due"
+        # Out of reach of Ctrl-C: a board that vanished before the daemon ends would be reported as unplugged.
+        board = subprocess.Popen(
+            [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", port],
+            cwd=ROOT,
+            process_group=0,
+            stdout=subprocess.PIPE,
+            text=True,
         )
         try:
-            assert device.stdout is not None
-            announcement = device.stdout.readline().strip()
+            assert board.stdout is not None
+            announcement = board.stdout.readline().strip()
             if not announcement:
-                print("demo: the stand-in device did not start.", file=sys.stderr)
+                print("demo: the emulated Due did not start.", file=sys.stderr)
                 return 1
-            print(f"Stand-in device on {announcement} (true values). Ctrl-C ends.", file=sys.stderr)
-            daemon = subprocess.Popen(
-                [sys.executable, "-m", "fltea", "run", "--source", f"serial:{port}", *arguments], text=True
-            )
-            try:
-                while True:
-                    with contextlib.suppress(InterruptedError):
-                        return daemon.wait()
-            finally:
-                stop(daemon)
+            print(f"Emulated Arduino Due on {announcement} (true noise). Ctrl-C ends.", file=sys.stderr)
+            return run_daemon(port, arguments)
         finally:
-            stop(device)
+            # Here it also says whether this machine kept up with it.
+            print(f"Emulated Arduino Due: {stop(board)}", end="", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,47 @@
+"""The emulated Due for the tests of the whole chain: the committed image, and runs that tests share."""
+
+import os
+import shutil
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+from support import ROOT
+
+sys.path.insert(0, str(ROOT))
+
+from tools.due_emulator.__main__ import IMAGE
+from tools.due_run import DueRun
+from tools.fault_report import CASES, Row, measure
+
+NOISE = "alpha=0.5&f=-1&seed=7"
+
+
+@cache
+def image() -> bytes:
+    return IMAGE.read_bytes()
+
+
+@cache
+def one_minute() -> DueRun:
+    """A minute from the first sample on, and some more."""
+    return DueRun(image(), noise=NOISE).run_until(60.35)
+
+
+@cache
+def with_fault(name: str) -> tuple[DueRun, Row]:
+    return measure(image(), next(case for case in CASES if case.name == name))
+
+
+def build(mode: str, folder: Path) -> bytes:
+    """An image of the present sources, where the compiler is there; CI has it."""
+    if shutil.which("arm-none-eabi-g++") is None:
+        reason = "no arm-none-eabi-g++ (Debian: gcc-arm-none-eabi)"
+        if os.environ.get("CI") == "true":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    sys.path.insert(0, str(ROOT / "tools"))
+    from build_firmware import build
+
+    return build(ROOT, mode, folder).data

@@ -1,0 +1,189 @@
+"""The committed image on the emulated Due, undisturbed, in virtual time, heard by the host's modules."""
+
+import hashlib
+from itertools import pairwise
+
+import pytest
+from due_support import NOISE, DueRun, build, image, one_minute
+from fltea import wire
+from fltea.sources.synthetic import NoiseGenerator, parse_noise
+
+PERIOD_US = 10_000
+
+
+def steps_us(run: DueRun) -> list[int]:
+    return [b.device_us - a.device_us for a, b in pairwise(run.samples)]
+
+
+def test_a_minute_gives_6000_samples_and_no_gap() -> None:
+    run = one_minute()
+    assert run.error is None
+    first = run.samples[0].device_us
+    assert sum(s.device_us < first + 60_000_000 for s in run.samples) in (5_999, 6_000, 6_001)
+    stats = run.stats
+    assert (stats.samples.delivered, stats.samples.lost) == (run.boots[0].due, 0)
+    assert (stats.samples.gaps, stats.samples.duplicates, stats.samples.before_hello) == (0, 0, 0)
+    assert stats.link.bad_frames == {}
+    assert stats.link.unknown_type == stats.link.refused == 0
+    assert run.unheard() == [0]
+    assert run.epochs == ["start"]
+    assert run.troubles == run.faults == []
+    assert all(sample.flags == 0 for sample in run.samples)
+
+
+def test_its_first_sample_comes_soon_after_power_up() -> None:
+    """Reset of the sensor 100 ms, its start 50 ms, set-up, and up to one period."""
+    assert 0.15 < one_minute().of(wire.Sample)[0].at_s < 0.2
+
+
+def test_its_steps_and_its_rate() -> None:
+    run = one_minute()
+    assert all(abs(step - PERIOD_US) <= 50 for step in steps_us(run))
+    first, last = run.samples[0], run.samples[-1]
+    rate_hz = (last.seq - first.seq) / (last.device_us - first.device_us) * 1e6
+    assert rate_hz == pytest.approx(100.0, rel=1e-4)
+    # The device's clock is true: by the emulator's time the rate is the same.
+    arrivals = run.of(wire.Sample)
+    true_hz = (last.seq - first.seq) / (arrivals[-1].at_s - arrivals[0].at_s)
+    assert true_hz == pytest.approx(100.0, rel=1e-4)
+
+
+def test_its_samples_arrive_before_the_next_is_due() -> None:
+    run = one_minute()
+    sent = run.boots[0].bursts
+    delays_s = [a.at_s - b.at_ps / 1e12 for a, b in zip(run.of(wire.Sample), sent, strict=True)]
+    # The frame takes 1.1 ms; a HELLO and a STATUS before it 3.2 and 1.4 ms.
+    assert max(delays_s) < 0.007
+
+
+def test_its_loads() -> None:
+    board = one_minute().board
+    seconds = board.now_s
+    # 390 and 190 us at 400 kHz for burst and guard, and what surrounds them.
+    assert 0.05 < board.twi.load_ps / 1e12 / seconds < 0.07
+    # 28 bytes a sample, and 115 a second besides, at 25,000 bytes a second.
+    assert 0.11 < board.uart.busy_ps / 1e12 / seconds < 0.13
+    assert board.machine.idle_ps / 1e12 / seconds > 0.85
+
+
+def test_its_hellos_and_statuses_come_every_second() -> None:
+    run = one_minute()
+    for kind in (wire.Hello, wire.Status):
+        arrivals = run.of(kind)
+        assert len(arrivals) in range(60, 63)
+        # At boot there are two HELLOs: one at once, one when the sensor runs.
+        gaps_s = [b.at_s - a.at_s for a, b in pairwise(arrivals[2:])]
+        assert all(0.98 < gap < 1.02 for gap in gaps_s)
+        sequences = [arrival.frame.sequence for arrival in arrivals]
+        assert sequences == list(range(len(arrivals)))
+    assert all(a.frame.message == wire.Status(0, 0, 0, 0, 0, 0) for a in run.of(wire.Status))
+    hello = run.hellos[-1]
+    assert (hello.sensor, hello.who_am_i, hello.sensor_starts) == ("MPU-9250", 0x71, 1)
+    assert (hello.rate_hz, hello.gyro_range_dps, hello.gyro_lsb_per_dps) == (100.0, 2000.0, 16.4)
+    assert (hello.accel_range_g, hello.accel_lsb_per_g, hello.gyro_dlpf_hz) == (2.0, 16384.0, 184.0)
+    assert hello.sampling_mode == "timer"
+
+
+def test_first_comes_00_then_hello_then_samples() -> None:
+    run = one_minute()
+    assert run.wire[0] == 0
+    kinds = [type(arrival.frame.message) for arrival in run.arrivals]
+    assert kinds[0] is wire.Hello
+    starts = [a.frame.message.sensor_starts for a in run.of(wire.Hello)]
+    announced = next(n for n, k in enumerate(kinds) if k is wire.Hello and n)
+    assert starts[:2] == [0, 1]
+    assert announced < kinds.index(wire.Sample)
+
+
+def test_its_values_are_the_quantised_noise_one_by_one() -> None:
+    """What the sensor feels is noise of known α and f; each value is met once, and none is torn or scaled."""
+    run = one_minute()
+    assert run.check_values() is None
+    noise = NoiseGenerator(parse_noise(NOISE))
+    for _ in range(round(run.boots[0].bursts[0].at_ps / 1e10)):
+        noise.step()
+    for arrival in run.of(wire.Sample):
+        sample = arrival.frame.message
+        assert (sample.gyro_x, sample.gyro_y, sample.gyro_z) == noise.step()
+    assert all(s.temperature_c == pytest.approx(25.0, abs=0.01) for s in run.samples)
+    means = [sum(s.accel_ms2[i] for s in run.samples) / len(run.samples) for i in range(3)]
+    assert means == pytest.approx([0.0, 0.0, 9.80665], abs=0.01)
+
+
+def test_two_runs_give_the_same_bytes_and_another_seed_another_boot() -> None:
+    again = DueRun(image(), noise=NOISE).run_until(1.5)
+    assert len(again.wire) > 3_000
+    assert one_minute().wire.startswith(again.wire)
+    other = DueRun(image(), noise=NOISE, seed=2).run_until(0.3)
+    assert other.hellos[0].boot_id != again.hellos[0].boot_id
+    assert other.hellos[0].device_id != again.hellos[0].device_id
+
+
+def test_the_identifier_is_the_chips_own() -> None:
+    """The board makes it from its seed."""
+    assert one_minute().hellos[0].device_id == hashlib.sha256(b"due 1").hexdigest()[:32]
+
+
+def test_the_watchdog_is_on_for_about_a_second_and_never_hungry() -> None:
+    board = one_minute().board
+    watchdog = board.watchdog
+    assert not watchdog.field("MR", "WDDIS")
+    assert watchdog.field("MR", "WDRSTEN")
+    assert not watchdog.field("MR", "WDIDLEHLT")
+    assert 0.5e12 < watchdog.period_ps <= 1.5e12
+    assert board.events == []
+
+
+def test_the_wrong_baud_rate_gives_garbage_and_no_sample() -> None:
+    run = DueRun(image(), baud=115_200, strict_baud=False).run_until(1.2)
+    assert run.error is None
+    assert run.board.bridge.garbled > 2_000
+    assert run.arrivals == []
+    assert run.stats.link.bad_frames
+
+
+@pytest.mark.parametrize("percent", [1, -1])
+def test_the_timer_rules_whatever_the_sensors_clock(percent: int) -> None:
+    run = DueRun(image(), faults=[f"sensor_clock percent={percent}"]).run_until(3)
+    assert run.error is None
+    assert run.stats.samples.lost == 0
+    assert all(abs(step - PERIOD_US) <= 50 for step in steps_us(run))
+    assert all(sample.flags == 0 for sample in run.samples)
+    assert run.check_values() is None
+
+
+@pytest.fixture(scope="module")
+def by_edges(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return build("data_ready", tmp_path_factory.mktemp("data_ready"))
+
+
+@pytest.mark.parametrize("percent", [1, -1])
+def test_with_the_data_ready_pin_each_conversion_is_read_once(by_edges: bytes, percent: int) -> None:
+    run = DueRun(by_edges, faults=[f"sensor_clock percent={percent}"])
+    edges_ps: list[int] = []
+    run.board.socket.int_wire.listen(lambda level: edges_ps.append(run.now_ps) if level else None)
+    run.run_until(4)
+    assert run.error is None
+    assert run.hellos[-1].sampling_mode == "data_ready"
+    arrivals = run.of(wire.Sample)
+    stats = run.stats
+    assert (stats.samples.lost, stats.samples.duplicates, run.faults) == (0, 0, [])
+    assert all(sample.flags == 0 for sample in run.samples)
+    assert run.check_values() is None
+    # From the first edge that it used on, every edge has its sample, and its own time.
+    used_ps = edges_ps[-len(arrivals) :]
+    assert all(edge < arrival.at_ps for edge, arrival in zip(used_ps, arrivals, strict=True))
+    device_us = [arrival.frame.device_us for arrival in arrivals]
+    true_us = [(edge - used_ps[0]) / 1e6 for edge in used_ps]
+    assert [us - device_us[0] for us in device_us] == pytest.approx(true_us, abs=5)
+    period_us = PERIOD_US / (1 + percent / 100)
+    assert all(abs(step - period_us) <= 5 for step in steps_us(run))
+
+
+def test_a_data_ready_wire_that_breaks_is_told_and_the_sensor_set_up_again(by_edges: bytes) -> None:
+    run = DueRun(by_edges, faults=["unplug at=1 for=0.5"]).run_until(4)
+    assert run.error is None
+    assert "data_ready_missing" in [name for name, _ in run.faults]
+    assert run.epochs == ["start", "sensor_restart"]
+    assert run.stats.samples.lost == run.status.overruns in range(50, 240)
+    assert run.samples[-1].device_us > 3_900_000

@@ -1,0 +1,175 @@
+"""Faults of sensor, wires, supply and host on the emulated Due: it recovers, says what happened, and counts.
+
+Every run also has to add up (`Row.wrong`): by the emulator's own clock every instant is delivered, or counted
+as lost by the host, or was due after the last sample of a boot that a reset ended; and every sample is byte
+for byte what the sensor gave at that sample's time.
+"""
+
+from typing import NamedTuple
+
+import pytest
+from due_support import CASES, DueRun, Row, image, one_minute, with_fault
+from fltea import wire
+
+
+class Expected(NamedTuple):
+    """lost, recovery_s: bounds. status: STATUS of the last boot, in its order but for overruns and cause."""
+
+    lost: tuple[int, int]
+    recovery_s: tuple[float, float]
+    epochs: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    i2c_errors: range = range(1)
+    bus_recoveries: int = 0
+    unheard: tuple[int, int] = (0, 0)
+    resets: tuple[str, ...] = ()
+    bad_frames: range = range(1)
+    lost_on_the_way: bool = False
+
+
+UNINTERRUPTED = (0.0099, 0.0151)
+RESTART = ("sensor_restart",)
+# A set-up is tried every 0.1 s, and takes 0.15 s: the most that a recovery adds to what the trouble takes.
+EXPECTED = {
+    "SDA held, 5 clocks free it": Expected((0, 0), UNINTERRUPTED, (), (), range(1, 2), 1),
+    "SDA held for 1.2 s": Expected(
+        (135, 148), (1.35, 1.49), RESTART, ("bus_held", "sensor_lost"), range(4, 30)
+    ),
+    "SCL held for 1.2 s": Expected(
+        (135, 148), (1.35, 1.49), RESTART, ("bus_held", "sensor_lost"), range(4, 30)
+    ),
+    "one NACK": Expected((0, 0), UNINTERRUPTED, (), (), range(1, 2)),
+    "NACKs for 0.1 s": Expected(
+        (25, 38), (0.25, 0.39), RESTART, ("sensor_lost", "sensor_missing"), range(8, 13)
+    ),
+    "sensor unplugged for 1.5 s": Expected(
+        (165, 179), (1.65, 1.8), RESTART, ("sensor_lost", "sensor_missing"), range(10, 50)
+    ),
+    "exchanged for an MPU-6500": Expected((15, 25), (0.16, 0.25), RESTART, ("readback_mismatch",), range(3)),
+    "exchanged for an unknown chip for 1 s": Expected(
+        (114, 131), (1.15, 1.32), RESTART, ("readback_mismatch", "sensor_unknown"), range(5)
+    ),
+    "sensor's supply sags": Expected((15, 22), (0.16, 0.22), RESTART, ("readback_mismatch",)),
+    "board's supply sags in mid-frame": Expected(
+        (0, 0), (0.15, 0.22), ("restart",), unheard=(1, 1), resets=("power_up",), bad_frames=range(1, 2)
+    ),
+    "40 bytes lost on the UART": Expected(
+        (1, 2), (0.019, 0.031), bad_frames=range(1, 3), lost_on_the_way=True
+    ),
+    "2 % of bytes lost for 1 s": Expected(
+        (20, 70), (0.019, 0.1), bad_frames=range(15, 70), lost_on_the_way=True
+    ),
+    "host does not read for 10 s": Expected(
+        (995, 1005), (9.9, 10.1), ("gap",), bad_frames=range(3), lost_on_the_way=True
+    ),
+    "sensor's clock 1 % fast": Expected((0, 0), UNINTERRUPTED),
+    "program hangs for 0.5 s": Expected((48, 51), (0.49, 0.52)),
+    "program hangs for 2 s": Expected(
+        (0, 0), (0.7, 1.3), ("restart",), unheard=(95, 105), resets=("watchdog",)
+    ),
+    "port opened again": Expected((0, 0), (0.36, 0.42), ("restart",), resets=("user",), bad_frames=range(2)),
+}
+
+
+@pytest.fixture(params=[case.name for case in CASES])
+def case(request: pytest.FixtureRequest) -> tuple[Expected, DueRun, Row]:
+    return EXPECTED[request.param], *with_fault(request.param)
+
+
+def test_it_recovers_and_everything_adds_up(case: tuple[Expected, DueRun, Row]) -> None:
+    expected, run, row = case
+    assert row.wrong is None
+    assert expected.lost[0] <= row.lost <= expected.lost[1]
+    assert expected.recovery_s[0] <= row.recovery_s <= expected.recovery_s[1]
+    assert expected.unheard[0] <= row.unheard <= expected.unheard[1]
+    assert row.bad_frames in expected.bad_frames
+    # The last of it is as it was before: every sample, on time, undoubted.
+    tail = run.samples[-20:]
+    assert [s.seq for s in tail] == list(range(tail[0].seq, tail[0].seq + 20))
+    assert {s.flags for s in tail} == {0}
+    assert run.hellos[-1].sensor_starts == row.status["sensor_reinits"] + 1
+
+
+def test_it_says_what_happened(case: tuple[Expected, DueRun, Row]) -> None:
+    expected, run, row = case
+    assert row.epochs == list(expected.epochs)
+    assert sorted(row.faults) == sorted(expected.faults)
+    assert ("device_fault" in run.troubles) == bool(expected.faults)
+
+
+def test_it_counts(case: tuple[Expected, DueRun, Row]) -> None:
+    expected, run, row = case
+    assert row.status["i2c_errors"] in expected.i2c_errors
+    assert row.status["bus_recoveries"] == expected.bus_recoveries
+    assert row.status["sensor_reinits"] == row.epochs.count("sensor_restart")
+    assert row.status["dropped_frames"] == 0
+    # The device cannot know what is lost on the wire; all else that the host misses it has counted itself.
+    assert row.status["overruns"] == (0 if expected.lost_on_the_way else row.lost)
+    last_boot = run.boots[-1]
+    sent = sum(len(burst.data) == 14 for burst in last_boot.bursts)
+    discarded = row.faults.count("readback_mismatch")
+    assert last_boot.due - row.status["overruns"] == sent - discarded
+
+
+def test_resets_have_their_cause(case: tuple[Expected, DueRun, Row]) -> None:
+    expected, run, row = case
+    assert row.resets == list(expected.resets)
+    assert row.status["reset_cause"] == (expected.resets or ("power_up",))[-1]
+    boots = [hello.boot_id for hello in run.hellos]
+    assert len(set(boots)) == len(run.boots)
+
+
+def test_every_kind_of_fault_has_a_case() -> None:
+    from tools.due_emulator.faults import KINDS
+
+    assert {fault.split()[0] for case in CASES for fault in case.faults} == set(KINDS)
+    assert set(EXPECTED) == {case.name for case in CASES}
+
+
+def test_details_of_faults_say_which_line_and_which_chip() -> None:
+    assert set(with_fault("SDA held for 1.2 s")[0].faults) >= {("bus_held", 1)}
+    assert set(with_fault("SCL held for 1.2 s")[0].faults) >= {("bus_held", 2)}
+    assert set(with_fault("sensor unplugged for 1.5 s")[0].faults) >= {("sensor_missing", 0x68)}
+    assert set(with_fault("exchanged for an unknown chip for 1 s")[0].faults) >= {("sensor_unknown", 0x12)}
+    # GYRO_CONFIG, set to ±2000 deg/s, or the register of the guard before it: all fell back.
+    ((name, detail),) = with_fault("sensor's supply sags")[0].faults
+    assert (name, detail) == ("readback_mismatch", 0x1A << 16 | 1 << 8 | 0)
+
+
+def test_a_retried_sample_says_so() -> None:
+    flags = [s.flags for s in with_fault("one NACK")[0].samples if s.flags]
+    assert flags == [wire.SampleFlags.RETRIED]
+    flags = [s.flags for s in with_fault("SDA held, 5 clocks free it")[0].samples if s.flags]
+    assert flags == [wire.SampleFlags.RETRIED | wire.SampleFlags.LATE]
+
+
+def test_a_sample_that_waited_for_a_hanging_program_is_late() -> None:
+    flags = [s.flags for s in with_fault("program hangs for 0.5 s")[0].samples if s.flags]
+    assert flags == [wire.SampleFlags.LATE]
+
+
+def test_a_relative_is_named_and_used_and_an_unknown_chip_is_refused() -> None:
+    run, _ = with_fault("exchanged for an MPU-6500")
+    assert run.hellos[-1].who_am_i == 0x70
+    assert "sensor_relative" in run.troubles
+    run, _ = with_fault("exchanged for an unknown chip for 1 s")
+    assert "sensor_unknown" in run.troubles
+
+
+def test_the_bus_is_freed_by_as_many_clocks_as_it_needs() -> None:
+    """One rising edge belongs to the STOP of each recovery, of which there is one at boot."""
+    assert with_fault("SDA held, 5 clocks free it")[0].board.lines.recovery_clocks == 5 + 2
+
+
+def test_a_board_that_sags_in_mid_transfer_frees_the_bus() -> None:
+    """Wherever in the bits of a byte the controller vanished: the sensor may be left holding SDA."""
+    began_ps = next(burst.at_ps for burst in one_minute().boots[0].bursts if burst.at_ps > 5 * 10**11)
+    clocks = []
+    for us in range(60, 360, 40):
+        at_s = began_ps / 1e12 + us * 1e-6
+        run = DueRun(image(), faults=[f"brown_out at={at_s:.6f} part=board"]).run_until(0.9)
+        assert run.check() is None
+        assert run.unheard() == [1, 0]
+        assert run.faults == []
+        clocks.append(run.board.lines.recovery_clocks - 2)
+    assert max(clocks) > 0

@@ -1,0 +1,116 @@
+"""The emulated Due on a pseudo-terminal in real time, and `fltea run` on it."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from due_support import ROOT
+from fltea.config import load_config
+from fltea.estimator.online import OnlineEstimator
+from fltea.sources.synthetic import NoiseGenerator, parse_noise
+from support import PATIENCE_S, QUICK, Processes
+
+NOISE = "alpha=0.5&f=-1&seed=9"
+ESTIMATES = 100
+
+
+def session_of(leader: int) -> list[int]:
+    """Processes of the session that a process began with `start_new_session`, itself included."""
+    found = []
+    for pid in (int(name) for name in os.listdir("/proc") if name.isdigit()):
+        with contextlib.suppress(ProcessLookupError):
+            if os.getsid(pid) == leader:
+                found.append(pid)
+    return found
+
+
+def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
+    processes: Processes, tmp_path: Path
+) -> None:
+    """Sensor, I2C, firmware, UART, port, daemon: each estimate equals, to the last bit, the direct one."""
+    link = tmp_path / "due"
+    board = subprocess.Popen(
+        [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", link, "--noise", NOISE],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert board.stdout is not None
+        assert str(link) in board.stdout.readline()
+        daemon = processes.daemon("--source", f"serial:{link}", "--samples", *QUICK)
+        daemon.wait_for(lambda: len(daemon.of("estimate")) >= ESTIMATES, "estimates")
+        assert daemon.end() == (0, "")
+        board.send_signal(signal.SIGINT)
+        report = board.communicate(timeout=PATIENCE_S)[0]
+    finally:
+        board.kill()
+        board.communicate()
+    assert board.returncode == 0
+    assert "ENDED EARLY" not in report
+
+    assert daemon.errors() == []
+    hellos = daemon.of("hello")
+    assert [hello["sensor_starts"] for hello in hellos] == [0, 1]
+    last = daemon.of("stats")[-1]
+    assert last["samples"]["lost"] == last["samples"]["gaps"] == 0
+    # Opening the port has reset the board.
+    assert last["device"]["reset_cause"] == "user"
+
+    samples = [tuple(round(rate * 16.4) for rate in s["gyro_dps"]) for s in daemon.of("sample")]
+    noise = NoiseGenerator(parse_noise(NOISE))
+    truth = [noise.step() for _ in range(len(samples) + 200)]
+    begin = truth.index(samples[0])
+    assert samples == truth[begin : begin + len(samples)]
+
+    config = load_config(None, {"estimator.window": 200, "estimator.startup": 50}).estimator
+    direct = OnlineEstimator(("gyro_x", "gyro_y", "gyro_z"), config, 0.01, 1 / 16.4)
+    expected = [direct.on_sample(tuple(count / 16.4 for count in counts)) for counts in samples][50:]
+    published = daemon.of("estimate")
+    assert len(published) == len(expected) >= ESTIMATES
+    for estimate, one in zip(published, expected, strict=True):
+        assert one is not None
+        for axis, value in one.items():
+            given = estimate["axes"][axis]
+            assert (given["alpha"], given["f"], given["state_dps"]) == (value.alpha, value.f, value.state_dps)
+            assert (given["alpha_std"], given["f_std"]) == (value.alpha_std, value.f_std)
+
+
+def test_make_run_passes_a_signal_on_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    demo = subprocess.Popen(
+        [sys.executable, ROOT / "tools/demo.py", "--format", "ndjson", *QUICK],
+        cwd=ROOT,
+        env={"PATH": "/usr/bin:/bin", "TMPDIR": str(tmp_path)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    assert demo.stdout is not None
+    assert demo.stderr is not None
+    try:
+        seen = b""
+        while b'"class":"sample"' not in seen and b'"class":"estimate"' not in seen:
+            line = demo.stdout.readline()
+            assert line, demo.stderr.read().decode()
+            seen += line
+        demo.send_signal(signal.SIGTERM)
+        _, told = demo.communicate(timeout=PATIENCE_S)
+        left = session_of(demo.pid)
+    finally:
+        for pid in session_of(demo.pid):
+            os.kill(pid, signal.SIGKILL)
+        demo.communicate()
+    assert left == []
+    assert demo.returncode == 0
+    first, *rest = told.decode().splitlines()
+    # What runs, and the truth that its estimates are to be compared with.
+    assert "fltea_due.bin" in first
+    assert "α 0.3, f -1.5" in first
+    # At the end the board says how it fared; a note tells if this machine did not keep up.
+    assert any("samples, 0 gaps, 0 lost" in line for line in rest)
+    assert not any("ENDED EARLY" in line or "unplugged" in line for line in rest)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,295 @@
+"""A run of the emulated Due that is known from both ends: what happened, and what the host made of it.
+
+The bytes go through the modules of `fltea run` as from a serial port: framing, messages, the serial source,
+continuity, pipeline. Beside that, the sensor's bus and the board's resets are watched, so that the host's
+counts can be held against what was really there.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import NamedTuple
+
+from fltea import wire
+from fltea.config import load_config
+from fltea.messages import Frame, FrameReader
+from fltea.model import AnyRecord, Epoch, Error, Gap, Hello, Sample, Stats
+from fltea.pipeline import Pipeline
+from fltea.sources.serial import SerialSource
+from fltea.transport import Chunk, Opened
+
+from tools.due_emulator.board import Board
+from tools.due_emulator.faults import parse_fault, schedule_faults
+from tools.due_emulator.machine import PS_PER_S, EmulationFault
+from tools.due_emulator.noise import World, fractional_world
+from tools.due_emulator.reset_controller import ResetType
+
+DATA = 0x3B
+DATA_BYTES = 14
+PERIOD_PS = PS_PER_S // 100
+QUIET_PS = PERIOD_PS * 8 // 10
+"""From this phase of a period on, all that an instant led to has arrived."""
+NEAR_PS = PS_PER_S // 1000
+CHUNK_BYTES = 64
+NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000}
+
+
+class Burst(NamedTuple):
+    """One reading of the sensor's data registers, whole or not: when it began, and what it gave."""
+
+    at_ps: int
+    data: bytearray
+
+
+@dataclass
+class Boot:
+    """One life of the program, as the emulator knows it. ended_ps: of the reset, or of the run."""
+
+    cause: ResetType
+    began_ps: int
+    bursts: list[Burst] = field(default_factory=list)
+    ended_ps: int = 0
+
+    @property
+    def due(self) -> int:
+        """Instants from the first reading of the sensor on: one each 10 ms, whatever became of them."""
+        return (self.ended_ps - self.bursts[0].at_ps) // PERIOD_PS + 1 if self.bursts else 0
+
+
+class Arrival(NamedTuple):
+    """A good frame, and when its last byte reached the host."""
+
+    frame: Frame
+    at_ps: int
+
+    @property
+    def at_s(self) -> float:
+        """Virtual time [s]."""
+        return self.at_ps / PS_PER_S
+
+
+class BusWatch:
+    """Hears the sensor's side of the bus: readings of its data registers, and addresses not acknowledged."""
+
+    def __init__(self, board: Board, on_burst: Callable[[Burst], None]) -> None:
+        self._board = board
+        self._on_burst = on_burst
+        self._pointer: int | None = None
+        self._burst: Burst | None = None
+        socket = board.socket
+        socket.start = partial(self._start, socket.start)  # type: ignore[method-assign]
+        socket.write = partial(self._write, socket.write)  # type: ignore[method-assign]
+        socket.read = partial(self._read, socket.read)  # type: ignore[method-assign]
+
+    def _start(self, go: Callable[[int, bool], bool], address: int, read: bool) -> bool:
+        ack = go(address, read)
+        if read and ack and self._pointer == DATA:
+            self._burst = Burst(self._board.machine.now_ps, bytearray())
+            self._on_burst(self._burst)
+        elif not read:
+            self._pointer = self._burst = None
+        return ack
+
+    def _write(self, go: Callable[[int], bool], byte: int) -> bool:
+        ack = go(byte)
+        if ack and self._pointer is None:
+            self._pointer = byte
+        return ack
+
+    def _read(self, go: Callable[[bool], int], ack: bool) -> int:
+        byte = go(ack)
+        if self._burst is not None:
+            self._burst.data.append(byte)
+        return byte
+
+
+class DueRun:
+    """A board with its host. `run_until` may be called again and again.
+
+    faults: as on the command line of tools.due_emulator. baud: what the host listens at.
+    """
+
+    def __init__(
+        self,
+        image: bytes,
+        *,
+        seed: int = 1,
+        noise: str = "",
+        faults: Sequence[str] = (),
+        world: World | None = None,
+        baud: float = wire.BAUD,
+        strict_baud: bool = True,
+    ) -> None:
+        self.wire = bytearray()
+        self.arrivals: list[Arrival] = []
+        self.records: list[AnyRecord] = []
+        self.error: str | None = None
+        self._source = SerialSource("the emulated Due", wire.BAUD)
+        self._pipeline = Pipeline(self._source, load_config(None, NO_ESTIMATES))
+        self._reader = FrameReader()
+        self._unsent = bytearray()
+        self._feed(Opened(0))
+        self.board = Board(image, seed=seed, world=world or fractional_world(noise))
+        self.board.bridge.deliver = self._deliver
+        self.board.bridge.host_baud = baud
+        self.board.bridge.strict_baud = strict_baud
+        self.boots = [Boot(ResetType.POWER_UP, 0)]
+        reset = self.board.reset
+        self.board.reset = partial(self._reset, reset)  # type: ignore[method-assign]
+        BusWatch(self.board, lambda burst: self.boots[-1].bursts.append(burst))
+        schedule_faults(self.board, [parse_fault(text) for text in faults])
+
+    def run_until(self, at_s: float) -> "DueRun":
+        """Run, and on to a moment between two instants; `error` says if it ended before."""
+        try:
+            self.board.run_until(at_s)
+            if bursts := self.boots[-1].bursts:
+                phase_ps = (self.now_ps - bursts[0].at_ps) % PERIOD_PS
+                self.board.run_until(at_s + (QUIET_PS - phase_ps) % PERIOD_PS / PS_PER_S)
+        except EmulationFault as fault:
+            self.error = fault.reason
+        self.boots[-1].ended_ps = self.now_ps
+        return self
+
+    @property
+    def now_ps(self) -> int:
+        """Virtual time [ps]."""
+        return self.board.machine.now_ps
+
+    # What the host has
+
+    def of(self, kind: type) -> list[Arrival]:
+        """Good frames of one message."""
+        return [arrival for arrival in self.arrivals if isinstance(arrival.frame.message, kind)]
+
+    @property
+    def samples(self) -> list[Sample]:
+        """Samples that the pipeline delivered."""
+        return [record for record in self.records if isinstance(record, Sample)]
+
+    @property
+    def epochs(self) -> list[str]:
+        """Why each epoch began."""
+        return [record.reason for record in self.records if isinstance(record, Epoch)]
+
+    @property
+    def gaps(self) -> list[int]:
+        """Length of each gap [samples]."""
+        return [record.missing for record in self.records if isinstance(record, Gap)]
+
+    @property
+    def troubles(self) -> list[str]:
+        """Kinds of errors that the host told."""
+        return [record.kind for record in self.records if isinstance(record, Error)]
+
+    @property
+    def hellos(self) -> list[Hello]:
+        """HELLOs that told something new."""
+        return [record for record in self.records if isinstance(record, Hello)]
+
+    @property
+    def faults(self) -> list[tuple[str, int]]:
+        """FAULTs: name of the code, detail."""
+        found = [arrival.frame.message for arrival in self.of(wire.Fault)]
+        return [(wire.FaultCode(fault.code).name.lower(), fault.detail) for fault in found]
+
+    @property
+    def status(self) -> wire.Status:
+        """The last STATUS."""
+        message = self.of(wire.Status)[-1].frame.message
+        assert isinstance(message, wire.Status)
+        return message
+
+    @property
+    def stats(self) -> Stats:
+        """The host's own sums."""
+        return self._pipeline.stats()
+
+    # Both ends
+
+    def unheard(self) -> list[int]:
+        """Of each boot that read the sensor: instants at its end of which the host heard nothing any more."""
+        heard = [0] * len(self.boots)
+        for boot, last in self._last_of_boots():
+            heard[boot] = last
+        return [b.due - h for b, h in zip(self.boots, heard, strict=True) if b.bursts]
+
+    def check(self) -> str | None:
+        """What does not add up; None if each instant is delivered, lost or unheard, and each value true."""
+        samples = self.stats.samples
+        unheard = self.unheard()
+        if self.error:
+            return f"ended early: {self.error}"
+        if samples.duplicates or samples.before_hello:
+            return f"{samples.duplicates} duplicates, {samples.before_hello} samples without HELLO"
+        if not unheard or unheard[-1]:
+            return f"unheard at the end of each boot: {unheard}; none should be at the end of the run"
+        due = sum(boot.due for boot in self.boots)
+        if samples.delivered + samples.lost + sum(unheard) != due:
+            parts = f"{samples.delivered} delivered + {samples.lost} lost + {unheard} unheard"
+            return f"{parts} are not the {due} that were due"
+        return self.check_values()
+
+    def check_values(self) -> str | None:
+        """Every sample is, byte for byte, what the sensor gave at that sample's own time; None if so."""
+        zero_ps, boot_id = 0, None
+        bursts = [burst for boot in self.boots for burst in boot.bursts if len(burst.data) >= DATA_BYTES]
+        i = 0
+        for frame, at_ps in self.arrivals:
+            match frame.message:
+                case wire.Hello() as hello if hello.boot_id != boot_id:
+                    boot_id, zero_ps = hello.boot_id, 0
+                case wire.Sample() as sample:
+                    if not zero_ps:
+                        last = [burst.at_ps for burst in bursts if burst.at_ps < at_ps][-1:] or [at_ps]
+                        zero_ps = last[0] - frame.device_us * 1_000_000
+                    time_ps = zero_ps + frame.device_us * 1_000_000
+                    while i < len(bursts) and bursts[i].at_ps < time_ps - NEAR_PS // 2:
+                        i += 1
+                    if i == len(bursts) or bursts[i].at_ps > time_ps + NEAR_PS:
+                        return f"SAMPLE {frame.sequence}: the sensor was not read at {frame.device_us} us"
+                    if bytes(bursts[i].data) != chip_bytes(sample):
+                        return f"SAMPLE {frame.sequence} is {sample}, the sensor gave {bursts[i].data.hex()}"
+        return None
+
+    # The wires
+
+    def _deliver(self, byte: int) -> bool:
+        self._unsent.append(byte)
+        if not byte or len(self._unsent) >= CHUNK_BYTES:
+            data = bytes(self._unsent)
+            self._unsent.clear()
+            self.wire += data
+            self.arrivals += [
+                Arrival(f, self.now_ps) for f in self._reader.feed(data) if isinstance(f, Frame)
+            ]
+            self._feed(Chunk(data, self.now_ps // 1000))
+        return True
+
+    def _feed(self, item: Opened | Chunk) -> None:
+        # The source is not started: what its thread would read comes from the emulator.
+        for event in self._source._on_transport(item):
+            self.records += self._pipeline.feed(event)
+
+    def _reset(self, go: Callable[..., None], cause: ResetType, *hold_ps: int) -> None:
+        self.boots[-1].ended_ps = self.now_ps
+        self.boots.append(Boot(cause, self.now_ps))
+        go(cause, *hold_ps)
+
+    def _last_of_boots(self) -> Iterator[tuple[int, int]]:
+        """For each boot that was heard: its place in `boots`, and its last sample's number plus one."""
+        ids: list[int] = []
+        for frame, at_ps in self.arrivals:
+            match frame.message:
+                case wire.Hello() as hello if hello.boot_id not in ids:
+                    ids.append(hello.boot_id)
+                    boot = max(n for n, b in enumerate(self.boots) if b.began_ps <= at_ps)
+                case wire.Sample() if ids:
+                    yield boot, frame.sequence + 1
+
+
+def chip_bytes(sample: wire.Sample) -> bytes:
+    """A sample as it stands in the sensor's registers 59 to 72."""
+    s = sample
+    counts = (s.accel_x, s.accel_y, s.accel_z, s.temperature, s.gyro_x, s.gyro_y, s.gyro_z)
+    return b"".join(count.to_bytes(2, "big", signed=True) for count in counts)

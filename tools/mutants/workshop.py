@@ -1,0 +1,127 @@
+"""Private copies of the firmware with its tests, in which a bug may be put, built and judged."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(REPOSITORY / "tools"))
+
+from build_firmware import BuildError, build  # noqa: E402
+
+PARTS = ("firmware", "tests/firmware", "tests/conftest.py", "protocol/vectors", "pyproject.toml")
+PATIENCE_S = 300.0
+"""Only keeps a mutant that never ends from holding up the others."""
+
+DOCTEST = "build/doctest"
+# Neither sanitizers nor optimisation: a mutant is built in seconds. $(VECTORS) is make's.
+DOCTEST_FLAGS = "FLAGS=-std=gnu++11 -O0 -DVECTORS='\"$(VECTORS)\"'"
+ARDUINO = {"MAKEFLAGS": "SANITIZE="}
+
+
+class Invalid(Exception):
+    """The mutant does not build, so it says nothing about the tests."""
+
+
+class Verdict(NamedTuple):
+    """judge: who. noticed: the first thing that failed; None if nothing did."""
+
+    judge: str
+    noticed: str | None
+
+
+def copy_parts(to: Path) -> None:
+    """Copy from the repository what the judges need."""
+    for part in PARTS:
+        source, target = REPOSITORY / part, to / part
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if source.is_dir():
+            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(source, target)
+
+
+def forget_build(root: Path) -> None:
+    """Leave of what is built in `root` only what make finds out of date by itself in a copy of it."""
+    (root / DOCTEST / "tests").unlink()
+    shutil.rmtree(root / "build/tests-arduino")  # its dependencies are noted with absolute paths
+
+
+def judge(root: Path, file: str) -> list[Verdict]:
+    """Build the copy at `root` and ask everyone whom a change of firmware/`file` concerns.
+
+    Raises:
+        Invalid: it does not build.
+    """
+    port = file.split("/")[0]
+    verdicts = []
+    if port in ("core", "due"):
+        verdicts.append(Verdict("emulator", on_the_emulator(root)))
+    if port == "core":
+        verdicts.append(Verdict("doctest", by_doctest(root)))
+    if port in ("core", "arduino"):
+        verdicts.append(Verdict("arduino", on_the_stub(root)))
+    return verdicts
+
+
+def on_the_emulator(root: Path) -> str | None:
+    """Build the image and try it; the first statement of tools.mutants.trial that fails."""
+    folder = root / "build/firmware"
+    try:
+        build(root, "timer", folder)
+    except BuildError as error:
+        raise Invalid(str(error)) from error
+    command = [sys.executable, "-m", "tools.mutants.trial", str(folder / "fltea_due.bin")]
+    code, output = _run(command, REPOSITORY)
+    return output.strip().splitlines()[-1] if code else None
+
+
+def by_doctest(root: Path) -> str | None:
+    """Build and run the C++ tests of the core; the first case that fails."""
+    here = root / "tests/firmware"
+    program = root / DOCTEST / "tests"
+    # Relative, so that what a copy has built already fits the next one.
+    goal = os.path.relpath(program, here)
+    command = ["make", f"BUILD={Path(goal).parent}", DOCTEST_FLAGS, goal]
+    code, output = _run(command, here)
+    if code:
+        raise Invalid(output)
+    code, output = _run([str(program), "--abort-after=1", "--no-colors=true"], here)
+    return _first(output, "TEST CASE:", f"exit code {code}") if code else None
+
+
+def on_the_stub(root: Path) -> str | None:
+    """Run the tests of the Arduino sketch, which build it themselves; the first that fails."""
+    command = [sys.executable, "-m", "pytest", "tests/firmware/test_arduino.py", "-k", "g++ and not clang"]
+    options = ["-x", "-q", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-o", "timeout=300"]
+    code, output = _run([*command, *options], root, ARDUINO)
+    if "make: ***" in output or code > 1:
+        raise Invalid(output)
+    return _first(output, "FAILED ", f"exit code {code}").replace("tests/firmware/", "") if code else None
+
+
+def _first(output: str, word: str, otherwise: str) -> str:
+    lines = [line.strip() for line in output.splitlines() if word in line]
+    return lines[0].replace(word, "").strip() if lines else otherwise
+
+
+def _run(command: list[str], folder: Path, environment: dict[str, str] | None = None) -> tuple[int, str]:
+    try:
+        done = subprocess.run(
+            command,
+            cwd=folder,
+            env={**os.environ, **(environment or {})},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            encoding="utf-8",
+            errors="replace",
+            timeout=PATIENCE_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return 1, "it does not come to an end"
+    return done.returncode, done.stdout
