@@ -38,6 +38,8 @@ lint: .venv/.dev
 	@$(PY) -m ruff check $(PY_DIRS)
 	@$(PY) -m mypy
 	@.venv/bin/clang-format --dry-run -Werror $(CXX_FILES)
+	@cppcheck --quiet --std=c++11 --language=c++ --enable=warning,style,performance,portability --error-exitcode=1 \
+		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea
 	@$(PY) tools/gen_protocol.py --check
 	@$(PY) tools/gen_registers.py --check
 	@$(PY) tools/build_id.py --check
@@ -51,6 +53,7 @@ gen: .venv/.dev
 	@$(PY) tools/make_vectors.py
 	@$(PY) tools/gen_memory_constants.py
 	@$(PY) tools/make_golden.py
+	@$(PY) tools/build_id.py
 
 # Both ports: the bare-metal image (committed), and the Arduino sketch against the stub of its libraries.
 firmware: .venv/.dev
