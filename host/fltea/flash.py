@@ -4,13 +4,16 @@ This is the only module that opens a port at 1200 baud, which erases a Due. Fact
 bossac: firmware/README.md.
 """
 
-import contextlib
+import errno
 import json
 import os
 import re
 import shutil
+import struct
 import subprocess
+import termios
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -36,8 +39,21 @@ Method = Literal["auto", "arduino-cli", "platformio", "bossac"]
 
 FQBN = "arduino:sam:arduino_due_x_dbg"
 
-TOUCH_S = 0.5
-"""Between the touch and bossac: the board erases its flash and restarts in its boot loader."""
+HOLD_S = 1.0
+"""At 1200 baud: the USB chip erases for 0.49 s and then resets, 0.74 s in all (180 ticks of 4.1 ms in
+ArduinoCore-sam's Arduino-usbserial.c). Whatever changes a line meanwhile starts it again."""
+
+SAFE_BAUD = 115200
+"""What the terminal keeps: opening raises DTR before a program can set its rate, and at 1200 that erases."""
+
+SETTLE_S = 0.5
+"""Between the touch and the tool: the board starts in its boot loader."""
+
+FLASH_BEGIN = 0x0008_0000
+FLASH_BYTES = 512 * 1024
+RAM_BEGIN = 0x2007_0000
+RAM_END = 0x2008_8000
+"""Flash and RAM of the ATSAM3X8E (datasheet, 7 Memories)."""
 
 VERIFY_S = 15.0
 """HELLO comes at boot and every second; the rest is for a port that comes back late."""
@@ -61,7 +77,12 @@ class Plan(NamedTuple):
 
     def lines(self) -> list[str]:
         """The plan as a shell would have it."""
-        touch = [f"stty -F {self.port} {FORBIDDEN_BAUD}   # erases the board", f"sleep {TOUCH_S:g}"]
+        touch = [
+            f"stty -F {self.port} {FORBIDDEN_BAUD}   # erases the board when it closes the port",
+            f"sleep {HOLD_S:g}",
+            f"stty -F {self.port} {SAFE_BAUD}   # and this one when it opens it",
+            f"sleep {HOLD_S:g}",
+        ]
         return (touch if self.touch else []) + [" ".join(map(_quoted, self.command))]
 
 
@@ -161,10 +182,11 @@ def _bossac_plan(port: str, image: Path | None, root: Path | None) -> Plan:
         image = root / "firmware/due/image/fltea_due.bin"
     if not image.is_file():
         raise UsageError(f"{image}: there is no such image.")
+    check_image(image)
     facts = image.with_suffix(".json")
     try:
         build_id = str(json.loads(facts.read_text("utf-8"))["build_id"]) if facts.is_file() else None
-    except (ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise UsageError(f"{facts}: does not state the image's build_id ({error}).") from error
     name = os.path.relpath(port, "/dev") if port.startswith("/dev/") else port
     bossac = _bossac()
@@ -178,6 +200,32 @@ def _bossac_plan(port: str, image: Path | None, root: Path | None) -> Plan:
             "and then leave it erased. 1.6.1-arduino works (it comes with arduino-cli's core arduino:sam)."
         )
     return Plan("bossac", port, True, command, build_id, warning)
+
+
+def check_image(image: Path) -> None:
+    """Refuse a file that does not begin with a vector table for the Due (ARMv7-M, B1.5.3).
+
+    Raises:
+        UsageError: the file cannot be read, or is no image.
+    """
+    try:
+        content = image.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{image}: cannot be read ({error}).") from error
+    if not 8 <= len(content) <= FLASH_BYTES:
+        wrong = f"it has {len(content)} bytes, the flash {FLASH_BYTES}"
+    else:
+        stack, reset = struct.unpack_from("<II", content)
+        if not RAM_BEGIN < stack <= RAM_END or stack % 4:
+            wrong = f"its first word puts the stack at 0x{stack:08x}, which is not in RAM"
+        elif not FLASH_BEGIN + 8 < reset < FLASH_BEGIN + len(content) or reset % 2 == 0:
+            wrong = f"its second word puts the reset handler at 0x{reset:08x}, which is no Thumb code in it"
+        else:
+            return
+    raise UsageError(
+        f"{image}: is no image for the Due: {wrong}. Give the plain binary (.bin), linked to "
+        f"0x{FLASH_BEGIN:x}. Nothing was erased."
+    )
 
 
 def _bossac() -> str | None:
@@ -205,44 +253,66 @@ def _build_id_of_sources(root: Path) -> str:
     return found[1]
 
 
-def carry_out(plan: Plan) -> None:
+def carry_out(plan: Plan, sleep: Callable[[float], None] = time.sleep) -> None:
     """Touch the port if need be, and run the command; its output goes to the terminal.
 
     Raises:
         FlteaError: the port cannot be opened, or the command failed.
     """
     if plan.touch:
-        touch(plan.port)
-        time.sleep(TOUCH_S)
+        touch(plan.port, sleep)
+        sleep(SETTLE_S)
+    way_out = (
+        "The board is erased by now, but cannot be ruined that way: its boot loader is in ROM. Press "
+        "the button ERASE, then RESET, and try again, best with another tool (--method)."
+        if plan.touch
+        else "See its message above; close whatever else uses the port. Unplug the USB cable and plug it in "
+        f"again: the tool may have left the port at {FORBIDDEN_BAUD} baud, and then whatever opens it erases "
+        "the board. Then try again."
+    )
     try:
         code = subprocess.run(plan.command, check=False).returncode
     except OSError as error:
-        raise FlteaError(f"{plan.command[0]} could not be started ({error}).") from error
+        raise FlteaError(f"{plan.command[0]} could not be started ({error}). {way_out}") from error
     if code:
-        erased = (
-            " The board is erased by now, but cannot be ruined that way: its boot loader is in ROM. Press "
-            "the button ERASE, then RESET, and try again, best with another tool (--method)."
-            if plan.touch
-            else " See its message above; close whatever else uses the port, and try again."
-        )
-        raise FlteaError(f"{plan.command[0]} failed with exit code {code}.{erased}")
+        raise FlteaError(f"{plan.command[0]} failed with exit code {code}. {way_out}")
 
 
-def touch(port: str) -> None:
-    """Open and close the port at 1200 baud: the Due's USB chip then erases the flash and resets the Due.
+def touch(port: str, sleep: Callable[[float], None] = time.sleep) -> None:
+    """Drop DTR at 1200 baud: the Due's USB chip then erases the flash and resets the Due.
+
+    The port is held until that is over, and is left at SAFE_BAUD, also by an exception.
 
     Raises:
-        FlteaError: the port cannot be opened.
+        FlteaError: the port cannot be opened, or was lost.
     """
-    line = serial.Serial(baudrate=FORBIDDEN_BAUD, exclusive=True)
+    line = serial.Serial(baudrate=SAFE_BAUD, exclusive=True)
     line.port = port
     try:
         line.open()
-        with contextlib.suppress(OSError):  # a pseudo-terminal has no such line
-            line.dtr = False
-        line.close()
-    except (OSError, serial.SerialException) as error:
+    except (OSError, termios.error) as error:
         raise FlteaError(explain_open_failure(port, error)[1]) from error
+    try:
+        with line:
+            try:
+                line.baudrate = FORBIDDEN_BAUD
+                _drop_dtr(line)
+                sleep(HOLD_S)
+            finally:
+                line.baudrate = SAFE_BAUD
+    except (OSError, termios.error) as error:
+        raise FlteaError(
+            f"{port} was lost during the touch at {FORBIDDEN_BAUD} baud ({error}): is the cable loose? The "
+            "board may be erased by now. Unplug the USB cable, plug it in again, and try again."
+        ) from error
+
+
+def _drop_dtr(line: serial.Serial) -> None:
+    try:
+        line.dtr = False
+    except OSError as error:
+        if error.errno not in (errno.ENOTTY, errno.EINVAL):  # as a pseudo-terminal says: it has no such line
+            raise
 
 
 def wait_for_hello(port: str, build_id: str | None, timeout_s: float = VERIFY_S) -> wire.Hello:

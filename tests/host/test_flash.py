@@ -4,6 +4,7 @@ import contextlib
 import os
 import pty
 import re
+import struct
 import subprocess
 import sys
 import termios
@@ -116,7 +117,7 @@ def tools(tmp_path: Path) -> Tools:
 @pytest.fixture
 def image(tmp_path: Path) -> Path:
     path = tmp_path / "some.bin"
-    path.write_bytes(b"image")
+    path.write_bytes(struct.pack("<II", 0x2008_8000, 0x0008_0101).ljust(1024, b"\xff"))
     path.with_suffix(".json").write_text('{"build_id": "12ab34cd"}')
     return path
 
@@ -127,7 +128,7 @@ def test_bossac_after_a_touch_at_1200_baud(tools: Tools, board: Board, image: Pa
     assert (done.returncode, done.stderr) == (0, "")
     assert "runs '0.1.0 due 12ab34cd'" in done.stdout
     name = board.port.removeprefix("/dev/")
-    assert tools.calls() == [f"bossac --port={name} -U false -e -w -v -b {image} -R", "1200"]
+    assert tools.calls() == [f"bossac --port={name} -U false -e -w -v -b {image} -R", "115200"]
 
 
 @pytest.mark.parametrize(
@@ -177,9 +178,9 @@ def test_a_dry_run_does_nothing(tools: Tools, board: Board, image: Path) -> None
     before = board.speed()
     done = tools.run("--port", board.port, "--image", image, "--dry-run")
     assert done.returncode == 0
-    touch, wait, write = done.stdout.splitlines()
-    assert touch.startswith(f"stty -F {board.port} 1200")
-    assert wait == "sleep 0.5"
+    touch, erase, calm, erase_again, write = (line.split("#")[0].strip() for line in done.stdout.splitlines())
+    assert (touch, erase) == (f"stty -F {board.port} 1200", "sleep 1")
+    assert (calm, erase_again) == (f"stty -F {board.port} 115200", "sleep 1")
     assert write.endswith(f"bossac --port={board.port.removeprefix('/dev/')} -U false -e -w -v -b {image} -R")
     assert tools.calls() == []
     assert board.speed() == before
@@ -253,6 +254,16 @@ def test_an_image_that_is_missing_or_says_nonsense(tools: Tools, board: Board, i
     assert "there is no such image" in done.stderr
 
 
+def test_a_file_that_is_no_image_erases_nothing(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    image.write_bytes(b"\x7fELF".ljust(1024, b"\0"))
+    before = board.speed()
+    done = tools.run("--port", board.port, "--image", image, "--yes")
+    assert done.returncode == 2
+    assert f"{image}: is no image for the Due" in done.stderr
+    assert (tools.calls(), board.speed()) == ([], before)
+
+
 def test_outside_of_a_clone_it_says_so() -> None:
     with pytest.raises(UsageError, match="does not run from a clone"):
         flash.make_plan("auto", "/dev/ttyACM0", None, None)
@@ -264,13 +275,6 @@ def test_a_silent_board_is_told_after_a_while() -> None:
         flash.wait_for_hello(os.ttyname(slave), "12ab34cd", timeout_s=0.3)
     os.close(master)
     os.close(slave)
-
-
-def test_the_touch_sets_1200_baud_and_says_when_it_cannot(board: Board, tmp_path: Path) -> None:
-    flash.touch(board.port)
-    assert board.speed() == termios.B1200
-    with pytest.raises(FlteaError, match="there is no port"):
-        flash.touch(str(tmp_path / "none"))
 
 
 def test_nothing_else_opens_at_1200_baud() -> None:
