@@ -1,7 +1,7 @@
 """Builds the bare-metal images for the Due with Debian's gcc-arm-none-eabi.
 
 Writes firmware/due/image/fltea_due.bin and fltea_due.json (committed: timer mode) and, to build/firmware/,
-both modes with ELF, map and stack use. Run tools/build_id.py first: the id is in the image.
+both modes with JSON, ELF, map and stack use. Run tools/build_id.py first: the id is in the image.
 
 `--check` writes nothing to the repository: it builds anew and compares. Exit codes: 0 the committed image is
 what the sources give; 1 it is not; 2 the build failed; 3 no compiler; 4 a compiler of another version than
@@ -48,6 +48,7 @@ class BuildError(Exception):
 class Image:
     """A built image. ram_bytes: the reserved stack is part of it."""
 
+    mode: str
     data: bytes
     ram_bytes: int
 
@@ -68,7 +69,7 @@ def build(root: Path, mode: str, folder: Path) -> Image:
     firmware = root / "firmware"
     folder.mkdir(parents=True, exist_ok=True)
     objects = []
-    for source in sorted([*firmware.glob("core/*.cpp"), *firmware.glob("due/*.cpp")]):
+    for source in sorted(firmware.glob("due/*.cpp")):
         name = source.relative_to(firmware).as_posix()
         target = (folder / name.replace("/", "_")).with_suffix(".o").resolve()
         mapped = [f"-ffile-prefix-map={firmware.resolve()}=firmware", f"-DFLTEA_SAMPLING_MODE={mode}"]
@@ -80,7 +81,11 @@ def build(root: Path, mode: str, folder: Path) -> Image:
     binary = elf.with_suffix(".bin")
     _run([f"{PREFIX}objcopy", "-O", "binary", str(elf), str(binary)], firmware)
     _, data, bss, *_ = _run([f"{PREFIX}size", str(elf)], firmware).splitlines()[1].split()
-    return Image(binary.read_bytes(), int(data) + int(bss))
+    image = Image(mode, binary.read_bytes(), int(data) + int(bss))
+    made_by = compiler()
+    assert made_by is not None, "it has just compiled"
+    (folder / Path(RECORD).name).write_text(record(root, image, made_by), encoding="utf-8")
+    return image
 
 
 def record(root: Path, image: Image, made_by: str) -> str:
@@ -93,7 +98,7 @@ def describe(root: Path, image: Image, made_by: str) -> dict[str, str | int]:
     return {
         "version": version(root),
         "build_id": build_id(root),
-        "sampling_mode": COMMITTED_MODE,
+        "sampling_mode": image.mode,
         "sha256": hashlib.sha256(image.data).hexdigest(),
         "flash_bytes": len(image.data),
         "ram_bytes": image.ram_bytes,

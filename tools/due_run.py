@@ -20,25 +20,17 @@ from fltea.transport import Chunk, Opened
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.faults import parse_fault, schedule_faults
+from tools.due_emulator.instants import PERIOD_PS, Burst, BusWatch, due_between
 from tools.due_emulator.machine import PS_PER_S, EmulationFault
 from tools.due_emulator.noise import World, fractional_world
 from tools.due_emulator.reset_controller import ResetType
 
-DATA = 0x3B
 DATA_BYTES = 14
-PERIOD_PS = PS_PER_S // 100
 QUIET_PS = PERIOD_PS * 8 // 10
 """From this phase of a period on, all that an instant led to has arrived."""
 NEAR_PS = PS_PER_S // 1000
 CHUNK_BYTES = 64
 NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000}
-
-
-class Burst(NamedTuple):
-    """One reading of the sensor's data registers, whole or not: when it began, and what it gave."""
-
-    at_ps: int
-    data: bytearray
 
 
 @dataclass
@@ -53,7 +45,7 @@ class Boot:
     @property
     def due(self) -> int:
         """Instants from the first reading of the sensor on: one each 10 ms, whatever became of them."""
-        return (self.ended_ps - self.bursts[0].at_ps) // PERIOD_PS + 1 if self.bursts else 0
+        return due_between(self.bursts[0].at_ps if self.bursts else None, self.ended_ps)
 
 
 class Arrival(NamedTuple):
@@ -66,41 +58,6 @@ class Arrival(NamedTuple):
     def at_s(self) -> float:
         """Virtual time [s]."""
         return self.at_ps / PS_PER_S
-
-
-class BusWatch:
-    """Hears the sensor's side of the bus: readings of its data registers, and addresses not acknowledged."""
-
-    def __init__(self, board: Board, on_burst: Callable[[Burst], None]) -> None:
-        self._board = board
-        self._on_burst = on_burst
-        self._pointer: int | None = None
-        self._burst: Burst | None = None
-        socket = board.socket
-        socket.start = partial(self._start, socket.start)  # type: ignore[method-assign]
-        socket.write = partial(self._write, socket.write)  # type: ignore[method-assign]
-        socket.read = partial(self._read, socket.read)  # type: ignore[method-assign]
-
-    def _start(self, go: Callable[[int, bool], bool], address: int, read: bool) -> bool:
-        ack = go(address, read)
-        if read and ack and self._pointer == DATA:
-            self._burst = Burst(self._board.machine.now_ps, bytearray())
-            self._on_burst(self._burst)
-        elif not read:
-            self._pointer = self._burst = None
-        return ack
-
-    def _write(self, go: Callable[[int], bool], byte: int) -> bool:
-        ack = go(byte)
-        if ack and self._pointer is None:
-            self._pointer = byte
-        return ack
-
-    def _read(self, go: Callable[[bool], int], ack: bool) -> int:
-        byte = go(ack)
-        if self._burst is not None:
-            self._burst.data.append(byte)
-        return byte
 
 
 class DueRun:

@@ -39,6 +39,7 @@ CASES = (
     Case("SCL held for 1.2 s", ("scl_stuck at=1 for=1.2",), 4.2),
     Case("one NACK", ("nack_burst at=1 count=1",), 2.2),
     Case("NACKs for 0.1 s", ("nack_burst at=1 for=0.1",), 3.2),
+    Case("stale bytes in the controller", ("stale_byte at=1 count=5",), 2.2),
     Case("sensor unplugged for 1.5 s", ("unplug at=1 for=1.5",), 4.2),
     Case("exchanged for an MPU-6500", ("clone at=1 who_am_i=0x70",), 3.2),
     Case(

@@ -69,6 +69,7 @@ value 3 readback_mismatch
 value 4 bus_held
 value 5 sensor_lost
 value 6 data_ready_missing
+value 7 sensor_frozen
 flags sample_flags
 bit 0 late
 bit 1 retried
@@ -88,7 +89,7 @@ NAMES = {
 FORMATS = {HELLO: "<BBII16s24sBHIHHHHHB", SAMPLE: "<hhhhhhhB", STATUS: "<IIIIIB", FAULT: "<BI"}
 
 DEVICE = bytes(range(0xA0, 0xB0))
-TYPICAL_HELLO = (1, 1, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
+TYPICAL_HELLO = (1, 2, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
 TYPICAL_SAMPLE = (12, -7, 3, -120, 85, 16390, -1042, 0)
 TYPICAL_STATUS = (2, 1, 0, 3, 5, 4)
 U16, U32 = 0xFFFF, 0xFFFFFFFF
@@ -113,6 +114,7 @@ GOOD = [
     ("status, all ones: a reset cause that no version names", STATUS, U16, U32, (*(U32,) * 5, 254)),
     ("fault, a register that did not keep its setting", FAULT, 0, 250_000, (3, 0x1B1800)),
     ("fault, no edge on the data-ready pin", FAULT, 1, 12_345_678, (6, 1_000_123)),
+    ("fault, a sensor that stands still", FAULT, 2, 13_000_000, (7, 10)),
     ("fault, code of no known kind", FAULT, U16, U32, (99, U32)),
 ]
 

@@ -38,7 +38,7 @@ class Faults {
     }
 
   private:
-    static constexpr size_t kCodes = static_cast<size_t>(FaultCode::data_ready_missing);
+    static constexpr size_t kCodes = static_cast<size_t>(FaultCode::sensor_frozen);
 
     struct Entry {
         uint32_t detail = 0;

@@ -1,7 +1,7 @@
 // The sensor's care: sets it up, reads it, and brings it back. A failed transfer is tried once more, and nine
-// clocks free the bus if it may be held. After a few lost instants, or a register that is not as it was set,
-// the chip is set up again, at most once a second until it runs. No call outlasts two failing transfers and
-// two recoveries: 10 ms.
+// clocks free the bus if it may be held. After a few lost instants, a register that is not as it was set, or
+// values that stand still, the chip is set up again, at most once a second until it runs. No call outlasts
+// two failing transfers, three recoveries and those transfers of a set-up that work: 10 ms.
 #pragma once
 
 #include <stddef.h>
@@ -55,28 +55,25 @@ class Health {
     // One instant of a running sensor. False: nothing to send; set_up() does what is needed.
     bool read(Reading& reading) {
         uint8_t burst[Mpu9250::kBurstBytes];
-        uint8_t guard[Mpu9250::kGuardBytes];
         retried_ = false;
         const bool done = transfer([&]() -> I2cResult {
-                              reading.burst_us = clock_.now_us();
-                              return sensor_.read_burst(burst);
-                          }) &&
-                          transfer([&]() -> I2cResult { return sensor_.read_guard(guard); });
-        if (!done) {
-            if (++lost_instants_ == kLostInstants) stop(FaultCode::sensor_lost, errors_in_row_);
+            reading.burst_us = clock_.now_us();
+            return sensor_.read_burst(burst);
+        });
+        // Checked after the burst, so that a chip that came back from a reset before it is found out.
+        if (!done || !guarded()) {
+            if (running() && ++lost_instants_ == kLostInstants) stop(FaultCode::sensor_lost, errors_in_row_);
             return false;
         }
         lost_instants_ = 0;
         errors_in_row_ = 0;
-
-        // Checked after the burst, so that a chip that came back from a reset before it is found out.
-        const size_t wrong = sensor_.first_mismatch(guard);
-        if (wrong != Mpu9250::kSettings) {
-            mismatch(wrong, guard[wrong - Mpu9250::kGuardStart]);
+        count_equal(burst);
+        if (equal_ == kMostEqual) {
+            doubt(FaultCode::sensor_frozen, equal_);
             return false;
         }
         decode_burst(burst, reading.sample);
-        reading.sample.flags = flags(reading.sample, burst);
+        reading.sample.flags = flags(reading.sample);
         return true;
     }
 
@@ -93,8 +90,13 @@ class Health {
   private:
     enum class State : uint8_t { idle, resetting, settling, running };
 
+    // What became of a question about the chip's settings.
+    enum class Answer : uint8_t { right, right_at_second, wrong, none };
+
     // Three instants in a row are more than a disturbance and less than the host's patience.
     static constexpr uint8_t kLostInstants = 3;
+    // The noise of seven channels does not stand still; a chip asleep does, and keeps its settings.
+    static constexpr uint8_t kMostEqual = 10;
     // After a reset the registers answer like after power-up: within 100 ms (PS-MPU-9250A-01, start-up time).
     static constexpr uint32_t kResetUs = 100000;
     // The gyroscope needs 35 ms from sleep (PS-MPU-9250A-01, 3.1), where an MPU-6050 is after its reset.
@@ -110,8 +112,7 @@ class Health {
         for (;;) {
             const I2cResult result = go();
             if (result == I2cResult::ok) return true;
-            ++i2c_errors_;
-            ++errors_in_row_;
+            count_error();
             const bool again = !retried_;
             retried_ = true;
             // A NACK comes over a bus that works: ask again before freeing it.
@@ -133,17 +134,53 @@ class Health {
         return true;
     }
 
+    // I2C has no checksum: a wrong answer may be a bit that flipped on the wires, and is asked for once more.
+    template <typename Read, typename Right>
+    Answer ask(Read read, Right right) {
+        if (!transfer(read)) return Answer::none;
+        if (right()) return Answer::right;
+        if (!transfer(read)) return Answer::none;
+        if (!right()) return Answer::wrong;
+        count_error();
+        return Answer::right_at_second;
+    }
+
+    void count_error() {
+        ++i2c_errors_;
+        ++errors_in_row_;
+    }
+
+    // Whether the burst can be believed: the chip is as it was set, and says so at once.
+    bool guarded() {
+        uint8_t guard[Mpu9250::kGuardBytes];
+        size_t wrong = 0;
+        const Answer answer = ask([&]() -> I2cResult { return sensor_.read_guard(guard); },
+                                  [&]() -> bool {
+                                      wrong = sensor_.first_mismatch(guard);
+                                      return wrong == Mpu9250::kSettings;
+                                  });
+        if (answer == Answer::wrong) mismatch(wrong, guard[wrong - Mpu9250::kGuardStart]);
+        return answer == Answer::right;
+    }
+
     void identify(uint32_t now_us) {
         between_.begin(now_us, kProbeUs);
+        if (doubtful_) bus_.recover();
+        doubtful_ = false;
         uint8_t answer = 0;
         if (!transfer([&]() -> I2cResult { return sensor_.read_who_am_i(answer); })) {
-            if (held_ == HeldLines::none) faults_.raise(FaultCode::sensor_missing, settings::kSensorAddress);
+            if (held_ != HeldLines::none) return;
+            // The board is up before a sensor that gets its supply with it (11 to 100 ms:
+            // PS-MPU-9250A-01, 3.4.2).
+            if (unanswered_) faults_.raise(FaultCode::sensor_missing, settings::kSensorAddress);
+            unanswered_ = true;
             return;
         }
+        unanswered_ = false;
         who_am_i_ = answer;
         const SensorKind* const kind = find_sensor_kind(answer);
         if (kind == nullptr) {
-            faults_.raise(FaultCode::sensor_unknown, answer);
+            doubt(FaultCode::sensor_unknown, answer);
             return;
         }
         sensor_.set_kind(*kind);
@@ -159,12 +196,16 @@ class Health {
         for (size_t i = 0; i < Mpu9250::kSettings; ++i) {
             if (!sensor_.has_setting(i)) continue;
             uint8_t kept = 0;
-            if (!transfer([&]() -> I2cResult { return sensor_.write_setting(i); }) ||
-                !transfer([&]() -> I2cResult { return sensor_.read_setting(i, kept); })) {
+            Answer answer = Answer::none;
+            if (transfer([&]() -> I2cResult { return sensor_.write_setting(i); })) {
+                answer = ask([&]() -> I2cResult { return sensor_.read_setting(i, kept); },
+                             [&]() -> bool { return sensor_.setting(i).is(kept); });
+            }
+            if (answer == Answer::none) {
                 stop(FaultCode::sensor_lost, errors_in_row_);
                 return;
             }
-            if (kept != sensor_.setting(i).value) {
+            if (answer == Answer::wrong) {
                 mismatch(i, kept);
                 return;
             }
@@ -177,7 +218,7 @@ class Health {
         ++starts_;
         lost_instants_ = 0;
         errors_in_row_ = 0;
-        has_last_ = false;
+        equal_ = 0;
         faults_.forget_repeats();
     }
 
@@ -188,8 +229,15 @@ class Health {
 
     void mismatch(size_t i, uint8_t kept) {
         const RegisterSetting& setting = sensor_.setting(i);
-        stop(FaultCode::readback_mismatch,
-             static_cast<uint32_t>(setting.reg) << 16 | static_cast<uint32_t>(setting.value) << 8 | kept);
+        doubt(FaultCode::readback_mismatch,
+              static_cast<uint32_t>(setting.reg) << 16 | static_cast<uint32_t>(setting.value) << 8 | kept);
+    }
+
+    // The sensor answers, but not as it should. That may be the controller's doing: a byte left in it shifts
+    // all that is read, and only recover() sets it up anew.
+    void doubt(FaultCode code, uint32_t detail) {
+        stop(code, detail);
+        doubtful_ = true;
     }
 
     void stop(FaultCode code, uint32_t detail) {
@@ -197,13 +245,17 @@ class Health {
         state_ = State::idle;
     }
 
-    uint8_t flags(const Sample& sample, const uint8_t (&burst)[Mpu9250::kBurstBytes]) {
+    void count_equal(const uint8_t (&burst)[Mpu9250::kBurstBytes]) {
+        if (memcmp(last_, burst, sizeof last_) != 0) equal_ = 0;
+        ++equal_;
+        memcpy(last_, burst, sizeof last_);
+    }
+
+    uint8_t flags(const Sample& sample) const {
         uint8_t found = 0;
         if (retried_) found |= sample_flags::retried;
         if (gyro_saturated(sample)) found |= sample_flags::saturated;
-        if (has_last_ && memcmp(last_, burst, sizeof last_) == 0) found |= sample_flags::repeated;
-        memcpy(last_, burst, sizeof last_);
-        has_last_ = true;
+        if (equal_ > 1) found |= sample_flags::repeated;
         return found;
     }
 
@@ -222,7 +274,9 @@ class Health {
     uint8_t lost_instants_ = 0;
     uint8_t who_am_i_ = 0;
     bool retried_ = false;  // in this step
-    bool has_last_ = false;
+    bool doubtful_ = false;
+    bool unanswered_ = false;  // the last probe
+    uint8_t equal_ = 0;        // bursts in a row, with the last one; 0: none since the sensor runs
     uint8_t last_[Mpu9250::kBurstBytes] = {};
 };
 

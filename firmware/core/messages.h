@@ -9,8 +9,8 @@
 namespace fltea {
 
 constexpr uint8_t kProtocolMajor = 1;
-constexpr uint8_t kProtocolMinor = 1;
-constexpr uint32_t kSchemaHash = 0x45665F58;
+constexpr uint8_t kProtocolMinor = 2;
+constexpr uint32_t kSchemaHash = 0x54B0C642;
 
 constexpr uint32_t kBaud = 250000;
 constexpr size_t kMaxPayload = 240;
@@ -58,6 +58,8 @@ enum class FaultCode : uint8_t {
     sensor_lost = 5,
     // no edge on the data-ready pin; detail: microseconds since the last
     data_ready_missing = 6,
+    // all channels stood still; detail: equal samples in a row
+    sensor_frozen = 7,
 };
 
 namespace sample_flags {
@@ -174,9 +176,10 @@ struct Status {
     // Bytes of payload.
     static constexpr size_t size() { return 21; }
 
-    // I2C transfers that failed
+    // I2C transfers that failed, or gave a wrong byte and then the right one
     uint32_t i2c_errors;
-    // times that a held bus was freed by nine clocks
+    // times that the bus was freed after a time-out or a short read: clocks while SDA was low, STOP,
+    // controller set up anew
     uint32_t bus_recoveries;
     // times that the sensor was set up again
     uint32_t sensor_reinits;

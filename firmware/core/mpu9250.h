@@ -84,10 +84,13 @@ constexpr uint8_t interrupt_enable(SamplingMode mode) {
     return mode == SamplingMode::data_ready ? mpu9250_reg::kRawReady : 0;
 }
 
-// What a register is set to.
+// What a register is set to. Bits without a meaning may read as anything on a clone; H_RESET clears itself.
 struct RegisterSetting {
     uint8_t reg;
     uint8_t value;
+    uint8_t meaning;
+
+    bool is(uint8_t kept) const { return ((kept ^ value) & meaning) == 0; }
 };
 
 class Mpu9250 {
@@ -99,14 +102,14 @@ class Mpu9250 {
     Mpu9250(I2cBus& bus, SamplingMode mode)
         : bus_(bus),
           settings_{
-              {mpu9250_reg::kPwrMgmt1, mpu9250_reg::kPllClock},
-              {mpu9250_reg::kSmplrtDiv, rate_divider(mode)},
-              {mpu9250_reg::kConfig, kDlpfSelect},
-              {mpu9250_reg::kGyroConfig, kGyroSelect << mpu9250_reg::kRangeShift},
-              {mpu9250_reg::kAccelConfig, kAccelSelect << mpu9250_reg::kRangeShift},
-              {mpu9250_reg::kAccelConfig2, kDlpfSelect},
-              {mpu9250_reg::kIntPinCfg, mpu9250_reg::kPulseHigh},
-              {mpu9250_reg::kIntEnable, interrupt_enable(mode)},
+              {mpu9250_reg::kPwrMgmt1, mpu9250_reg::kPllClock, 0x7F},
+              {mpu9250_reg::kSmplrtDiv, rate_divider(mode), 0xFF},
+              {mpu9250_reg::kConfig, kDlpfSelect, 0x7F},
+              {mpu9250_reg::kGyroConfig, kGyroSelect << mpu9250_reg::kRangeShift, 0xFB},
+              {mpu9250_reg::kAccelConfig, kAccelSelect << mpu9250_reg::kRangeShift, 0xF8},
+              {mpu9250_reg::kAccelConfig2, kDlpfSelect, 0x0F},
+              {mpu9250_reg::kIntPinCfg, mpu9250_reg::kPulseHigh, 0xFE},
+              {mpu9250_reg::kIntEnable, interrupt_enable(mode), 0x59},
           } {}
 
     I2cResult read_who_am_i(uint8_t& who_am_i) {
@@ -151,7 +154,7 @@ class Mpu9250 {
     // supply for a moment answers as if nothing had happened, but with other ranges and filters.
     size_t first_mismatch(const uint8_t (&guard)[kGuardBytes]) const {
         for (size_t i = 0; i < guard_size(); ++i) {
-            if (guard[i] != settings_[kGuardStart + i].value) return kGuardStart + i;
+            if (!settings_[kGuardStart + i].is(guard[i])) return kGuardStart + i;
         }
         return kSettings;
     }

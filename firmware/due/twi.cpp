@@ -44,6 +44,9 @@ void address(uint8_t chip, uint8_t reg, uint32_t direction) {
 // comes in. So STOP goes with START for one byte, and else follows the last byte but one.
 I2cResult Twi::read(uint8_t chip, uint8_t reg, uint8_t* data, size_t n) {
     begun_us_ = clock_.now_us();
+    // A byte may be left there although the last read was complete: the controller begins to take in one more
+    // while STOP is on its way. It would be taken for this read's first byte, and shift all that follows.
+    TWI1_RHR::read();
     address(chip, reg, TWI1_MMR::MREAD);
     TWI1_CR::write(n == 1 ? TWI1_CR::START | TWI1_CR::STOP : TWI1_CR::START);
     return finish(receive(data, n));

@@ -41,5 +41,11 @@ def fault_text(code: int, detail: int) -> str:
                 f"no edge on the data-ready pin for {detail / 1e6:.3g} s. Is the fifth wire there, from the "
                 "sensor's INT to pin 2? Without it, build the firmware in timer mode (settings.h)."
             )
+        case FaultCode.SENSOR_FROZEN:
+            return (
+                f"the sensor answers, but all its values stood still ({detail} equal samples in a row), so "
+                "it is set up again. Once: it fell asleep after a dip of its 3.3 V supply. Again and again: "
+                "its clock stands, so the chip is broken or a bad copy; try another one."
+            )
         case _:
             return f"a code that this fltea does not know (detail 0x{detail:X}); update it."

@@ -15,8 +15,8 @@ from struct import Struct
 from typing import ClassVar, Final, NamedTuple, Self, TypeAlias
 
 PROTOCOL_MAJOR: Final = 1
-PROTOCOL_MINOR: Final = 1
-SCHEMA_HASH: Final = 0x45665F58
+PROTOCOL_MINOR: Final = 2
+SCHEMA_HASH: Final = 0x54B0C642
 
 BAUD: Final = 250000
 MAX_PAYLOAD: Final = 240
@@ -93,6 +93,8 @@ class FaultCode(IntEnum):
     """The sensor stopped answering; detail: errors in a row."""
     DATA_READY_MISSING = 6
     """No edge on the data-ready pin; detail: microseconds since the last."""
+    SENSOR_FROZEN = 7
+    """All channels stood still; detail: equal samples in a row."""
 
 
 class SampleFlags(IntFlag):
@@ -229,9 +231,10 @@ class Sample(_SampleFields):
 
 class _StatusFields(NamedTuple):
     i2c_errors: int
-    """I2C transfers that failed."""
+    """I2C transfers that failed, or gave a wrong byte and then the right one."""
     bus_recoveries: int
-    """Times that a held bus was freed by nine clocks."""
+    """Times that the bus was freed after a time-out or a short read: clocks while SDA was low, STOP,
+    controller set up anew."""
     sensor_reinits: int
     """Times that the sensor was set up again."""
     overruns: int

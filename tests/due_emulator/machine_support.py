@@ -1,6 +1,5 @@
 """Boards that run small programs, written in assembly and built when the test needs them."""
 
-import os
 import shutil
 import subprocess
 import tempfile
@@ -8,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from toolchain import missing
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.machine import EmulationFault
@@ -107,10 +107,7 @@ def cpp_program(path):
 @cache
 def _build(source, suffix):
     if shutil.which(COMPILER) is None:
-        reason = f"{COMPILER} is not installed (Debian: gcc-arm-none-eabi)"
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+        missing(f"{COMPILER} is not installed (Debian: gcc-arm-none-eabi)")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / f"program{suffix}").write_text(source)

@@ -48,6 +48,28 @@ def test_int_pin_pulses_for_50_us():
     ]
 
 
+def test_the_part_of_a_period_that_has_passed_stays_when_the_clock_changes():
+    chip = running(divider=9)
+    edges = edges_of(chip, 0x00, 14)
+    chip.clock_ppm = 100_000
+    chip.advance(16 * MS)
+    chip.clock_ppm = -100_000
+    chip.advance(35 * MS)
+    rises = [at for at, level in edges if level]
+    # 0.4 of a period, then 2 ms at 1.1 times the rate: 0.22; the 0.38 left at 0.9 times the rate
+    assert rises[:2] == [10_000_000, pytest.approx(16_000_000 + 3_800_000 / 0.9, abs=2)]
+    assert rises[2] - rises[1] == pytest.approx(10_000_000 / 0.9, abs=2)
+
+
+def test_a_clock_that_changes_without_end_loses_nothing():
+    chip = running(divider=9)
+    edges = edges_of(chip, 0x00, 1)
+    for ms in range(1, 1000):
+        chip.clock_ppm = 50 if ms % 2 else -50
+        chip.advance(ms * MS)
+    assert len([at for at, level in edges if level]) == 99
+
+
 def test_int_pin_active_low():
     edges = edges_of(running(divider=9), 0x80, 15)
     assert edges == [(0, True), (10_000_000, False), (10_050_000, True)]

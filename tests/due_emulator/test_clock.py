@@ -9,7 +9,7 @@ MS = PS_PER_S // 1000
 FAR = 0x0037_0809
 """CKGR_MOR with its key: crystal and RC on, start-up 64 slow cycles (1.95 ms)."""
 PLLA_168 = 1 << 29 | 13 << 16 | 0x3F << 8 | 1
-MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS = 1 << 0, 1 << 1, 1 << 3, 1 << 6, 1 << 16
+MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))
 
 
 @pytest.fixture
@@ -100,6 +100,30 @@ def test_the_usb_pll_locks(board):
     assert board.pmc.read("SR") & LOCKU
 
 
+def test_the_rc_oscillator_changes_its_frequency_by_itself(board):
+    board.pmc.write("CKGR_MOR", 0x0037_0008 | 1 << 4)
+    assert not board.pmc.read("SR") & MOSCRCS
+    assert board.machine.mck_hz == 4_000_000
+    board.machine.advance(MS)
+    assert board.pmc.read("SR") & MOSCRCS
+    assert board.machine.mck_hz == 8_000_000
+
+
+def test_another_frequency_of_the_rc_oscillator_changes_nothing_under_the_crystal(board):
+    crystal(board)
+    board.pmc.write("CKGR_MOR", FAR | 1 << 24 | 2 << 4)
+    board.machine.advance(MS)
+    assert board.machine.mck_hz == 12_000_000, "the crystal rules"
+
+
+def test_a_reset_while_an_oscillator_starts_lets_it_start_again(board):
+    board.pmc.write("CKGR_MOR", FAR)
+    board.machine.advance(MS)
+    board.reopen_port()
+    crystal(board)
+    assert board.machine.mck_hz == 12_000_000
+
+
 def test_the_oscillator_is_not_selected_before_it_is_ready(board):
     board.pmc.write("CKGR_MOR", FAR)
     assert "before it is ready" in reason(board.pmc.write, "CKGR_MOR", FAR | 1 << 24)
@@ -177,6 +201,31 @@ def test_peripheral_clocks_are_switched_one_by_one(board):
     assert (board.pmc.read("PCSR0"), board.pmc.read("PCSR1")) == (1 << 8 | 1 << 23, 1 << 9)
     board.pmc.write("PCDR0", 1 << 8)
     assert "without its clock" in reason(board.uart.read, "SR")
+
+
+@pytest.mark.parametrize(("register", "bit"), [("PCER0", 7), ("PCER0", 2), ("PCER1", 13)])
+def test_clocks_of_peripherals_that_do_not_exist_end_the_run(board, register, bit):
+    assert "do not exist" in reason(board.pmc.write, register, 1 << bit)
+    board.pmc.write(register.replace("PCE", "PCD"), 1 << bit)
+
+
+def test_the_highest_and_the_lowest_clock_exist(board):
+    board.pmc.write("PCER0", 1 << 8)
+    board.pmc.write("PCER1", 1 << 12)
+    assert [n for n in range(45) if board.machine.clock_on(n)] == [8, 44]
+
+
+def test_write_protection_of_the_pmc_has_a_key(board):
+    assert "without its key" in reason(board.pmc.write, "WPMR", 0)
+    board.pmc.write("WPMR", 0x504D_4300)
+
+
+@pytest.mark.parametrize("register", ["CR", "MR"])
+def test_the_supply_controller_has_a_key(board, register):
+    supply = next(p for p in board.peripherals if p.name == "SUPC")
+    assert "without its key" in reason(supply.write, register, 0x4)
+    supply.write(register, 0xA500_0008)
+    assert supply.registers[register] == 0x8
 
 
 def test_the_unique_identifier_stands_in_place_of_the_flash_between_stui_and_spui():
@@ -278,6 +327,16 @@ def test_feeding_too_early_for_the_window_bites(board):
     board.machine.advance(PS_PER_S // 4)
     board.watchdog.write("CR", 0xA500_0001)
     assert len(board.events) == 1
+
+
+def test_a_watchdog_without_time_ends_the_run(board):
+    assert "WDV = 0" in reason(board.watchdog.write, "MR", 1 << 13)
+
+
+def test_a_watchdog_that_is_off_needs_no_time(board):
+    board.watchdog.write("MR", 1 << 15)
+    board.machine.advance_to(20 * PS_PER_S)
+    assert not board.events
 
 
 def test_a_watchdog_that_is_off_stays_off(board):

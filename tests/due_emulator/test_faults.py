@@ -2,7 +2,7 @@
 
 import pytest
 from fltea.errors import UsageError
-from sensor_support import SmallBoard
+from sensor_support import RXRDY, SmallBoard
 
 from tools.due_emulator.faults import (
     KINDS,
@@ -14,6 +14,7 @@ from tools.due_emulator.faults import (
     SclStuck,
     SdaStuck,
     SensorClock,
+    StaleByte,
     UartLoss,
     Unplug,
     WatchdogStarvation,
@@ -59,6 +60,10 @@ kind = "nack_burst"
 count = 3
 
 [[fault]]
+kind = "stale_byte"
+count = 2
+
+[[fault]]
 kind = "unplug"
 at_s = 1
 for_s = 2.0
@@ -96,6 +101,7 @@ FAULTS = [
     SdaStuck(at_s=2.0, clocks=5),
     SclStuck(for_s=0.5),
     NackBurst(count=3),
+    StaleByte(count=2),
     Unplug(at_s=1.0, for_s=2.0, who_am_i=0x75),
     Clone(who_am_i=0x12),
     BrownOut(part="board"),
@@ -141,10 +147,11 @@ def test_fault_of_the_command_line(text, fault):
         ("sda_stuck colour=1", "unknown field `colour`"),
         ("sda_stuck clocks=-1", "clocks must be 0 or more"),
         ("sda_stuck clocks=1 for=1", "clocks or for_s, not both"),
-        ("sda_stuck at=-1", "at_s must be 0 s or more, not -1"),
-        ("scl_stuck for=inf", "for_s must be 0 s or more, not inf"),
+        ("sda_stuck at=-1", r"at_s must be 0 to 1e\+06 s, not -1"),
+        ("scl_stuck for=inf", r"for_s must be 0 to 1e\+06 s, not inf"),
         ("nack_burst", "either count or for_s"),
         ("nack_burst count=1 for=1", "either count or for_s"),
+        ("stale_byte count=0", "count must be 1 or more"),
         ("clone", "missing required field `who_am_i`"),
         ("clone who_am_i=0x1FF", "one byte"),
         ("clone who_am_i=0xZZ", "Expected `int`"),
@@ -153,6 +160,13 @@ def test_fault_of_the_command_line(text, fault):
         ("uart_loss count=2 probability=0.1 for=1", "either count, or probability and for_s"),
         ("uart_loss probability=2 for=1", "between 0 and 1"),
         ("uart_loss probability=0.5", "either count, or probability and for_s"),
+        ("unplug at=1e300", r"at_s must be 0 to 1e\+06 s"),
+        ("unplug at=nan", r"at_s must be 0 to 1e\+06 s"),
+        ("unplug at=1 at=2", "at_s is given twice"),
+        ("unplug at=1 at_s=2", "at_s is given twice"),
+        ("unplug kind=clone", "kind is given twice"),
+        ("watchdog_starvation for=0", "for_s must be more than 0 s"),
+        ("host_stops_reading for=0", "for_s must be more than 0 s"),
         ("sensor_clock percent=nan", "at most 10 percent"),
         ("sensor_clock percent=1 ppm=1", "percent or ppm, not both"),
     ],
@@ -175,6 +189,18 @@ def test_mistakes_in_a_file_are_named(tmp_path):
         read_faults(path)
     with pytest.raises(UsageError, match="cannot be read"):
         read_faults(tmp_path / "absent.toml")
+
+
+def test_a_file_may_use_the_names_of_the_command_line(tmp_path):
+    path = tmp_path / "faults.toml"
+    path.write_text('[[fault]]\nkind = "unplug"\nat = 1.5\nfor = 2\n')
+    assert read_faults(path) == [Unplug(at_s=1.5, for_s=2.0)]
+    path.write_text('[[fault]]\nkind = "unplug"\nat = 1.5\nat_s = 2\n')
+    with pytest.raises(UsageError, match=r"faults\.toml: fault\[0\]: at_s is given twice"):
+        read_faults(path)
+    path.write_text("fault = [1]\n")
+    with pytest.raises(UsageError, match=r"fault\[0\]"):
+        read_faults(path)
 
 
 def test_a_fault_happens_at_its_moment():
@@ -220,6 +246,16 @@ def test_nack_burst_by_time():
     assert board.who() is None
     board.wait_us(10_000)
     assert board.who() == b"\x71"
+
+
+def test_stale_byte():
+    board = Board().suffer("stale_byte count=2")
+    left = []
+    for _ in range(3):
+        assert board.who() == b"\x71"
+        left.append(bool(board.twi.read("SR") & RXRDY))
+        board.twi.read("RHR")
+    assert left == [True, True, False]
 
 
 def test_unplug_and_back():

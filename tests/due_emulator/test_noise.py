@@ -80,10 +80,19 @@ def test_constant():
     assert world.at(0).rate_dps == (1.0, 2.0, 3.0)
 
 
-@pytest.mark.parametrize("query", ["alpha=x", "colour=1", "n=5"])
+@pytest.mark.parametrize(
+    "query", ["alpha=x", "colour=1", "n=5", "lsb_per_dps=0", "range_dps=250", "rate_hz=1e9"]
+)
 def test_bad_queries_are_refused(query):
     with pytest.raises(UsageError, match=query.split("=")[0]):
         fractional_world(query)
+
+
+def test_the_window_is_that_of_the_generator():
+    long, short = fractional_world("window=100"), fractional_world("window=1")
+    rates = [(long.at(k * 10 * MS).rate_dps, short.at(k * 10 * MS).rate_dps) for k in range(5)]
+    assert rates[0][0] == rates[0][1]
+    assert rates[-1][0] != rates[-1][1]
 
 
 def test_recording_goes_round(tmp_path):

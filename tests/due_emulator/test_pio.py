@@ -165,7 +165,8 @@ def test_pin_of_an_unplugged_sensor_floats():
 
 def test_write_protection():
     pio = SmallBoard().pio
-    pio.write("WPMR", 0x1)  # without the key: nothing
+    with pytest.raises(EmulationFault, match="without its key"):
+        pio.write("WPMR", 0x1)
     pio.write("PDR", SDA)
     pio.write("WPMR", 0x50494F01)
     pio.write("SODR", SDA)

@@ -1,6 +1,7 @@
 """The port as a pseudo-terminal: opening resets, baud rates matter, Ctrl-C ends it with 0."""
 
 import contextlib
+import json
 import os
 import signal
 import subprocess
@@ -10,7 +11,9 @@ import time
 import tty
 
 import pytest
-from machine_support import FOLDER, program
+from machine_support import FOLDER, Bench, program
+
+from tools.due_emulator.pty_front import Front
 
 ROOT = FOLDER.parents[1]
 TIMEOUT_S = 60
@@ -46,7 +49,17 @@ def emulator(tmp_path):
     """The emulator with the counting program; gives the process and the port."""
     image, link = tmp_path / "count.bin", tmp_path / "port"
     image.write_bytes(program(COUNT_UP))
-    command = [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", link, "--image", image]
+    command = [
+        sys.executable,
+        "-m",
+        "tools.due_emulator",
+        "--pty",
+        "--json",
+        "--link",
+        link,
+        "--image",
+        image,
+    ]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     line = process.stdout.readline()
@@ -130,14 +143,38 @@ def test_the_wrong_baud_rate_gives_garbage(emulator):
 def test_1200_baud_erases_the_flash(emulator):
     process, link = emulator
     with opened(link, termios.B1200):
-        pass
-    assert "1200 baud" in process.stderr.readline()
-    with opened(link) as port:
-        os.set_blocking(port, False)
-        time.sleep(1.0)
-        with pytest.raises(BlockingIOError):
-            os.read(port, 1)
-    assert end(process, signal.SIGINT)[0] == 0
+        assert "1200 baud" in process.stderr.readline()
+    code, out, err = end(process, signal.SIGINT)
+    assert (code, err) == (0, ""), "told once"
+    assert json.loads(out)["bytes"] == 0
+
+
+class FakePort:
+    """A port that a program keeps open for so many looks."""
+
+    def __init__(self, baud, looks):
+        self.baud = baud
+        self.looks = looks
+
+    @property
+    def is_open(self):
+        self.looks -= 1
+        return self.looks >= 0
+
+    def flush(self):
+        return True
+
+
+def test_a_board_whose_flash_was_erased_does_not_run(capsys):
+    board = Bench(program(COUNT_UP)).board
+    Front(board, FakePort(250_000, 10))._run()
+    assert board.now_s > 0.01, "it runs until then"
+    before_s = board.now_s
+    Front(board, FakePort(1200, 10))._run()
+    assert board.now_s == before_s
+    assert board.memory.is_blank
+    assert set(board.memory.flash[:]) == {0xFF}
+    assert capsys.readouterr().err.count("1200 baud") == 1
 
 
 def test_a_program_that_the_board_does_not_forgive_ends_it_with_1(tmp_path):

@@ -155,6 +155,69 @@ def test_stop_set_too_late_is_a_fault(board):
         board.read_block(0x3B, 14)
 
 
+def test_a_stale_byte_shifts_the_next_read_that_does_not_drain_it(board):
+    """RXRDY after a complete read, as on the controllers before the SAMA5D2 (Linux, i2c-at91-master.c)."""
+    board.wait_us(2000)
+    burst = board.read_block(0x3B, 14)
+    board.twi.stale_reads = 1
+    assert board.read_block(0x3B, 14) == burst
+    assert board.twi.read("SR") & RXRDY
+    assert board.read_block(0x3B, 14) == b"\xff" + burst[:-1]
+    assert not board.twi.read("SR") & RXRDY
+    assert board.read_block(0x3B, 14) == burst
+
+
+def test_a_stale_byte_shifts_every_read_of_one_byte(board):
+    """START and STOP at once: the byte on the wires is always the next one's."""
+    board.twi.stale_reads = 1
+    assert [board.read_block(register, 1) for register in (0x75, 0x6B, 0x75, 0x6B)] == [
+        b"\x71",
+        b"\xff",
+        b"\x01",
+        b"\x71",
+    ]
+
+
+@pytest.mark.parametrize("drained", [True, False])
+def test_a_late_stop_is_a_fault_although_a_byte_was_stale(board, drained):
+    board.twi.stale_reads = 1
+    board.read_block(0x3B, 14)
+    if drained:
+        board.twi.read("RHR")
+    board.read_block(0x3B, 14)
+    test_stop_set_too_late_is_a_fault(board)
+
+
+@pytest.mark.parametrize("how", ["RHR", "SWRST"])
+def test_a_stale_byte_is_drained(board, how):
+    board.twi.stale_reads = 1
+    assert board.read_block(0x75, 1) == b"\x71"
+    if how == "RHR":
+        assert board.twi.read("RHR") == 0xFF
+    else:
+        board.set_up()
+    assert board.read_block(0x75, 1) == b"\x71"
+    assert not board.twi.read("SR") & RXRDY
+
+
+def test_a_stale_byte_stays_through_a_write_and_takes_no_time(board):
+    board.twi.stale_reads = 1
+    board.read_block(0x75, 1)
+    assert board.twi.busy_ps == 39 * 2_500_000
+    assert board.write_register(0x1B, 0x18)
+    assert board.read_block(0x1B, 1) == b"\xff"
+
+
+def test_a_stale_byte_waits_for_the_last_byte_to_be_fetched(board):
+    board.twi.stale_reads = 1
+    board.address(0x75, True)
+    board.twi.write("CR", START | STOP)
+    board.wait_us(500)
+    assert not board.twi.read("SR") & TXCOMP
+    assert board.twi.read("RHR") == 0x71
+    assert board.wait_for(TXCOMP) & RXRDY
+
+
 def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
     """As the Arduino core does it: after the next-to-last byte was fetched."""
     board.address(0x3B, True)

@@ -60,6 +60,22 @@ TEST_CASE_FIXTURE(Bench, "fewer bytes than asked for are a short read") {
     CHECK(bus.read(kAddress, 0, long_one, 33) == I2cResult::short_read);
 }
 
+TEST_CASE_FIXTURE(Bench, "a byte that a complete read left in the controller is not the next read's") {
+    bus.recover();
+    board.stale_reads = 2;
+    uint8_t data[2] = {};
+    for (int i = 0; i < 3; ++i) {
+        CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
+        CHECK(data[0] == 0x71);
+        CHECK(board.byte_left == (i < 2));
+    }
+    board.stale_reads = 1;
+    CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
+    CHECK(bus.read(kAddress, 0x6B, data, 2) == I2cResult::ok);
+    CHECK(data[0] == 0x01);
+    CHECK(data[1] == 0x00);
+}
+
 TEST_CASE_FIXTURE(Bench, "a held line is a time-out that costs no time") {
     bus.recover();
     uint8_t data[1];

@@ -1,8 +1,8 @@
 // Runs the sketch in virtual time and writes to stdout what it sent.
 //   arduino_run SECONDS [KIND=AT,AMOUNT …]      e.g.  arduino_run 5 held=2.0,9 nacks=3.0,4
-// The last line on stderr sums up the board. KIND: nacks, stalls, short, held (clocks; -1 for ever), scl
-// (seconds), unplug (seconds), brownout, deaf (seconds that the line takes nothing), noint (seconds without
-// edges).
+// The last line on stderr sums up the board. KIND: nacks, stalls, short, stale (reads), held (clocks; -1 for
+// ever), scl (seconds), unplug (seconds), brownout, deaf (seconds that the line takes nothing), noint
+// (seconds without edges).
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,6 +29,7 @@ void begin(const Trouble& trouble) {
     if (trouble.kind == "nacks") chip.nacks = n;
     if (trouble.kind == "stalls") chip.stalls = n;
     if (trouble.kind == "short") chip.short_by = n;
+    if (trouble.kind == "stale") board.stale_reads = n;
     if (trouble.kind == "held") chip.held_clocks = n;
     if (trouble.kind == "scl") chip.scl_held = true;
     if (trouble.kind == "unplug") chip.plugged_in = false;

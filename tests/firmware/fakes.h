@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstring>
 #include <deque>
+#include <functional>
 #include <vector>
 
 #include "byte_sink.h"
@@ -42,6 +43,8 @@ class FakeChip {
     uint8_t who_am_i = 0x71;
     uint8_t wanted[5] = {0x00, 0x01, 0x18, 0x00, 0x01};  // 0x19 to 0x1D
     bool frozen = false;
+    bool stopped = false;        // as frozen, until the next reset
+    bool reserved_ones = false;  // bits without a meaning read 1
     int16_t gyro_y = 7;
     std::vector<uint8_t> stuck;  // registers that take no value
     int16_t life = 0;
@@ -53,6 +56,7 @@ class FakeChip {
     void power_up() {
         std::memset(registers_, 0, sizeof registers_);
         registers_[0x6B] = who_am_i == 0x68 ? 0x40 : 0x01;
+        stopped = false;
         ++life;
     }
 
@@ -81,6 +85,8 @@ class FakeChip {
         if (who_am_i == 0x68) REQUIRE(!(reg <= 0x1D && reg + n > 0x1D));
         registers_[0x75] = who_am_i;
         std::memcpy(data, registers_ + reg, n);
+        if (!reserved_ones) return;
+        for (size_t i = 0; i < n; ++i) data[i] |= reserved(static_cast<uint8_t>(reg + i));
     }
 
     uint8_t reg(uint8_t number) const { return registers_[number]; }
@@ -93,6 +99,27 @@ class FakeChip {
     bool pulses() const { return !quiet && as_wanted() && registers_[0x38] == 0x01; }
 
   private:
+    static uint8_t reserved(uint8_t reg) {
+        switch (reg) {
+            case 0x1A:
+                return 0x80;
+            case 0x1B:
+                return 0x04;
+            case 0x1C:
+                return 0x07;
+            case 0x1D:
+                return 0xF0;
+            case 0x37:
+                return 0x01;
+            case 0x38:
+                return 0xA6;
+            case 0x6B:
+                return 0x80;  // H_RESET, which clears itself
+            default:
+                return 0;
+        }
+    }
+
     // 100 ms after a reset before the next transfer.
     void ready() {
         if (resetting_) REQUIRE(clock_.us() - reset_us_ >= 100000);
@@ -101,7 +128,7 @@ class FakeChip {
 
     void convert() {
         REQUIRE(clock_.us() - woken_us_ >= 35000);  // start-up time of the gyroscope
-        if (!frozen) ++conversions_;
+        if (!frozen && !stopped) ++conversions_;
         const int16_t gyro_x = as_wanted() ? static_cast<int16_t>(conversions_ % 1000) : kWrong;
         const int16_t values[] = {life, -1, 16384, -256, gyro_x, gyro_y, -30000};
         for (size_t i = 0; i < 7; ++i) {
@@ -127,7 +154,13 @@ class FakeBus final : public fltea::I2cBus {
     bool plugged = true;
     std::deque<fltea::I2cResult> script;  // results of the next transfers; ok once it is empty
     fltea::HeldLines held = fltea::HeldLines::none;
-    int clocks_to_free = 0;  // recoveries until `held` ends; -1: none will
+    bool stale = false;   // the controller holds a byte, which shifts each read; ended by recover()
+    int wrong_reads = 0;  // by a flipped bit or a shift
+    int flips = 0;        // reads yet to have one bit wrong that begin at flip_reg
+    uint8_t flip_reg = 0;
+    uint8_t flip_mask = 0x01;
+    std::function<void(uint8_t, uint8_t*)> tamper;  // called with register and data of each read
+    int clocks_to_free = 0;                         // recoveries until `held` ends; -1: none will
     int recoveries = 0;
     int failures = 0;
     std::vector<uint8_t> written;     // register numbers, in order
@@ -141,7 +174,19 @@ class FakeBus final : public fltea::I2cBus {
     fltea::I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override {
         const fltea::I2cResult result = transfer(address, n + 3);
         std::memset(data, 0xEE, n);
-        if (result == fltea::I2cResult::ok) chip_.read(reg, data, n);
+        if (result != fltea::I2cResult::ok) return result;
+        chip_.read(reg, data, n);
+        if (stale) {
+            std::rotate(data, data + n - 1, data + n);
+            std::swap(data[0], held_byte_);
+            ++wrong_reads;
+        }
+        if (flips > 0 && reg == flip_reg) {
+            --flips;
+            ++wrong_reads;
+            data[0] ^= flip_mask;
+        }
+        if (tamper) tamper(reg, data);
         return result;
     }
 
@@ -156,6 +201,7 @@ class FakeBus final : public fltea::I2cBus {
 
     fltea::HeldLines recover() override {
         ++recoveries;
+        stale = false;
         clock_.pass(kRecoverUs);
         if (held != fltea::HeldLines::none && clocks_to_free > 0 && --clocks_to_free == 0) {
             held = fltea::HeldLines::none;
@@ -185,6 +231,7 @@ class FakeBus final : public fltea::I2cBus {
 
     FakeClock& clock_;
     FakeChip& chip_;
+    uint8_t held_byte_ = 0xEE;
 };
 
 // A ring that the line empties at 25 bytes a millisecond.

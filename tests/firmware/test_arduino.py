@@ -14,6 +14,7 @@ from fltea.continuity import Continuity
 from fltea.messages import Frame, FrameReader
 from fltea.model import RawSample
 from fltea.sources.serial import hello_event
+from toolchain import missing
 
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parents[1]
@@ -24,7 +25,7 @@ SKETCH = ROOT / "firmware/arduino/fltea"
 def build(request: pytest.FixtureRequest) -> Path:
     """Folder of the programs, made by one of both compilers with all warnings as errors."""
     if shutil.which(request.param) is None:
-        pytest.skip(f"{request.param} is not installed")
+        missing(f"{request.param} is not installed")
     folder = ROOT / "build/tests-arduino" / request.param
     done = subprocess.run(
         ["make", "-C", FOLDER / "arduino_stub", f"BUILD={folder}", f"CXX={request.param}", "all"],
@@ -130,7 +131,13 @@ def test_ten_quiet_seconds(build: Path, mode: str) -> None:
 
 @pytest.mark.parametrize(
     ("trouble", "overruns", "errors", "retried"),
-    [("nacks=2,1", 0, 1, 1), ("nacks=2,4", 2, 4, 0), ("short=2,3", 0, 1, 1), ("held=2,9", 0, 1, 1)],
+    [
+        ("nacks=2,1", 0, 1, 1),
+        ("nacks=2,4", 2, 4, 0),
+        ("short=2,3", 0, 1, 1),
+        ("held=2,9", 0, 1, 1),
+        ("stale=2,6", 0, 0, 0),
+    ],
 )
 def test_a_short_trouble_costs_few_samples_and_no_epoch(
     build: Path, trouble: str, overruns: int, errors: int, retried: int

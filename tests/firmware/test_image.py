@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import re
 import shutil
 import struct
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from toolchain import missing
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGE = "firmware/due/image/fltea_due.bin"
@@ -46,13 +46,6 @@ def image() -> bytes:
 
 def record() -> dict[str, Any]:
     return dict(json.loads((ROOT / RECORD).read_text()))
-
-
-def missing(reason: str) -> None:
-    """Skip where the ARM compiler is not to be expected; CI has it."""
-    if os.environ.get("CI") == "true":
-        pytest.fail(reason)
-    pytest.skip(reason)
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ WORDS = {
     FaultCode.READBACK_MISMATCH: (0x1B1800, ["register 0x1B holds 0x00 in place of 0x18", "3.3 V"]),
     FaultCode.BUS_HELD: (2, ["SCL stays low", "short"]),
     FaultCode.SENSOR_LOST: (3, ["3 errors in a row"]),
+    FaultCode.SENSOR_FROZEN: (10, ["10 equal samples in a row", "3.3 V", "another one"]),
     FaultCode.DATA_READY_MISSING: (1_230_000, ["for 1.23 s", "INT to pin 2", "timer mode"]),
 }
 

@@ -121,7 +121,7 @@ def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
     for old, new in [
         ('doc = "what happened"', 'doc = "what came to pass"'),
         ("scale = 0.001", "scale = 0.0010"),
-        ("minor = 1", "minor = 2"),
+        ("minor = 2", "minor = 3"),
         ("max_payload = 240", "max_payload = 200"),
     ]:
         assert old in DEFINITION
@@ -147,7 +147,7 @@ def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
         ('type = "text24"', "type = 24", r"unknown type 24"),
         ('type = "text24"', 'type = "text197"', r"message HELLO: 241 bytes of payload; at most 240 fit"),
         ("max_payload = 240", "max_payload = 243", r"\[protocol\] max_payload: 243 is not an integer from 0"),
-        ("minor = 1", "minor = 256", r"\[protocol\] minor: 256 is not"),
+        ("minor = 2", "minor = 256", r"\[protocol\] minor: 256 is not"),
         ("fifo = { value = 2", "fifo = { value = 256", r"enum sampling_mode, fifo: value: 256 is not"),
         ("fifo = { value = 2", "fifo = { value = -1", r"enum sampling_mode, fifo: value: -1 is not"),
         ("fifo = { value = 2", "fifo = { value = 1", r"enum sampling_mode: value 1 is there twice"),

@@ -24,7 +24,15 @@ from fltea.errors import FlteaError, UsageError
 from fltea.sources.synthetic import parse_noise
 
 from tools.due_emulator.board import Board
-from tools.due_emulator.faults import KINDS, parse_fault, read_faults, schedule_faults
+from tools.due_emulator.faults import (
+    KINDS,
+    LONGEST_S,
+    Fault,
+    never_happened,
+    parse_fault,
+    read_faults,
+    schedule_faults,
+)
 from tools.due_emulator.host_view import HostView
 from tools.due_emulator.image import Image, read_image
 from tools.due_emulator.machine import EmulationFault
@@ -61,7 +69,7 @@ def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
         "--noise",
         default="",
         metavar="KEY=VALUE&…",
-        help="as in synthetic:?… of 'fltea run'; alpha, f, Q, R, seed",
+        help="as in synthetic:?… of 'fltea run': alpha, f, Q, R, offset_dps, rate_hz, seed, window",
     )
     world.add_argument(
         "--recording", type=Path, metavar="FILE", help="replay .npz or .csv as the sensor's rate"
@@ -95,20 +103,22 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
-    if options.virtual is not None and not (math.isfinite(options.virtual) and options.virtual > 0):
-        raise UsageError(f"--virtual {options.virtual:g}: has to be a positive number of seconds.")
+    if options.virtual is not None and not 0 < options.virtual <= LONGEST_S:
+        raise UsageError(
+            f"--virtual {options.virtual:g}: has to be a positive number of seconds, at most {LONGEST_S:g}."
+        )
     if options.link and not options.pty:
         raise UsageError("--link: there is a port to link to only with --pty.")
-    if not options.baud > 0:
-        raise UsageError(f"--baud {options.baud:g}: has to be positive.")
+    if not (math.isfinite(options.baud) and options.baud > 0):
+        raise UsageError(f"--baud {options.baud:g}: has to be positive and finite.")
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed}: has to be 0 or more.")
 
 
 def _virtually(options: argparse.Namespace, image: Image, world: World) -> int:
-    board = _build(options, image, world)
+    board, faults = _build(options, image, world)
     board.bridge.host_baud = options.baud
-    host = HostView(board.machine)
+    host = HostView(board)
     error = None
     begin_s = time.perf_counter()
     with _writer(options.out) as write:
@@ -117,14 +127,15 @@ def _virtually(options: argparse.Namespace, image: Image, world: World) -> int:
             board.run_until(options.virtual)
         except EmulationFault as fault:
             error = fault.reason
-    _show(options, make_report(board, host, image, wall_s=time.perf_counter() - begin_s, error=error))
+    wall_s, notes = time.perf_counter() - begin_s, never_happened(faults, board.now_s)
+    _show(options, make_report(board, host, image, wall_s=wall_s, error=error, notes=notes))
     return 1 if error else 0
 
 
 def _on_pty(options: argparse.Namespace, image: Image, world: World) -> int:
-    board = _build(options, image, world)
+    board, faults = _build(options, image, world)
     board.bridge.strict_baud = False
-    host = HostView(board.machine)
+    host = HostView(board)
     error = None
     port = Port(options.link)
     try:
@@ -137,18 +148,19 @@ def _on_pty(options: argparse.Namespace, image: Image, world: World) -> int:
                 front.serve()
             except EmulationFault as fault:
                 error = fault.reason
-        _show(options, make_report(board, host, image, wall_s=None, error=error, notes=front.notes))
+        notes = [*front.notes, *never_happened(faults, board.now_s)]
+        _show(options, make_report(board, host, image, wall_s=None, error=error, notes=notes))
         return 1 if error else 0
     finally:
         port.close()
 
 
-def _build(options: argparse.Namespace, image: Image, world: World) -> Board:
+def _build(options: argparse.Namespace, image: Image, world: World) -> tuple[Board, list[Fault]]:
     faults = read_faults(options.faults) if options.faults else []
     faults += [parse_fault(text) for text in options.fault]
     board = Board(image.content, seed=options.seed, world=world)
     schedule_faults(board, faults)
-    return board
+    return board, faults
 
 
 @contextlib.contextmanager

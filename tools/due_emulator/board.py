@@ -1,6 +1,7 @@
 """The Arduino Due with a sensor on its I2C pins: all parts, their wiring, and its ways to start again."""
 
 import hashlib
+from collections.abc import Callable
 
 from tools.due_emulator.bridge import Bridge, seconds_to_ps
 from tools.due_emulator.bus import Bus
@@ -70,6 +71,8 @@ class Board:
         self.events: list[str] = []
         """What a person should know of the run: resets by the watchdog and the like."""
         self.resets = 0
+        self.on_reset: Callable[[], None] = lambda: None
+        """Called at each start of the chip but the first."""
         self.bridge = Bridge(machine, seed)
         self.socket = SensorSocket(machine, Mpu9250(world))
         self.lines = I2cLines(machine, self.socket)
@@ -135,6 +138,7 @@ class Board:
     def reset(self, cause: ResetType, hold_ps: int = RESET_PS) -> None:
         """Start the chip again; RAM and sensor keep what they have."""
         self.resets += 1
+        self.on_reset()
         for peripheral in self.peripherals:
             peripheral.reset()
         self.reset_controller.restarted(cause)

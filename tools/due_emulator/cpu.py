@@ -32,7 +32,12 @@ the value is the same as then. After a poll, time jumps to the next event if tha
 wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it."""
 
 EXCEPTION_EXIT = 8
-HOOK_NUMBERS = {2: "SVC instruction", 7: "BKPT instruction"}
+HOOK_NUMBERS = {
+    2: "SVC instruction: not modelled",
+    3: "jump to where no code may be",
+    4: "access that the processor refuses (an exclusive one that is not aligned?)",
+    7: "BKPT instruction: not modelled",
+}
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
 """EXC_RETURN as it shows in PC, bit 0 cleared; the process stack (…FFFD) is not modelled."""
 FRAME_WORDS = 8
@@ -183,7 +188,7 @@ class Cpu:
             place = "" if self._invalid_address is None else f": 0x{self._invalid_address:08X}"
             machine.fault(reason + place)
         if self._unexpected:
-            machine.fault(f"{self._unexpected}: not modelled")
+            machine.fault(self._unexpected)
         if self._exception_exit:
             self._leave()
         elif self._has_just_done(WFI):
@@ -264,7 +269,7 @@ class Cpu:
         if number == EXCEPTION_EXIT:
             self._exception_exit = True
         else:
-            self._unexpected = HOOK_NUMBERS.get(number, f"exception {number} of the processor")
+            self._unexpected = HOOK_NUMBERS.get(number, f"exception {number} of the processor: not modelled")
         uc.emu_stop()
 
     def _on_invalid(

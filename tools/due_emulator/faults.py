@@ -7,16 +7,16 @@ A script is TOML with one table a fault:
     at_s = 2.0
     clocks = 5
 
-or, on the command line, `sda_stuck at=2.0 clocks=5`. Times are seconds of virtual time since power-up.
+or, on the command line, `sda_stuck at=2.0 clocks=5`. Times are seconds of virtual time since power-up; `at`
+and `for` may be written for at_s and for_s in both.
 """
 
-import math
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, ClassVar, Literal, Protocol, get_args
 
 import msgspec
 from fltea.errors import UsageError
@@ -24,6 +24,11 @@ from fltea.errors import UsageError
 from tools.due_emulator.i2c_lines import I2cLines
 from tools.due_emulator.machine import PS_PER_S, Machine
 from tools.due_emulator.sensor_socket import SensorSocket
+from tools.due_emulator.twi import Twi
+
+LONGEST_S = 1e6
+"""Times beyond are taken for mistakes [s]."""
+SHORT_NAMES = {"at": "at_s", "for": "for_s"}
 
 
 class Board(Protocol):
@@ -39,6 +44,7 @@ class Board(Protocol):
     machine: Machine
     lines: I2cLines
     socket: SensorSocket
+    twi: Twi
 
     def brown_out(self) -> None: ...  # noqa: D102
     def reopen_port(self) -> None: ...  # noqa: D102
@@ -49,15 +55,18 @@ class Board(Protocol):
 
 
 class _Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True):
-    """at_s: when it begins [s of virtual time]."""
+    """at_s: when it begins [s of virtual time]. needed: times without which nothing would happen."""
 
+    needed: ClassVar[tuple[str, ...]] = ()
     at_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("at_s", "for_s"):
             value = getattr(self, name, 0.0)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be 0 s or more, not {value:g}")
+            if not 0 <= value <= LONGEST_S:
+                raise ValueError(f"{name} must be 0 to {LONGEST_S:g} s, not {value:g}")
+            if name in self.needed and not value:
+                raise ValueError(f"{name} must be more than 0 s: the fault would do nothing")
 
     def apply(self, board: Board) -> None:
         """Let it happen now."""
@@ -113,6 +122,24 @@ class NackBurst(_Fault, frozen=True, tag="nack_burst"):
         """Refuse bytes."""
         board.socket.nacks_left = self.count
         board.socket.nack_until_ps = board.machine.now_ps + round(self.for_s * PS_PER_S)
+
+
+class StaleByte(_Fault, frozen=True, tag="stale_byte"):
+    """After each of the next `count` reads that complete, one byte too many stays in the TWI's RHR.
+
+    The next read that does not drain RHR takes it for its first byte.
+    """
+
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.count < 1:
+            raise ValueError("count must be 1 or more")
+
+    def apply(self, board: Board) -> None:
+        """Leave bytes."""
+        board.twi.stale_reads = self.count
 
 
 class Unplug(_Fault, frozen=True, tag="unplug"):
@@ -196,6 +223,7 @@ class UartLoss(_Fault, frozen=True, tag="uart_loss"):
 class HostStopsReading(_Fault, frozen=True, tag="host_stops_reading"):
     """The host takes nothing from the port for `for_s`."""
 
+    needed = ("for_s",)
     for_s: float
 
     def apply(self, board: Board) -> None:
@@ -204,7 +232,7 @@ class HostStopsReading(_Fault, frozen=True, tag="host_stops_reading"):
 
 
 class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
-    """From here on the sensor's own clock is `percent` (or `ppm`) faster; below 0: slower."""
+    """From here on the sensor's own clock is `percent` (or `ppm`) faster; below 0: slower; 0: right again."""
 
     percent: float = 0.0
     ppm: float = 0.0
@@ -229,6 +257,7 @@ class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
 class WatchdogStarvation(_Fault, frozen=True, tag="watchdog_starvation"):
     """The program hangs for `for_s`."""
 
+    needed = ("for_s",)
     for_s: float
 
     def apply(self, board: Board) -> None:
@@ -248,6 +277,7 @@ Fault = (
     SdaStuck
     | SclStuck
     | NackBurst
+    | StaleByte
     | Unplug
     | Clone
     | BrownOut
@@ -258,6 +288,15 @@ Fault = (
     | PortReopen
 )
 KINDS: dict[str, type[_Fault]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Fault)}
+
+
+def never_happened(faults: Sequence[Fault], now_s: float) -> list[str]:
+    """A remark on each fault whose moment did not come."""
+    return [
+        f"{fault.__struct_config__.tag} at {fault.at_s:g} s did not happen: the run ended at {now_s:g} s"
+        for fault in faults
+        if fault.at_s > now_s
+    ]
 
 
 class _Script(msgspec.Struct, forbid_unknown_fields=True):
@@ -276,22 +315,29 @@ def read_faults(path: Path) -> list[Fault]:
         raise UsageError(f"{path}: cannot be read ({error}).") from error
     except tomllib.TOMLDecodeError as error:
         raise UsageError(f"{path}: is not TOML: {error}.") from error
+    faults = tree.get("fault")
+    if isinstance(faults, list):
+        tree["fault"] = [
+            _settings(fault.items(), f"{path}: fault[{i}]") if isinstance(fault, dict) else fault
+            for i, fault in enumerate(faults)
+        ]
     return _convert(tree, str(path), strict=True)
 
 
 def parse_fault(text: str) -> Fault:
-    """One fault from `KIND key=value …`; `at` and `for` may be written for at_s and for_s.
+    """One fault from `KIND key=value …`.
 
     Raises:
         UsageError: says what is wrong with the text.
     """
     kind, *pairs = text.split() or [""]
-    settings: dict[str, Any] = {"kind": kind}
+    given: list[tuple[str, Any]] = [("kind", kind)]
     for pair in pairs:
         key, sign, value = pair.partition("=")
         if not sign or not value:
             raise UsageError(f"--fault {text}: '{pair}' is not KEY=VALUE, such as at=2.0.")
-        settings[{"at": "at_s", "for": "for_s"}.get(key, key)] = _value(value)
+        given.append((key, _value(value)))
+    settings = _settings(given, f"--fault {text}")
     return _convert({"fault": [settings]}, f"--fault {text}", strict=False)[0]
 
 
@@ -312,6 +358,17 @@ def _later(board: Board, for_s: float, action: Any) -> None:
 def _check_who(who_am_i: int | None) -> None:
     if who_am_i is not None and not 0 <= who_am_i <= 0xFF:
         raise ValueError("who_am_i is one byte: 0x00 to 0xFF")
+
+
+def _settings(given: Iterable[tuple[str, Any]], origin: str) -> dict[str, Any]:
+    """Settings by their full names."""
+    settings: dict[str, Any] = {}
+    for key, value in given:
+        name = SHORT_NAMES.get(key, key)
+        if name in settings:
+            raise UsageError(f"{origin}: {name} is given twice.")
+        settings[name] = value
+    return settings
 
 
 def _value(text: str) -> int | str:

@@ -8,7 +8,9 @@ from fltea.messages import Frame, FrameReader, Refused
 from fltea.model import RawSample
 from fltea.sources.serial import hello_event
 
-from tools.due_emulator.machine import PS_PER_S, PS_PER_US, Machine
+from tools.due_emulator.board import Board
+from tools.due_emulator.instants import Instants
+from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 
 MAX_GAP = 1 << 30
 """No gap is too long to be counted as one."""
@@ -17,8 +19,12 @@ MAX_GAP = 1 << 30
 class HostView:
     """Takes bytes as they arrive and keeps counts."""
 
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
+    def __init__(self, board: Board) -> None:
+        self._machine = board.machine
+        self._instants = Instants(board)
+        self._spans: dict[int, tuple[int, int]] = {}
+        """Of each boot that was heard, by its place: numbers of the first and of the last sample."""
+        self._boot = 0
         self.reader = FrameReader()
         self.continuity = Continuity(MAX_GAP)
         self.hello: wire.Hello | None = None
@@ -60,6 +66,7 @@ class HostView:
                 if self.hello is None or hello.boot_id != self.hello.boot_id:
                     self.boots.append(hello.boot_id)
                     self._new_boot = True
+                    self._boot = self._instants.boot
                 self.hello = hello
                 self.continuity.on_hello(hello_event(hello, "emulator", host_ns))
             case wire.Sample() as sample:
@@ -93,6 +100,20 @@ class HostView:
                 self.min_step_us = min(step_us, self.min_step_us or step_us)
                 self.max_step_us = max(step_us, self.max_step_us or step_us)
         self._last = placed
+        first = self._spans.get(self._boot, (placed.seq, 0))[0]
+        self._spans[self._boot] = (first, placed.seq)
+
+    @property
+    def due(self) -> int | None:
+        """Instants that were due, by the timer; None where the sensor's clock or another program decides."""
+        timer = self.hello is not None and self.hello.sampling_mode == wire.SamplingMode.TIMER
+        return sum(self._instants.due) if timer else None
+
+    @property
+    def unheard(self) -> int | None:
+        """Those before the first and after the last sample that was heard of each boot; None as for `due`."""
+        heard = sum(last - first + 1 for first, last in self._spans.values())
+        return None if self.due is None else self.due - heard
 
 
 def plain(message: wire.Message | None) -> dict[str, Any] | None:

@@ -93,9 +93,12 @@ class Mpu9250:
 
     @clock_ppm.setter
     def clock_ppm(self, ppm: float) -> None:
-        self._refresh_output()
+        old_ps = self._period_ps or 0
+        phase_ps = self._now_ns * PS_PER_NS - self._anchor_ps - self._updates * old_ps
         self._clock_ppm = ppm
         self._start_clock()
+        if old_ps and self._period_ps:  # the divider goes on from where it is
+            self._anchor_ps -= phase_ps * self._period_ps // old_ps
 
     @property
     def output_hz(self) -> float:

@@ -6,6 +6,7 @@ that a program that polls once a period, at multiples of it, meets each value ex
 
 from pathlib import Path
 from typing import NamedTuple, Protocol
+from urllib.parse import parse_qsl
 
 import msgspec
 import numpy as np
@@ -23,6 +24,14 @@ ACCEL_ROWS = 4099
 """A prime, so that its repetition falls on no rate of sampling."""
 CELSIUS = 25.0
 NS_PER_S = 1_000_000_000
+RATES_HZ = (1e-3, 1e5)
+"""Rates at which the world may change."""
+WITHOUT_MEANING = {
+    "n": "the emulated board has no last sample",
+    "lsb_per_dps": "the emulated sensor quantises by the range that the program has set",
+    "range_dps": "the program sets the emulated sensor's range",
+}
+"""Keys of `fltea.sources.synthetic` that the board decides, and why."""
 
 
 class Motion(NamedTuple):
@@ -134,11 +143,15 @@ def fractional_world(query: str) -> Fractional:
     """World from the text behind `synthetic:`, such as `alpha=0.3&f=-1.5&seed=7`.
 
     Raises:
-        UsageError: names the key that is unknown or has an impossible value.
+        UsageError: names the key that is unknown, has an impossible value, or no meaning on this board.
     """
     settings = parse_noise(query)
-    if settings.n:
-        raise UsageError(f"noise {query}: n does not apply here; the emulated board has no last sample.")
+    for key in dict(parse_qsl(query.removeprefix("?"), keep_blank_values=True)):
+        if key in WITHOUT_MEANING:
+            raise UsageError(f"noise {query}: {key} does not apply here; {WITHOUT_MEANING[key]}.")
+    low_hz, high_hz = RATES_HZ
+    if not low_hz <= settings.rate_hz <= high_hz:
+        raise UsageError(f"noise {query}: rate_hz has to be {low_hz:g} to {high_hz:g} here.")
     return Fractional(settings)
 
 

@@ -122,8 +122,11 @@ class Pio(Peripheral):
         if register in PROTECTED and self.registers["WPMR"] & WPEN:
             self.machine.fault(f"write of 0x{value:X} to {self.name}_{register}, which WPMR protects")
         if register == "WPMR":
-            if value >> 8 == WP_KEY:
-                self.registers["WPMR"] = value & WPEN
+            if value >> 8 != WP_KEY:
+                self.machine.fault(
+                    f"{self.name}_WPMR = 0x{value:08X} without its key 0x50494F: the chip ignores it"
+                )
+            self.registers["WPMR"] = value & WPEN
             return
         changed = value
         if register in SET:

@@ -14,7 +14,9 @@ MCK_MAX_HZ = 84_000_000
 PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
 """Allowed range of the PLL's output (datasheet 45.5, read second hand)."""
 UPLL_HZ = 480_000_000
-KEY = 0x37
+KEY, WP_KEY = 0x37, 0x50_4D43
+CLOCKED_IDS = (1 << 45) - (1 << 8)
+"""Peripherals whose clock can be switched: 8 to 44 (datasheet 9.1, read second hand)."""
 CSS_SLOW, CSS_MAIN, CSS_PLLA, CSS_UPLL = range(4)
 MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))
 PCKRDY = 0x700
@@ -40,8 +42,8 @@ class Pmc(Peripheral):
         """The fast RC oscillator at 4 MHz, all peripheral clocks off."""
         for event in self._events.values():
             event.cancel()
+        self._events.clear()
         super().reset()
-        self._rc_on = True
         self.registers["SR"] |= MOSCRCS
         self.machine.clocked = 0
         self._settle_irq()
@@ -53,6 +55,8 @@ class Pmc(Peripheral):
         match register:
             case "PCER0" | "PCER1" | "PCDR0" | "PCDR1":
                 shift = 32 * int(register[-1])
+                if register.startswith("PCER") and value << shift & ~CLOCKED_IDS:
+                    self.machine.fault(f"PMC_{register} = 0x{value:08X} names peripherals that do not exist")
                 bits = value << shift
                 clocked = self.machine.clocked
                 self.machine.clocked = clocked | bits if register.startswith("PCER") else clocked & ~bits
@@ -77,6 +81,8 @@ class Pmc(Peripheral):
                 self._set_upll(value)
             case "MCKR":
                 self._set_master_clock(value)
+            case "WPMR" if value >> 8 != WP_KEY:
+                self.machine.fault(f"PMC_WPMR = 0x{value:08X} without its key 0x504D43: the chip ignores it")
             case "WPMR" if value & 1:
                 self.machine.fault("PMC_WPMR: write protection is not modelled")
             case _:
@@ -93,8 +99,12 @@ class Pmc(Peripheral):
         if value >> 16 & 0xFF != KEY:
             self.machine.fault(f"PMC_CKGR_MOR = 0x{value:08X} without its key 0x37: the chip ignores it")
         r["CKGR_MOR"] = value & ~self.mask("CKGR_MOR", "KEY")
-        self._rc_on = bool(self.field("CKGR_MOR", "MOSCRCEN"))
-        r["SR"] = r["SR"] | MOSCRCS if self._rc_on else r["SR"] & ~MOSCRCS
+        rc_on = bool(self.field("CKGR_MOR", "MOSCRCEN"))
+        if not rc_on:
+            self._not_ready(MOSCRCS)
+        elif (value ^ old) & self.mask("CKGR_MOR", "MOSCRCF") or not (r["SR"] & MOSCRCS):
+            self._not_ready(MOSCRCS)
+            self._ready_in(MOSCRCS, SELECT_PS, self._take_master_clock)
         if not self.field("CKGR_MOR", "MOSCXTEN"):
             self._not_ready(MOSCXTS)
         elif not r["SR"] & MOSCXTS and MOSCXTS not in self._events:
@@ -103,7 +113,7 @@ class Pmc(Peripheral):
         select = self.mask("CKGR_MOR", "MOSCSEL")
         if value & select and not r["SR"] & MOSCXTS:
             self.machine.fault("PMC_CKGR_MOR selects the crystal before it is ready: wait for PMC_SR.MOSCXTS")
-        if not value & select and not self._rc_on:
+        if not value & select and not rc_on:
             self.machine.fault("PMC_CKGR_MOR stops the RC oscillator that the chip runs on")
         if (value ^ old) & select:
             self._not_ready(MOSCSELS)

@@ -97,7 +97,7 @@ class Port:
 class Front:
     """Runs the board while the port is open; without a client the board stands still.
 
-    out: where warnings go.
+    Warnings go to standard error.
     """
 
     def __init__(self, board: Board, port: Port) -> None:

@@ -24,6 +24,7 @@ REFUSED = {
     ("EMAC", "NCR"): 0x0C,
 }
 """Bits that would start what is not modelled."""
+SUPC_KEY, SUPC_KEYED = 0xA5, ("CR", "MR")
 USB_CTRL_ENABLED, USB_CTRL_FROZEN, USB_CLOCK_USABLE = 1 << 15, 1 << 14, 1 << 14
 
 
@@ -52,6 +53,12 @@ class RegisterFile(Peripheral):
         """Keep the value, or set or clear bits."""
         if value & REFUSED.get((self.name, register), 0):
             self.machine.fault(f"{self.name} is put to work by {register} = 0x{value:X}: it is not modelled")
+        if self.name == "SUPC" and register in SUPC_KEYED:
+            if value >> 24 != SUPC_KEY:
+                self.machine.fault(
+                    f"SUPC_{register} = 0x{value:08X} without its key 0xA5: the chip ignores it"
+                )
+            value &= 0x00FF_FFFF
         if register in self._sets:
             shown, sets = self._sets[register]
             old = self.registers[shown]

@@ -40,6 +40,8 @@ def make_report(
         "samples": counts.delivered,
         "gaps": counts.gaps,
         "lost": counts.lost,
+        "due": host.due,
+        "unheard": host.unheard,
         "duplicates": counts.duplicates,
         "before_hello": counts.before_hello,
         "rate_hz": None if host.rate_hz is None else round(host.rate_hz, 6),
@@ -80,6 +82,7 @@ def describe(report: dict[str, Any]) -> str:
             else f" in {report['wall_s']:g} s: {report['speed']:g} times real time"
         ),
         f"{report['samples']} samples, {report['gaps']} gaps, {report['lost']} lost"
+        + ("" if report["due"] is None else f", {report['unheard']} unheard of {report['due']} due")
         + ("" if rate is None else f"; {rate:.4f} Hz, steps of {step['min']} to {step['max']} us"),
         f"{report['frames']} frames, bad: {report['bad_frames'] or 'none'}; I2C busy "
         f"{report['bus_load']:.1%}, UART {report['uart_load']:.1%}, processor asleep "

@@ -59,6 +59,8 @@ class Watchdog(Peripheral):
             )
         self._written = True
         self.registers["MR"] = value
+        if not self.field("MR", "WDDIS") and not self.period_ps:
+            self.machine.fault(f"WDT_MR = 0x{value:08X}: WDV = 0 leaves no time to feed the watchdog")
         self._feed()
 
     def _restart(self) -> None:

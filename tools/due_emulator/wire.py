@@ -45,10 +45,6 @@ class Wire:
         (self._pull_ups.add if on else self._pull_ups.discard)(who)
         self._settle()
 
-    def holders(self) -> list[str]:
-        """Names of those that hold it low."""
-        return [who for who, level in self._drivers.items() if not level]
-
     def _settle(self) -> None:
         level = all(self._drivers.values()) if self._drivers else bool(self._pull_ups)
         if level != self._level:

@@ -20,6 +20,8 @@ FAULTS = (
     "nack_burst at=1.0 count=1",
     # Nine clocks, and that of the STOP.
     "sda_stuck at=1.2 clocks=10",
+    # Each of three reads in a row leaves one in the controller.
+    "stale_byte at=1.3 count=3",
     # From the middle of a step to after the next tick: its wake-up must not get lost.
     "watchdog_starvation at=1.4035 for=0.0102",
     "brown_out at=1.6",
@@ -85,7 +87,7 @@ def troubled(image: bytes) -> Iterator[Statement]:
     run = _watched(DueRun(image, noise=NOISE, faults=FAULTS))
     run.run_until(1.55)
     yield from _runs(run)
-    yield f"a NACK, a held SDA and a late tick cost no sample ({run.gaps})", not run.gaps
+    yield f"a NACK, a held SDA, stale bytes and a late tick cost no sample ({run.gaps})", not run.gaps
     flags = [
         (s.flags, round(s.device_us / 1e6, 1)) for s in run.samples if s.flags & wire.SampleFlags.RETRIED
     ]

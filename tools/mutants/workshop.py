@@ -12,7 +12,14 @@ sys.path.insert(0, str(REPOSITORY / "tools"))
 
 from build_firmware import BuildError, build  # noqa: E402
 
-PARTS = ("firmware", "tests/firmware", "tests/conftest.py", "protocol/vectors", "pyproject.toml")
+PARTS = (
+    "firmware",
+    "tests/firmware",
+    "tests/conftest.py",
+    "tests/toolchain.py",
+    "protocol/vectors",
+    "pyproject.toml",
+)
 PATIENCE_S = 300.0
 """Only keeps a mutant that never ends from holding up the others."""
 

@@ -1,5 +1,6 @@
-// The sensor's bus through Arduino's Wire, which has three gaps that are closed here: it never frees a held
-// bus, its time-outs last tens of milliseconds, and it does not tell a time-out from a NACK.
+// The sensor's bus through Arduino's Wire, which has four gaps that are closed here: it never frees a held
+// bus, its time-outs last tens of milliseconds, it does not tell a time-out from a NACK, and it takes a byte
+// that the controller holds from before for the first of a read.
 #pragma once
 
 #include <Arduino.h>
@@ -16,6 +17,10 @@ class WireBus final : public I2cBus {
     I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override {
         if (!idle()) return I2cResult::timeout;
         const uint32_t began_us = micros();
+        // A byte may be left in the controller although the last read was complete (due/twi.cpp); Wire would
+        // take it for this read's first one.
+        const uint32_t stale = WIRE_INTERFACE->TWI_RHR;
+        static_cast<void>(stale);
         // Only the overload with an internal address makes a repeated start.
         const size_t got = wire_.requestFrom(address, static_cast<uint8_t>(n), static_cast<uint32_t>(reg),
                                              static_cast<uint8_t>(1), static_cast<uint8_t>(true));

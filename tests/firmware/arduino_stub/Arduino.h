@@ -49,6 +49,7 @@ typedef uint8_t byte;
 #define VARIANT_MCK 84000000
 #define PIN_WIRE_SDA (20u)
 #define PIN_WIRE_SCL (21u)
+#define WIRE_INTERFACE TWI1
 #define LED_BUILTIN 13
 static const uint8_t SDA __attribute__((unused)) = PIN_WIRE_SDA;
 static const uint8_t SCL __attribute__((unused)) = PIN_WIRE_SCL;

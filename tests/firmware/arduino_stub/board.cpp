@@ -8,6 +8,7 @@ TwoWire Wire;
 Trng stub_trng;
 Efc stub_efc0;
 Rstc stub_rstc;
+Twi stub_twi1;
 
 namespace stub {
 
@@ -137,6 +138,10 @@ void flash_command(uint32_t value) {
 }
 uint32_t flash_status() { return board.shows_identifier ? 0 : EEFC_FSR_FRDY; }
 uint32_t reset_status() { return board.rsttyp << 8 | 0x10000; }
+uint32_t received_byte() {
+    board.byte_left = false;
+    return 0xFF;
+}
 uintptr_t flash_address() {
     board.fetched_with_interrupts |= board.shows_identifier && board.interrupts_on;
     return reinterpret_cast<uintptr_t>(board.shows_identifier ? kIdentifier : kProgram);
@@ -217,7 +222,7 @@ size_t UARTClass::write(const uint8_t value) {
 
 void TwoWire::begin() {
     ++board.wire_begins;
-    board.controller_hangs = false;
+    board.controller_hangs = board.byte_left = false;
     board.pins[PIN_WIRE_SDA].owner = board.pins[PIN_WIRE_SCL].owner = stub::Pin::wire;
 }
 void TwoWire::begin(uint8_t) {}
@@ -254,8 +259,10 @@ uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n, uint32_t reg, uint8_t, 
     stub::convert();
     const int length = n - board.chip.short_by;
     board.chip.short_by = 0;
-    for (int i = 0; i < length; ++i)
-        rx_[rx_length_++] = board.chip.registers[(reg + static_cast<uint32_t>(i)) & 0x7F];
+    if (board.byte_left) rx_[rx_length_++] = 0xFF;
+    for (uint32_t i = reg; rx_length_ < length; ++i) rx_[rx_length_++] = board.chip.registers[i & 0x7F];
+    board.byte_left = board.stale_reads > 0;
+    if (board.stale_reads > 0) --board.stale_reads;
     return rx_length_;
 }
 uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n) { return requestFrom(address, n, 0, 0, 1); }

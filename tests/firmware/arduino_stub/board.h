@@ -42,10 +42,12 @@ struct Board {
     uint32_t wire_hz = 0;
     bool controller_hangs = false;  // and pulls SDA low, until the pins are taken from it
     int wire_begins = 0;
-    int clocks = 0;  // rising edges of SCL made by hand
-    int stops = 0;   // STOP conditions made by hand
-    int drives = 0;  // times that a line was driven high
-    int spins = 0;   // transfers that ran into Wire's time-out
+    int clocks = 0;          // rising edges of SCL made by hand
+    int stops = 0;           // STOP conditions made by hand
+    int drives = 0;          // times that a line was driven high
+    int stale_reads = 0;     // complete reads yet to come that leave a byte in the controller
+    bool byte_left = false;  // there is one, and the next read takes it for its first
+    int spins = 0;           // transfers that ran into Wire's time-out
 
     // UART
     uint32_t baud = 0;

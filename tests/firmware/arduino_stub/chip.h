@@ -27,6 +27,7 @@ void flash_set_mode(uint32_t);
 void flash_command(uint32_t);
 uint32_t flash_status();
 uint32_t reset_status();
+uint32_t received_byte();
 uintptr_t flash_address();
 
 }  // namespace stub
@@ -44,13 +45,18 @@ struct Efc {
 struct Rstc {
     stub::Register<stub::reset_status, stub::write_nothing> RSTC_SR;
 };
+struct Twi {
+    stub::Register<stub::received_byte, stub::write_nothing> TWI_RHR;
+};
 
 extern Trng stub_trng;
 extern Efc stub_efc0;
 extern Rstc stub_rstc;
+extern Twi stub_twi1;
 #define TRNG (&stub_trng)
 #define EFC0 (&stub_efc0)
 #define RSTC (&stub_rstc)
+#define TWI1 (&stub_twi1)
 
 #define TRNG_CR_ENABLE (0x1u << 0)
 #define TRNG_CR_KEY(value) ((0xffffffu << 8) & ((value) << 8))
@@ -86,7 +92,6 @@ void __enable_irq();
 #define TC1 NOT_OURS
 #define TC2 NOT_OURS
 #define TWI0 NOT_OURS
-#define TWI1 NOT_OURS
 #define PWM NOT_OURS
 #define USART0 NOT_OURS
 #define UOTGHS NOT_OURS

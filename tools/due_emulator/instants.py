@@ -1,0 +1,88 @@
+"""Which sampling instants were due, as the board itself knows it: the sensor's bus and resets are watched."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+from tools.due_emulator.board import Board
+from tools.due_emulator.machine import PS_PER_S
+
+DATA = 0x3B
+"""First of the sensor's data registers."""
+PERIOD_PS = PS_PER_S // 100
+
+
+class Burst(NamedTuple):
+    """One reading of the sensor's data registers, whole or not: when it began, and what it gave."""
+
+    at_ps: int
+    data: bytearray
+
+
+class BusWatch:
+    """Hears the sensor's side of the bus; tells of each reading of its data registers when it begins."""
+
+    def __init__(self, board: Board, on_burst: Callable[[Burst], None]) -> None:
+        self._board = board
+        self._on_burst = on_burst
+        self._pointer: int | None = None
+        self._burst: Burst | None = None
+        socket = board.socket
+        socket.start = partial(self._start, socket.start)  # type: ignore[method-assign]
+        socket.write = partial(self._write, socket.write)  # type: ignore[method-assign]
+        socket.read = partial(self._read, socket.read)  # type: ignore[method-assign]
+
+    def _start(self, go: Callable[[int, bool], bool], address: int, read: bool) -> bool:
+        ack = go(address, read)
+        if read and ack and self._pointer == DATA:
+            self._burst = Burst(self._board.machine.now_ps, bytearray())
+            self._on_burst(self._burst)
+        elif not read:
+            self._pointer = self._burst = None
+        return ack
+
+    def _write(self, go: Callable[[int], bool], byte: int) -> bool:
+        ack = go(byte)
+        if ack and self._pointer is None:
+            self._pointer = byte
+        return ack
+
+    def _read(self, go: Callable[[bool], int], ack: bool) -> int:
+        byte = go(ack)
+        if self._burst is not None:
+            self._burst.data.append(byte)
+        return byte
+
+
+class Instants:
+    """Counts the instants of each boot: one each 10 ms from its first reading of the sensor on."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._first_ps: int | None = None
+        self._ended: list[int] = []
+        BusWatch(board, self._on_burst)
+        board.on_reset = self._on_reset
+
+    @property
+    def boot(self) -> int:
+        """Which boot it is, counted from 0."""
+        return len(self._ended)
+
+    @property
+    def due(self) -> list[int]:
+        """Of each boot, up to now."""
+        return [*self._ended, due_between(self._first_ps, self._board.machine.now_ps)]
+
+    def _on_burst(self, burst: Burst) -> None:
+        if self._first_ps is None:
+            self._first_ps = burst.at_ps
+
+    def _on_reset(self) -> None:
+        self._ended = self.due
+        self._first_ps = None
+
+
+def due_between(first_ps: int | None, end_ps: int) -> int:
+    """Instants from the first reading of the sensor to an end, both included; 0 if there was no reading."""
+    return 0 if first_ps is None else (end_ps - first_ps) // PERIOD_PS + 1
