@@ -26,7 +26,7 @@ fi
 printf 'int main() {}' | c++ -x c++ -o /dev/null - 2>/dev/null || packages+=(g++)
 if [ "$level" = dev ]; then
     compiles() { printf '%s\nint main() { return 0; }\n' "$2" | ${1} -x c++ -o /dev/null - 2>/dev/null; }
-    compiles c++ '#include <doctest/doctest.h>' || packages+=(doctest-dev)
+    compiles 'c++ -fsyntax-only' '#include <doctest/doctest.h>' || packages+=(doctest-dev)
     # The second compiler of the C++ tests, with sanitizers and libFuzzer.
     compiles 'clang++ -fsanitize=address,undefined' '#include <type_traits>' || packages+=(clang libclang-rt-dev)
     command -v clang-tidy >/dev/null || packages+=(clang-tidy)
