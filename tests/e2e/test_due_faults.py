@@ -8,8 +8,10 @@ for byte what the sensor gave at that sample's time.
 from typing import NamedTuple
 
 import pytest
-from due_support import CASES, DueRun, Row, image, one_minute, with_fault
+from due_support import CASES, ROOT, DueRun, Row, image, one_minute, with_fault
 from fltea import wire
+
+from tools.fault_report import markdown
 
 
 class Expected(NamedTuple):
@@ -185,3 +187,9 @@ def test_a_board_that_sags_in_mid_transfer_frees_the_bus() -> None:
         assert run.faults == []
         clocks.append(run.board.lines.recovery_clocks - 2)
     assert max(clocks) > 0
+
+
+def test_the_readme_shows_the_figures_of_the_committed_image() -> None:
+    readme = (ROOT / "firmware/README.md").read_text(encoding="utf-8")
+    for line in markdown([with_fault(case.name)[1] for case in CASES]):
+        assert line in readme, "make it true again by `python -m tools.fault_report`"
