@@ -7,13 +7,12 @@ tells of a difference.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import sys
 import tomllib
 from pathlib import Path
 
-from generated import update
+from generated import arguments, update
 
 HEADER = "firmware/core/build_id.h"
 SUFFIXES = {".h", ".cpp", ".ino", ".ld"}
@@ -64,15 +63,10 @@ def sources(root: Path) -> list[Path]:
 
 def main() -> int:
     """Run the command line; returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if the file differs")
-    parser.add_argument(
-        "--root", type=Path, default=Path(__file__).resolve().parent.parent, help="repository"
-    )
-    arguments = parser.parse_args()
-    root = arguments.root
+    given = arguments(__doc__.splitlines()[0])
+    root = given.root
     text = TEXT.format(version=version(root), build_id=build_id(root))
-    return update(root, {HEADER: text}, check=arguments.check, source="the sources of firmware/")
+    return update(root, {HEADER: text}, check=given.check, source="the sources of firmware/")
 
 
 if __name__ == "__main__":

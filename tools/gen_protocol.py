@@ -6,14 +6,13 @@ exits 1. What it emits is already in the style of `ruff format` and of `.clang-f
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 
 import protocol_cpp
 import protocol_markdown
 import protocol_python
-from generated import update
+from generated import arguments, update
 from protocol_definition import DefinitionError, Protocol, load
 
 DEFINITION = "protocol/messages.toml"
@@ -38,19 +37,14 @@ def outputs(protocol: Protocol, root: Path) -> dict[str, str]:
 
 def main() -> int:
     """Run the command line; returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
-    parser.add_argument(
-        "--root", type=Path, default=Path(__file__).resolve().parent.parent, help="repository"
-    )
-    arguments = parser.parse_args()
+    given = arguments(__doc__.splitlines()[0])
     try:
-        protocol = load((arguments.root / DEFINITION).read_text())
-        wanted = outputs(protocol, arguments.root)
+        protocol = load((given.root / DEFINITION).read_text())
+        wanted = outputs(protocol, given.root)
     except DefinitionError as error:
         print(f"{DEFINITION}: {error}", file=sys.stderr)
         return 1
-    return update(arguments.root, wanted, check=arguments.check, source=DEFINITION)
+    return update(given.root, wanted, check=given.check, source=DEFINITION)
 
 
 if __name__ == "__main__":

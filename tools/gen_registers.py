@@ -6,13 +6,11 @@ exits 1.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
-from pathlib import Path
 
 import registers_cpp
-from generated import update
+from generated import arguments, update
 from svd import MEMBER, PACKAGE, Peripheral, Register, SvdError, obtain, read
 
 
@@ -43,14 +41,9 @@ def _register(register: Register) -> str:
 
 def main() -> int:
     """Run the command line; returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
-    parser.add_argument(
-        "--root", type=Path, default=Path(__file__).resolve().parent.parent, help="repository"
-    )
-    arguments = parser.parse_args()
+    given = arguments(__doc__.splitlines()[0])
     try:
-        peripherals = read(obtain(arguments.root))
+        peripherals = read(obtain(given.root))
     except SvdError as error:
         print(error, file=sys.stderr)
         return 1
@@ -58,7 +51,7 @@ def main() -> int:
         "tools/due_emulator/sam3x_registers.json": table(peripherals),
         "firmware/due/sam3x.h": registers_cpp.header(peripherals),
     }
-    return update(arguments.root, wanted, check=arguments.check, source=f"{MEMBER} of {PACKAGE}")
+    return update(given.root, wanted, check=given.check, source=f"{MEMBER} of {PACKAGE}")
 
 
 if __name__ == "__main__":

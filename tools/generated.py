@@ -1,8 +1,19 @@
 """Committed files that a program writes: brought up to date, or compared."""
 
+import argparse
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+
+
+def arguments(description: str) -> argparse.Namespace:
+    """Return `check` and `root`, as the command line of a writer gives them."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
+    parser.add_argument(
+        "--root", type=Path, default=Path(__file__).resolve().parent.parent, help="repository"
+    )
+    return parser.parse_args()
 
 
 def update(root: Path, wanted: Mapping[str, str], *, check: bool, source: str) -> int:
