@@ -251,7 +251,8 @@ uint8_t TwoWire::endTransmission(uint8_t) {
     if (tx_length_ == 2) stub::write_register(tx_[0], tx_[1]);
     return 0;
 }
-uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n, uint32_t reg, uint8_t, uint8_t) {
+uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n, uint32_t reg, uint8_t reg_size, uint8_t) {
+    if (reg_size == 0) reg = 0;  // none is addressed; where the chip's own pointer is, nobody should rely on
     rx_index_ = rx_length_ = 0;
     if (n > BUFFER_LENGTH) n = BUFFER_LENGTH;
     if (!stub::transfer(3 + 9u * (3u + n), 2)) return 0;
