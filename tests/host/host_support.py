@@ -6,12 +6,31 @@ import sys
 from pathlib import Path
 
 import msgspec
+from fltea import wire
 from fltea.model import AnyRecord, Hello
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
 """An estimator that is fast rather than good."""
+
+WIRE_HELLO = wire.Hello(
+    wire.PROTOCOL_MAJOR,
+    wire.PROTOCOL_MINOR,
+    wire.SCHEMA_HASH,
+    boot_id=5,
+    device_id=bytes(range(16)),
+    firmware_version="1.2.3",
+    who_am_i=0x71,
+    sensor_starts=1,
+    sample_rate=100_000,
+    gyro_range=2000,
+    gyro_lsb=164,
+    accel_range=2,
+    accel_lsb=16384,
+    gyro_dlpf=184,
+    sampling_mode=wire.SamplingMode.TIMER,
+)
 
 _decoder = msgspec.json.Decoder(AnyRecord)
 

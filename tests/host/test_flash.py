@@ -15,28 +15,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from fltea import flash, transport, wire
+from fltea import flash, transport
 from fltea.errors import FlteaError, UsageError
 from fltea.messages import encode
-from host_support import PATIENCE_S, ROOT
+from host_support import PATIENCE_S, ROOT, WIRE_HELLO
 
-HELLO = wire.Hello(
-    wire.PROTOCOL_MAJOR,
-    wire.PROTOCOL_MINOR,
-    wire.SCHEMA_HASH,
-    boot_id=5,
-    device_id=bytes(16),
-    firmware_version="0.1.0 due 12ab34cd",
-    who_am_i=0,
-    sensor_starts=0,
-    sample_rate=100_000,
-    gyro_range=2000,
-    gyro_lsb=164,
-    accel_range=2,
-    accel_lsb=16384,
-    gyro_dlpf=184,
-    sampling_mode=wire.SamplingMode.TIMER,
-)
+HELLO = WIRE_HELLO._replace(firmware_version="0.1.0 due 12ab34cd", who_am_i=0, sensor_starts=0)
 
 
 class Board:

@@ -6,26 +6,10 @@ from fltea.messages import encode
 from fltea.model import DeviceStatus, Event, Hello, LinkDown, RawSample, Tick, Trouble
 from fltea.sources.serial import SILENCE_S, SerialSource
 from fltea.transport import Chunk, Failed, Opened, TransportEvent
+from host_support import WIRE_HELLO as HELLO
 
 S = 10**9
 LIMIT = int(SILENCE_S * S)
-HELLO = wire.Hello(
-    wire.PROTOCOL_MAJOR,
-    wire.PROTOCOL_MINOR,
-    wire.SCHEMA_HASH,
-    boot_id=5,
-    device_id=bytes(range(16)),
-    firmware_version="1.2.3",
-    who_am_i=0x71,
-    sensor_starts=1,
-    sample_rate=100_000,
-    gyro_range=2000,
-    gyro_lsb=164,
-    accel_range=2,
-    accel_lsb=16384,
-    gyro_dlpf=184,
-    sampling_mode=wire.SamplingMode.TIMER,
-)
 SAMPLE = wire.Sample(1, -2, 3, 4, -5, 6, 700, 4)
 
 
