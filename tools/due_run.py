@@ -5,9 +5,8 @@ continuity, pipeline. Beside that, the sensor's bus and the board's resets are w
 counts can be held against what was really there.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import NamedTuple
 
 from fltea import wire
@@ -91,8 +90,7 @@ class DueRun:
         self.board.bridge.host_baud = baud
         self.board.bridge.strict_baud = strict_baud
         self.boots = [Boot(ResetType.POWER_UP, 0)]
-        reset = self.board.reset
-        self.board.reset = partial(self._reset, reset)  # type: ignore[method-assign]
+        self.board.on_reset = self._on_reset
         BusWatch(self.board, lambda burst: self.boots[-1].bursts.append(burst))
         schedule_faults(self.board, [parse_fault(text) for text in faults])
 
@@ -228,10 +226,9 @@ class DueRun:
         for event in self._source._on_transport(item):
             self.records += self._pipeline.feed(event)
 
-    def _reset(self, go: Callable[..., None], cause: ResetType, *hold_ps: int) -> None:
+    def _on_reset(self, cause: ResetType) -> None:
         self.boots[-1].ended_ps = self.now_ps
         self.boots.append(Boot(cause, self.now_ps))
-        go(cause, *hold_ps)
 
     def _last_of_boots(self) -> Iterator[tuple[int, int]]:
         """For each boot that was heard: its place in `boots`, and its last sample's number plus one."""

@@ -1,6 +1,8 @@
 // A device of fakes: the real application on them, stepped as a port would.
 #pragma once
 
+#include <doctest/doctest.h>
+
 #include <functional>
 
 #include "application.h"
@@ -110,3 +112,12 @@ class Rig {
     uint64_t next_edge_us_;
     uint64_t random_ = 1;
 };
+
+// delivered + overruns + dropped = due, as STATUS and the numbers of the samples say it.
+inline void check_balance(const Rig& rig) {
+    const fltea::Status status = rig.status();
+    const std::vector<Frame> samples = rig.samples();
+    CHECK(samples.back().sequence + 1u == samples.size() + status.overruns + status.dropped_frames);
+}
+
+inline uint8_t last_flags(const Rig& rig) { return message_of<fltea::Sample>(rig.samples().back()).flags; }

@@ -71,7 +71,7 @@ class Board:
         self.events: list[str] = []
         """What a person should know of the run: resets by the watchdog and the like."""
         self.resets = 0
-        self.on_reset: Callable[[], None] = lambda: None
+        self.on_reset: Callable[[ResetType], None] = lambda cause: None
         """Called at each start of the chip but the first."""
         self.bridge = Bridge(machine, seed)
         self.socket = SensorSocket(machine, Mpu9250(world))
@@ -138,7 +138,7 @@ class Board:
     def reset(self, cause: ResetType, hold_ps: int = RESET_PS) -> None:
         """Start the chip again; RAM and sensor keep what they have."""
         self.resets += 1
-        self.on_reset()
+        self.on_reset(cause)
         for peripheral in self.peripherals:
             peripheral.reset()
         self.reset_controller.restarted(cause)

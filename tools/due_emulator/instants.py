@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.machine import PS_PER_S
+from tools.due_emulator.reset_controller import ResetType
 
 DATA = 0x3B
 """First of the sensor's data registers."""
@@ -78,7 +79,7 @@ class Instants:
         if self._first_ps is None:
             self._first_ps = burst.at_ps
 
-    def _on_reset(self) -> None:
+    def _on_reset(self, _: ResetType) -> None:
         self._ended = self.due
         self._first_ps = None
 
