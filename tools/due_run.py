@@ -12,9 +12,9 @@ from typing import NamedTuple
 from fltea import wire
 from fltea.config import load_config
 from fltea.messages import Frame, FrameReader
-from fltea.model import AnyRecord, Epoch, Error, Gap, Hello, Sample, Stats
+from fltea.model import AnyRecord, Epoch, Error, Event, Gap, Hello, LinkStats, Sample, Stats
 from fltea.pipeline import Pipeline
-from fltea.sources.serial import SerialSource
+from fltea.sources.wire_events import WireEvents
 from fltea.transport import Chunk, Opened
 
 from tools.due_emulator.board import Board
@@ -29,7 +29,7 @@ QUIET_PS = PERIOD_PS * 8 // 10
 """From this phase of a period on, all that an instant led to has arrived."""
 NEAR_PS = PS_PER_S // 1000
 CHUNK_BYTES = 64
-NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000}
+NO_ESTIMATES = {"estimator.startup": 1_000_000}
 
 
 @dataclass
@@ -59,6 +59,24 @@ class Arrival(NamedTuple):
         return self.at_ps / PS_PER_S
 
 
+class _FedSource:
+    """A source whose bytes are given to it in virtual time."""
+
+    live = prompt = True
+    unix_offset_ns = 0
+
+    def __init__(self) -> None:
+        self.wire = WireEvents("the emulated Due")
+
+    def events(self) -> Iterator[Event]:
+        return iter(())
+
+    def link_stats(self) -> LinkStats:
+        return self.wire.link_stats()
+
+    def close(self) -> None: ...
+
+
 class DueRun:
     """A board with its host. `run_until` may be called again and again.
 
@@ -80,7 +98,7 @@ class DueRun:
         self.arrivals: list[Arrival] = []
         self.records: list[AnyRecord] = []
         self.error: str | None = None
-        self._source = SerialSource("the emulated Due", wire.BAUD)
+        self._source = _FedSource()
         self._pipeline = Pipeline(self._source, load_config(None, NO_ESTIMATES))
         self._reader = FrameReader()
         self._unsent = bytearray()
@@ -222,8 +240,7 @@ class DueRun:
         return True
 
     def _feed(self, item: Opened | Chunk) -> None:
-        # The source is not started: what its thread would read comes from the emulator.
-        for event in self._source._on_transport(item):
+        for event in self._source.wire.feed(item, item.host_ns):
             self.records += self._pipeline.feed(event)
 
     def _on_reset(self, cause: ResetType) -> None:

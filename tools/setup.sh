@@ -31,6 +31,10 @@ if [ "$level" = dev ]; then
     compiles 'clang++ -fsanitize=address,undefined' '#include <type_traits>' || packages+=(clang libclang-rt-dev)
     command -v clang-tidy >/dev/null || packages+=(clang-tidy)
     command -v cppcheck >/dev/null || packages+=(cppcheck)
+    # What tests of the outputs talk to: a broker, certificates for it, a browser.
+    PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || packages+=(mosquitto)
+    command -v openssl >/dev/null || packages+=(openssl)
+    command -v chromium >/dev/null || packages+=(chromium)
     # The Due's compiler; C++11's <type_traits> is in newlib's package.
     compiles 'arm-none-eabi-g++ -mcpu=cortex-m3 -mthumb -c' '#include <type_traits>' ||
         packages+=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib)
@@ -68,8 +72,8 @@ export PATH="$PWD/.venv/bin:$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
 pip() { quietly .venv/bin/python -m pip "$@"; }
 say "installing pinned Python packages and building the native module ($level)"
 pip install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
-extras='[emulator]'
-[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator]'
+extras='[emulator,outputs]'
+[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
 pip install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
 say "ready"

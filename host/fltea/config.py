@@ -3,15 +3,17 @@
 import math
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
 from fltea import wire
+from fltea.config_outputs import DashboardConfig, MetricsConfig, MqttConfig, RecordConfig, StateConfig
 from fltea.errors import UsageError
-from fltea.estimator.settings import GyroscopeSettings, JointSettings
+from fltea.estimator.settings import GyroscopeSettings, JointSettings, StateSettings
+from fltea.model import ACCEL_AXES, AXES
 
 
 class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -82,23 +84,72 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
         return self.startup if self.bias == "startup" or self.R == "auto" else 0
 
 
+class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
+    """The same for axes of the accelerometer, in m/s² in place of deg/s.
+
+    Q and P0 of the state keep the ratio to the noise that the paper's have for its gyroscope: a resting
+    MPU-6050 has 9e-4 (m/s²)² where the paper's gyroscope has 0.02 (deg/s)².
+    """
+
+    state: StateSettings = StateSettings(P0=4.5e-4, Q=6.75e-3)
+
+
 class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All that `fltea run` can be told; the tables of its TOML file have the same names."""
+    """All that `fltea run` can be told; the tables of its TOML file have the same names.
+
+    channels: axes to estimate; None for all of the gyroscope's. device: what is said of each device by its
+    name; `load_configs` makes a `Config` of every one.
+    """
 
     source: str | None = None
-    format: Literal["auto", "ndjson", "table"] = "auto"
+    name: str | None = None
+    channels: list[str] | None = None
+    format: Literal["auto", "ndjson", "table", "none"] = "auto"
     pace: Literal["auto", "real", "fast"] = "auto"
     once: bool = False
     samples: bool = False
     link: LinkConfig = LinkConfig()
     replay: ReplayConfig = ReplayConfig()
     estimator: EstimatorConfig = EstimatorConfig()
+    accel: AccelConfig = AccelConfig()
+    record: RecordConfig = RecordConfig()
+    mqtt: MqttConfig = MqttConfig()
+    dashboard: DashboardConfig = DashboardConfig()
+    metrics: MetricsConfig = MetricsConfig()
+    state: StateConfig = StateConfig()
+    device: dict[str, dict[str, Any]] = {}
+
+    def __post_init__(self) -> None:
+        known = AXES + ACCEL_AXES
+        for channel in self.channels or ():
+            if channel not in known:
+                raise ValueError(f"channels: there is no {channel}; there are {', '.join(known)}")
+        if self.channels is not None and len(set(self.channels)) != len(self.channels or "x"):
+            raise ValueError("channels must name at least one axis, and each once")
+        if self.name is not None and not NAME.fullmatch(self.name):
+            raise ValueError(f"name {self.name!r}: letters, digits, '_', '.' and '-' make a device's name")
+
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+"""A device's name: it becomes part of file names and of MQTT topics."""
+
+OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
+"""What a table [device.NAME] may say; the rest is said once for the whole program."""
 
 
 def load_config(file: Path | None, overrides: Mapping[str, Any]) -> Config:
-    """Merge defaults, a TOML file and flags.
+    """The configuration of the one device that there is; see `load_configs`."""
+    (config,) = load_configs(file, overrides)
+    return config
 
-    overrides: dotted path to value, such as {"estimator.window": 1500}.
+
+def load_configs(
+    file: Path | None, overrides: Mapping[str, Any], sources: Iterable[str] = ()
+) -> list[Config]:
+    """Merge defaults, a TOML file, its tables of devices, and flags; one `Config` a device.
+
+    overrides: dotted path to value, such as {"estimator.window": 1500}. sources: URLs given as flags, which
+    replace the file's devices.
 
     Raises:
         UsageError: names file or flag, the path of the key, and what is wrong.
@@ -107,9 +158,72 @@ def load_config(file: Path | None, overrides: Mapping[str, Any]) -> Config:
     if file is not None:
         tree = _read_toml(file)
         _convert(tree, str(file))
-    for path, value in overrides.items():
-        _put(tree, path, value)
-    return _convert(tree, "command line")
+    urls = list(sources)
+    devices: dict[str | None, Mapping[str, Any]] = {**tree.pop("device", {})}
+    if urls:
+        devices = dict(zip(_names(urls), ({"source": url} for url in urls), strict=True))
+    configs = []
+    for name, table in (devices or {None: {}}).items():
+        of_program = [key for key in table if key not in OF_A_DEVICE]
+        if of_program:
+            raise UsageError(
+                f"{file}: device.{name}.{of_program[0]}: not a setting of a device. Known here: "
+                f"{', '.join(OF_A_DEVICE)}."
+            )
+        merged = _merged(tree, table)
+        if devices and not merged.get("source"):
+            raise UsageError(f'{file}: device.{name}: say where it is: source = "serial:/dev/ttyACM0".')
+        if name is not None:
+            _convert(merged, f"{file}: device.{name}")
+        for path, value in overrides.items():
+            _put(merged, path, value)
+        config = _convert(merged, "command line")
+        if config.device:
+            raise UsageError(
+                "command line: devices are set up in the file of --config, or by several --source."
+            )
+        name = name or config.name or device_name(config.source)
+        configs.append(_convert({**merged, "name": name}, f"{file}"))
+    return configs
+
+
+def device_name(url: str | None) -> str:
+    """Name of a device that nobody named: the last part of its address."""
+    if url is None or "hwgrep:" in url:
+        return "due"
+    path, _, query = url.partition("?")
+    words = [
+        word for word in re.split(r"[^A-Za-z0-9_.:-]+", path.removeprefix("replay:")) if word.strip("-.:")
+    ]
+    last = words[-1].strip(":").replace(":", "-") if words else "device"
+    if url.startswith("replay:"):
+        last = last.rsplit(".", 1)[0]
+    if url.startswith("i2c:"):
+        last += "-" + (dict(part.partition("=")[::2] for part in query.split("&")).get("addr") or "0x68")
+    return (NAME.search(last) or NAME.search("device"))[0]  # type: ignore[index]
+
+
+def _names(urls: list[str]) -> list[str]:
+    """A name for each, numbered where two would be the same."""
+    names: list[str] = []
+    for url in urls:
+        name, number = device_name(url), 2
+        while name in names:
+            name, number = f"{device_name(url)}-{number}", number + 1
+        names.append(name)
+    return names
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of base in which the values of over win, table by table."""
+    result = {key: _merged(value, {}) if isinstance(value, dict) else value for key, value in base.items()}
+    for key, value in over.items():
+        known = result.get(key)
+        if isinstance(value, Mapping):
+            result[key] = _merged(known if isinstance(known, dict) else {}, value)
+        else:
+            result[key] = value
+    return result
 
 
 def parse_setting(text: str) -> tuple[str, Any]:

@@ -1,136 +1,219 @@
-"""One run of the program: a source, a pipeline, a sink, and an orderly end."""
+"""One run of the program: a pipeline for every source, the outputs, and an orderly end."""
 
 import contextlib
 import os
 import signal
 import sys
+import threading
 import time
+from collections.abc import Sequence
 from types import FrameType
 
+from fltea import clock
 from fltea.config import Config
-from fltea.errors import FlteaError, SourceFailed
-from fltea.model import AnyRecord, Error, Trouble
+from fltea.errors import FlteaError, SourceFailed, UsageError
+from fltea.hub import Hub
+from fltea.model import DeviceStatus, Trouble
+from fltea.outputs import open_outputs
 from fltea.pipeline import Pipeline
-from fltea.sinks import Sink, SinkClosed
-from fltea.sinks.ndjson import NdjsonSink
-from fltea.sinks.table import TableSink
 from fltea.sources import Source
 from fltea.sources.opening import open_source
+from fltea.sources.replay import ReplaySource
+from fltea.sources.serial import SerialSource
+from fltea.state import StateFile
 
-PATIENCE_S = 1.0
+PATIENCE_S = 0.6
+"""What an output gets after a signal to write what it has; with what the sources need it stays below 1 s."""
+
+SWITCH_S = 0.0005
+"""How long a thread may go on while another waits: Python's own 5 ms would show in the latency."""
 
 
-def run(config: Config) -> None:
-    """Run until the source ends, a signal arrives, the reader of the output goes, or `--once` fails.
+def run(configs: Sequence[Config]) -> None:
+    """Run until every source has ended, a signal arrives, the only output's reader leaves, or `--once` fails.
 
     Raises:
-        UsageError: the configuration does not describe a source, or a recording is bad.
+        UsageError: the configuration does not describe a source or an output, or a recording is bad.
         SourceFailed: `once` is set and a live source is in trouble.
         FlteaError: the output cannot be written.
     """
-    with _StopOnSignal() as stop:
+    sys.setswitchinterval(SWITCH_S)
+    with StopOnSignal() as stop:
         try:
-            source = open_source(config)
+            failure, done = _Run(configs, stop).run()
         except KeyboardInterrupt:  # stopped before there was anything to stop
             return
-        stop.watch(source)
-        _run_source(source, config, stop)
-
-
-def _run_source(source: Source, config: Config, stop: "_StopOnSignal") -> None:
-    to_table = config.format == "table" or (config.format == "auto" and sys.stdout.isatty())
-    sink: Sink = TableSink() if to_table else NdjsonSink(sys.stdout.buffer, prompt=source.prompt)
-    try:
-        try:
-            failure = _pump(source, Pipeline(source, config), sink, once=config.once, log=not to_table)
-            if failure is None and not source.live and not config.once and not stop.asked:
-                _stay(stop, sink)
-        finally:
-            sink.close()  # in any case: the table gives the terminal back
-    except (SinkClosed, BrokenPipeError):
-        silence_stdout()
-        return
-    except OSError as error:
-        silence_stdout()
-        raise FlteaError(f"cannot write the output: {error}.") from error
-    finally:
-        source.close()
-    if failure is not None:
-        raise SourceFailed(failure.message)
-
-
-def _pump(source: Source, pipeline: Pipeline, sink: Sink, *, once: bool, log: bool) -> Trouble | None:
-    """Move everything from source to sink; the trouble that ended it, if one did."""
-    failure = None
-    for event in source.events():
-        if once and isinstance(event, Trouble) and event.fatal:
-            failure = event
-        for record in pipeline.feed(event):
-            _write(sink, record, log and failure is None)  # the failure is told at the end
+    if not done:  # a thread hangs in an output that nobody reads; Python would wait for it
         if failure is not None:
-            break
-    _write(sink, pipeline.stats(), log)
-    return failure
+            sys.stderr.write(f"fltea: error: {failure}\n")
+        sys.stderr.flush()
+        os._exit(failure.exit_code if failure else 0)
+    if failure is not None:
+        raise failure
 
 
-def _write(sink: Sink, record: AnyRecord, log: bool) -> None:
-    sink.write(record)
-    if log and isinstance(record, Error):
-        print(f"fltea: {record.kind}: {record.message}", file=sys.stderr, flush=True)
-
-
-class _StopOnSignal(contextlib.AbstractContextManager["_StopOnSignal"]):
-    """SIGINT and SIGTERM end the source's iteration, and soon after it whatever still hangs.
-
-    Before there is a source they raise KeyboardInterrupt. An output that nobody reads is given
-    up `PATIENCE_S` after the signal, as if its reader had left.
-    """
+class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
+    """SIGINT and SIGTERM set `asked`; before `armed` they raise KeyboardInterrupt."""
 
     def __init__(self) -> None:
-        self.asked = False
-        self._source: Source | None = None
+        self.asked = threading.Event()
+        self.armed = False
         self._before: dict[signal.Signals, object] = {}
 
-    def watch(self, source: Source) -> None:
-        """From now on a signal closes this source."""
-        self._source = source
-
-    def __enter__(self) -> "_StopOnSignal":
-        for number, handler in (
-            (signal.SIGINT, self._on_signal),
-            (signal.SIGTERM, self._on_signal),
-            (signal.SIGALRM, self._on_alarm),
-        ):
-            self._before[number] = signal.signal(number, handler)
+    def __enter__(self) -> "StopOnSignal":
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._before[number] = signal.signal(number, self._on_signal)
         return self
 
     def __exit__(self, *exception: object) -> None:
-        signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        self.asked = True
-        if self._source is None:
+        if not self.armed:
             raise KeyboardInterrupt
-        signal.setitimer(signal.ITIMER_REAL, PATIENCE_S)
-        self._source.close()
-
-    def _on_alarm(self, number: int, frame: FrameType | None) -> None:
-        silence_stdout()  # what the buffers still hold goes nowhere
-        raise SinkClosed
+        self.asked.set()
 
 
-def _stay(stop: _StopOnSignal, sink: Sink) -> None:
-    """Without --once a recording's last state stays on view until somebody ends the program."""
-    if isinstance(sink, NdjsonSink):
-        sink.close()
-    print(
-        "fltea: the recording is at its end; Ctrl-C ends the program (--once does so by itself).",
-        file=sys.stderr,
-    )
-    while not stop.asked:
-        time.sleep(0.1)
+class _Run:
+    """Threads of one run, and what they tell each other."""
+
+    def __init__(self, configs: Sequence[Config], stop: StopOnSignal) -> None:
+        self._configs = configs
+        self._stop = stop
+        self._done = threading.Event()  # every source has ended, or there is a reason to end them
+        self._failure: FlteaError | None = None
+        self._hub = Hub(self._on_output_end)
+        self._lock = threading.Lock()
+        self._running = len(configs)
+
+    def run(self) -> tuple[FlteaError | None, bool]:
+        """Run to the end; what failed, and whether every output could be closed."""
+        configs = self._configs
+        sources: list[Source] = []
+        state: StateFile | None = None
+        try:
+            for config in configs:  # the sources first: a wrong one leaves no half-open outputs
+                sources.append(open_source(config))
+                _check_recordable(config, sources[-1])
+            open_outputs(configs, self._hub)
+            if configs[0].state.file is not None:
+                state = StateFile(configs[0].state, self._hub.report())
+        except BaseException:
+            _close(sources)
+            self._hub.close(PATIENCE_S)
+            raise
+        threads = [
+            threading.Thread(target=self._pump, args=(source, config, state), name=f"walk {config.name}")
+            for source, config in zip(sources, configs, strict=True)
+        ]
+        for thread in threads:
+            thread.daemon = True
+            thread.start()
+        self._stop.armed = True
+        live = any(source.live for source in sources)
+        self._wait(self._done)
+        if self._failure is None and not (live or configs[0].once or self._stop.asked.is_set()):
+            self._stay()
+        _close(sources)
+        asked = self._stop.asked.is_set() or self._failure is not None
+        deadline_s = time.monotonic() + PATIENCE_S
+        for thread in threads:
+            thread.join(max(0.0, deadline_s - time.monotonic()) if asked else None)
+        if state is not None:
+            state.close()
+        closed = self._hub.close(max(0.1, deadline_s - time.monotonic()) if asked else None)
+        return self._failure, closed and not any(thread.is_alive() for thread in threads)
+
+    def _wait(self, event: threading.Event) -> None:
+        while not (event.is_set() or self._stop.asked.is_set()):
+            event.wait(0.1)
+
+    def _stay(self) -> None:
+        """Without --once a recording's last state stays on view until somebody ends the program."""
+        text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so by itself)."
+        print(text, file=sys.stderr, flush=True)
+        self._wait(threading.Event())
+
+    def _pump(self, source: Source, config: Config, state: StateFile | None) -> None:
+        """Walk one source to its end, in a thread of its own."""
+        try:
+            failure = self._walk(source, config, state)
+        except FlteaError as error:
+            self._end(error)
+        except Exception as error:  # a fault of ours must not leave a daemon that looks alive
+            self._end(FlteaError(f"{config.name}: internal fault: {type(error).__name__}: {error}"))
+            raise
+        else:
+            self._end(SourceFailed(failure.message) if failure else None)
+
+    def _walk(self, source: Source, config: Config, state: StateFile | None) -> Trouble | None:
+        """Move everything from source to outputs; the trouble that ended it, if one did."""
+        name = config.name or ""
+        found = state.found.get(name) if state else None
+        pipeline = Pipeline(source, config, lambda: self._hub.stats(name), found)
+        tap, as_wire = self._hub.tap(name), None
+        if isinstance(source, SerialSource):
+            source.tap = tap
+        elif tap is not None:
+            from fltea.sources.as_wire import AsWire
+
+            as_wire = AsWire()
+        period_ns = int(config.state.period_s * 1e9)
+        save_ns = clock.host_ns() + period_ns
+        failure = None
+        for event in source.events():
+            if as_wire is not None and tap is not None:
+                for item in as_wire.encode(event):
+                    tap(item)
+            if config.once and isinstance(event, Trouble) and event.fatal:
+                failure = event
+            records = list(pipeline.feed(event))
+            if records:
+                arrived_ns = event.host_ns if source.live and not isinstance(event, DeviceStatus) else None
+                self._hub.publish(name, records, arrived_ns, wait=not source.prompt, log=failure is None)
+            if failure is not None:
+                break
+            if state is not None and clock.host_ns() >= save_ns:
+                save_ns += period_ns
+                _deposit(pipeline, state, name)
+        self._hub.publish(name, [pipeline.stats()], wait=not source.prompt)
+        if state is not None:
+            _deposit(pipeline, state, name)
+        return failure
+
+    def _end(self, failure: FlteaError | None) -> None:
+        with self._lock:
+            self._running -= 1
+            self._failure = self._failure or failure
+            if failure is not None or not self._running:
+                self._done.set()
+
+    def _on_output_end(self, error: Exception | None) -> None:
+        with self._lock:
+            if error is not None and self._failure is None:
+                self._failure = FlteaError(f"cannot write the output: {error}.")
+            self._stop.asked.set()
+
+
+def _deposit(pipeline: Pipeline, state: StateFile, name: str) -> None:
+    snapshot = pipeline.save()
+    if snapshot is not None:
+        state.put(name, snapshot)
+
+
+def _close(sources: Sequence[Source]) -> None:
+    """Close them side by side: each may need a moment."""
+    threads = [threading.Thread(target=source.close, daemon=True) for source in sources]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+
+
+def _check_recordable(config: Config, source: Source) -> None:
+    if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
+        raise UsageError("--record and --state are for devices; a recording is one already.")
 
 
 def silence_stdout() -> None:

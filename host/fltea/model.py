@@ -14,11 +14,16 @@ AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
 
 
-EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence"]
+ACCEL_AXES = ("accel_x", "accel_y", "accel_z")
+"""Names of the accelerometer's axes, in the order of every tuple of specific forces."""
+
+EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence", "resumed"]
 
 
-class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class"):
-    """Base of what a sink writes."""
+class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class", kw_only=True):
+    """Base of what a sink writes. device: the name under which the daemon runs the source."""
+
+    device: str | None = None
 
 
 class Hello(Record, frozen=True, tag="hello"):
@@ -129,8 +134,20 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     valid: bool
 
 
+class AccelEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The same of one axis of the accelerometer."""
+
+    alpha: float | None
+    alpha_std: float | None
+    f: float | None
+    f_std: float | None
+    state_ms2: float | None
+    innovation_ms2: float | None
+    valid: bool
+
+
 class Estimate(Record, frozen=True, tag="estimate"):
-    """The estimates of all axes after one sample."""
+    """The estimates of all axes after one sample; accel_axes only where `--channels` names some."""
 
     seq: int
     epoch: int
@@ -138,6 +155,7 @@ class Estimate(Record, frozen=True, tag="estimate"):
     host_ns: int
     variant: str
     axes: dict[str, AxisEstimate]
+    accel_axes: dict[str, AccelEstimate] | None = None
 
 
 class Gap(Record, frozen=True, tag="gap"):
@@ -170,7 +188,9 @@ class Epoch(Record, frozen=True, tag="epoch"):
     device_us: int
     host_ns: int
     boot_id: int | None
-    estimator: EstimatorInfo
+    estimator: EstimatorInfo | None
+    accel_estimator: EstimatorInfo | None = None
+    resumed_after_s: float | None = None
 
 
 class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -202,6 +222,30 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     R_dps2: float | None
     restarts: int
     interventions: dict[str, int]
+    innovation_lag1: float | None = None
+    innovation_nis: float | None = None
+
+
+class AccelStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The same of an axis of the accelerometer."""
+
+    bias_ms2: float | None
+    R_m2s4: float | None
+    restarts: int
+    interventions: dict[str, int]
+    innovation_lag1: float | None = None
+    innovation_nis: float | None = None
+
+
+class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What an output did with its records, since the start of the program.
+
+    dropped: lost because it was too slow or broken. queued: waiting as of now.
+    """
+
+    written: int
+    dropped: int
+    queued: int
 
 
 class Stats(Record, frozen=True, tag="stats"):
@@ -215,7 +259,9 @@ class Stats(Record, frozen=True, tag="stats"):
     link: LinkStats
     samples: SampleStats
     axes: dict[str, AxisStats]
-    device: DeviceStatus | None
+    board: DeviceStatus | None
+    accel_axes: dict[str, AccelStats] | None = None
+    outputs: dict[str, OutputStats] = {}
 
 
 class Error(Record, frozen=True, tag="error"):

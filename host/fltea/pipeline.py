@@ -4,58 +4,78 @@ This is the only module that knows all stages. The sources stand before it (tran
 messages inside the serial one), the sinks behind it.
 """
 
-import math
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
 
 import msgspec
 
+from fltea.channels import Channels, accel_estimates, explain_lost, gyro_estimates
 from fltea.config import Config
 from fltea.continuity import Continuity, Placed
 from fltea.errors import UsageError
-from fltea.estimator import gyroscope
-from fltea.estimator.online import OnlineEstimator
-from fltea.estimator.supervisor import Reason
+from fltea.estimator.gyroscope import AxisEstimate
 from fltea.model import (
+    ACCEL_AXES,
     AXES,
     AnyRecord,
-    AxisEstimate,
-    AxisStats,
     Break,
     DeviceStatus,
     Epoch,
+    EpochReason,
     Error,
     Estimate,
-    EstimatorInfo,
     Event,
     Gap,
     Hello,
     LinkDown,
+    OutputStats,
     RawSample,
+    Sample,
     SampleStats,
     Stats,
     Trouble,
 )
 from fltea.sources import Source
+from fltea.state import DeviceState, sensor_of, why_unused
 from fltea.timebase import Timebase
-from fltea.units import resolution_dps, to_units
+from fltea.units import accel_resolution_ms2, resolution_dps, to_units
 
 STATS_PERIOD_NS = 10**9
 LOST_PERIOD_NS = 60 * 10**9
 
 
-class Pipeline:
-    """Turns the events of one source into records, in order."""
+def no_outputs() -> dict[str, OutputStats]:
+    """Counts of the outputs where there are none."""
+    return {}
 
-    def __init__(self, source: Source, config: Config) -> None:
+
+class Pipeline:
+    """Turns the events of one source into records, in order.
+
+    outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their own: of
+    others they would only tell how fast this machine was. state: a snapshot of an earlier run.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        config: Config,
+        outputs: Callable[[], dict[str, OutputStats]] = no_outputs,
+        state: DeviceState | None = None,
+    ) -> None:
         self._source = source
         self._config = config
+        self._outputs = outputs
+        self._state = state
         self._continuity = Continuity(config.link.max_gap)
         self._epoch = 0
         self._timebase: Timebase | None = None
-        self._estimator: OnlineEstimator | None = None
-        self._device: DeviceStatus | None = None
+        self._gyro: Channels | None = None
+        self._accel: Channels | None = None
+        self._sample: Sample | None = None
+        self._board: DeviceStatus | None = None
         self._now_ns = 0
         self._told_lost: dict[str, int] = {}
+        self._told_no_accel = False
         self._offset_ns = source.unix_offset_ns
         self._stats_due_ns: int | None = None
 
@@ -70,80 +90,106 @@ class Pipeline:
         match event:
             case Hello():
                 if self._continuity.on_hello(event):
-                    yield msgspec.structs.replace(event, host_ns=self._unix_ns())
+                    yield msgspec.structs.replace(event, host_ns=self._unix_ns(), device=self._config.name)
             case RawSample():
                 placed = self._continuity.on_sample(event)
                 if placed is not None:
                     yield from self._on_sample(placed)
             case DeviceStatus():
-                self._device = event
+                self._board = event
             case LinkDown():
                 self._continuity.on_link_down()
-                self._device = None
+                self._board = None
             case Break():
                 self._continuity.on_break(event.reason)
             case Trouble():
-                yield Error(event.kind, event.message, self._unix_ns())
+                yield self._error(event.kind, event.message)
         if self._stats_due_ns is None:
             self._stats_due_ns = self._now_ns + STATS_PERIOD_NS
         elif self._now_ns >= self._stats_due_ns:
             yield self.stats()
 
+    def save(self) -> DeviceState | None:
+        """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
+        hello = self._continuity.hello
+        gyro = self._gyro.save() if self._gyro else None
+        accel = self._accel.save() if self._accel else None
+        unfinished = (self._gyro and not gyro) or (self._accel and not accel)
+        if hello is None or self._sample is None or unfinished or not (gyro or accel):
+            return None
+        return DeviceState(sensor_of(hello, self._config), self._sample.host_ns, gyro, accel)
+
     def _on_sample(self, placed: Placed) -> Iterator[AnyRecord]:
         hello = self._continuity.hello
         assert hello is not None
-        raw = placed.raw
-        gap_epoch = self._epoch
-        if placed.new_epoch is not None or self._timebase is None or self._estimator is None:
+        raw, name = placed.raw, self._config.name
+        gap_epoch, reason, resumed_after_s = self._epoch, placed.new_epoch, None
+        if reason is not None or self._timebase is None:
             self._epoch += 1
             self._offset_ns = self._source.unix_offset_ns
             self._timebase = Timebase(self._offset_ns)
-            self._estimator = self._new_estimator(len(raw.gyro), hello)
+            yield from self._begin(raw, hello)
+            if self._state is not None:
+                reason, resumed_after_s = yield from self._resume(raw, hello, reason or "start")
         else:
-            self._estimator.on_missing(placed.missing)
+            for channels in self._channels():
+                channels.on_missing(placed.missing)
         host_ns = self._timebase.add(placed.seq, placed.device_us, raw.host_ns)
         if placed.missing:
-            yield Gap(placed.seq - placed.missing, placed.missing, gap_epoch, host_ns)
-        if placed.new_epoch is not None:
+            yield Gap(placed.seq - placed.missing, placed.missing, gap_epoch, host_ns, device=name)
+        if reason is not None:
             yield Epoch(
                 self._epoch,
-                placed.new_epoch,
+                reason,
                 placed.seq,
                 placed.device_us,
                 host_ns,
                 hello.boot_id,
-                self._estimator_info(),
+                self._gyro.info() if self._gyro else None,
+                self._accel.info() if self._accel else None,
+                resumed_after_s,
+                device=name,
             )
-        sample = to_units(raw, hello, self._epoch, placed.seq, placed.device_us, host_ns)
-        if self._config.samples:
-            yield sample
-        had_baseline = self._estimator.baseline is not None
-        estimates = self._estimator.on_sample(sample.gyro_dps)
-        if not had_baseline and self._estimator.baseline is not None:
-            yield from self._on_baseline()
-        if estimates is not None:
-            axes = {axis: _published(estimate) for axis, estimate in estimates.items()}
-            yield from self._on_lost()
-            variant = self._config.estimator.variant
-            yield Estimate(sample.seq, sample.epoch, sample.device_us, sample.host_ns, variant, axes)
+        self._sample = sample = to_units(raw, hello, self._epoch, placed.seq, placed.device_us, host_ns, name)
+        yield sample
+        gyro = yield from self._estimate(self._gyro, sample.gyro_dps)
+        accel = yield from self._estimate(self._accel, sample.accel_ms2 or ())
+        if gyro or accel:
+            yield Estimate(
+                sample.seq,
+                sample.epoch,
+                sample.device_us,
+                sample.host_ns,
+                (self._config.estimator if gyro else self._config.accel).variant,
+                gyro_estimates(gyro or {}),
+                accel_estimates(accel) if accel else None,
+                device=name,
+            )
 
-    def _on_lost(self) -> Iterator[Error]:
-        """Tell which axes have just become invalid; the same axis not more than once a minute."""
-        assert self._estimator is not None
-        for axis, reason in self._estimator.lost.items():
+    def _estimate(
+        self, channels: Channels | None, values: tuple[float, ...]
+    ) -> Generator[AnyRecord, None, dict[str, AxisEstimate] | None]:
+        """Let one sensor's channels take a sample; yield what there is to tell, return their estimates."""
+        if channels is None:
+            return None
+        waited = channels.constant_axes is None
+        estimates = channels.on_sample(values)
+        if waited and channels.constant_axes is not None:
+            yield from self._on_baseline(channels.constant_axes)
+        for axis, why in channels.lost.items():
             told_ns = self._told_lost.get(axis)
             if told_ns is None or self._now_ns - told_ns >= LOST_PERIOD_NS:
                 self._told_lost[axis] = self._now_ns
-                yield Error(*_explain_lost(axis, reason), self._unix_ns())
+                yield self._error(*explain_lost(axis, why))
+        return estimates
 
-    def _on_baseline(self) -> Iterator[AnyRecord]:
-        assert self._estimator is not None and self._estimator.baseline is not None  # noqa: PT018
-        for axis in self._estimator.baseline.constant_axes:
+    def _on_baseline(self, constant_axes: tuple[str, ...]) -> Iterator[AnyRecord]:
+        for axis in constant_axes:
             text = (
                 f"{axis} did not change over the start-up window, so R cannot be drawn from it, and the axis "
                 "stays invalid. Is the sensor alive? If such data are meant, give R: --r 0.02."
             )
-            yield Error("constant_axis", text, self._unix_ns())
+            yield self._error("constant_axis", text)
         yield self.stats()
 
     def stats(self) -> Stats:
@@ -155,61 +201,73 @@ class Pipeline:
             host_ns=self._unix_ns(),
             rate_hz=self._timebase.rate_hz if self._timebase else None,
             clock_ppm=self._timebase.clock_ppm if self._timebase else None,
-            startup_remaining=self._estimator.startup_remaining if self._estimator else 0,
+            startup_remaining=max((one.startup_remaining for one in self._channels()), default=0),
             link=self._source.link_stats(),
             samples=SampleStats(c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello),
-            axes=self._axis_stats(),
-            device=self._device,
+            axes=self._gyro.gyro_stats() if self._gyro else {},
+            board=self._board,
+            accel_axes=self._accel.accel_stats() if self._accel else None,
+            outputs=self._outputs() if self._source.prompt else {},
+            device=self._config.name,
         )
 
-    def _axis_stats(self) -> dict[str, AxisStats]:
-        if self._estimator is None:
-            return {}
-        restarts, baseline = self._estimator.restarts, self._estimator.baseline
-        interventions = self._estimator.interventions
-        if baseline is None:
-            return {axis: AxisStats(None, None, 0, {}) for axis in self._estimator.axes}
-        return {
-            axis: AxisStats(
-                bias, R if math.isfinite(R) else None, restarts[axis], interventions.get(axis, {})
-            )
-            for axis, bias, R in zip(self._estimator.axes, baseline.bias_dps, baseline.R, strict=True)
-        }
+    def _channels(self) -> list[Channels]:
+        return [one for one in (self._gyro, self._accel) if one is not None]
 
-    def _new_estimator(self, axes: int, hello: Hello) -> OnlineEstimator:
-        try:
-            return OnlineEstimator(
-                AXES[:axes], self._config.estimator, 1.0 / hello.rate_hz, resolution_dps(hello)
+    def _begin(self, raw: RawSample, hello: Hello, state: DeviceState | None = None) -> Iterator[Error]:
+        """Begin to estimate, anew or from a snapshot."""
+        wanted = self._config.channels
+        has_accel = raw.accel is not None and bool(hello.accel_lsb_per_g)
+        gyro = [i for i, axis in enumerate(AXES[: len(raw.gyro)]) if wanted is None or axis in wanted]
+        accel = [i for i, axis in enumerate(ACCEL_AXES) if axis in (wanted or ())]
+        if accel and not has_accel and not self._told_no_accel:
+            self._told_no_accel = True
+            yield self._error(
+                "no_accel",
+                "channels names axes of an accelerometer, but the source has none, or no scale for it.",
             )
+        h, config = 1.0 / hello.rate_hz, self._config
+        try:
+            self._gyro = self._accel = None
+            if gyro:
+                names, resolution = [AXES[i] for i in gyro], resolution_dps(hello)
+                saved = state.gyro if state else None
+                self._gyro = Channels(names, gyro, config.estimator, h, resolution, saved)
+            if accel and has_accel:
+                names, resolution = [ACCEL_AXES[i] for i in accel], accel_resolution_ms2(hello)
+                saved = state.accel if state else None
+                self._accel = Channels(names, accel, config.accel, h, resolution, saved)
         except ValueError as error:
+            if state is not None:
+                raise
             raise UsageError(f"estimator: {error}.") from error
 
-    def _estimator_info(self) -> EstimatorInfo:
-        e = self._config.estimator
-        bias = tuple(e.bias) if isinstance(e.bias, list) else e.bias
-        R = tuple(e.R) if isinstance(e.R, list) else e.R
-        return EstimatorInfo(e.variant, e.engine, e.guard, e.window, e.startup_needed, bias, R)
+    def _resume(
+        self, raw: RawSample, hello: Hello, reason: EpochReason
+    ) -> Generator[Error, None, tuple[EpochReason, float | None]]:
+        """Go on from the snapshot if it fits; return why the epoch begins, and how old the snapshot is."""
+        state, self._state = self._state, None
+        assert state is not None
+        now_unix_ns = raw.host_ns + self._offset_ns
+        problem = why_unused(state, hello, self._config, now_unix_ns)
+        if problem is None:
+            try:
+                yield from self._begin(raw, hello, state)
+            except ValueError as error:
+                problem = str(error)
+                yield from self._begin(raw, hello)
+        if problem is not None:
+            yield self._error(
+                "state_unused", f"the snapshot is not used, so the start-up window begins: {problem}."
+            )
+            return reason, None
+        age_s = (now_unix_ns - state.unix_ns) * 1e-9
+        for channels in self._channels():
+            channels.on_missing(min(round(age_s * hello.rate_hz), channels.config.window))
+        return "resumed", age_s
+
+    def _error(self, kind: str, message: str) -> Error:
+        return Error(kind, message, self._unix_ns(), device=self._config.name)
 
     def _unix_ns(self) -> int:
         return self._now_ns + self._offset_ns
-
-
-def _published(estimate: gyroscope.AxisEstimate) -> AxisEstimate:
-    """An estimate as a sink may write it: null in place of any number that is not finite."""
-    alpha, alpha_std, f, f_std, state, innovation = (
-        value if math.isfinite(value) else None for value in estimate[:6]
-    )
-    return AxisEstimate(alpha, alpha_std, f, f_std, state, innovation, estimate.valid)
-
-
-def _explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
-    """Kind and text of the error that an axis has become invalid."""
-    if reason == "runaway":
-        return "axis_runaway", (
-            f"{axis} ran away (order or parameter beyond all bounds) and begins anew: an offset, a wrong R "
-            "or a moving sensor does this to the unguarded algorithm. --guard consistent holds it."
-        )
-    return "axis_bound", (
-        f"{axis} needs the guard in more than a quarter of its samples, so it is not valid until that ends: "
-        "is the sensor at rest, and does R (see stats) fit it?"
-    )

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 import serial
 from serial.tools import list_ports
 
-from fltea.clock import host_ns
+from fltea.clock import host_ns, unix_offset_ns
 from fltea.errors import UsageError
 
 FORBIDDEN_BAUD = 1200
@@ -41,9 +41,10 @@ MAX_CHUNK = 1 << 16
 
 
 class Opened(NamedTuple):
-    """The port is open."""
+    """The port is open. unix_offset_ns: what to add to host_ns to get Unix time, as of then."""
 
     host_ns: int
+    unix_offset_ns: int = 0
 
 
 class Chunk(NamedTuple):
@@ -51,6 +52,7 @@ class Chunk(NamedTuple):
 
     data: bytes
     host_ns: int
+    unix_offset_ns: int = 0
 
 
 class Failed(NamedTuple):
@@ -59,6 +61,7 @@ class Failed(NamedTuple):
     kind: str
     message: str
     host_ns: int
+    unix_offset_ns: int = 0
 
 
 TransportEvent = Opened | Chunk | Failed
@@ -153,7 +156,7 @@ class Reader:
         self.url = url
         self.baud = baud
         self.overflow_bytes = 0
-        self._queue: queue.SimpleQueue[TransportEvent] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[TransportEvent | None] = queue.SimpleQueue()
         self._queued_bytes = 0
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -171,6 +174,8 @@ class Reader:
             except queue.Empty:
                 yield None
                 continue
+            if event is None:
+                return
             if isinstance(event, Chunk):
                 with self._lock:
                     self._queued_bytes -= len(event.data)
@@ -179,6 +184,7 @@ class Reader:
     def close(self) -> None:
         """Stop reading and release the port."""
         self._stop.set()
+        self._queue.put(None)  # wakes up who waits for events
         if self._thread.is_alive():
             self._thread.join(timeout=5 * READ_TIMEOUT_S + 1.0)
 
@@ -188,9 +194,9 @@ class Reader:
             try:
                 port = self._open()
             except Exception as error:  # whatever a driver raises must not kill the thread
-                self._put(Failed(*explain_open_failure(self.url, error), host_ns()))
+                self._put(Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns()))
             else:
-                self._put(Opened(host_ns()))
+                self._put(Opened(host_ns(), unix_offset_ns()))
                 if self._read_until_lost(port):
                     failures = 0  # a port that opens and dies at once is no success
             self._stop.wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
@@ -212,10 +218,10 @@ class Reader:
                 if data:
                     data += self._read_waiting(port)
                     anything = True
-                    self._put(Chunk(data, host_ns()))
+                    self._put(Chunk(data, host_ns(), unix_offset_ns()))
         except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
             message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
-            self._put(Failed("unplugged", message, host_ns()))
+            self._put(Failed("unplugged", message, host_ns(), unix_offset_ns()))
         finally:
             with contextlib.suppress(OSError):  # the device is gone already
                 port.close()

@@ -6,7 +6,15 @@ from fltea.mpu9250 import temperature_c, temperature_counts
 STANDARD_GRAVITY_MS2 = 9.80665
 
 
-def to_units(raw: RawSample, hello: Hello, epoch: int, seq: int, device_us: int, host_ns: int) -> Sample:
+def to_units(
+    raw: RawSample,
+    hello: Hello,
+    epoch: int,
+    seq: int,
+    device_us: int,
+    host_ns: int,
+    device: str | None = None,
+) -> Sample:
     """Scale one sample: deg/s, m/s², °C, by the scales that HELLO gives.
 
     A null scale in HELLO means that the recording holds deg/s already.
@@ -25,6 +33,7 @@ def to_units(raw: RawSample, hello: Hello, epoch: int, seq: int, device_us: int,
         accel_ms2=accel,
         temperature_c=None if raw.temperature is None else temperature_c(raw.temperature, hello.who_am_i),
         flags=raw.flags,
+        device=device,
     )
 
 
@@ -48,3 +57,8 @@ def to_counts(sample: Sample, hello: Hello) -> RawSample:
 def resolution_dps(hello: Hello) -> float | None:
     """One LSB of the gyroscope in deg/s, or None where the recording does not say."""
     return None if hello.gyro_lsb_per_dps is None else 1.0 / hello.gyro_lsb_per_dps
+
+
+def accel_resolution_ms2(hello: Hello) -> float | None:
+    """One LSB of the accelerometer in m/s², or None where its scale is not known."""
+    return STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g if hello.accel_lsb_per_g else None

@@ -58,7 +58,7 @@ def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
     last = daemon.of("stats")[-1]
     assert last["samples"]["lost"] == last["samples"]["gaps"] == 0
     # Opening the port has reset the board.
-    assert last["device"]["reset_cause"] == "user"
+    assert last["board"]["reset_cause"] == "user"
 
     samples = [tuple(round(rate * 16.4) for rate in s["gyro_dps"]) for s in daemon.of("sample")]
     noise = NoiseGenerator(parse_noise(NOISE))

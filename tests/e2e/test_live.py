@@ -44,7 +44,7 @@ def test_every_sample_arrives_and_every_estimate_is_finite(processes: Processes,
     assert last["samples"]["delivered"] == 50 + len(estimates)
     assert last["samples"]["lost"] == last["samples"]["gaps"] == 0
     assert last["link"]["bad_frames"] == {}
-    assert last["device"]["reset_cause"] == "user"
+    assert last["board"]["reset_cause"] == "user"
     times = [e["host_ns"] for e in estimates]
     assert times == sorted(set(times))
 

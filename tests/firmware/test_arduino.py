@@ -13,7 +13,7 @@ from fltea import wire
 from fltea.continuity import Continuity
 from fltea.messages import Frame, FrameReader
 from fltea.model import RawSample
-from fltea.sources.serial import hello_event
+from fltea.sources.wire_events import hello_event
 from toolchain import missing
 
 FOLDER = Path(__file__).parent

@@ -21,7 +21,7 @@ def test_defaults_are_the_papers_gyroscope_settings() -> None:
 
 def test_defaults_of_the_rest() -> None:
     config = load_config(None, {})
-    assert config == Config()
+    assert config == Config(name="due")
     assert (config.source, config.format, config.pace) == (None, "auto", "auto")
     assert (config.once, config.samples) == (False, False)
     assert (config.link.baud, config.link.max_gap) == (250_000, 100)

@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 
 class ListSource:
-    live = False
+    live = prompt = False
     unix_offset_ns = 1_000_000_000_000
 
     def events(self) -> Iterator[Event]:
@@ -74,8 +74,11 @@ def of(kind: type[T], records: list[AnyRecord]) -> list[T]:
 
 def test_order_of_records_and_first_estimate_after_the_startup_window() -> None:
     records = feed(Pipeline(ListSource(), config()), hello(), *(raw(k) for k in range(25)))
-    assert [type(r).__name__ for r in records] == ["Hello", "Epoch", "Stats"] + ["Estimate"] * 5
-    epoch, stats, first = records[1], records[2], records[3]
+    assert [type(r).__name__ for r in records] == ["Hello", "Epoch"] + ["Sample"] * 20 + ["Stats"] + [
+        "Sample",
+        "Estimate",
+    ] * 5
+    epoch, stats, first = records[1], records[22], records[24]
     assert isinstance(epoch, Epoch)
     assert isinstance(stats, Stats)
     assert isinstance(first, Estimate)
@@ -87,8 +90,8 @@ def test_order_of_records_and_first_estimate_after_the_startup_window() -> None:
     assert first.host_ns == ListSource.unix_offset_ns + 20 * PERIOD_NS
 
 
-def test_samples_are_written_on_request_before_their_estimate() -> None:
-    records = feed(Pipeline(ListSource(), config(samples=True)), hello(), *(raw(k) for k in range(22)))
+def test_samples_come_before_their_estimate() -> None:
+    records = feed(Pipeline(ListSource(), config()), hello(), *(raw(k) for k in range(22)))
     assert [r.seq for r in of(Sample, records)] == list(range(22))
     assert of(Sample, records)[3].gyro_dps == tuple(g / 16.4 for g in raw(3).gyro)
     kinds = [type(r).__name__ for r in records[-4:]]
@@ -99,7 +102,7 @@ def test_a_short_gap_is_bridged_in_the_same_epoch() -> None:
     events = [raw(k) for k in range(60) if not 30 <= k < 35]
     pipeline = Pipeline(ListSource(), config())
     records = feed(pipeline, hello(), *events)
-    assert of(Gap, records) == [Gap(30, 5, 1, ListSource.unix_offset_ns + 35 * PERIOD_NS)]
+    assert of(Gap, records) == [Gap(30, 5, 1, ListSource.unix_offset_ns + 35 * PERIOD_NS, device="due")]
     assert len(of(Epoch, records)) == 1
     assert [e.seq for e in of(Estimate, records)] == [*range(20, 30), *range(35, 60)]
     samples = pipeline.stats().samples
@@ -145,7 +148,7 @@ def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path, sens
     late = [raw(k)._replace(device_us=(k * 10_000 + 7_000_000) % 2**32) for k in range(60, 100)]
     after = hello(sensor_starts=sensor_starts)
     events = [hello(), *(raw(k) for k in range(60)), after, late[0], after, *late[1:]]
-    live = feed(Pipeline(ListSource(), config(samples=True)), *events)
+    live = feed(Pipeline(ListSource(), config()), *events)
     assert [(e.reason, e.seq) for e in of(Epoch, live)] == [("start", 0), ("discontinuity", 61)]
     path = tmp_path / "live.ndjson"
     path.write_bytes(b"".join(msgspec.json.encode(r) + b"\n" for r in live))
@@ -160,7 +163,7 @@ def test_after_link_down_nothing_is_believed_before_hello() -> None:
     feed(pipeline, hello(), raw(0), raw(1), LinkDown(2 * PERIOD_NS))
     assert feed(pipeline, raw(2), raw(3)) == []
     records = feed(pipeline, hello(), raw(4))
-    assert [type(r).__name__ for r in records] == ["Hello", "Gap"]
+    assert [type(r).__name__ for r in records] == ["Hello", "Gap", "Sample"]
     assert pipeline.stats().samples.before_hello == 2
 
 
@@ -254,14 +257,14 @@ def test_trouble_and_device_counters_are_passed_on() -> None:
     pipeline = Pipeline(ListSource(), config())
     status = DeviceStatus(1, 2, 3, 4, 5, "watchdog")
     records = feed(pipeline, Trouble("silent", "text", 5), status)
-    assert records == [Error("silent", "text", 5 + ListSource.unix_offset_ns)]
-    assert pipeline.stats().device == status
+    assert records == [Error("silent", "text", 5 + ListSource.unix_offset_ns, device="due")]
+    assert pipeline.stats().board == status
 
 
 def test_fixed_bias_and_r_need_no_startup_window() -> None:
     pipeline = Pipeline(ListSource(), config(estimator__bias=0.5, estimator__R=[0.1, 0.2, 0.3]))
     records = feed(pipeline, hello(), raw(0))
-    assert [type(r).__name__ for r in records] == ["Hello", "Epoch", "Estimate"]
+    assert [type(r).__name__ for r in records] == ["Hello", "Epoch", "Sample", "Estimate"]
     axes = pipeline.stats().axes
     assert [a.R_dps2 for a in axes.values()] == [0.1, 0.2, 0.3]
     assert [a.bias_dps for a in axes.values()] == [0.5] * 3

@@ -17,9 +17,16 @@ KINDS = {kind.__struct_config__.tag: kind for kind in typing.get_args(AnyRecord)
 
 # --- what the code can emit ---
 
+MODULE_FUNCTIONS = {
+    node.name: node
+    for node in ast.walk(ast.parse((ROOT / "host/fltea/channels.py").read_text()))
+    if isinstance(node, ast.FunctionDef)
+}
+"""Functions that return kind and text, imported by those who make the error."""
+
 
 def emitted_fields(struct: type[msgspec.Struct]) -> dict[str, bool]:
-    """Path of every field to whether it can be null; keys of a dict are <axis>, or <reason> for counts."""
+    """Path of every field to whether it can be null; keys of a dict are <axis>, <output>, or <reason>."""
     info = msgspec.inspect.type_info(struct)
     assert isinstance(info, msgspec.inspect.StructType)
     tag = {info.tag_field: False} if info.tag_field else {}
@@ -41,8 +48,9 @@ def _paths(path: str, kind: msgspec.inspect.Type) -> dict[str, bool]:
         if isinstance(one, msgspec.inspect.StructType):
             found |= {f"{path}.{name}": null for name, null in _fields_of(one).items()}
         elif isinstance(one, msgspec.inspect.DictType):
-            axes = isinstance(one.value_type, msgspec.inspect.StructType)
-            found |= _paths(f"{path}.{'<axis>' if axes else '<reason>'}", one.value_type)
+            structs = isinstance(one.value_type, msgspec.inspect.StructType)
+            key = "<output>" if path == "outputs" else "<axis>" if structs else "<reason>"
+            found |= _paths(f"{path}.{key}", one.value_type)
     return {path: nullable} | found if nullable or not found else found
 
 
@@ -51,11 +59,24 @@ def emitted_kinds() -> set[str]:
     found: set[str] = set()
     for file in sorted((ROOT / "host/fltea").rglob("*.py")):
         tree = ast.parse(file.read_text(), str(file))
-        functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+        functions = MODULE_FUNCTIONS | {
+            node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+        }
         for call in ast.walk(tree):
             match call:
                 case ast.Call(func=ast.Name(id="Trouble" | "Failed" | "Error")):
                     found |= _kinds_in(call, functions, f"{file}:{call.lineno}")
+                case ast.Call(func=ast.Attribute(attr="_error" | "_report"), args=[ast.Starred(), *_]):
+                    found |= _kinds_in(call, functions, f"{file}:{call.lineno}")
+                case (
+                    ast.Call(
+                        func=ast.Attribute(attr="_error" | "_report"), args=[ast.Constant(str(kind)), *_]
+                    )
+                    | ast.Call(
+                        func=ast.Call(func=ast.Attribute(attr="report")), args=[ast.Constant(str(kind)), *_]
+                    )
+                ):
+                    found.add(kind)
     return found
 
 
@@ -147,7 +168,7 @@ def test_every_word_that_a_field_can_hold_is_documented() -> None:
     cases = [
         (page["epoch"]["field"]["reason"], typing.get_args(EpochReason)),
         (page["hello"]["field"]["sampling_mode"], [mode.name.lower() for mode in wire.SamplingMode]),
-        (page["stats"]["field"]["device.reset_cause"], [cause.name.lower() for cause in wire.ResetCause]),
+        (page["stats"]["field"]["board.reset_cause"], [cause.name.lower() for cause in wire.ResetCause]),
     ]
     for (_, meaning), words in cases:
         for word in words:
@@ -165,10 +186,20 @@ def test_helpers_see_what_is_there() -> None:
     assert emitted_fields(Estimate)["axes.<axis>.alpha"] is True
     assert emitted_fields(Estimate)["axes.<axis>.valid"] is False
     stats = emitted_fields(Stats)
-    assert {"class", "link.bad_frames.<reason>", "device", "device.i2c_errors"} <= set(stats)
-    assert stats["device"] is True
+    assert {
+        "class",
+        "link.bad_frames.<reason>",
+        "board",
+        "board.i2c_errors",
+        "outputs.<output>.queued",
+    } <= set(stats)
+    assert stats["board"] is True
     assert not {"link", "axes", "link.bad_frames"} & set(stats)
-    assert {"no_port", "no_permission", "unplugged", "version", "constant_axis"} <= emitted_kinds()
+    assert {"no_port", "no_permission", "unplugged", "version", "constant_axis"} | {
+        "axis_runaway",
+        "state_failed",
+        "output_lost",
+    } <= emitted_kinds()
     with pytest.raises(
         pytest.fail.Exception, match=r"x: the code emits .*: b\nx: host/README.md says .*: c, d$"
     ):

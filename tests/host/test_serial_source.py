@@ -4,7 +4,8 @@ import pytest
 from fltea import clock, wire
 from fltea.messages import encode
 from fltea.model import DeviceStatus, Event, Hello, LinkDown, RawSample, Tick, Trouble
-from fltea.sources.serial import SILENCE_S, SerialSource
+from fltea.sources.serial import SerialSource
+from fltea.sources.wire_events import SILENCE_S, WireEvents
 from fltea.transport import Chunk, Failed, Opened, TransportEvent
 from host_support import WIRE_HELLO as HELLO
 
@@ -14,17 +15,16 @@ SAMPLE = wire.Sample(1, -2, 3, 4, -5, 6, 700, 4)
 
 
 class Script:
-    """Drives a source that was never started."""
+    """Drives the judgement of a wire, event by event."""
 
     def __init__(self) -> None:
-        self.source = SerialSource("/dev/none", 250000)
+        self.source = WireEvents("/dev/none")
 
     def at(self, item: TransportEvent) -> list[Event]:
-        events = list(self.source._on_transport(item))
-        return events + list(self.source._watch(item.host_ns))
+        return list(self.source.feed(item, item.host_ns))
 
     def later(self, host_ns: int) -> list[Trouble]:
-        return list(self.source._watch(host_ns))
+        return [event for event in self.source.feed(None, host_ns) if isinstance(event, Trouble)]
 
 
 @pytest.fixture
@@ -123,10 +123,11 @@ def test_the_first_byte_after_a_silence_is_not_five_seconds_of_rubbish(script: S
     assert [type(e) for e in script.at(Chunk(data[1:], 7 * S + 2))] == [Hello]
 
 
-def test_being_held_up_ourselves_proves_nothing(monkeypatch, script: Script) -> None:
+def test_being_held_up_ourselves_proves_nothing(monkeypatch) -> None:
     """Stopped for eight seconds: the device is not judged by what we did not hear."""
     now_ns = [S]
     monkeypatch.setattr(clock, "host_ns", lambda: now_ns[0])
+    source = SerialSource("/dev/none", 250000)
 
     def stream(timeout_s: float):
         yield Opened(S)
@@ -136,10 +137,25 @@ def test_being_held_up_ourselves_proves_nothing(monkeypatch, script: Script) -> 
         now_ns[0] += LIMIT
         yield None
 
-    monkeypatch.setattr(script.source._reader, "events", stream)
-    monkeypatch.setattr(script.source._reader, "start", lambda: None)
-    now_then = [type(e).__name__ for e in script.source.events()]
-    assert now_then == ["Hello", "Tick", "Tick"]
+    monkeypatch.setattr(source._reader, "events", stream)
+    monkeypatch.setattr(source._reader, "start", lambda: None)
+    assert [type(e).__name__ for e in source.events()] == ["Hello", "Tick", "Tick"]
+
+
+def test_the_tap_gets_everything_before_it_is_interpreted(monkeypatch) -> None:
+    source = SerialSource("/dev/none", 250000)
+    items = [Opened(S, 7), Chunk(hello_bytes(), S, 8), None, Failed("unplugged", "gone", 2 * S, 9)]
+    seen: list[object] = []
+    monkeypatch.setattr(clock, "host_ns", lambda: 2 * S)
+    monkeypatch.setattr(source._reader, "events", lambda timeout_s: iter(items))
+    monkeypatch.setattr(source._reader, "start", lambda: None)
+    source.tap = seen.append
+    offsets = []
+    for event in source.events():
+        seen.append(type(event).__name__)
+        offsets.append(source.unix_offset_ns)
+    assert seen == [items[0], items[1], "Hello", "Tick", items[3], "LinkDown", "Trouble"]
+    assert offsets == [8, 8, 9, 9]
 
 
 @pytest.mark.parametrize("zero", ["sample_rate", "gyro_lsb"])
@@ -194,8 +210,8 @@ def test_damage_is_counted_by_reason(script: Script) -> None:
 
 
 def test_nothing_for_a_while_is_a_tick() -> None:
-    [event] = Script().source._on_transport(None)
-    assert isinstance(event, Tick)
+    [event] = WireEvents("port").feed(None, 5)
+    assert event == Tick(5)
 
 
 @pytest.mark.parametrize(("who_am_i", "name"), [(0x70, "MPU-6500"), (0x68, "MPU-6050"), (0x75, "clone")])

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 from fltea.model import (
+    AccelEstimate,
     AnyRecord,
     AxisEstimate,
     AxisStats,
@@ -24,7 +25,7 @@ from fltea.model import (
     Stats,
 )
 from fltea.sinks import SinkClosed
-from fltea.sinks.ndjson import NdjsonSink
+from fltea.sinks.ndjson import BLOCK, NdjsonSink
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, number, sparkline
 from host_support import hello, strict_records
 from hypothesis import given
@@ -48,7 +49,7 @@ STATS = Stats(
     link=LinkStats(bytes=5, frames=4, bad_frames={"crc": 2, "cobs": 3}, reconnects=1),
     samples=SampleStats(1234, 56, 7, 8, 9),
     axes={"gyro_x": AxisStats(0.1, 0.02, 0, {"order_box": 3})},
-    device=DeviceStatus(1, 2, 3, 4, 5, "user"),
+    board=DeviceStatus(1, 2, 3, 4, 5, "user"),
 )
 ERROR = Error("silent", "nothing [bold]came[/bold] for [5 s]", 1)
 
@@ -70,22 +71,26 @@ EVERY_KIND: list[AnyRecord] = [
 # --- NDJSON ---
 
 
-def written(*records: AnyRecord, prompt: bool = False) -> bytes:
+def written(*records: AnyRecord, samples: bool = True) -> bytes:
     stream = io.BytesIO()
-    sink = NdjsonSink(stream, prompt=prompt)
+    sink = NdjsonSink(stream, samples=samples)
     for record in records:
         sink.write(record)
     sink.close()
     return stream.getvalue()
 
 
-@pytest.mark.parametrize("prompt", [True, False])
-def test_one_object_a_line_with_its_class_first(prompt: bool) -> None:
-    data = written(*EVERY_KIND, prompt=prompt)
+def test_one_object_a_line_with_its_class_first() -> None:
+    data = written(*EVERY_KIND)
     assert strict_records(data) == EVERY_KIND
     first_keys = [next(iter(json.loads(line).items())) for line in data.splitlines()]
     kinds = ["hello", "epoch", "sample", "estimate", "gap", "stats", "error"]
     assert first_keys == [("class", kind) for kind in kinds]
+
+
+def test_samples_only_on_request() -> None:
+    kinds = [record.__class__ for record in strict_records(written(*EVERY_KIND, samples=False))]
+    assert kinds == [kind.__class__ for kind in EVERY_KIND if not isinstance(kind, Sample)]
 
 
 def test_newlines_in_a_text_stay_inside_the_line() -> None:
@@ -106,49 +111,59 @@ def test_never_a_number_that_is_none(values: list[float]) -> None:
 
 
 class Stream(io.RawIOBase):
-    """A stream that counts its flushes and may fail."""
+    """A stream that takes a few bytes at a time, or none, or fails."""
 
-    def __init__(self, failure: Exception | None = None, on: str = "write") -> None:
-        self.flushes, self.failure, self.on = 0, failure, on
+    def __init__(self, failure: Exception | None = None, at_a_time: int = 1 << 20) -> None:
+        self.data, self.failure, self.at_a_time, self.calls = bytearray(), failure, at_a_time, 0
 
-    def write(self, data: Any) -> int:
-        if self.failure and self.on == "write":
+    def write(self, data: Any) -> int | None:
+        if self.failure:
             raise self.failure
-        return len(data)
-
-    def flush(self) -> None:
-        self.flushes += 1
-        if self.failure and self.on == "flush":
-            raise self.failure
+        self.calls += 1
+        taken = bytes(data[: self.at_a_time])
+        self.data += taken
+        return len(taken)
 
 
-def test_what_is_rare_goes_out_at_once() -> None:
-    for prompt, flushes in ((True, 7), (False, 5)):
-        stream = Stream()
-        sink = NdjsonSink(stream, prompt=prompt)
-        for record in EVERY_KIND:
-            sink.write(record)
-        assert stream.flushes == flushes
-        sink.close()
-        assert stream.flushes == flushes + 1
+def test_lines_go_out_together_at_a_flush_and_at_once_when_many() -> None:
+    stream = Stream()
+    sink = NdjsonSink(stream, samples=True)
+    for record in EVERY_KIND:
+        sink.write(record)
+    assert not stream.data
+    sink.flush()
+    assert stream.data == written(*EVERY_KIND)
+    assert stream.calls == 1
+    for _ in range(BLOCK // 100):
+        sink.write(ERROR)
+    assert stream.calls > 1
+
+
+@given(st.integers(1, 500))
+def test_stream_that_takes_little_at_a_time_gets_everything(at_a_time: int) -> None:
+    stream = Stream(at_a_time=at_a_time)
+    sink = NdjsonSink(stream, samples=True)
+    for record in EVERY_KIND:
+        sink.write(record)
+    sink.close()
+    assert stream.data == written(*EVERY_KIND)
 
 
 @pytest.mark.parametrize("failure", [BrokenPipeError(), ValueError("I/O operation on closed file")])
-@pytest.mark.parametrize("on", ["write", "flush"])
-def test_closed_pipe_is_sink_closed(failure: Exception, on: str) -> None:
-    stream = Stream(failure, on)
+def test_closed_pipe_is_sink_closed(failure: Exception) -> None:
+    sink = NdjsonSink(Stream(failure), samples=True)
+    sink.write(STATS)
     with pytest.raises(SinkClosed):
-        NdjsonSink(stream, prompt=True).write(STATS)
-    if on == "flush":
-        with pytest.raises(SinkClosed):
-            NdjsonSink(stream, prompt=True).close()
-    stream.failure = None
+        sink.flush()
+    with pytest.raises(SinkClosed):
+        sink.close()
 
 
 def test_full_disk_is_no_closed_pipe() -> None:
-    stream = Stream(OSError(28, "No space left on device"))
+    sink = NdjsonSink(Stream(OSError(28, "No space left on device")), samples=True)
+    sink.write(STATS)
     with pytest.raises(OSError, match="No space left"):
-        NdjsonSink(stream, prompt=False).write(STATS)
+        sink.flush()
 
 
 def test_record_that_cannot_be_encoded_is_no_closed_pipe() -> None:
@@ -286,6 +301,26 @@ def test_closed_pipe_of_the_table_is_sink_closed() -> None:
 
     with pytest.raises(SinkClosed):
         TableSink(PipedConsole(file=Closed(), width=80)).close()
+
+
+def test_several_devices_below_each_other() -> None:
+    two = [
+        msgspec.structs.replace(record, device=name)
+        for name in ("left", "right")
+        for record in (hello(source=f"serial:{name}"), EPOCH, estimate(), STATS)
+    ]
+    general = Error("output_lost", "nothing more is written", 1)
+    text = shown(*two, general)
+    assert text.index("serial:left") < text.index("serial:right") < text.index("output_lost")
+    assert text.count("0.412 ± 0.031") == 2
+    assert text.count("Pure white noise") == 1
+
+
+def test_axes_of_the_accelerometer_have_their_unit() -> None:
+    axis = AccelEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True)
+    text = shown(HELLO, EPOCH, msgspec.structs.replace(estimate(), accel_axes={"accel_z": axis}), width=150)
+    assert re.search(r"accel_z.*\+0\.0123.*-0\.0045", text)
+    assert "m/s²" in text
 
 
 # --- its parts ---

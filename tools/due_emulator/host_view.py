@@ -6,7 +6,7 @@ from fltea import wire
 from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US, Continuity, Placed
 from fltea.messages import Frame, FrameReader, Refused
 from fltea.model import RawSample
-from fltea.sources.serial import hello_event
+from fltea.sources.wire_events import hello_event
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.instants import Instants

@@ -45,7 +45,8 @@ class NativeGyroscope:
         self.restarts = dict.fromkeys(self.axes, 0)
         self._bias = np.array(bias, dtype=np.float64)
         self._supervisors = [Supervisor() for _ in self.axes]
-        self._engine = Engine(len(self.axes), _engine_settings(config, h, R)) if self.axes else None
+        self._settings = lane_settings(config, h, R)
+        self._engine = Engine(len(self.axes), self._settings) if self.axes else None
         self._bounded = np.zeros(len(self.axes), dtype=np.int32)
 
     def step(self, y_dps: Sequence[float] | None) -> dict[str, AxisEstimate]:
@@ -95,6 +96,16 @@ class NativeGyroscope:
                 self._bounded[i] = 0
         return result
 
+    def save(self) -> bytes:
+        """The filters as bytes; what the supervisors have seen is not among them."""
+        return self._engine.save() if self._engine else b""
+
+    def restore(self, data: bytes, restarts: dict[str, int]) -> None:
+        """Go on from what `save` returned; raises ValueError if it was saved with other settings."""
+        self._engine = Engine.restore(data, self._settings)
+        self._bounded = self._engine.interventions()[:, STATE_BOUND].copy()
+        self.restarts.update(restarts)
+
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
         """How often the guard stepped in since the lane's last start, by axis and cause; zeros left out."""
@@ -107,7 +118,8 @@ class NativeGyroscope:
         }
 
 
-def _engine_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> EngineSettings:
+def lane_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> EngineSettings:
+    """What the engine is told: a lane for each R, sampling period h in s."""
     order, parameter, state, joint = config.order, config.parameter, config.state, config.joint
     return EngineSettings(
         h=h,

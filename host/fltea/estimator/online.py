@@ -1,5 +1,7 @@
 """One epoch of estimation: start-up window, then the estimator, sample by sample."""
 
+import msgspec
+
 from fltea.config import EstimatorConfig
 from fltea.estimator.bias import Baseline, Startup
 from fltea.estimator.gyroscope import INVALID, AxisEstimate, GyroscopeEstimator
@@ -7,14 +9,33 @@ from fltea.estimator.native_gyroscope import NativeGyroscope
 from fltea.estimator.supervisor import Reason
 
 
+class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What an estimator needs to go on where another one stopped: its baseline and its engine, saved."""
+
+    axes: tuple[str, ...]
+    bias_dps: tuple[float, ...]
+    R: tuple[float, ...]
+    restarts: dict[str, int]
+    engine: bytes
+
+
 class OnlineEstimator:
     """Bias and R from the start-up window, estimates from the first sample after it.
 
-    axes: names. h: sampling period in s. resolution_dps: one LSB, None where unknown.
+    axes: names. h: sampling period in s. resolution_dps: one LSB, None where unknown. state: what `save`
+    returned, to go on from there without a start-up window.
+
+    Raises:
+        ValueError: settings that no filter can work with, or a state that does not fit them.
     """
 
     def __init__(
-        self, axes: tuple[str, ...], config: EstimatorConfig, h: float, resolution_dps: float | None
+        self,
+        axes: tuple[str, ...],
+        config: EstimatorConfig,
+        h: float,
+        resolution_dps: float | None,
+        state: OnlineState | None = None,
     ):
         self.axes = axes
         self._config = config
@@ -24,7 +45,9 @@ class OnlineEstimator:
         self.startup_remaining = self._startup.needed
         self.baseline: Baseline | None = None
         self._estimator: GyroscopeEstimator | NativeGyroscope | None = None
-        if not self.startup_remaining:
+        if state is not None:
+            self._resume(state)
+        elif not self.startup_remaining:
             self._begin(self._startup.baseline())
 
     def on_sample(self, y_dps: tuple[float, ...]) -> dict[str, AxisEstimate] | None:
@@ -47,6 +70,13 @@ class OnlineEstimator:
             for _ in range(count):
                 self._estimator.step(None)
 
+    def save(self) -> OnlineState | None:
+        """What `state` takes; None in the start-up window, with a constant axis, and of numpy's engine."""
+        native = self._estimator if isinstance(self._estimator, NativeGyroscope) else None
+        if native is None or self.baseline is None or self.baseline.constant_axes:
+            return None
+        return OnlineState(self.axes, self.baseline.bias_dps, self.baseline.R, self.restarts, native.save())
+
     @property
     def restarts(self) -> dict[str, int]:
         """How often each axis had to start again because its estimate was not finite."""
@@ -63,6 +93,14 @@ class OnlineEstimator:
     def lost(self) -> dict[str, Reason]:
         """Axes that have become invalid with the last sample, and why."""
         return self._estimator.lost if self._estimator else {}
+
+    def _resume(self, state: OnlineState) -> None:
+        if state.axes != self.axes or self._config.engine == "reference":
+            raise ValueError(f"the state is one of {', '.join(state.axes)} by a native engine")
+        self.startup_remaining = 0
+        self._begin(Baseline(state.bias_dps, state.R, ()))
+        assert isinstance(self._estimator, NativeGyroscope)
+        self._estimator.restore(state.engine, state.restarts)
 
     def _begin(self, baseline: Baseline) -> None:
         self.baseline = baseline

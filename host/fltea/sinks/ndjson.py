@@ -4,31 +4,45 @@ from typing import BinaryIO
 
 import msgspec
 
-from fltea.model import AnyRecord, Estimate, Sample
-from fltea.sinks import SinkClosed
+from fltea.model import Sample
+from fltea.sinks import Item, Sink, SinkClosed
+
+BLOCK = 1 << 16
 
 
-class NdjsonSink:
-    """Writes records as lines; with `prompt` each line goes out at once, else when the buffer fills."""
+class NdjsonSink(Sink):
+    """Writes records as lines, the samples among them only on request.
 
-    def __init__(self, stream: BinaryIO, *, prompt: bool) -> None:
+    stream: unbuffered, so that nothing is left in it when its reader does not read.
+    """
+
+    name = "stdout"
+    lossless = True
+
+    def __init__(self, stream: BinaryIO, *, samples: bool) -> None:
         self._stream = stream
-        self._prompt = prompt
+        self._samples = samples
         self._encoder = msgspec.json.Encoder()
+        self._pending = bytearray()
 
-    def write(self, record: AnyRecord) -> None:
-        """Write one line; records that are rare go out at once in any case."""
-        line = self._encoder.encode(record) + b"\n"
+    def write(self, item: Item) -> None:
+        """Add one line."""
+        if isinstance(item, Sample) and not self._samples:
+            return
+        self._pending += self._encoder.encode(item)
+        self._pending += b"\n"
+        if len(self._pending) >= BLOCK:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what was added."""
         try:
-            self._stream.write(line)
-            if self._prompt or not isinstance(record, Estimate | Sample):
-                self._stream.flush()
+            while self._pending:
+                written = self._stream.write(self._pending)
+                del self._pending[: len(self._pending) if written is None else written]
         except (BrokenPipeError, ValueError) as error:  # ValueError: the stream was closed
             raise SinkClosed from error
 
     def close(self) -> None:
-        """Flush what is buffered."""
-        try:
-            self._stream.flush()
-        except (BrokenPipeError, ValueError) as error:
-            raise SinkClosed from error
+        """Write what was added; the stream stays open."""
+        self.flush()

@@ -8,8 +8,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from fltea.model import AnyRecord, Epoch, Error, Estimate, Gap, Hello, Stats
-from fltea.sinks import SinkClosed
+from fltea.model import AccelEstimate, AnyRecord, AxisEstimate, Epoch, Error, Estimate, Gap, Hello, Stats
+from fltea.sinks import Item, Sink, SinkClosed
+from fltea.transport import Chunk, Failed, Opened
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -67,8 +68,11 @@ class Trend:
         return sparkline(list(self._values))
 
 
-class TableSink:
+class TableSink(Sink):
     """Draws in place on a terminal; elsewhere prints the last state once, at the end."""
+
+    name = "stdout"
+    lossless = True
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or PipedConsole()
@@ -78,39 +82,21 @@ class TableSink:
             else None
         )
         self._drawn_s = 0.0
-        self._hello: Hello | None = None
-        self._epoch: Epoch | None = None
-        self._estimate: Estimate | None = None
-        self._stats: Stats | None = None
-        self._events: deque[str] = deque(maxlen=4)
-        self._trends: dict[str, tuple[Trend, Trend]] = {}
+        self._views: dict[str | None, DeviceView] = {}
+        self._general = DeviceView()
         if self._live:
             self._live.start()
 
-    def write(self, record: AnyRecord) -> None:
+    def write(self, item: Item) -> None:
         """Remember what the record says and redraw a few times a second."""
-        match record:
-            case Hello():
-                self._hello = record
-            case Epoch():
-                self._epoch, self._estimate = record, None
-                self._trends = {}
-                self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
-            case Estimate():
-                self._estimate = record
-                for name, axis in record.axes.items():
-                    alpha, f = self._trends.setdefault(name, (Trend(), Trend()))
-                    if axis.alpha is not None and axis.f is not None:
-                        alpha.add(axis.alpha, record.host_ns)
-                        f.add(axis.f, record.host_ns)
-            case Gap():
-                self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
-            case Error():
-                self._events.append(f"{record.kind}: {record.message}")
-            case Stats():
-                self._stats = record
+        if isinstance(item, Opened | Chunk | Failed):
+            return
+        if item.device is None and self._views and isinstance(item, Error):
+            self._general.add(item)
+        else:
+            self._views.setdefault(item.device, DeviceView()).add(item)
         now_s = time.monotonic()
-        if self._live and (now_s - self._drawn_s >= REFRESH_S or isinstance(record, Error)):
+        if self._live and (now_s - self._drawn_s >= REFRESH_S or isinstance(item, Error)):
             self._drawn_s = now_s
             self._live.update(self.render(), refresh=True)
 
@@ -124,18 +110,63 @@ class TableSink:
 
     def render(self) -> Group:
         """The whole view as of now."""
-        wide = self._console.width >= WIDE_COLUMNS
+        views = list(self._views.values()) or [self._general]
+        lines = [line for view in views for line in view.lines(self._console.width)]
+        if self._views:
+            lines += self._general.events()
+        return Group(*lines, Text(views[0].note(), style="dim"))
+
+
+class DeviceView:
+    """What there is to show of one device."""
+
+    def __init__(self) -> None:
+        self._hello: Hello | None = None
+        self._epoch: Epoch | None = None
+        self._estimate: Estimate | None = None
+        self._stats: Stats | None = None
+        self._events: deque[str] = deque(maxlen=4)
+        self._trends: dict[str, tuple[Trend, Trend]] = {}
+
+    def add(self, record: AnyRecord) -> None:
+        """Remember what a record says."""
+        match record:
+            case Hello():
+                self._hello = record
+            case Epoch():
+                self._epoch, self._estimate = record, None
+                self._trends = {}
+                self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
+            case Estimate():
+                self._estimate = record
+                for name, axis in _axes(record).items():
+                    alpha, f = self._trends.setdefault(name, (Trend(), Trend()))
+                    if axis.alpha is not None and axis.f is not None:
+                        alpha.add(axis.alpha, record.host_ns)
+                        f.add(axis.f, record.host_ns)
+            case Gap():
+                self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
+            case Error():
+                self._events.append(f"{record.kind}: {record.message}")
+            case Stats():
+                self._stats = record
+
+    def lines(self, width: int) -> list[RenderableType]:
+        """The view, for a terminal of so many columns."""
+        wide = width >= WIDE_COLUMNS
         lines: list[RenderableType] = [Text(self._head(), style="bold"), self._table(trends=wide)]
         if not wide and self._estimate is not None:
             lines.append(self._trend_rows(self._estimate))
-        lines.append(Text(self._health()))
-        if self._events:
-            lines.append(Text("\n".join(self._events), style="yellow"))
-        return Group(*lines, Text(self._note(), style="dim"))
+        return [*lines, Text(self._health()), *self.events()]
 
-    def _note(self) -> str:
-        variant = self._epoch.estimator.variant if self._epoch else "joint"
-        return WHITE_NOTES[variant] + ADVICE
+    def events(self) -> list[RenderableType]:
+        """The last things that happened."""
+        return [Text("\n".join(self._events), style="yellow")] if self._events else []
+
+    def note(self) -> str:
+        """How far these figures can be trusted."""
+        info = self._epoch and (self._epoch.estimator or self._epoch.accel_estimator)
+        return WHITE_NOTES[info.variant if info else "joint"] + ADVICE
 
     def _head(self) -> str:
         hello = self._hello
@@ -154,12 +185,13 @@ class TableSink:
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         table = Table(expand=False)
         table.add_column("axis")
-        for title in ("α", "f [s^-α]", "state [deg/s]", "innovation [deg/s]"):
+        unit = "[deg/s]" if not self._estimate.accel_axes else "[deg/s, m/s²]"
+        for title in ("α", "f [s^-α]", f"state {unit}", f"innovation {unit}"):
             table.add_column(Text(title), justify="right")  # as plain text: [deg/s] is no markup
         if trends:
             table.add_column("α, last seconds", min_width=TREND_WIDTH)
             table.add_column("f, last seconds", min_width=TREND_WIDTH)
-        for name, axis in self._estimate.axes.items():
+        for name, axis in _axes(self._estimate).items():
             bars = map(str, self._trends[name]) if trends else ()
             if not axis.valid:
                 table.add_row(name, "not valid", "", "", "", *bars)
@@ -168,8 +200,8 @@ class TableSink:
                 name,
                 _with_std(axis.alpha, axis.alpha_std),
                 _with_std(axis.f, axis.f_std),
-                _rate(axis.state_dps),
-                _rate(axis.innovation_dps),
+                _rate(axis.state_dps if isinstance(axis, AxisEstimate) else axis.state_ms2),
+                _rate(axis.innovation_dps if isinstance(axis, AxisEstimate) else axis.innovation_ms2),
                 *bars,
             )
         return table
@@ -177,7 +209,7 @@ class TableSink:
     def _trend_rows(self, estimate: Estimate) -> Table:
         rows = Table.grid(padding=(0, 2))
         rows.add_row("last seconds", "α", "f")
-        for name in estimate.axes:
+        for name in _axes(estimate):
             rows.add_row(name, *map(str, self._trends[name]))
         return rows
 
@@ -193,6 +225,10 @@ class TableSink:
             f"epoch {stats.epoch}{seq}  delivered {stats.samples.delivered}  lost {stats.samples.lost}\n"
             f"bad frames {bad}  reconnects {stats.link.reconnects}{rate}{ppm}"
         )
+
+
+def _axes(estimate: Estimate) -> dict[str, AxisEstimate | AccelEstimate]:
+    return {**estimate.axes, **(estimate.accel_axes or {})}
 
 
 def _with_std(value: float | None, std: float | None) -> str:

@@ -1,236 +1,48 @@
-"""A device on a serial URL: transport, framing and messages put together, and watched over."""
+"""A device on a serial URL, as events."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
-from fltea import clock, wire
-from fltea.faults import fault_text
-from fltea.messages import Frame, FrameReader, Refused
-from fltea.model import DeviceStatus, Event, Hello, LinkDown, LinkStats, RawSample, Tick, Trouble
-from fltea.mpu9250 import NO_SENSOR, RELATIVES, SENSORS, sensor_name
-from fltea.transport import Chunk, Failed, Opened, Reader, TransportEvent
+from fltea import clock
+from fltea.model import Event, LinkStats
+from fltea.sources.wire_events import WireEvents
+from fltea.transport import Reader, TransportEvent
 
-SILENCE_S = 5.0
-"""A device that says nothing, or nothing that can be read, for this long is reported."""
-
-LIMIT_NS = int(SILENCE_S * 1e9)
 TICK_S = 0.5
-STALL_S = 2.0
-"""If the program itself was held up for this long, by whatever, silence proves nothing."""
-
-REPEAT_S = 60.0
-"""The same trouble is told again after this long."""
 
 
 class SerialSource:
-    """Frames from a serial port as events; every failure is a `Trouble`, and reading goes on."""
+    """Frames from a serial port as events; every failure is a `Trouble`, and reading goes on.
+
+    tap: is given whatever comes from the port before anything interprets it; to be set before `events`.
+    """
 
     live = prompt = True
 
     def __init__(self, url: str, baud: int) -> None:
         self.url = url
         self._reader = Reader(url, baud)
-        self._frames = FrameReader()
-        self._connected = False
-        self._refused = False
-        self._heard_hello = False
-        self._opened_ns = self._byte_ns = 0
-        self._unread_since_ns: int | None = None
-        self._unread_bytes = 0
-        self._told: tuple[str, int] | None = None
-        self._sensor: tuple[int, int] | None = None
-        self._told_sensors = {NO_SENSOR}
-        self._told_faults: dict[int, int] = {}
-        self._connections = 0
-        self._refused_frames = 0
+        self._wire = WireEvents(url)
+        self.tap: Callable[[TransportEvent], None] | None = None
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the monotonic clock to Unix time, as of now."""
-        return clock.unix_offset_ns()
+        """Nanoseconds from the monotonic clock to Unix time, as of the last event."""
+        return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
         """Yield what the device says until `close`."""
         self._reader.start()
-        before_ns = clock.host_ns()
+        self._wire.resume(clock.host_ns())
         for item in self._reader.events(TICK_S):
-            now_ns = clock.host_ns()
-            if now_ns - before_ns > STALL_S * 1e9:
-                self._forgive(now_ns)
-            yield from self._on_transport(item)
-            yield from self._watch(item.host_ns if item else now_ns)
-            before_ns = clock.host_ns()
+            if item is not None and self.tap is not None:
+                self.tap(item)
+            yield from self._wire.feed(item, clock.host_ns())
+            self._wire.resume(clock.host_ns())
 
     def link_stats(self) -> LinkStats:
         """Count what arrived and what was lost on the way."""
-        counts = dict(self._frames.counts)
-        return LinkStats(
-            bytes=self._frames.bytes_in,
-            frames=counts.pop("frames", 0),
-            unknown_type=counts.pop("unknown_type", 0),
-            refused=self._refused_frames,
-            bad_frames={reason: n for reason, n in counts.items() if n},
-            overflow_bytes=self._reader.overflow_bytes,
-            reconnects=max(0, self._connections - 1),
-        )
+        return self._wire.link_stats(self._reader.overflow_bytes)
 
     def close(self) -> None:
         """Stop reading and release the port."""
         self._reader.close()
-
-    def _on_transport(self, item: TransportEvent | None) -> Iterator[Event]:
-        match item:
-            case Opened(host_ns):
-                self._connected, self._refused, self._heard_hello = True, False, False
-                self._connections += 1
-                self._forgive(host_ns)
-                self._frames.reset()
-            case Failed(kind, message, host_ns):
-                self._connected = False
-                yield LinkDown(host_ns)
-                yield from self._tell(Trouble(kind, message, host_ns))
-            case Chunk(data, host_ns):
-                if self._unread_since_ns is None or host_ns - self._byte_ns >= LIMIT_NS:
-                    self._unread_since_ns, self._unread_bytes = host_ns, 0
-                self._byte_ns = host_ns
-                self._unread_bytes += len(data)
-                for frame in self._frames.feed(data):
-                    yield from self._on_frame(frame, host_ns)
-            case None:
-                yield Tick(clock.host_ns())
-
-    def _on_frame(self, frame: Frame | Refused, host_ns: int) -> Iterator[Event]:
-        self._unread_since_ns = None
-        if isinstance(frame, Refused):
-            self._refused = True
-            self._refused_frames += 1
-            yield LinkDown(host_ns)
-            text = f"{self.url}: {frame.message}. Flash the firmware that belongs to this program."
-            yield from self._tell(Trouble("version", text, host_ns))
-            return
-        if self._refused and not isinstance(frame.message, wire.Hello):
-            self._refused_frames += 1
-            return
-        match frame.message:
-            case wire.Hello() as hello if problem := hello_problem(hello):
-                self._refused = True
-                yield LinkDown(host_ns)
-                yield from self._tell(Trouble("bad_hello", f"{self.url}: {problem}", host_ns))
-            case wire.Hello() as hello:
-                self._refused, self._heard_hello, self._told = False, True, None
-                yield hello_event(hello, f"serial:{self.url}", host_ns)
-                yield from self._on_sensor(hello, host_ns)
-            case wire.Sample() as s:
-                yield RawSample(
-                    frame.sequence,
-                    frame.device_us,
-                    host_ns,
-                    (s.gyro_x, s.gyro_y, s.gyro_z),
-                    (s.accel_x, s.accel_y, s.accel_z),
-                    s.temperature,
-                    s.flags,
-                )
-            case wire.Status() as s:
-                yield DeviceStatus(*s[:5], reset_cause=_name(wire.ResetCause, s.reset_cause))
-            case wire.Fault(code, detail):
-                told_ns = self._told_faults.get(code)
-                if told_ns is None or host_ns - told_ns > REPEAT_S * 1e9:
-                    self._told_faults[code] = host_ns
-                    text = f"the device reports {_name(wire.FaultCode, code)}: {fault_text(code, detail)}"
-                    yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
-
-    def _on_sensor(self, hello: wire.Hello, host_ns: int) -> Iterator[Trouble]:
-        """Tell once what is peculiar about a chip; after another start of the sensor its faults are news."""
-        sensor, who = (hello.boot_id, hello.sensor_starts), hello.who_am_i
-        if sensor != self._sensor:
-            self._sensor = sensor
-            self._told_faults.clear()
-        if who in self._told_sensors:
-            return
-        self._told_sensors.add(who)
-        if who in RELATIVES:
-            text = f"the sensor is no MPU-9250 but {sensor_name(who)}, {RELATIVES[who]}"
-            yield Trouble("sensor_relative", f"{self.url}: {text}", host_ns, fatal=False)
-        elif who not in SENSORS:
-            text = (
-                f"{sensor_name(who)}: no MPU-9250, and none of its known relatives. Do not trust its scales; "
-                "another sensor, or a bad contact on SDA?"
-            )
-            yield Trouble("sensor_unknown", f"{self.url}: {text}", host_ns, fatal=False)
-
-    def _forgive(self, now_ns: int) -> None:
-        """Begin all waiting anew: the port was just opened, or we ourselves were not listening."""
-        self._opened_ns = self._byte_ns = now_ns
-        self._unread_since_ns = None
-
-    def _watch(self, now_ns: int) -> Iterator[Trouble]:
-        if not self._connected:
-            return
-        waits_for_hello = self._unread_since_ns is None and not (self._heard_hello or self._refused)
-        if now_ns - self._byte_ns >= LIMIT_NS:
-            text = (
-                f"{self.url} is open but has said nothing for {SILENCE_S:g} s. Is the firmware flashed, and "
-                "is this the programming port (the one beside the power socket)?"
-            )
-            yield from self._tell(Trouble("silent", text, now_ns))
-        elif self._unread_since_ns is not None and now_ns - self._unread_since_ns >= LIMIT_NS:
-            text = (
-                f"{self.url}: {self._unread_bytes} bytes in {SILENCE_S:g} s, and no valid frame among them. "
-                "The baud rate is wrong, or the device does not run the firmware of fltea."
-            )
-            yield from self._tell(Trouble("no_valid_frame", text, now_ns))
-        elif waits_for_hello and now_ns - self._opened_ns >= LIMIT_NS:
-            text = f"{self.url}: valid frames, but no HELLO in {SILENCE_S:g} s; samples cannot be scaled."
-            yield from self._tell(Trouble("no_hello", text, now_ns))
-
-    def _tell(self, trouble: Trouble) -> Iterator[Trouble]:
-        """Pass a trouble on unless it is the one told last."""
-        told = self._told
-        news = told is None or told[0] != trouble.kind or trouble.host_ns - told[1] > REPEAT_S * 1e9
-        if news:
-            self._told = (trouble.kind, trouble.host_ns)
-            yield trouble
-
-
-def hello_problem(hello: wire.Hello) -> str | None:
-    """Why samples after this HELLO could not be used; None if they can."""
-    if not hello.sample_rate or not hello.gyro_lsb:
-        return (
-            f"its HELLO states a rate of {hello.sample_rate} mHz and {hello.gyro_lsb} tenths of an LSB per "
-            "deg/s; neither can be 0. The firmware's settings are wrong."
-        )
-    return None
-
-
-def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
-    """HELLO's counts in their units (protocol/README.md)."""
-
-    def scaled(name: str) -> float:
-        return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))  # 164 * 0.1 is 16.4
-
-    return Hello(
-        source=source,
-        host_ns=host_ns,
-        rate_hz=scaled("sample_rate"),
-        sampling_mode=_name(wire.SamplingMode, hello.sampling_mode),
-        protocol=f"{hello.protocol_major}.{hello.protocol_minor}",
-        schema_hash=f"0x{hello.schema_hash:08X}",
-        boot_id=hello.boot_id,
-        device_id=hello.device_id.hex(),
-        firmware_version=hello.firmware_version,
-        who_am_i=hello.who_am_i,
-        sensor=sensor_name(hello.who_am_i),
-        sensor_starts=hello.sensor_starts,
-        gyro_range_dps=scaled("gyro_range"),
-        gyro_lsb_per_dps=scaled("gyro_lsb"),
-        accel_range_g=scaled("accel_range"),
-        accel_lsb_per_g=scaled("accel_lsb"),
-        gyro_dlpf_hz=scaled("gyro_dlpf"),
-    )
-
-
-def _name(enum: type[wire.SamplingMode | wire.ResetCause | wire.FaultCode], value: int) -> str:
-    """Name of an enum's value in lower case; the number itself for one that we do not know."""
-    try:
-        return enum(value).name.lower()
-    except ValueError:
-        return f"unknown ({value})"
