@@ -51,8 +51,8 @@ def no_outputs() -> dict[str, OutputStats]:
 class Pipeline:
     """Turns the events of one source into records, in order.
 
-    outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their own: of
-    others they would only tell how fast this machine was. state: a snapshot of an earlier run.
+    outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their own:
+    of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
     """
 
     def __init__(
@@ -262,8 +262,9 @@ class Pipeline:
             )
             return reason, None
         age_s = (now_unix_ns - state.unix_ns) * 1e-9
+        missing = max(0, round(age_s * hello.rate_hz) - 1)
         for channels in self._channels():
-            channels.on_missing(min(round(age_s * hello.rate_hz), channels.config.window))
+            channels.on_missing(min(missing, channels.config.window))
         return "resumed", age_s
 
     def _error(self, kind: str, message: str) -> Error:
