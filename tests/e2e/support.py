@@ -105,3 +105,5 @@ class Processes:
         for one in self._started:
             one.process.kill()
             one.process.wait()
+            if isinstance(one, StandIn) and one.process.stdout is not None:
+                one.process.stdout.close()

@@ -1,0 +1,177 @@
+"""One program with several devices and outputs: each walks alone, and one's trouble is not another's."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support import PATIENCE_S, QUICK, Processes, wait_until
+
+SHUTDOWN_S = 5.0
+"""The promise is one second; this much more is for a machine that is busy."""
+
+
+def of_device(records: list[dict[str, object]], name: str, kind: str) -> list[dict[str, object]]:
+    return [r for r in records if r["device"] == name and r["class"] == kind]
+
+
+def test_two_devices_are_estimated_side_by_side_and_one_may_vanish(
+    processes: Processes, tmp_path: Path
+) -> None:
+    ports = [tmp_path / "left", tmp_path / "right"]
+    devices = [
+        processes.stand_in(port, "--noise", f"alpha=0.5&f=-1&seed={k}") for k, port in enumerate(ports, 1)
+    ]
+    urls = [part for port in ports for part in ("--source", f"serial:{port}")]
+    daemon = processes.daemon(*urls, *QUICK)
+
+    def count(name: str) -> int:
+        return len(of_device(daemon.records, name, "estimate"))
+
+    daemon.wait_for(lambda: min(count("left"), count("right")) >= 50, "estimates of both")
+    devices[0].stop()
+    daemon.wait_for(lambda: "unplugged" in daemon.errors(), "the unplugged one")
+    before = count("right")
+    daemon.wait_for(lambda: count("right") >= before + 100, "more of the other")
+    code, stderr = daemon.end()
+    assert code == 0
+    assert "fltea: left: unplugged:" in stderr
+    assert "right:" not in stderr
+    for name in ("left", "right"):
+        sequences = [r["seq"] for r in of_device(daemon.records, name, "estimate")]
+        assert sequences == list(range(50, 50 + len(sequences)))
+        last = of_device(daemon.records, name, "stats")[-1]
+        assert last["samples"]["lost"] == 0  # type: ignore[index]
+        assert last["outputs"]["stdout"]["dropped"] == 0  # type: ignore[index]
+
+
+def test_accelerometer_axes_on_request(processes: Processes, tmp_path: Path) -> None:
+    processes.stand_in(tmp_path / "port")
+    daemon = processes.daemon(
+        "-s",
+        f"serial:{tmp_path / 'port'}",
+        *QUICK,
+        "--channels",
+        "gyro_z,accel_x",
+        "--set",
+        "accel.startup=40",
+    )
+    daemon.wait_for(lambda: any(r["axes"] for r in daemon.of("estimate")), "estimates of both sensors")
+    daemon.end()
+    last = daemon.of("estimate")[-1]
+    assert list(last["axes"]) == ["gyro_z"]
+    assert list(last["accel_axes"]) == ["accel_x"]
+    assert daemon.of("estimate")[0]["axes"] == {}  # its start-up window is longer
+    epoch = daemon.of("epoch")[0]
+    assert epoch["accel_estimator"]["startup_samples"] == 40
+    assert set(daemon.of("stats")[-1]["accel_axes"]) == {"accel_x"}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_all_devices_and_everything_is_written(
+    number: signal.Signals, processes: Processes, tmp_path: Path
+) -> None:
+    ports = [tmp_path / name for name in ("a", "b", "c")]
+    for port in ports[:2]:
+        processes.stand_in(port)
+    urls = [part for port in ports for part in ("--source", f"serial:{port}")]
+    daemon = processes.daemon(*urls, *QUICK, "--state", tmp_path / "state")
+    daemon.wait_for(lambda: len(daemon.of("estimate")) > 200, "estimates")
+    daemon.process.send_signal(number)
+    begin = time.monotonic()
+    daemon.process.wait(PATIENCE_S)
+    took = time.monotonic() - begin
+    code, _ = daemon.end(None)
+    assert code == 0
+    assert took < SHUTDOWN_S
+    assert {r["device"] for r in daemon.records[-3:]} == {"a", "b", "c"}
+    assert [r["class"] for r in daemon.records[-3:]] == ["stats"] * 3
+    saved = json.loads((tmp_path / "state").read_bytes())["devices"]
+    assert set(saved) == {"a", "b"}
+
+
+def test_a_restarted_daemon_goes_on_where_it_stopped(processes: Processes, tmp_path: Path) -> None:
+    port, state = tmp_path / "port", tmp_path / "state"
+    arguments = ("-s", f"serial:{port}", *QUICK, "--state", state)
+    processes.stand_in(port)
+    first = processes.daemon(*arguments)
+    first.wait_for(lambda: len(first.of("estimate")) > 100, "estimates")
+    first.end()
+    last = first.of("estimate")[-1]
+    second = processes.daemon(*arguments)
+    second.wait_for(lambda: len(second.of("estimate")) > 10, "estimates again")
+    second.end()
+    [epoch] = second.of("epoch")
+    assert epoch["reason"] == "resumed"
+    assert 0 < epoch["resumed_after_s"] < PATIENCE_S
+    assert second.errors() == []
+    begin = second.of("estimate")[0]
+    assert begin["seq"] == epoch["seq"]  # no start-up window
+    for axis, estimate in begin["axes"].items():
+        before = last["axes"][axis]
+        assert abs(estimate["alpha"] - before["alpha"]) < before["alpha_std"]
+        assert estimate["alpha_std"] <= 1.5 * before["alpha_std"]
+
+
+def test_without_a_reader_of_stdout_other_outputs_go_on(processes: Processes, tmp_path: Path) -> None:
+    port = tmp_path / "port"
+    processes.stand_in(port)
+    folder = tmp_path / "recordings"
+    daemon = subprocess.Popen(
+        [sys.executable, "-m", "fltea", "run", "-s", f"serial:{port}", *QUICK, "--record", folder],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        assert daemon.stdout is not None
+        daemon.stdout.readline()
+        daemon.stdout.close()
+        wait_until(lambda: sum(f.stat().st_size for f in folder.glob("*.mcap")) > 20_000, "a recording")
+        assert daemon.poll() is None
+        daemon.send_signal(signal.SIGTERM)
+        assert daemon.wait(PATIENCE_S) == 0
+        assert daemon.stderr is not None
+        assert daemon.stderr.read().count(b"output_lost: nothing more is written to stdout") == 1
+    finally:
+        daemon.kill()
+        daemon.wait()
+        assert daemon.stderr is not None
+        daemon.stderr.close()
+
+
+def test_a_reader_that_stops_reading_costs_only_the_output(processes: Processes, tmp_path: Path) -> None:
+    """A pipe that is full, for long: the walk goes on, what could not be written is counted."""
+    port = tmp_path / "port"
+    processes.stand_in(port)
+    reader, writer = os.pipe()
+    daemon = subprocess.Popen(
+        [sys.executable, "-m", "fltea", "run", "-s", f"serial:{port}", *QUICK],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        os.close(writer)
+        time.sleep(4.0)  # 64 KiB of pipe are full after half a second of estimates
+        assert daemon.poll() is None
+        data = b""
+        while data.count(b'"class":"estimate"') < 300:
+            data += os.read(reader, 1 << 16)
+        daemon.send_signal(signal.SIGTERM)
+        assert daemon.wait(PATIENCE_S) == 0
+        while more := os.read(reader, 1 << 16):
+            data += more
+        records = [json.loads(line) for line in data.splitlines()]
+        sequences = [r["seq"] for r in records if r["class"] == "estimate"]
+        assert sequences == list(range(50, 50 + len(sequences)))  # the queue held them all
+        assert records[-1]["samples"]["lost"] == 0
+        assert records[-1]["link"]["overflow_bytes"] == 0
+    finally:
+        daemon.kill()
+        daemon.wait()
+        os.close(reader)
+        assert daemon.stderr is not None
+        daemon.stderr.close()
