@@ -88,8 +88,8 @@ def test_a_signal_ends_all_devices_and_everything_is_written(
     code, _ = daemon.end(None)
     assert code == 0
     assert took < SHUTDOWN_S
-    assert {r["device"] for r in daemon.records[-3:]} == {"a", "b", "c"}
-    assert [r["class"] for r in daemon.records[-3:]] == ["stats"] * 3
+    for name in ("a", "b", "c"):
+        assert [r["class"] for r in daemon.records if r["device"] == name][-1] == "stats"
     saved = json.loads((tmp_path / "state").read_bytes())["devices"]
     assert set(saved) == {"a", "b"}
 
