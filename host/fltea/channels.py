@@ -133,6 +133,8 @@ _Six = tuple[float | None, float | None, float | None, float | None, float | Non
 
 
 def _six(e: gyroscope.AxisEstimate) -> _Six:
+    if all(map(math.isfinite, e[:6])):
+        return e[:6]
     alpha, alpha_std, f, f_std, state, innovation = map(_finite, e[:6])
     return alpha, alpha_std, f, f_std, state, innovation
 

@@ -61,36 +61,30 @@ class NativeGyroscope:
         y = np.zeros(len(self.axes)) if y_dps is None else np.asarray(y_dps) - self._bias
         e = self._engine.step(y, missing=missing)
         bounded = e.interventions[:, STATE_BOUND]
+        held = (bounded > self._bounded).tolist()
+        # Lists at once: to take numbers out of arrays one by one would cost more than the engine's step.
+        lanes = zip(*(column.tolist() for column in e[:8]), held, strict=True)
         result = {}
-        restart = np.zeros(len(self.axes), dtype=bool)
-        for i, axis in enumerate(self.axes):
-            verdict = self._supervisors[i].judge(
-                float(e.alpha[i]),
-                float(e.f[i]),
-                float(e.x[i]),
-                state_bound=bool(bounded[i] > self._bounded[i]),
-            )
-            restart[i] = verdict.restart
+        restarts = []
+        for i, (axis, (alpha, alpha_var, f, f_var, x, _, nu, nu_var, is_held)) in enumerate(
+            zip(self.axes, lanes, strict=True)
+        ):
+            verdict = self._supervisors[i].judge(alpha, f, x, state_bound=is_held)
+            if verdict.restart:
+                restarts.append(i)
             if verdict.news:
                 self.lost[axis] = verdict.news
             result[axis] = (
-                AxisEstimate(
-                    float(e.alpha[i]),
-                    _std(e.alpha_var[i]),
-                    float(e.f[i]),
-                    _std(e.f_var[i]),
-                    float(e.x[i]),
-                    float(e.innovation[i]),
-                    _std(e.innovation_var[i]),
-                    valid=True,
-                )
+                AxisEstimate(alpha, _std(alpha_var), f, _std(f_var), x, nu, _std(nu_var), valid=True)
                 if verdict.valid
                 else INVALID
             )
         self._bounded = bounded.copy()
-        if restart.any():
-            self._engine.reset(restart)
-            for i in np.flatnonzero(restart).tolist():
+        if restarts:
+            mask = np.zeros(len(self.axes), dtype=bool)
+            mask[restarts] = True
+            self._engine.reset(mask)
+            for i in restarts:
                 self.restarts[self.axes[i]] += 1
                 self._supervisors[i] = Supervisor()
                 self._bounded[i] = 0
@@ -137,4 +131,4 @@ def lane_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> Engi
 
 
 def _std(variance: float) -> float:
-    return math.sqrt(max(float(variance), 0.0))
+    return math.sqrt(max(variance, 0.0))
