@@ -6,7 +6,8 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test lint gen bench reproduce firmware flash emulate mutants clean
+.PHONY: setup run test lint gen bench reproduce firmware flash emulate mutants clean \
+        install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
 PY := .venv/bin/python
@@ -77,6 +78,16 @@ bench: .venv/.dev
 # The paper's tables and figures, in build/reproduce.
 reproduce: .venv/.dev
 	@$(PY) -m fltea reproduce --out build/reproduce $(ARGS)
+
+# As root. PREFIX=/opt/fltea: where the program goes; DESTDIR=FOLDER: only write the files, into that tree.
+install-service:
+	@tools/deploy/service.sh install
+
+install-udev:
+	@tools/deploy/service.sh udev
+
+uninstall-service:
+	@tools/deploy/service.sh uninstall
 
 clean:
 	rm -rf .venv build

@@ -35,6 +35,9 @@ if [ "$level" = dev ]; then
     PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || packages+=(mosquitto)
     command -v openssl >/dev/null || packages+=(openssl)
     command -v chromium >/dev/null || packages+=(chromium)
+    # What looks at the service's files.
+    command -v shellcheck >/dev/null || packages+=(shellcheck)
+    command -v systemd-analyze >/dev/null || packages+=(systemd)
     # The Due's compiler; C++11's <type_traits> is in newlib's package.
     compiles 'arm-none-eabi-g++ -mcpu=cortex-m3 -mthumb -c' '#include <type_traits>' ||
         packages+=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib)

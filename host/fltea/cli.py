@@ -1,4 +1,4 @@
-"""The command line: `fltea run`, `inspect`, `flash`, `simulate`, `reproduce`, `bench`."""
+"""The command line: every command of `fltea`, and how each ends."""
 
 import contextlib
 import os
@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fltea import __version__, cli_flash, cli_reproduce, cli_run, wire
+from fltea import __version__, cli_devices, cli_flash, cli_record, cli_reproduce, cli_run, wire
 from fltea.errors import FlteaError, UsageError
 
 EXIT_CODES = """
@@ -59,7 +59,6 @@ def _root(
     pass
 
 
-@app.command(epilog=EXIT_CODES)
 def inspect(
     source: Annotated[
         str,
@@ -140,7 +139,6 @@ def _serial_chunks(source: str, baud: int) -> Iterator[bytes]:
         port.close()
 
 
-@app.command(epilog=EXIT_CODES)
 def simulate(
     out: Annotated[Path, typer.Argument(metavar="FILE.csv|FILE.npz", help="What to write.")],
     alpha: Annotated[float, typer.Option(help="Order α; at the first sample if --alpha-end is given.")] = 0.3,
@@ -196,7 +194,19 @@ def simulate(
     )
 
 
-app.command(epilog=EXIT_CODES)(cli_run.run)
-app.command(epilog=EXIT_CODES)(cli_flash.flash)
-app.command(epilog=EXIT_CODES)(cli_reproduce.reproduce)
-app.command(epilog=EXIT_CODES)(cli_reproduce.bench)
+COMMANDS = (
+    cli_run.run,
+    cli_record.record,
+    cli_record.info,
+    cli_record.export,
+    cli_record.recover,
+    cli_devices.devices,
+    cli_devices.doctor,
+    cli_flash.flash,
+    inspect,
+    simulate,
+    cli_reproduce.reproduce,
+    cli_reproduce.bench,
+)
+for command in COMMANDS:
+    app.command(epilog=EXIT_CODES)(command)

@@ -17,6 +17,7 @@ from fltea.model import DeviceStatus, Trouble
 from fltea.outputs import open_outputs
 from fltea.pipeline import Pipeline
 from fltea.sources import Source
+from fltea.sources.as_wire import AsWire
 from fltea.sources.opening import open_source
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
@@ -156,9 +157,7 @@ class _Run:
         if isinstance(source, SerialSource):
             source.tap = tap
         elif tap is not None:
-            from fltea.sources.as_wire import AsWire
-
-            as_wire = AsWire()
+            as_wire = AsWire(lambda: source.unix_offset_ns)
         period_ns = int(config.state.period_s * 1e9)
         save_ns = clock.host_ns() + period_ns
         failure = None

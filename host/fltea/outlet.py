@@ -2,6 +2,7 @@
 
 import bisect
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
@@ -10,6 +11,9 @@ from fltea.model import OutputStats
 from fltea.sinks import Item, Sink, SinkClosed
 
 IDLE_S = 1.0
+REST_S = 0.002
+"""Between two batches: records of many devices then go out together, not with a change of threads each."""
+
 LATENCY_BOUNDS_MS = (0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 250.0, 1000.0)
 
 
@@ -84,7 +88,8 @@ class Outlet:
     def _run(self) -> None:
         try:
             while self._write_batch():
-                pass
+                if not self._closing:
+                    time.sleep(REST_S)
             self.sink.close()
         except SinkClosed:
             self._end(None)

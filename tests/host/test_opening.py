@@ -115,7 +115,7 @@ def test_synthetic(url: str, pace: str, offset: bool) -> None:
     [
         ("serial:", "nothing stands behind 'serial:'"),
         ("replay:", "nothing stands behind 'replay:'"),
-        ("file:rest.npz", "'file:' is no kind of source|serial:PORT, replay:FILE"),
+        ("file:rest.npz", "'file:' is no kind of source|serial:PORT, i2c:"),
         ("mqtt:broker", "'mqtt:' is no kind of source"),
         ("http://localhost/", "no serial port that this program knows"),
         ("serial:ftp://x", "no serial port that this program knows"),

@@ -91,10 +91,10 @@ def test_an_unplugged_port_is_an_event_and_is_tried_again(terminal, readers) -> 
 def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, terminal, readers) -> None:
     master, name = terminal
 
-    def broken(self: serial.Serial) -> int:
+    def broken() -> bytes:
         raise TypeError("'NoneType' object cannot be interpreted as an integer")
 
-    monkeypatch.setattr(serial.Serial, "in_waiting", property(broken))
+    monkeypatch.setattr(transport, "_reader_of", lambda port, url: broken)
     events = readers(name).events(0.05)
     for _ in range(2):  # the thread lives on
         next_of(Opened, events)

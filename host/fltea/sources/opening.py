@@ -1,4 +1,4 @@
-"""A source from its URL: `serial:…`, `replay:…`, `synthetic:…`, or a plain port or file."""
+"""A source from its URL: `serial:…`, `i2c:…`, `replay:…`, `synthetic:…`, or a plain port or file."""
 
 from pathlib import Path
 
@@ -7,12 +7,12 @@ from serial.tools import list_ports
 from fltea.config import Config
 from fltea.errors import UsageError
 from fltea.sources import Source
-from fltea.sources.replay import ReplaySource
+from fltea.sources.replay import FILE_SUFFIXES, ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.transport import ANY_BOARD
 
-RECORDING_SUFFIXES = (".npz", ".csv", ".txt", ".ndjson", ".jsonl")
+RECORDING_SUFFIXES = (*FILE_SUFFIXES, ".mcap")
 
 
 def find_board() -> str:
@@ -35,8 +35,9 @@ def open_source(config: Config) -> Source:
     """
     url = config.source or f"serial:{find_board()}"
     scheme, colon, rest = url.partition(":")
-    if not colon or rest.startswith("//") or url.startswith("/"):  # a bare path, or pyserial's own URLs
-        is_file = Path(url).suffix.lower() in RECORDING_SUFFIXES
+    of_pyserial = rest.startswith("//") and scheme != "i2c"
+    if not colon or of_pyserial or url.startswith("/"):  # a bare path, or pyserial's own URLs
+        is_file = Path(url).suffix.lower() in RECORDING_SUFFIXES or Path(url).is_dir()
         scheme, rest = ("replay", url) if is_file else ("serial", url)
     replay = config.replay
     if scheme != "replay" and replay != type(replay)():
@@ -46,6 +47,10 @@ def open_source(config: Config) -> Source:
     match scheme:
         case "serial":
             return SerialSource(rest, config.link.baud)
+        case "i2c":
+            from fltea.sources.i2c import I2cSource  # smbus2 loads on Linux only
+
+            return I2cSource(rest)
         case "replay":
             return ReplaySource(
                 Path(rest),
@@ -59,6 +64,6 @@ def open_source(config: Config) -> Source:
         case "synthetic":
             return SyntheticSource(rest, realtime=config.pace != "fast")
     raise UsageError(
-        f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, replay:FILE, "
-        "synthetic:?KEY=VALUE&…"
+        f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "
+        "i2c:///dev/i2c-1?addr=0x68, replay:FILE, synthetic:?KEY=VALUE&…"
     )

@@ -1,0 +1,235 @@
+"""What `fltea devices` and `fltea doctor` ask the machine, in one place, so that tests can answer."""
+
+import contextlib
+import ctypes
+import grp
+import importlib.util
+import os
+import pwd
+import shutil
+import stat
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import msgspec
+from serial.tools import list_ports
+
+COMMAND_S = 5.0
+TIME_ERROR = 5
+"""What adjtimex(2) returns while nothing keeps the clock right."""
+
+PROGRAM_WORDS = 4
+
+
+class SerialPort(Protocol):
+    """What pyserial tells of a port."""
+
+    device: str
+    description: str
+    vid: int | None
+    pid: int | None
+    serial_number: str | None
+
+
+class Group(NamedTuple):
+    """The group of a file; joinable: its members may read and write, and it is not root's."""
+
+    gid: int
+    name: str
+    joinable: bool
+
+
+class Holder(msgspec.Struct, frozen=True):
+    """A program that has a port open."""
+
+    pid: int
+    program: str
+
+    def __str__(self) -> str:
+        return f"{self.program} (pid {self.pid})"
+
+
+class System:
+    """This machine.
+
+    root: the folder that stands for /.
+    """
+
+    def __init__(self, root: Path = Path("/")) -> None:
+        self.root = root
+
+    def path(self, name: str) -> Path:
+        """Where `name`, which begins with /, really is."""
+        return self.root / name.lstrip("/")
+
+    def exists(self, name: str) -> bool:
+        """Whether there is such a file."""
+        return self.path(name).exists()
+
+    def names(self, folder: str, pattern: str = "*") -> list[str]:
+        """Absolute names of what is in a folder, sorted; none if it cannot be read."""
+        try:
+            found = sorted(self.path(folder).glob(pattern))
+        except OSError:
+            return []
+        return [f"/{path.relative_to(self.root)}" for path in found]
+
+    def read(self, name: str) -> bytes | None:
+        """Content of a small file; None if it cannot be read."""
+        try:
+            return self.path(name).read_bytes()
+        except OSError:
+            return None
+
+    def text(self, name: str) -> str:
+        """The same as text without white space and zeros at its end; "" if it cannot be read."""
+        return (self.read(name) or b"").decode("utf-8", "replace").rstrip("\0 \t\r\n")
+
+    def serial_ports(self) -> Sequence[SerialPort]:
+        """The serial ports of this machine, by name."""
+        return sorted(list_ports.comports(), key=lambda port: port.device)
+
+    def run(self, *command: str) -> str | None:
+        """Output of a command, without white space round it; None if it is missing or fails to run.
+
+        Its exit code is not looked at: systemctl says `inactive` with 3.
+        """
+        with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+            done = subprocess.run(command, capture_output=True, text=True, timeout=COMMAND_S, check=False)
+            return done.stdout.strip()
+        return None
+
+    def user(self) -> str:
+        """Name of the user who runs this."""
+        try:
+            return pwd.getpwuid(os.geteuid()).pw_name
+        except KeyError:
+            return str(os.geteuid())
+
+    def groups_in_force(self) -> set[int]:
+        """Groups that this process has."""
+        return {os.getegid(), *os.getgroups()}
+
+    def groups_granted(self) -> set[int]:
+        """Groups that the user will have after the next login."""
+        try:
+            entry = pwd.getpwuid(os.geteuid())
+            return set(os.getgrouplist(entry.pw_name, entry.pw_gid))
+        except (KeyError, OSError):
+            return set()
+
+    def may_use(self, name: str) -> bool:
+        """Whether this process may read and write a file."""
+        return os.access(self.path(name), os.R_OK | os.W_OK)
+
+    def group_of(self, name: str) -> Group | None:
+        """The group of a file; None if there is no such file."""
+        try:
+            status = self.path(name).stat()
+        except OSError:
+            return None
+        both = stat.S_IRGRP | stat.S_IWGRP
+        try:
+            group = grp.getgrgid(status.st_gid).gr_name
+        except KeyError:
+            group = str(status.st_gid)
+        return Group(status.st_gid, group, status.st_mode & both == both and status.st_gid != 0)
+
+    def holders(self, name: str) -> list[Holder]:
+        """Programs that have a file open, this one left out.
+
+        Without root's rights only one's own programs show their files, and of others' those that locked the
+        file, as fltea does.
+        """
+        pids = self._openers(str(self.path(name).resolve()), name) | self._lockers(name)
+        return [Holder(pid, self._program(pid)) for pid in sorted(pids - {os.getpid()})]
+
+    def _openers(self, *targets: str) -> set[int]:
+        found = set()
+        for folder in self.path("/proc").glob("[0-9]*/fd"):
+            with contextlib.suppress(OSError):  # another user's, or it ended meanwhile
+                if any(os.readlink(link) in targets for link in folder.iterdir()):
+                    found.add(int(folder.parent.name))
+        return found
+
+    def _lockers(self, name: str) -> set[int]:
+        """From lines such as `1: FLOCK  ADVISORY  WRITE 1234 00:05:678 0 EOF` (proc(5))."""
+        try:
+            status = self.path(name).stat()
+        except OSError:
+            return set()
+        where = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
+        lines = (line.split() for line in self.text("/proc/locks").splitlines())
+        return {
+            int(words[4]) for words in lines if len(words) > 5 and words[5] == where and int(words[4]) > 0
+        }
+
+    def _program(self, pid: int) -> str:
+        """Command line of a process, its first words."""
+        words = (self.read(f"/proc/{pid}/cmdline") or b"").decode("utf-8", "replace").split("\0")
+        words = [word for word in words if word]
+        if not words:
+            return self.text(f"/proc/{pid}/comm") or "a program that hides its name"
+        words[0] = os.path.basename(words[0])
+        return " ".join(words[:PROGRAM_WORDS]) + (" …" if len(words) > PROGRAM_WORDS else "")
+
+    def is_running(self, program: str) -> bool:
+        """Whether some process has this name."""
+        return any(self.text(f"{folder}/comm") == program for folder in self._processes())
+
+    def _processes(self) -> Iterator[str]:
+        yield from self.names("/proc", "[0-9]*")
+
+    def clock_is_kept(self) -> bool | None:
+        """Whether something keeps the clock right, such as NTP; None where nobody can tell."""
+        try:
+            adjtimex = ctypes.CDLL(None).adjtimex
+        except (OSError, AttributeError):
+            return None
+        state = adjtimex(ctypes.create_string_buffer(512))  # a struct timex of zeros asks and changes nothing
+        return None if state < 0 else state != TIME_ERROR
+
+    def free_bytes(self, folder: Path) -> int:
+        """Room for this user on the disk of a folder, or of the first of its parents that exists."""
+        while not folder.exists() and folder != folder.parent:
+            folder = folder.parent
+        return shutil.disk_usage(folder).free
+
+    def read_i2c_register(self, bus: str, address: int, register: int) -> int:
+        """One register of a chip on an I²C bus; reading changes nothing.
+
+        Raises:
+            OSError: nothing answers, or a driver of the kernel has the chip.
+        """
+        from smbus2 import SMBus
+
+        with SMBus(str(self.path(bus))) as open_bus:
+            return int(open_bus.read_byte_data(address, register))
+
+    def has_module(self, name: str) -> bool:
+        """Whether a Python package is installed."""
+        return importlib.util.find_spec(name) is not None
+
+
+def permission_remedy(system: System, name: str) -> str | None:
+    """What would open a device to its user; None if it is open already."""
+    if system.may_use(name):
+        return None
+    group, user = system.group_of(name), system.user()
+    if group is None:
+        return f"{name} is gone: is its cable loose?"
+    if not group.joinable:
+        return (
+            f"{name} admits no group that {user} could join (its group is '{group.name}'). The udev rule "
+            "gives a Due to 'dialout': sudo make install-udev, in a clone; then plug the board in again."
+        )
+    if group.gid in system.groups_in_force():
+        return f"{user} is in its group '{group.name}', but a container or a security module is in the way."
+    if group.gid in system.groups_granted():
+        return (
+            f"{user} is in the group '{group.name}', but this login is older than that: log out and in again "
+            f"(or, for one shell: newgrp {group.name})."
+        )
+    return f"sudo usermod -aG {group.name} {user}, then log out and in again."

@@ -1,0 +1,66 @@
+"""`fltea doctor` and `fltea devices` as commands, on this machine and on the stand-in's pseudo-terminal."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from support import PATIENCE_S, Processes
+
+
+def fltea(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "fltea", *arguments], capture_output=True, encoding="utf-8", timeout=PATIENCE_S
+    )
+
+
+def findings(output: str) -> dict[str, dict[str, Any]]:
+    return {found["check"]: found for found in map(json.loads, output.splitlines())}
+
+
+def test_a_device_is_examined_and_one_in_use_is_left_alone(processes: Processes, tmp_path: Path) -> None:
+    port = tmp_path / "device"
+    processes.stand_in(port)
+    done = fltea("doctor", "--source", f"serial:{port}", "--record", tmp_path, "--json")
+    found = findings(done.stdout)
+    assert (done.returncode, done.stderr) == (0, "")
+    for check in ("program", "native", "port", "permission", "frames", "firmware", "sensor", "board"):
+        assert found[check]["level"] == "ok", found[check]
+    assert "100.00 Hz (100 stated)" in found["samples"]["message"]
+    assert found["samples"]["device"] == "device"
+    assert "ppm" in found["clock drift"]["message"]
+    assert found["disk"]["class"] == "finding"
+
+    daemon = processes.daemon("--source", f"serial:{port}")
+    daemon.wait_for(lambda: bool(daemon.of("hello")), "HELLO")
+    found = findings(fltea("doctor", "--source", f"serial:{port}", "--json").stdout)
+    assert found["in use"]["level"] == "ok"
+    assert f"pid {daemon.process.pid}" in found["in use"]["message"]
+    assert "frames" not in found
+    assert daemon.end()[0] == 0
+    assert "restart" not in [epoch["reason"] for epoch in daemon.of("epoch")]
+
+
+def test_a_problem_ends_with_1_and_says_what_to_do() -> None:
+    done = fltea("doctor", "--source", "serial:/dev/no-such-port")
+    assert (done.returncode, done.stderr) == (1, "")
+    lines = done.stdout.splitlines()
+    (at,) = [n for n, line in enumerate(lines) if line.startswith("problem  port ")]
+    assert "there is no port /dev/no-such-port" in lines[at]
+    assert "→ check the cable and the name" in lines[at + 1]
+    assert lines[-1].startswith("1 problem")
+
+
+def test_wrong_settings_end_with_2() -> None:
+    done = fltea("doctor", "--set", "record.fodler=x")
+    assert done.returncode == 2
+    assert "there is no such setting" in done.stderr
+
+
+def test_devices_lists_what_there_is_or_says_what_to_look_at() -> None:
+    done = fltea("devices")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout
+    for entry in map(json.loads, fltea("devices", "--json").stdout.splitlines()):
+        assert entry["class"] in ("port", "i2c_bus")

@@ -1,0 +1,93 @@
+"""Many devices at 100 Hz on pseudo-terminals: `python -m tools.bench.feeder FOLDER N SECONDS`.
+
+The ports are FOLDER/d0, d1, …; their samples are spread evenly over the period. It notes when the last byte
+of each sample's frame was written, in FOLDER/times.npy: (devices, samples) in ns of the monotonic clock,
+0 where the port took no more. It ends by itself.
+"""
+
+import os
+import random
+import sys
+import time
+import tty
+from pathlib import Path
+
+import numpy as np
+from fltea import wire
+from fltea.messages import encode
+
+RATE_HZ = 100
+PERIOD_NS = 10**9 // RATE_HZ
+
+
+def hello(k: int) -> wire.Hello:
+    """Who device k is."""
+    return wire.Hello(
+        wire.PROTOCOL_MAJOR,
+        wire.PROTOCOL_MINOR,
+        wire.SCHEMA_HASH,
+        k + 1,
+        k.to_bytes(16, "big"),
+        "bench",
+        0x71,
+        1,
+        1000 * RATE_HZ,
+        2000,
+        164,
+        2,
+        16384,
+        184,
+        wire.SamplingMode.TIMER,
+    )
+
+
+def frames(k: int, n: int) -> list[bytes]:
+    """What device k sends at each of n instants: white noise of 3 LSB; HELLO and STATUS once a second."""
+    rng = random.Random(k)
+    found = []
+    for i in range(n):
+        counts = [round(rng.gauss(0, 3)) for _ in range(3)]
+        now_us = i * PERIOD_NS // 1000
+        data = encode(wire.Sample(*counts, 0, 0, 16384, 1335, 0), i % 65536, now_us % 2**32)
+        if i % RATE_HZ == 0:
+            second = i // RATE_HZ
+            status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER)
+            data = encode(hello(k), second, now_us) + encode(status, second, now_us) + data
+        found.append(data)
+    return found
+
+
+def main() -> None:
+    """Write until the time is over."""
+    folder, n, seconds = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
+    samples = int(seconds * RATE_HZ)
+    masters, keep = [], []
+    for k in range(n):
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        (folder / f"d{k}").symlink_to(os.ttyname(slave))
+        masters.append(master)
+        keep.append(slave)  # open, so that a port that nobody listens to yet is no error
+    data = [frames(k, samples) for k in range(n)]
+    times = np.zeros((n, samples), dtype=np.int64)
+    print("ready", flush=True)
+    sys.stdin.readline()
+    begin_ns = time.monotonic_ns()
+    for i in range(samples):
+        for k, master in enumerate(masters):
+            due_ns = begin_ns + i * PERIOD_NS + k * PERIOD_NS // n
+            left_ns = due_ns - time.monotonic_ns()
+            if left_ns > 0:
+                time.sleep(left_ns * 1e-9)
+            try:
+                if os.write(master, data[k][i]) == len(data[k][i]):
+                    times[k, i] = time.monotonic_ns()
+            except BlockingIOError:
+                pass
+    np.save(folder / "times.npy", times)
+    sys.stdin.readline()  # the ports stay until the daemon has read them
+
+
+if __name__ == "__main__":
+    main()
