@@ -1,0 +1,205 @@
+"""Days of a device's stream in minutes: does memory stay flat, and is every loss counted?
+
+`python -m tools.bench.soak [--hours 24] [--seed 1] [--json]`. A device sends samples, HELLO and STATUS in
+virtual time; on the way frames are lost, bits flip, the line falls silent for a while, and now and then the board
+is reset. The bytes go through what `fltea run` does with those of a port, into an NDJSON output. What is known of both
+ends is compared: for each boot, delivered + lost = sent between its first sample that is used and its last.
+"""
+
+import argparse
+import gc
+import io
+import json
+import os
+import random
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from fltea import wire
+from fltea.config import load_config
+from fltea.hub import Hub
+from fltea.messages import encode
+from fltea.model import Epoch, Event, Gap, LinkStats, Sample, Stats
+from fltea.pipeline import Pipeline
+from fltea.sinks.ndjson import NdjsonSink
+from fltea.sources.wire_events import WireEvents
+from fltea.transport import Chunk, Opened
+
+from tools.bench.feeder import hello
+
+PERIOD_US = 10_000
+HOUR = 360_000
+LOSS, FLIP, SILENCE, RESET = 1e-3, 1e-3, 1e-5, 1 / (2 * HOUR)
+"""Chances a sample: of its frame being lost, of a flipped bit, of a silence, of a reset of the board."""
+
+LONGEST_SILENCE = 3000
+
+
+class Sent:
+    """What the device sent: for each boot, how many sampling instants it has had."""
+
+    def __init__(self) -> None:
+        self.boots: dict[int, int] = {}
+        self.frames_lost = self.bits_flipped = self.silences = 0
+
+
+def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
+    """Bytes and the monotonic time of their arrival [ns]; the device's clock runs 40 ppm fast."""
+    rng = random.Random(seed)
+    k, boot, silent = 0, 0, 0
+    for n in range(samples):
+        if n == 0 or rng.random() < RESET:
+            boot, k = boot + 1, 0
+        sent.boots[boot] = k + 1
+        now_us = round(k * PERIOD_US * (1 + 40e-6))
+        data = b""
+        if k % 100 == 0:
+            second = (k // 100) % 65536
+            data += encode(hello(1)._replace(boot_id=boot), second, now_us % 2**32)
+            status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER)
+            data += encode(status, second, now_us % 2**32)
+        counts = [round(rng.gauss(0, 3)) for _ in range(3)]
+        data += encode(wire.Sample(*counts, 0, 0, 16384, 1335, 0), k % 65536, now_us % 2**32)
+        k += 1
+        if silent:
+            silent -= 1
+            continue
+        if rng.random() < SILENCE:
+            silent = rng.randrange(LONGEST_SILENCE)
+            sent.silences += 1
+            continue
+        if rng.random() < LOSS:
+            sent.frames_lost += 1
+            continue
+        if rng.random() < FLIP:
+            sent.bits_flipped += 1
+            at = rng.randrange(len(data))
+            data = data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
+        yield data, n * PERIOD_US * 1000 + rng.randrange(2_000_000)
+
+
+class Virtual:
+    """A source in virtual time."""
+
+    live = True
+    prompt = False
+
+    def __init__(self) -> None:
+        self.wire = WireEvents("soak")
+        self.unix_offset_ns = 0
+
+    def events(self) -> Iterator[Event]:
+        """Not used: the bytes are given to `wire`."""
+        return iter(())
+
+    def link_stats(self) -> LinkStats:
+        """Count what arrived."""
+        return self.wire.link_stats()
+
+    def close(self) -> None:
+        """Release nothing."""
+
+
+class Seen:
+    """What the host made of it: by epoch the boot, the first and last number, and the counts."""
+
+    def __init__(self) -> None:
+        self.epochs: list[dict[str, int]] = []
+        self.stats: Stats | None = None
+
+    def add(self, record: Any) -> None:
+        """Take a record into the counts."""
+        match record:
+            case Epoch():
+                self.epochs.append(
+                    {"boot": record.boot_id or 0, "first": record.seq, "delivered": 0, "lost": 0}
+                )
+            case Sample():
+                self.epochs[-1]["delivered"] += 1
+                self.epochs[-1]["last"] = record.seq
+            case Gap():
+                self.epochs[-1]["lost"] += record.missing  # told before the epoch that it may begin
+            case Stats():
+                self.stats = record
+
+
+def rss_mb() -> float:
+    """Memory of this process as of now [MB]."""
+    gc.collect()
+    status = Path("/proc/self/status").read_text()
+    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")) / 1024
+
+
+def run(hours: float, seed: int, progress: bool) -> dict[str, Any]:
+    """Stream so many hours; figures, memory by the hour among them."""
+    sent, seen, source = Sent(), Seen(), Virtual()
+    pipeline = Pipeline(source, load_config(None, {"source": "serial:soak"}))
+    hub = Hub(lambda error: None)
+    sink = io.FileIO(os.open(os.devnull, os.O_WRONLY), "wb")
+    hub.add(NdjsonSink(sink, samples=False))
+    memory, begin_s = [], time.process_time()
+    list(source.wire.feed(Opened(0), 0))
+    hour_ns, next_ns = HOUR * PERIOD_US * 1000, 0
+    for data, host_ns in stream(int(hours * HOUR), seed, sent):
+        if host_ns >= next_ns:
+            memory.append(rss_mb())
+            next_ns += hour_ns
+            if progress:
+                print(f"hour {len(memory) - 1}: {memory[-1]:.1f} MB", flush=True)
+        for event in source.wire.feed(Chunk(data, host_ns), host_ns):
+            records = list(pipeline.feed(event))
+            for record in records:
+                seen.add(record)
+            hub.publish("soak", records, wait=True)
+    seen.add(pipeline.stats())
+    hub.close(None)
+    sink.close()
+    memory.append(rss_mb())
+    assert seen.stats is not None
+    return {
+        "hours": hours,
+        "cpu_s": time.process_time() - begin_s,
+        "memory_mb": memory,
+        "growth_mb_after_first_hour": memory[-1] - memory[min(1, len(memory) - 1)],
+        "boots": len(sent.boots),
+        "sent": sum(sent.boots.values()),
+        "frames_lost": sent.frames_lost,
+        "bits_flipped": sent.bits_flipped,
+        "silences": sent.silences,
+        "delivered": seen.stats.samples.delivered,
+        "lost": seen.stats.samples.lost,
+        "gaps": seen.stats.samples.gaps,
+        "before_hello": seen.stats.samples.before_hello,
+        "bad_frames": seen.stats.link.bad_frames,
+        "epochs": len(seen.epochs),
+        "uncounted": uncounted(seen),
+    }
+
+
+def uncounted(seen: Seen) -> int:
+    """Samples between the first and the last of each boot that are neither delivered nor counted as lost."""
+    missing = 0
+    for boot in {epoch["boot"] for epoch in seen.epochs}:
+        epochs = [epoch for epoch in seen.epochs if epoch["boot"] == boot and "last" in epoch]
+        due = epochs[-1]["last"] - epochs[0]["first"] + 1
+        missing += abs(due - sum(epoch["delivered"] + epoch["lost"] for epoch in epochs))
+    return missing
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--hours", type=float, default=24.0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    figures = run(arguments.hours, arguments.seed, progress=not arguments.json)
+    print(json.dumps(figures) if arguments.json else "\n".join(f"{k:28} {v}" for k, v in figures.items()))
+
+
+if __name__ == "__main__":
+    main()
