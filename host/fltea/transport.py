@@ -106,11 +106,14 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
     """Kind and text of the failure to open a port: what happened, why, what to do."""
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
-        return "no_permission", f"no permission to open {url}. {_permission_remedy(url)}"
+        return (
+            "no_permission",
+            f"no permission to open {url}. {_permission_remedy(url)} 'fltea doctor' looks further.",
+        )
     if number in (errno.EBUSY, errno.EAGAIN):
         return "port_busy", (
             f"{url} is in use by another program (another fltea, a serial monitor, or ModemManager). "
-            f"Close it; 'fuser {url}' names it."
+            "Close it; 'fltea devices' names it."
         )
     if "://" in url and not url.startswith("hwgrep://"):
         return "no_port", f"cannot connect to {url}: {error}. Check that the other side listens."

@@ -201,8 +201,8 @@ def test_an_unknown_kind_of_url_is_refused() -> None:
     [
         (errno.EACCES, "no_permission", "usermod -aG"),
         (errno.EPERM, "no_permission", "usermod -aG"),
-        (errno.EBUSY, "port_busy", "fuser"),
-        (errno.EAGAIN, "port_busy", "fuser"),
+        (errno.EBUSY, "port_busy", "fltea devices"),
+        (errno.EAGAIN, "port_busy", "fltea devices"),
         (errno.ENOENT, "no_port", "there is no port"),
         (errno.ENODEV, "no_port", "there is no port"),
         (errno.EIO, "open_failed", "cannot open"),

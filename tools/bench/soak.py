@@ -1,9 +1,10 @@
 """Days of a device's stream in minutes: does memory stay flat, and is every loss counted?
 
 `python -m tools.bench.soak [--hours 24] [--seed 1] [--json]`. A device sends samples, HELLO and STATUS in
-virtual time; on the way frames are lost, bits flip, the line falls silent for a while, and now and then the board
-is reset. The bytes go through what `fltea run` does with those of a port, into an NDJSON output. What is known of both
-ends is compared: for each boot, delivered + lost = sent between its first sample that is used and its last.
+virtual time; on the way frames are lost, bits flip, the line falls silent for a while, and now and then the
+board is reset. The bytes go through what `fltea run` does with those of a port, into NDJSON. What is
+known of both ends is compared: for each boot, delivered + lost = sent between the first sample that is used
+and the last.
 """
 
 import argparse
