@@ -1,6 +1,7 @@
 """One run of the program: a pipeline for every source, the outputs, and an orderly end."""
 
 import contextlib
+import math
 import os
 import signal
 import sys
@@ -16,6 +17,7 @@ from fltea.hub import Hub
 from fltea.model import DeviceStatus, Trouble
 from fltea.outputs import open_outputs
 from fltea.pipeline import Pipeline
+from fltea.service_manager import ServiceManager
 from fltea.sources import Source
 from fltea.sources.as_wire import AsWire
 from fltea.sources.opening import open_source
@@ -53,6 +55,10 @@ def run(configs: Sequence[Config]) -> None:
         raise failure
 
 
+STUCK_S = 20.0
+"""A live source gives an event at least every half second; a walk that takes this long hangs."""
+
+
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     """SIGINT and SIGTERM set `asked`; before `armed` they raise KeyboardInterrupt."""
 
@@ -87,6 +93,8 @@ class _Run:
         self._hub = Hub(self._on_output_end)
         self._lock = threading.Lock()
         self._running = len(configs)
+        self._manager = ServiceManager()
+        self._moved_s = {config.name or "": time.monotonic() for config in configs}
 
     def run(self) -> tuple[FlteaError | None, bool]:
         """Run to the end; what failed, and whether every output could be closed."""
@@ -112,10 +120,12 @@ class _Run:
             thread.daemon = True
             thread.start()
         self._stop.armed = True
+        self._manager.ready()
         live = any(source.live for source in sources)
         self._wait(self._done)
         if self._failure is None and not (live or configs[0].once or self._stop.asked.is_set()):
             self._stay()
+        self._manager.stopping()
         _close(sources)
         asked = self._stop.asked.is_set() or self._failure is not None
         deadline_s = time.monotonic() + PATIENCE_S
@@ -129,6 +139,8 @@ class _Run:
     def _wait(self, event: threading.Event) -> None:
         while not (event.is_set() or self._stop.asked.is_set()):
             event.wait(0.1)
+            if time.monotonic() - min(self._moved_s.values()) < STUCK_S:
+                self._manager.alive()
 
     def _stay(self) -> None:
         """Without --once a recording's last state stays on view until somebody ends the program."""
@@ -162,6 +174,7 @@ class _Run:
         save_ns = clock.host_ns() + period_ns
         failure = None
         for event in source.events():
+            self._moved_s[name] = time.monotonic()
             if as_wire is not None and tap is not None:
                 for item in as_wire.encode(event):
                     tap(item)
@@ -176,6 +189,7 @@ class _Run:
             if state is not None and clock.host_ns() >= save_ns:
                 save_ns += period_ns
                 _deposit(pipeline, state, name)
+        self._moved_s[name] = math.inf
         self._hub.publish(name, [pipeline.stats()], wait=not source.prompt)
         if state is not None:
             _deposit(pipeline, state, name)

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -175,3 +176,22 @@ def test_a_reader_that_stops_reading_costs_only_the_output(processes: Processes,
         os.close(reader)
         assert daemon.stderr is not None
         daemon.stderr.close()
+
+
+def test_a_service_manager_hears_ready_alive_and_stopping(
+    processes: Processes, tmp_path: Path, monkeypatch
+) -> None:
+    """sd_notify(3): datagrams to the socket that $NOTIFY_SOCKET names."""
+    processes.stand_in(tmp_path / "port")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.settimeout(PATIENCE_S)
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        daemon = processes.daemon("-s", f"serial:{tmp_path / 'port'}", *QUICK)
+        assert manager.recv(100) == b"READY=1"
+        assert manager.recv(100) == b"WATCHDOG=1"
+        assert manager.recv(100) == b"WATCHDOG=1"
+        assert daemon.end(signal.SIGTERM)[0] == 0
+        while (said := manager.recv(100)) == b"WATCHDOG=1":
+            pass
+        assert said == b"STOPPING=1"

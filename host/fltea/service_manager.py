@@ -1,0 +1,37 @@
+"""What systemd is told by a service of its Type=notify: sd_notify(3), a datagram to $NOTIFY_SOCKET."""
+
+import contextlib
+import os
+import socket
+import time
+
+PERIOD_S = 5.0
+
+
+class ServiceManager:
+    """Says that the program is ready, that it still moves, and that it ends; nothing where nobody asked."""
+
+    def __init__(self) -> None:
+        name = os.environ.get("NOTIFY_SOCKET", "")
+        self._address = "\0" + name[1:] if name.startswith("@") else name
+        self._said_s = -PERIOD_S
+
+    def ready(self) -> None:
+        """The sources and outputs are set up."""
+        self._say("READY=1")
+
+    def alive(self) -> None:
+        """Every device's walk has moved of late. Without this systemd starts the service anew."""
+        if time.monotonic() - self._said_s >= PERIOD_S:
+            self._said_s = time.monotonic()
+            self._say("WATCHDOG=1")
+
+    def stopping(self) -> None:
+        """The program ends because it was asked to."""
+        self._say("STOPPING=1")
+
+    def _say(self, state: str) -> None:
+        if not self._address:
+            return
+        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as out:
+            out.sendto(state.encode(), self._address)
