@@ -165,7 +165,7 @@ class _Run:
         name = config.name or ""
         found = state.found.get(name) if state else None
         pipeline = Pipeline(source, config, lambda: self._hub.stats(name), found)
-        tap, as_wire = self._hub.tap(name), None
+        tap, as_wire = self._hub.tap(name, wait=not source.prompt), None
         if isinstance(source, SerialSource):
             source.tap = tap
         elif tap is not None:

@@ -54,7 +54,7 @@ class Hub:
             if errors:
                 self._log.put(errors)
 
-    def tap(self, device: str) -> Callable[[TransportEvent], None] | None:
+    def tap(self, device: str, *, wait: bool) -> Callable[[TransportEvent], None] | None:
         """What is to be called with all that comes over the wire of a device; None if nobody wants it."""
         takers = [outlet for outlet in self._of.get(device, ()) if outlet.sink.takes_wire]
         if not takers:
@@ -63,7 +63,7 @@ class Hub:
         def put(event: TransportEvent) -> None:
             items: Iterable[Item] = (event,)
             for outlet in takers:
-                outlet.put(items)
+                outlet.put(items, wait=wait and outlet.sink.lossless)
 
         return put
 

@@ -10,7 +10,7 @@ from fltea.clock import host_ns
 from fltea.model import OutputStats
 from fltea.sinks import Item, Sink, SinkClosed
 
-IDLE_S = 1.0
+IDLE_S = 0.5
 REST_S = 0.002
 """Between two batches: records of many devices then go out together, not with a change of threads each."""
 

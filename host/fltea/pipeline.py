@@ -1,7 +1,6 @@
-"""The walk of one sample: source → continuity → timebase → units → estimator → records.
+"""The walk of one sample: source → decode (continuity → timebase → units) → estimator → records.
 
-This is the only module that knows all stages. The sources stand before it (transport, framing and
-messages inside the serial one), the sinks behind it.
+The sources stand before it (transport, framing and messages inside the serial one), the sinks behind it.
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -10,14 +9,13 @@ import msgspec
 
 from fltea.channels import Channels, accel_estimates, explain_lost, gyro_estimates
 from fltea.config import Config
-from fltea.continuity import Continuity, Placed
+from fltea.decode import Decoded, Decoder
 from fltea.errors import UsageError
 from fltea.estimator.gyroscope import AxisEstimate
 from fltea.model import (
     ACCEL_AXES,
     AXES,
     AnyRecord,
-    Break,
     DeviceStatus,
     Epoch,
     EpochReason,
@@ -36,8 +34,7 @@ from fltea.model import (
 )
 from fltea.sources import Source
 from fltea.state import DeviceState, sensor_of, why_unused
-from fltea.timebase import Timebase
-from fltea.units import accel_resolution_ms2, resolution_dps, to_units
+from fltea.units import accel_resolution_ms2, resolution_dps
 
 STATS_PERIOD_NS = 10**9
 LOST_PERIOD_NS = 60 * 10**9
@@ -51,8 +48,8 @@ def no_outputs() -> dict[str, OutputStats]:
 class Pipeline:
     """Turns the events of one source into records, in order.
 
-    outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their own:
-    of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
+    outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their
+    own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
     """
 
     def __init__(
@@ -66,9 +63,7 @@ class Pipeline:
         self._config = config
         self._outputs = outputs
         self._state = state
-        self._continuity = Continuity(config.link.max_gap)
-        self._epoch = 0
-        self._timebase: Timebase | None = None
+        self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name)
         self._gyro: Channels | None = None
         self._accel: Channels | None = None
         self._sample: Sample | None = None
@@ -87,23 +82,20 @@ class Pipeline:
         """
         if not isinstance(event, DeviceStatus):
             self._now_ns = event.host_ns
+        if self._decoder.timebase is None:  # the source may not have known the date before
+            self._offset_ns = self._source.unix_offset_ns
         match event:
-            case Hello():
-                if self._continuity.on_hello(event):
-                    yield msgspec.structs.replace(event, host_ns=self._unix_ns(), device=self._config.name)
-            case RawSample():
-                placed = self._continuity.on_sample(event)
-                if placed is not None:
-                    yield from self._on_sample(placed)
             case DeviceStatus():
                 self._board = event
             case LinkDown():
-                self._continuity.on_link_down()
                 self._board = None
-            case Break():
-                self._continuity.on_break(event.reason)
             case Trouble():
                 yield self._error(event.kind, event.message)
+        match self._decoder.feed(event):
+            case Hello() as hello:
+                yield msgspec.structs.replace(hello, host_ns=self._unix_ns(), device=self._config.name)
+            case Decoded() as decoded:
+                yield from self._on_sample(decoded)
         if self._stats_due_ns is None:
             self._stats_due_ns = self._now_ns + STATS_PERIOD_NS
         elif self._now_ns >= self._stats_due_ns:
@@ -111,7 +103,7 @@ class Pipeline:
 
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
-        hello = self._continuity.hello
+        hello = self._decoder.continuity.hello
         gyro = self._gyro.save() if self._gyro else None
         accel = self._accel.save() if self._accel else None
         unfinished = (self._gyro and not gyro) or (self._accel and not accel)
@@ -119,38 +111,34 @@ class Pipeline:
             return None
         return DeviceState(sensor_of(hello, self._config), self._sample.host_ns, gyro, accel)
 
-    def _on_sample(self, placed: Placed) -> Iterator[AnyRecord]:
-        hello = self._continuity.hello
-        assert hello is not None
-        raw, name = placed.raw, self._config.name
-        gap_epoch, reason, resumed_after_s = self._epoch, placed.new_epoch, None
-        if reason is not None or self._timebase is None:
-            self._epoch += 1
+    def _on_sample(self, decoded: Decoded) -> Iterator[AnyRecord]:
+        sample, raw, hello, missing, reason = decoded
+        name, resumed_after_s = self._config.name, None
+        if reason is not None:
             self._offset_ns = self._source.unix_offset_ns
-            self._timebase = Timebase(self._offset_ns)
             yield from self._begin(raw, hello)
             if self._state is not None:
-                reason, resumed_after_s = yield from self._resume(raw, hello, reason or "start")
+                reason, resumed_after_s = yield from self._resume(raw, hello, reason)
         else:
             for channels in self._channels():
-                channels.on_missing(placed.missing)
-        host_ns = self._timebase.add(placed.seq, placed.device_us, raw.host_ns)
-        if placed.missing:
-            yield Gap(placed.seq - placed.missing, placed.missing, gap_epoch, host_ns, device=name)
+                channels.on_missing(missing)
+        if missing:
+            epoch = sample.epoch - (reason is not None)
+            yield Gap(sample.seq - missing, missing, epoch, sample.host_ns, device=name)
         if reason is not None:
             yield Epoch(
-                self._epoch,
+                sample.epoch,
                 reason,
-                placed.seq,
-                placed.device_us,
-                host_ns,
+                sample.seq,
+                sample.device_us,
+                sample.host_ns,
                 hello.boot_id,
                 self._gyro.info() if self._gyro else None,
                 self._accel.info() if self._accel else None,
                 resumed_after_s,
                 device=name,
             )
-        self._sample = sample = to_units(raw, hello, self._epoch, placed.seq, placed.device_us, host_ns, name)
+        self._sample = sample
         yield sample
         gyro = yield from self._estimate(self._gyro, sample.gyro_dps)
         accel = yield from self._estimate(self._accel, sample.accel_ms2 or ())
@@ -195,12 +183,12 @@ class Pipeline:
     def stats(self) -> Stats:
         """Sum up the whole walk so far."""
         self._stats_due_ns = self._now_ns + STATS_PERIOD_NS
-        c = self._continuity
+        c, timebase = self._decoder.continuity, self._decoder.timebase
         return Stats(
-            epoch=self._epoch,
+            epoch=self._decoder.epoch,
             host_ns=self._unix_ns(),
-            rate_hz=self._timebase.rate_hz if self._timebase else None,
-            clock_ppm=self._timebase.clock_ppm if self._timebase else None,
+            rate_hz=timebase.rate_hz if timebase else None,
+            clock_ppm=timebase.clock_ppm if timebase else None,
             startup_remaining=max((one.startup_remaining for one in self._channels()), default=0),
             link=self._source.link_stats(),
             samples=SampleStats(c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello),

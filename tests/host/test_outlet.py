@@ -234,8 +234,8 @@ def test_the_wire_goes_only_to_those_who_take_it() -> None:
     record = Wire("record")
     all_outputs.add(record, "left")
     all_outputs.add(Memory("mqtt"), "right")
-    assert all_outputs.tap("right") is None
-    tap = all_outputs.tap("left")
+    assert all_outputs.tap("right", wait=False) is None
+    tap = all_outputs.tap("left", wait=False)
     assert tap is not None
     from fltea.transport import Chunk
 

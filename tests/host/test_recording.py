@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.errors import UsageError
-from fltea.model import Hello, Sample
+from fltea.model import Estimate, Hello, Sample
 from fltea.sources.recording import parse_units, read_csv, read_npz
 from fltea.sources.recording_ndjson import read_ndjson
+from host_support import QUICK, fltea, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -367,3 +368,26 @@ def test_a_last_line_that_is_cut_is_left_out_and_told(tmp_path: Path) -> None:
     assert [type(record) for record in found] == [Hello, Sample]
     assert cut is not None
     assert ":3: the last line is cut off" in cut
+
+
+def test_scale_of_the_accelerometer_makes_its_axes_usable(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    path = tmp_path / "rest.npz"
+    counts = {"gyro_raw": rng.integers(-9, 9, (90, 3)), "accel_raw": rng.integers(-99, 99, (90, 3))}
+    np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0, accel_lsb_per_g=16384.0)
+    found = fltea(
+        "run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y", "--set", "accel.startup=50"
+    )
+    assert found.returncode == 0
+    last = [r for r in strict_records(found.stdout) if isinstance(r, Estimate)][-1]
+    assert last.axes == {}
+    assert last.accel_axes is not None
+    assert last.accel_axes["accel_y"].valid
+    np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0)
+    told = fltea("run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y,gyro_x")
+    assert "no_accel" in told.stderr
+    np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0, accel_lsb_per_g=0.0)
+    assert (
+        "accel_lsb_per_g has to be one positive number"
+        in fltea("run", "-s", f"replay:{path}", "--once").stderr
+    )

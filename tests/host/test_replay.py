@@ -181,9 +181,11 @@ def test_shuffle_does_not_fit_ndjson(tmp_path: Path) -> None:
 
 
 def test_missing_file_folder_and_unknown_ending(tmp_path: Path) -> None:
-    for name in ("none.npz", "."):
+    for name in ("none.npz", "none.mcap"):
         with pytest.raises(UsageError, match="there is no such file"):
             ReplaySource(tmp_path / name)
+    with pytest.raises(UsageError, match=r"no \.mcap file in this folder"):
+        ReplaySource(tmp_path)
     (tmp_path / "rest.wav").touch()
     with pytest.raises(UsageError, match=r"rest\.wav: the kind is not known by its ending"):
         ReplaySource(tmp_path / "rest.wav")

@@ -44,7 +44,7 @@ class Sink:
         raise NotImplementedError
 
     def flush(self) -> None:
-        """Hand on what `write` has gathered; called whenever the queue is empty, and once a second."""
+        """Hand on what `write` has gathered; called whenever the queue is empty, and twice a second."""
 
     def on_overflow(self, count: int) -> None:
         """Take note that `count` items were dropped before the next one, since this sink was too slow."""

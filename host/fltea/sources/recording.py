@@ -35,8 +35,9 @@ class Recording(NamedTuple):
     """A resting gyroscope, as recorded.
 
     gyro: (n, axes) counts where lsb_per_dps is given, else deg/s.
-    accel: (n, 3) counts or None. device_s: (n,) time of each sample by the device's clock.
+    accel: (n, 3) counts or None, accel_lsb_per_g their scale. device_s: (n,) time of each sample by the device's clock.
     host_s: (n,) arrival times by the host's clock, or None where they were not recorded.
+    seq: (n,) number of each sample, or None: then the times number them. epoch: (n,) number of the epoch.
     """
 
     gyro: NDArray[np.float64]
@@ -45,6 +46,9 @@ class Recording(NamedTuple):
     lsb_per_dps: float | None = None
     host_s: NDArray[np.float64] | None = None
     accel: NDArray[np.float64] | None = None
+    seq: NDArray[np.int64] | None = None
+    epoch: NDArray[np.int64] | None = None
+    accel_lsb_per_g: float | None = None
 
 
 def parse_units(text: str) -> tuple[float, float | None]:
@@ -68,6 +72,8 @@ def parse_units(text: str) -> tuple[float, float | None]:
 
 def read_npz(path: Path) -> Recording:
     """Read `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; optional `t_host_s`, `accel_raw`.
+
+    A recording with gaps also has `time_s` (of the device), `seq` and `epoch`, as `fltea export` writes them.
 
     Raises:
         UsageError: not such a file, or values that are not finite.
@@ -98,23 +104,46 @@ def read_npz(path: Path) -> Recording:
     for name, extra, shape in (("t_host_s", host_s, (len(gyro),)), ("accel_raw", accel, (len(gyro), 3))):
         if extra is not None and extra.shape != shape:
             raise UsageError(f"{path}: {name} has the shape {extra.shape}; {shape} is needed, as {key} has.")
+    device_s, seq, epoch = _read_gaps(path, data, len(gyro), rate_hz)
     if host_s is not None and len(host_s) > 1:
-        _check_host_times(path, host_s, rate_hz)
+        _check_host_times(path, host_s, rate_hz, device_s)
     lsb = _positive(path, "lsb_per_dps", data["lsb_per_dps"]) if key == "gyro_raw" else None
     too_large = _too_large(gyro, lsb)
     if too_large.any():
         raise UsageError(
             f"{path}: {key} is more than {LARGEST_DPS:g} deg/s in row {int(np.argmax(too_large))}."
         )
-    return Recording(gyro, rate_hz, np.arange(len(gyro)) / rate_hz, lsb, host_s, accel)
+    accel_lsb = (
+        _positive(path, "accel_lsb_per_g", data["accel_lsb_per_g"]) if "accel_lsb_per_g" in data else None
+    )
+    return Recording(gyro, rate_hz, device_s, lsb, host_s, accel, seq, epoch, accel_lsb)
 
 
-def _check_host_times(path: Path, host_s: NDArray[np.float64], rate_hz: float) -> None:
+def _read_gaps(
+    path: Path, data: dict[str, NDArray[Any]], n: int, rate_hz: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, NDArray[np.int64] | None]:
+    """Time, number and epoch of each sample; without them one follows the other."""
+    found = {name: _numeric(path, name, data[name]) for name in ("time_s", "seq", "epoch") if name in data}
+    for name, values in found.items():
+        if values.shape != (n,):
+            raise UsageError(f"{path}: {name} has the shape {values.shape}; ({n},) is needed.")
+    if "time_s" not in found:
+        return np.arange(n) / rate_hz, None, None
+    if (np.diff(found["time_s"]) <= 0).any() or np.abs(found["time_s"]).max() > LONGEST_S:
+        row = int(np.argmax(np.diff(found["time_s"]) <= 0)) + 1
+        raise UsageError(f"{path}: time_s does not increase in row {row}, or is beyond {LONGEST_S:g} s.")
+    whole = {name: values.astype(np.int64) for name, values in found.items() if name != "time_s"}
+    return found["time_s"], whole.get("seq"), whole.get("epoch")
+
+
+def _check_host_times(
+    path: Path, host_s: NDArray[np.float64], rate_hz: float, device_s: NDArray[np.float64]
+) -> None:
     """Arrivals may come in bursts, but neither backwards nor at another rate than the one stated."""
     steps = np.diff(host_s)
     if (steps < 0).any():
         raise UsageError(f"{path}: t_host_s runs backwards in row {int(np.argmax(steps < 0)) + 1}.")
-    seconds, expected_s = float(host_s[-1] - host_s[0]), (len(host_s) - 1) / rate_hz
+    seconds, expected_s = float(host_s[-1] - host_s[0]), float(device_s[-1] - device_s[0])
     if abs(seconds - expected_s) > HOST_TOLERANCE * expected_s + 1.0:
         raise UsageError(
             f"{path}: t_host_s spans {seconds:.6g} s, but {len(host_s)} samples at fs_hz = {rate_hz:.6g} "

@@ -1,7 +1,10 @@
 """A recording as a source: as fast as it can, or at its own pace; in its order, or shuffled."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +18,17 @@ from fltea.sources.recording import Recording, read_csv, read_npz
 from fltea.sources.recording_ndjson import read_ndjson
 from fltea.units import to_counts
 
+if TYPE_CHECKING:
+    from fltea.sources.recording_mcap import McapRecording, Part
+
+FILE_SUFFIXES = (".npz", ".csv", ".txt", ".ndjson", ".jsonl")
+"""Recordings that are one file, read whole; all else is MCAP: a file, a folder, or the name of a session."""
+
 
 class ReplaySource:
-    """Events of one file. Its times are the recording's, so a second run gives the same output.
+    """Events of one recording. Its times are the recording's, so a second run gives the same output.
+
+    path: a file, or of MCAP files also a folder or the name of a session (`recording_mcap.find_parts`).
 
     startup: samples that the start-up window needs; a shorter recording is refused.
     shuffle: seed of a permutation of the samples (times stay), which makes any noise white.
@@ -28,7 +39,6 @@ class ReplaySource:
     """
 
     live = False
-    unix_offset_ns = 0
 
     def __init__(
         self,
@@ -41,26 +51,34 @@ class ReplaySource:
         shuffle: int | None = None,
         realtime: bool = False,
     ) -> None:
-        if not path.is_file():
-            raise UsageError(f"{path}: there is no such file.")
+        suffix = path.suffix.lower()
         self._realtime = self.prompt = realtime
         self._closed = False
+        self._mcap: McapRecording | None = None
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
-        suffix = path.suffix.lower()
+        if shuffle is not None and suffix not in (".npz", ".csv", ".txt"):
+            raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings.")
+        if suffix in FILE_SUFFIXES and not path.is_file():
+            raise UsageError(f"{path}: there is no such file.")
         if suffix in (".ndjson", ".jsonl"):
             records, cut = read_ndjson(path)
             self._events = _from_ndjson(records, cut)
             samples = sum(isinstance(record, Sample) for record in records)
-            if shuffle is not None:
-                raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings.")
-        elif suffix in (".npz", ".csv", ".txt"):
+        elif suffix in FILE_SUFFIXES:
             is_npz = suffix == ".npz"
             recording = read_npz(path) if is_npz else read_csv(path, columns, units or "dps", rate_hz)
             self._events = _from_recording(name, recording, shuffle)
             samples = len(recording.gyro)
+        elif path.is_file() and suffix != ".mcap":
+            raise UsageError(
+                f"{path}: the kind is not known by its ending; .mcap, .npz, .csv or .ndjson is needed."
+            )
         else:
-            raise UsageError(f"{path}: the kind is not known by its ending; .npz, .csv or .ndjson is needed.")
+            open_again = open_mcap([path], name)
+            samples = _count_samples(open_again(), startup + 1)
+            self._mcap = open_again()
+            self._events = self._mcap.events()
         if suffix not in (".csv", ".txt") and (columns or units or rate_hz):
             raise UsageError(
                 f"{path}: --columns, --units and --rate are for CSV files; this one names its own."
@@ -70,6 +88,11 @@ class ReplaySource:
                 f"{path}: {samples} rows, but the start-up window alone takes {startup} and estimates begin "
                 "after it. Record for longer, or shorten the window: --startup N."
             )
+
+    @property
+    def unix_offset_ns(self) -> int:
+        """Nanoseconds from the recorder's monotonic clock to Unix time; 0 where it was not recorded."""
+        return 0 if self._mcap is None else self._mcap.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
         """Yield the recording's events, once."""
@@ -83,12 +106,47 @@ class ReplaySource:
             yield event
 
     def link_stats(self) -> LinkStats:
-        """Nothing can get lost between a file and here."""
-        return LinkStats()
+        """Count what the recorded bytes held; of other recordings nothing can get lost on the way here."""
+        return LinkStats() if self._mcap is None else self._mcap.link_stats()
 
     def close(self) -> None:
         """End the iteration."""
         self._closed = True
+
+
+def open_mcap(paths: Sequence[Path], name: str) -> Callable[[], "McapRecording"]:
+    """What opens a recording in MCAP files, each time from its beginning.
+
+    Raises:
+        UsageError: the library is not installed, or `recording_mcap.find_parts` finds no one session.
+    """
+    library = _mcap_library()
+    parts = library.find_parts(paths)
+    return lambda: library.McapRecording(parts, name)
+
+
+def find_mcap_sessions(paths: Sequence[Path]) -> "list[list[Part]]":
+    """See `recording_mcap.find_sessions`; also a UsageError where the library is not installed."""
+    found: list[list[Part]] = _mcap_library().find_sessions(paths)
+    return found
+
+
+def _mcap_library() -> ModuleType:
+    try:
+        from fltea.sources import recording_mcap
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "mcap":
+            raise
+        raise UsageError(
+            "MCAP recordings need the package mcap, which is not installed: pip install 'fltea[record]'."
+        ) from error
+    return recording_mcap
+
+
+def _count_samples(recording: "McapRecording", limit: int) -> int:
+    """Samples of a recording that may be long: counted no further than to the limit."""
+    samples = (event for event in recording.events() if isinstance(event, RawSample))
+    return sum(1 for _ in islice(samples, limit))
 
 
 def _from_recording(name: str, recording: Recording, shuffle: int | None) -> Iterator[Event]:
@@ -105,8 +163,11 @@ def _from_recording(name: str, recording: Recording, shuffle: int | None) -> Ite
         rate_hz=recording.rate_hz,
         sampling_mode="recording",
         gyro_lsb_per_dps=recording.lsb_per_dps,
+        accel_lsb_per_g=recording.accel_lsb_per_g,
     )
     for k in range(n):
+        if recording.epoch is not None and k and recording.epoch[k] != recording.epoch[k - 1]:
+            yield Break("restart", int(host_ns[k]))
         yield RawSample(
             int(sequence[k]) % SEQUENCE_WRAP,
             int(device_us[k]) % TIME_WRAP_US,
@@ -118,6 +179,8 @@ def _from_recording(name: str, recording: Recording, shuffle: int | None) -> Ite
 
 def _sequence(recording: Recording) -> NDArray[np.int64]:
     """Number the samples as a device does: where time runs ahead of the rate, samples are missing."""
+    if recording.seq is not None:
+        return recording.seq
     steps = np.maximum(1, np.round(np.diff(recording.device_s) * recording.rate_hz))
     return np.concatenate(([0], np.cumsum(steps))).astype(np.int64)
 

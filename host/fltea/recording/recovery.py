@@ -1,0 +1,116 @@
+"""Makes a whole MCAP file of a torn or damaged one: what can be read, with summary and indexes."""
+
+import contextlib
+import fcntl
+import os
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from mcap.records import Channel, Metadata, Schema
+from mcap.writer import CompressionType, Writer
+
+from fltea import __version__
+from fltea.errors import FlteaError, UsageError
+from fltea.recording.scan import ChunkEnd, Damage, Message, Scan
+
+
+class Recovered(NamedTuple):
+    """What became of a file. out: the new one, None if there was nothing to mend."""
+
+    out: Path | None
+    messages: int
+    seconds: float
+    lost_bytes: int
+    damaged_chunks: int
+
+
+def recover(path: Path, *, in_place: bool) -> Recovered:
+    """Write what can be read of a torn file to `NAME.recovered.mcap` beside it, or in its place.
+
+    Raises:
+        UsageError: no such file, no MCAP file, one that a program still writes, or the copy exists already.
+        FlteaError: the copy cannot be written.
+    """
+    out = path if in_place else path.with_name(f"{path.stem}.recovered.mcap")
+    try:
+        with path.open("rb") as file:
+            _check_unused(path, file)
+            found = _examine(path)
+            if found.out is None:
+                return found
+            if not found.messages:
+                raise UsageError(f"{path}: nothing in it can be saved.")
+            if not in_place and out.exists():
+                raise UsageError(
+                    f"{out}: exists already; remove it first if {path.name} is to be read again."
+                )
+            _copy(path, out)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: cannot be read ({error}).") from error
+    return found._replace(out=out)
+
+
+def _check_unused(path: Path, file: BinaryIO) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise UsageError(f"{path}: a running program still writes it; stop that first.") from error
+    except OSError:  # a file system without locks
+        pass
+
+
+def _examine(path: Path) -> Recovered:
+    """How much can be saved. A message whose channel was described in a damaged chunk cannot be."""
+    scan = Scan(path)
+    known: set[int] = set()
+    messages = damaged = 0
+    first_ns = last_ns = None
+    for item in scan:
+        if isinstance(item, Channel):
+            known.add(item.id)
+        elif isinstance(item, Message) and item.channel_id in known:
+            messages += 1
+            first_ns = item.log_time if first_ns is None else min(first_ns, item.log_time)
+            last_ns = item.log_time if last_ns is None else max(last_ns, item.log_time)
+        damaged += isinstance(item, Damage)
+    seconds = 0.0 if first_ns is None or last_ns is None else (last_ns - first_ns) * 1e-9
+    needed = damaged or not scan.whole
+    return Recovered(path if needed else None, messages, seconds, scan.lost_bytes, damaged)
+
+
+def _copy(path: Path, out: Path) -> None:
+    part = out.with_name(f".{out.name}.part")
+    try:
+        with part.open("wb") as file:
+            writer = Writer(file, compression=CompressionType.ZSTD)
+            writer.start(library=f"fltea {__version__}")
+            schemas: dict[int, int] = {0: 0}
+            channels: dict[int, int] = {}
+            for item in Scan(path):
+                match item:
+                    case Metadata():
+                        writer.add_metadata(item.name, item.metadata)
+                    case Schema():
+                        schemas[item.id] = writer.register_schema(item.name, item.encoding, item.data)
+                    case Channel():
+                        schema = schemas.get(item.schema_id, 0)
+                        channels[item.id] = writer.register_channel(
+                            item.topic, item.message_encoding, schema, item.metadata
+                        )
+                    case Message() if item.channel_id in channels:
+                        writer.add_message(
+                            channels[item.channel_id],
+                            item.log_time,
+                            item.data,
+                            item.publish_time,
+                            item.sequence,
+                        )
+                    case ChunkEnd():
+                        writer.flush()  # type: ignore[no-untyped-call]
+            writer.finish()  # type: ignore[no-untyped-call]
+        os.replace(part, out)
+    except OSError as error:
+        raise FlteaError(f"{out}: cannot be written ({error}).") from error
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)

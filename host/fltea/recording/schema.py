@@ -1,0 +1,84 @@
+"""JSON channels of an MCAP file: a schema for each kind of record, plain enough for Foxglove and PlotJuggler.
+
+Foxglove's reader of JSON schemas takes objects, lists and scalars, written out where they stand: neither
+references nor alternatives such as "number or null". So references are resolved, a field that may be null has
+the type of its values and is left out of a message where it is null, and a field of several types (the bias
+of an epoch: a word, a number or three) is in the messages but not in the schema.
+"""
+
+from typing import Any
+
+import msgspec
+
+from fltea.model import ACCEL_AXES, AXES
+
+NAMED = {"axes": AXES, "accel_axes": ACCEL_AXES}
+"""Objects by axis: their keys are known, and a plot needs them."""
+
+_encode = msgspec.json.Encoder().encode
+
+
+def record_schema(kind: type[msgspec.Struct]) -> bytes:
+    """JSON schema of one kind of record, for the schema encoding "jsonschema"."""
+    (root,), definitions = msgspec.json.schema_components([kind], ref_template="{name}")
+    plain = _plain(root, definitions)
+    assert plain is not None
+    return _encode({"title": kind.__name__, **plain})
+
+
+def encode_message(record: msgspec.Struct) -> bytes:
+    """One record as a message: its JSON without what is null."""
+    text = _encode(record)
+    return _encode(_without_nulls(msgspec.json.decode(text))) if b":null" in text else text
+
+
+def _without_nulls(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nulls(item) for key, item in value.items() if item is not None}
+    return value
+
+
+def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any] | None:
+    """The schema without references and alternatives; None for what has several types."""
+    if "$ref" in schema:
+        return _plain(definitions[schema["$ref"]], definitions)
+    if "anyOf" in schema:
+        options = [option for option in schema["anyOf"] if option != {"type": "null"}]
+        return _plain(options[0], definitions) if len(options) == 1 else None
+    match schema.get("type"):
+        case "object":
+            return _plain_object(schema, definitions)
+        case "array":
+            items = _plain(schema["items"], definitions)
+            return None if items is None else {"type": "array", "items": items}
+        case None:  # of words
+            words = [word for word in schema["enum"] if word is not None]
+            return {"type": "string", "enum": words}
+        case kind:
+            return {"type": kind}
+
+
+def _plain_object(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
+    properties, required = {}, []
+    for name, field in schema.get("properties", {}).items():
+        plain = _plain(field, definitions)
+        if plain is None:
+            continue
+        if name in NAMED:
+            value = _plain(_values(field), definitions)
+            plain = {"type": "object", "properties": dict.fromkeys(NAMED[name], value)}
+        properties[name] = plain
+        if name in schema.get("required", ()) and not _nullable(field):
+            required.append(name)
+    return {"type": "object", "properties": properties, "required": required}
+
+
+def _values(field: dict[str, Any]) -> dict[str, Any]:
+    """Schema of the values of an object whose keys are names."""
+    options = field.get("anyOf", [field])
+    values: dict[str, Any] = next(o["additionalProperties"] for o in options if "additionalProperties" in o)
+    return values
+
+
+def _nullable(field: dict[str, Any]) -> bool:
+    return {"type": "null"} in field.get("anyOf", ()) or None in field.get("enum", ())

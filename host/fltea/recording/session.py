@@ -1,0 +1,80 @@
+"""What each MCAP file of a recording says of itself, and what its channels for the wire hold."""
+
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from fltea.model import Hello
+
+SESSION, HELLO = "fltea.session", "fltea.hello"
+"""Names of the metadata: one SESSION at the head of each file, a HELLO whenever a new one was heard."""
+
+FORMAT = 1
+WIRE, LINK = "wire", "link"
+"""Last parts of the topics of raw bytes and of what happened to the line; records have their class there."""
+
+OVERFLOW = "overflow"
+"""Kind of a gap that the recorder itself made, being too slow: it did not see what it missed."""
+
+WIRE_WRAP = 1 << 32
+"""Numbers of wire messages wrap, as MCAP's field for them does: at 100 a second after 16 months."""
+
+
+class PartInfo(msgspec.Struct, frozen=True):
+    """One file of a session, which is one run of a recorder.
+
+    part: its place in the session, from 0. offset_ns: what was added to the monotonic clock to get the log
+    time of wire and link messages, the same in the whole session. created_ns: Unix time. hello: what the
+    device had said of itself as of the first message, if it was known then.
+    """
+
+    session: str
+    part: int
+    device: str
+    fltea: str
+    offset_ns: int
+    created_ns: int
+    hello: Hello | None = None
+
+    def to_metadata(self) -> dict[str, str]:
+        """As MCAP metadata, which is text to text."""
+        fields = {name: str(value) for name, value in msgspec.structs.asdict(self).items() if name != "hello"}
+        hello = {} if self.hello is None else {"hello": msgspec.json.encode(self.hello).decode()}
+        return {"format": str(FORMAT), **fields, **hello}
+
+
+def from_metadata(metadata: dict[str, str]) -> PartInfo:
+    """Undo `to_metadata`.
+
+    Raises:
+        ValueError: something is missing or has a wrong type, or the format is of a later version.
+    """
+    if metadata.get("format") != str(FORMAT):
+        raise ValueError(f"format {metadata.get('format')}; this program knows format {FORMAT}")
+    hello = msgspec.json.decode(metadata["hello"], type=Hello) if "hello" in metadata else None
+    return msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
+
+
+class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What happened to the line, or to the recording of it.
+
+    kind, message: of a failure. A gap says why (`kind`) and what is missing: chunks and bytes from the wire
+    as far as they were counted, and items of any kind.
+    """
+
+    event: Literal["opened", "failed", "gap"]
+    kind: str = ""
+    message: str = ""
+    chunks: int = 0
+    bytes: int = 0
+    items: int = 0
+
+
+class Entry(NamedTuple):
+    """One message of a file. topic: without the device."""
+
+    topic: str
+    log_ns: int
+    publish_ns: int
+    sequence: int
+    data: bytes

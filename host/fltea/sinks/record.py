@@ -1,0 +1,266 @@
+"""Records what comes over the wire, and the records made of it, in MCAP files."""
+
+import errno
+import os
+import secrets
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from fltea import __version__, clock
+from fltea.config_outputs import RecordConfig
+from fltea.errors import UsageError
+from fltea.model import AnyRecord, Epoch, Error, Estimate, Gap, Hello, LinkDown, Sample, Stats
+from fltea.recording.part import PartWriter
+from fltea.recording.schema import encode_message
+from fltea.recording.session import LINK, OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage, PartInfo
+from fltea.sinks import Item, Report, Sink
+from fltea.sources.wire_events import WireEvents
+from fltea.transport import Chunk, Failed, Opened, TransportEvent
+
+FLUSH_NS = 500_000_000
+"""What a killed program loses is at most this and the pause between two calls of `flush`."""
+
+RETRY_NS = 5 * 10**9
+"""A disk that failed is looked at so often."""
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+
+NOTHING = LinkMessage("gap")
+"""A gap with nothing in it."""
+
+KINDS: dict[str, type[AnyRecord]] = {
+    "hello": Hello,
+    "epoch": Epoch,
+    "gap": Gap,
+    "sample": Sample,
+    "estimate": Estimate,
+    "stats": Stats,
+    "error": Error,
+}
+
+
+class RecordSink(Sink):
+    """One device's session: files one after the other, in a folder that may hold others.
+
+    A disk that is full or fails stops the recording, not the program: what is not recorded is counted, and a
+    new file begins when there is room again.
+
+    Raises:
+        UsageError: the folder cannot be made or written to.
+    """
+
+    name = "record"
+    lossless = True
+    takes_wire = True
+    capacity = 50_000
+
+    def __init__(self, settings: RecordConfig, device: str, report: Report) -> None:
+        assert settings.folder is not None
+        self.lost = 0
+        self.parts = 0
+        self._settings, self._device, self._report = settings, device, report
+        self._folder = Path(settings.folder)
+        self._topics = {KINDS[name]: name for name in settings.channels}
+        self._session = secrets.token_hex(4)
+        self._started = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        self._part: PartWriter | None = None
+        self._part_began_ns = self._flushed_ns = self._retry_ns = 0
+        self._offset_ns: int | None = None
+        self._now_ns = 0
+        self._sequence = 0
+        self._hello: Hello | None = None
+        self._noted: Hello | None = None
+        self._wire = WireEvents(device)
+        self._unflushed = NOTHING
+        self._gap: LinkMessage | None = None
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(
+                f"--record {self._folder}: the folder cannot be made ({error.strerror})."
+            ) from error
+        if not os.access(self._folder, os.W_OK | os.X_OK):
+            raise UsageError(f"--record {self._folder}: no permission to write into this folder.")
+
+    def write(self, item: Item) -> None:
+        """Take one item; a new file begins only before one from the wire."""
+        if isinstance(item, Opened | Chunk | Failed):
+            self._on_wire(item)
+        elif type(item) in self._topics:
+            self._on_record(item)
+
+    def flush(self) -> None:
+        """Hand what has been gathered to the operating system, if the last time is long enough ago."""
+        now_ns = clock.host_ns()
+        if self._part is None or now_ns - self._flushed_ns < FLUSH_NS:
+            return
+        self._flushed_ns = now_ns
+        try:
+            self._part.flush()
+        except OSError as error:
+            self._stop(error)
+        else:
+            self._unflushed = NOTHING
+
+    def on_overflow(self, count: int) -> None:
+        """Mark the place, and forget what was known of the device."""
+        self._hello = None
+        if self._part is not None:
+            self._add_link(self._part, LinkMessage("gap", kind=OVERFLOW, items=count))
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._finish()
+
+    def _on_wire(self, item: TransportEvent) -> None:
+        self._now_ns = item.host_ns
+        if self._offset_ns is None:
+            self._offset_ns = item.unix_offset_ns
+        if self._part is not None and self._is_due(self._part):
+            self._finish()
+        if self._part is None:
+            self._begin()
+        publish_ns = item.host_ns + item.unix_offset_ns
+        data = item.data if isinstance(item, Chunk) else b""
+        if self._part is None:
+            self._lose(len(data), chunks=int(isinstance(item, Chunk)))
+        elif isinstance(item, Chunk):
+            log_ns = item.host_ns + self._offset_ns
+            self._add(self._part, Entry(WIRE, log_ns, publish_ns, self._sequence, data))
+        elif isinstance(item, Failed):
+            failed = LinkMessage("failed", kind=item.kind, message=item.message)
+            self._add_link(self._part, failed, publish_ns)
+        else:
+            self._add_link(self._part, LinkMessage("opened"), publish_ns)
+        if isinstance(item, Chunk):
+            self._sequence = (self._sequence + 1) % WIRE_WRAP
+        for event in self._wire.feed(item, item.host_ns):
+            if isinstance(event, Hello):
+                self._on_hello(event)
+            elif isinstance(event, LinkDown):
+                self._hello = None
+        self._wire.resume(item.host_ns)
+
+    def _on_record(self, record: AnyRecord) -> None:
+        if self._offset_ns is None:  # an error of another output, before anything from the device
+            self._offset_ns = clock.unix_offset_ns()
+            self._now_ns = clock.host_ns()
+            self._begin()
+        if self._part is None:
+            self._lose()
+        else:
+            name, host_ns = self._topics[type(record)], record.host_ns
+            self._add(self._part, Entry(name, host_ns, host_ns, 0, encode_message(record)))
+
+    def _on_hello(self, hello: Hello) -> None:
+        self._hello = hello
+        unchanged = self._noted and msgspec.structs.replace(self._noted, host_ns=hello.host_ns) == hello
+        if not unchanged and self._part is not None:
+            self._noted = hello
+            self._part.note_hello(hello)
+
+    def _add(self, part: PartWriter, entry: Entry) -> None:
+        part.add(entry)
+        is_wire = entry.topic == WIRE
+        self._unflushed = _sum(self._unflushed, len(entry.data) if is_wire else 0, int(is_wire))
+
+    def _add_link(self, part: PartWriter, message: LinkMessage, publish_ns: int | None = None) -> None:
+        log_ns = self._now_ns + (self._offset_ns or 0)
+        publish_ns = log_ns if publish_ns is None else publish_ns
+        self._add(part, Entry(LINK, log_ns, publish_ns, 0, encode_message(message)))
+
+    def _lose(self, size_bytes: int = 0, chunks: int = 0) -> None:
+        """Count one item that no file takes."""
+        self.lost += 1
+        if self._gap is not None:
+            self._gap = _sum(self._gap, size_bytes, chunks)
+
+    def _is_due(self, part: PartWriter) -> bool:
+        """Whether the file is large or old enough."""
+        age_ns = self._now_ns - self._part_began_ns
+        return part.size_bytes >= self._settings.rotate_mb * 1e6 or age_ns >= self._settings.rotate_s * 1e9
+
+    def _begin(self) -> None:
+        """Begin the next file; after a failure only now and then, and only if there is room for some time."""
+        now_ns = clock.host_ns()
+        if self._gap is not None and now_ns < self._retry_ns:
+            return
+        self._retry_ns = now_ns + RETRY_NS
+        assert self._offset_ns is not None
+        info = PartInfo(
+            session=self._session,
+            part=self.parts,
+            device=self._device,
+            fltea=__version__,
+            offset_ns=self._offset_ns,
+            created_ns=time.time_ns(),
+            hello=self._hello,
+        )
+        path = self._folder / f"{self._device}_{self._started}_{self._session}_{self.parts:03d}.mcap"
+        kinds = {name: kind for kind, name in self._topics.items()}
+        reserve_bytes = 0 if self._gap is None else int(self._settings.resume_mb * 1e6)
+        part = None
+        try:
+            part = PartWriter(path, info, kinds, reserve_bytes)
+            if self._gap is not None:
+                self._add_link(part, self._gap)
+                part.flush()
+        except OSError as error:
+            if part is not None:
+                part.discard()
+            self._stop(error)
+            return
+        self.parts += 1
+        self._part, self._noted = part, self._hello
+        self._part_began_ns, self._flushed_ns, self._unflushed = self._now_ns, now_ns, NOTHING
+        if self._gap is not None:
+            text = f"recording goes on in {path}; {self._gap.items} items before it were not recorded."
+            self._gap = None
+            self._report("record_resumed", text)
+
+    def _finish(self) -> None:
+        if self._part is None:
+            return
+        try:
+            self._part.finish()
+        except OSError as error:
+            self._stop(error)
+        else:
+            self._part, self._unflushed = None, NOTHING
+
+    def _stop(self, error: OSError) -> None:
+        """Give the file up, tell it once, and begin to count what is not recorded."""
+        if self._part is not None:
+            self._part.abandon()
+            self._part = None
+        if self._gap is not None:
+            return
+        kind, text = _explain(self._folder, error, self._settings.resume_mb)
+        self.lost += self._unflushed.items
+        self._gap = msgspec.structs.replace(self._unflushed, kind=kind)
+        self._unflushed = NOTHING
+        self._retry_ns = clock.host_ns() + RETRY_NS
+        self._report(kind, text)
+
+
+def _sum(gap: LinkMessage, size_bytes: int, chunks: int) -> LinkMessage:
+    """The same gap, one item longer."""
+    return msgspec.structs.replace(
+        gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + 1
+    )
+
+
+def _explain(folder: Path, error: OSError, resume_mb: float) -> tuple[str, str]:
+    """Kind and text of what stopped a recording."""
+    if error.errno in NO_ROOM:
+        return "disk_full", (
+            f"recording to {folder} stopped: {error.strerror}. All else goes on, and so does the recording, "
+            f"in a new file, once there is room for {resume_mb:g} MB. Remove what is not needed."
+        )
+    return "record_failed", (
+        f"recording to {folder} stopped: {error.strerror}. All else goes on; a new file is tried every "
+        f"{RETRY_NS // 10**9} s. Is the disk still there, and may this program write to it?"
+    )

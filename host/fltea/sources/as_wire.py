@@ -1,0 +1,159 @@
+"""Events of a source without a wire as what a wire would have brought: there is one kind of recording."""
+
+import hashlib
+import struct
+from collections.abc import Callable
+
+from fltea import clock, wire
+from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US
+from fltea.errors import UsageError
+from fltea.messages import encode
+from fltea.model import Break, DeviceStatus, Event, Hello, LinkDown, RawSample, Tick, Trouble
+from fltea.sources.wire_events import hello_event
+from fltea.transport import Chunk, Failed, Opened, TransportEvent
+
+SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")
+"""What estimates depend on, and so has to survive exactly."""
+
+U16, U32 = 1 << 16, 1 << 32
+
+
+class AsWire:
+    """Encodes events as frames of the protocol.
+
+    What replays the same: HELLO (a field that it cannot state becomes 0), samples in counts, the device's
+    counters, and that a device was lost. Troubles alone are not in the bytes, only among the `error` records.
+
+    unix_offset_ns: gives what to add to the source's monotonic clock to get Unix time.
+    """
+
+    def __init__(self, unix_offset_ns: Callable[[], int] = clock.unix_offset_ns) -> None:
+        self._unix_offset_ns = unix_offset_ns
+        self._open = False
+        self._down: LinkDown | None = None
+        self._sequences = dict.fromkeys(wire.MESSAGES, 0)
+        self._host_ns = self._device_us = 0
+
+    def encode(self, event: Event) -> list[TransportEvent]:
+        """What stands for one event.
+
+        Raises:
+            UsageError: the protocol cannot state it: samples that are no counts, a rate finer than 0.001 Hz.
+        """
+        if not isinstance(event, DeviceStatus):
+            self._host_ns = event.host_ns
+        if isinstance(event, LinkDown):
+            self._down = event
+            return []
+        found = self._lost(event)
+        if isinstance(event, Trouble | Tick):
+            return found
+        if isinstance(event, Break):
+            raise _impossible("an epoch that a replay was told to begin cannot be stated in frames")
+        if not self._open:
+            self._open = True
+            found.append(Opened(self._host_ns, self._unix_offset_ns()))
+        found.append(Chunk(self._frame(event), self._host_ns, self._unix_offset_ns()))
+        return found
+
+    def _lost(self, event: Event) -> list[TransportEvent]:
+        """What stands for the loss of the device; why it was lost comes just behind it."""
+        if self._down is None:
+            return []
+        host_ns, self._down, self._open = self._down.host_ns, None, False
+        kind, message = "link_down", "the source lost its device."
+        if isinstance(event, Trouble):
+            kind, message = event.kind, event.message
+        return [Failed(kind, message, host_ns, self._unix_offset_ns())]
+
+    def _frame(self, event: Hello | RawSample | DeviceStatus) -> bytes:
+        try:
+            match event:
+                case Hello():
+                    message: wire.Message = _hello(event)
+                case RawSample():
+                    message = _sample(event)
+                    self._sequences[wire.Sample.TYPE] = event.sequence % SEQUENCE_WRAP
+                    self._device_us = event.device_us % TIME_WRAP_US
+                case DeviceStatus():
+                    message = _status(event)
+            sequence = self._sequences[message.TYPE]
+            self._sequences[message.TYPE] = (sequence + 1) % SEQUENCE_WRAP
+            return encode(message, sequence, self._device_us)
+        except (struct.error, ValueError) as error:
+            raise _impossible(f"{type(event).__name__}: {error}") from error
+
+
+def _impossible(why: str) -> UsageError:
+    return UsageError(
+        f"this source cannot be recorded as frames: {why}. Write its samples instead: fltea run --samples."
+    )
+
+
+def _hello(hello: Hello) -> wire.Hello:
+    message = wire.Hello(
+        wire.PROTOCOL_MAJOR,
+        wire.PROTOCOL_MINOR,
+        wire.SCHEMA_HASH,
+        boot_id=(hello.boot_id or 0) % U32,
+        device_id=_device_id(hello.device_id),
+        firmware_version=(hello.firmware_version or "").encode("ascii", "replace").decode()[:24],
+        who_am_i=hello.who_am_i or 0,
+        sensor_starts=(hello.sensor_starts or 0) % U16,
+        sample_rate=round(hello.rate_hz / wire.Hello.SCALE["sample_rate"]),
+        gyro_range=round(hello.gyro_range_dps or 0),
+        gyro_lsb=round((hello.gyro_lsb_per_dps or 0) / wire.Hello.SCALE["gyro_lsb"]),
+        accel_range=round(hello.accel_range_g or 0),
+        accel_lsb=round(hello.accel_lsb_per_g or 0),
+        gyro_dlpf=round(hello.gyro_dlpf_hz or 0),
+        sampling_mode=_number(wire.SamplingMode, hello.sampling_mode),
+    )
+    message.pack()  # refuses what does not fit before it is compared
+    if hello.gyro_lsb_per_dps is None:
+        raise ValueError("its samples are deg/s, not counts")
+    stated = hello_event(message, "", 0)
+    for name in SCALES:
+        asked, got = getattr(hello, name) or 0.0, getattr(stated, name)
+        if asked != got:
+            raise ValueError(f"{name} {asked:g} can only be stated as {got:g}")
+    return message
+
+
+def _device_id(text: str | None) -> bytes:
+    """Sixteen bytes that are a device's own: its id where that is one, else a digest of it."""
+    if text is None:
+        return bytes(16)
+    try:
+        data = bytes.fromhex(text)
+    except ValueError:
+        data = b""
+    return data if len(data) == 16 else hashlib.sha256(text.encode()).digest()[:16]
+
+
+def _sample(raw: RawSample) -> wire.Sample:
+    if len(raw.gyro) != 3:
+        raise ValueError(f"{len(raw.gyro)} axes of rate; a frame has three")
+    accel = raw.accel or (0, 0, 0)
+    return wire.Sample._make(map(_count, (*raw.gyro, *accel, raw.temperature or 0, raw.flags)))
+
+
+def _count(value: float) -> int:
+    if value != int(value):
+        raise ValueError(f"{value:g} is no count")
+    return int(value)
+
+
+def _status(status: DeviceStatus) -> wire.Status:
+    return wire.Status(
+        status.i2c_errors % U32,
+        status.bus_recoveries % U32,
+        status.sensor_reinits % U32,
+        status.overruns % U32,
+        status.dropped_frames % U32,
+        _number(wire.ResetCause, status.reset_cause),
+    )
+
+
+def _number(enum: type[wire.SamplingMode | wire.ResetCause], name: str) -> int:
+    """Value of a name in lower case; the enum's highest possible for one that it does not have."""
+    return next((int(member) for member in enum if member.name.lower() == name), 255)

@@ -1,0 +1,175 @@
+"""Recording as its user has it: the command, a device on a pseudo-terminal, and a kill at any moment."""
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
+
+FLUSHED_S = 1.0
+
+
+@pytest.fixture
+def port(tmp_path: Path) -> Path:
+    return tmp_path / "device"
+
+
+def fltea(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "fltea", *arguments], capture_output=True, text=True, timeout=PATIENCE_S
+    )
+
+
+def records(output: str, kind: str) -> list[dict]:
+    found = [json.loads(line) for line in output.splitlines()]
+    return [{k: v for k, v in r.items() if k != "device"} for r in found if r["class"] == kind]
+
+
+def of(daemon: Daemon, kind: str) -> list[dict]:
+    return [{k: v for k, v in r.items() if k != "device"} for r in daemon.of(kind)]
+
+
+def replay(path: Path) -> str:
+    result = fltea("run", "-s", f"replay:{path}", "--once", "--samples", *QUICK)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def test_a_replay_gives_what_the_live_run_published(processes: Processes, port: Path, tmp_path: Path) -> None:
+    """Through the loss of the device and its return; files change in between."""
+    folder = tmp_path / "rec"
+    device = processes.stand_in(port, "--noise", "alpha=0.5&f=-1&seed=7")
+    arguments = ("--record", folder, "--set", "record.rotate_s=1.2", "--samples")
+    daemon = processes.daemon("--source", f"serial:{port}", *QUICK, *arguments)
+    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 150, "150 estimates")
+    device.stop()
+    daemon.wait_for(lambda: "unplugged" in daemon.errors(), "the loss")
+    device = processes.stand_in(port, "--noise", "alpha=0.5&f=-1&seed=8")
+    daemon.wait_for(lambda: len(daemon.of("epoch")) == 2, "the second epoch")
+    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 300, "300 estimates")
+    code, stderr = daemon.end(signal.SIGTERM)
+    device.stop()
+    assert code == 0, stderr
+    again = replay(folder)
+    assert len(list(folder.glob("*.mcap"))) >= 3
+    for kind in ("sample", "epoch", "estimate"):
+        assert records(again, kind) == of(daemon, kind)
+    assert [e["kind"] for e in records(again, "error")] == daemon.errors()
+    assert records(again, "stats")[-1]["samples"] == of(daemon, "stats")[-1]["samples"]
+    last = daemon.of("stats")[-1]["outputs"]["record"]
+    assert last["dropped"] == 0
+    assert last["written"] > 600
+    info = json.loads(fltea("info", "--json", folder).stdout)
+    assert info["samples"] == len(daemon.of("sample"))
+    assert (info["whole"], info["resets"], info["breaks"]) == (True, 1, 0)
+    for path in folder.glob("*.mcap"):
+        with path.open("rb") as file:
+            assert make_reader(file, validate_crcs=True).get_summary() is not None
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_kill_9_costs_the_last_second(seed: int, processes: Processes, port: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "rec"
+    device = processes.stand_in(port, "--noise", f"alpha=0.5&f=-1&seed={seed}")
+    daemon = processes.daemon("--source", f"serial:{port}", *QUICK, "--record", folder, "--samples")
+    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 100, "100 estimates")
+    time.sleep(random.Random(seed).uniform(0.0, 1.0))
+    daemon.end(signal.SIGKILL)
+    device.stop()
+    again = replay(folder)
+    live, found = of(daemon, "estimate"), records(again, "estimate")
+    assert found == live[: len(found)]
+    missing_s = (live[-1]["host_ns"] - found[-1]["host_ns"]) * 1e-9
+    assert missing_s <= FLUSHED_S
+    assert [e["kind"] for e in records(again, "error")] == ["cut_recording"]
+    result = fltea("recover", folder)
+    assert result.returncode == 0, result.stderr
+    assert "saved" in result.stdout
+    (copy,) = folder.glob("*.recovered.mcap")
+    assert records(replay(folder), "estimate") == found
+    with copy.open("rb") as file:
+        assert make_reader(file, validate_crcs=True).get_summary() is not None
+
+
+def test_record_export_replay(processes: Processes, port: Path, tmp_path: Path) -> None:
+    """Each command as in the README, one after the other."""
+    folder = tmp_path / "rec"
+    device = processes.stand_in(port)
+    result = fltea("record", "-s", f"serial:{port}", folder, "--for", "2", "--rotate-s", "0.8")
+    assert result.returncode == 0, result.stderr
+    assert "0 lost in 0 gaps; 3 files in" in result.stderr
+    device.stop()
+    text = fltea("info", folder).stdout
+    assert "MPU-9250, ±2000 deg/s" in text
+    result = fltea("export", folder, "--to", tmp_path / "out.npz")
+    assert result.returncode == 0, result.stderr
+    assert result.stderr.endswith(" samples\n")
+    of_file, of_npz = replay(folder), replay(tmp_path / "out.npz")
+    axes = [[estimate["axes"] for estimate in records(out, "estimate")] for out in (of_file, of_npz)]
+    assert len(axes[0]) > 100
+    assert axes[0] == axes[1]
+    result = fltea("export", folder, "--to", tmp_path / "out.csv", "--what", "estimates")
+    assert (result.returncode, "holds no estimates" in result.stderr) == (2, True)
+
+
+def test_synthetic_noise_is_recorded_as_frames(tmp_path: Path) -> None:
+    """Faster than it would come, and still nothing is lost."""
+    folder = tmp_path / "rec"
+    arguments = ("-s", "synthetic:?n=3000", "--pace", "fast", "--once", "--samples", *QUICK)
+    live = fltea("run", *arguments, "--record", folder)
+    assert (live.returncode, live.stderr) == (0, "")
+    again = replay(folder)
+    for kind in ("sample", "estimate"):
+        assert records(again, kind) == records(live.stdout, kind)
+    result = fltea("record", "-s", "synthetic:?n=50&lsb_per_dps=0", folder)
+    assert result.returncode == 2
+    assert "its samples are deg/s, not counts" in result.stderr
+
+
+def test_two_devices_in_one_folder(processes: Processes, tmp_path: Path) -> None:
+    ports = [tmp_path / name for name in ("left", "right")]
+    devices = [processes.stand_in(port, "--noise", f"seed={k}") for k, port in enumerate(ports)]
+    sources = [part for port in ports for part in ("--source", f"serial:{port}")]
+    daemon = processes.daemon(*sources, *QUICK, "--samples", "--record", tmp_path / "rec")
+
+    def count(device: str) -> int:
+        return sum(r["device"] == device for r in daemon.of("estimate"))
+
+    daemon.wait_for(lambda: min(count("left"), count("right")) >= 50, "estimates of both")
+    assert daemon.end()[0] == 0
+    for device in devices:
+        device.stop()
+    result = fltea("run", "-s", f"replay:{tmp_path / 'rec'}", "--once")
+    assert result.returncode == 2
+    names = [line.split()[0] for line in result.stderr.splitlines() if "(device " in line]
+    assert len(names) == 2
+    for name, device in zip(names, ("left", "right"), strict=True):
+        live = [r for r in daemon.of("estimate") if r["device"] == device]
+        found = records(replay(Path(name)), "estimate")
+        assert found == [{k: v for k, v in r.items() if k != "device"} for r in live]
+
+
+def test_ctrl_c_ends_a_recording_in_order(processes: Processes, port: Path, tmp_path: Path) -> None:
+    device = processes.stand_in(port)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fltea", "record", "-s", f"serial:{port}", tmp_path / "rec"],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        wait_until(lambda: len(list((tmp_path / "rec").glob("*.mcap"))) == 1, "the file")
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+    device.stop()
+    assert process.returncode == 0, stderr
+    assert "1 file in" in stderr
+    assert json.loads(fltea("info", "--json", tmp_path / "rec").stdout)["whole"]
