@@ -1,4 +1,4 @@
-"""`make run`: the emulated Due with its real firmware, and `fltea run` on its port; Ctrl-C ends both, exit 0.
+"""`make run`: the emulated Due with its real firmware, `fltea run` and its live page; Ctrl-C ends both.
 
 On a terminal this program takes the foreground, so that Ctrl-C reaches the daemon and not make, which would
 turn it into a failure.
@@ -8,6 +8,7 @@ import contextlib
 import os
 import shlex
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -16,6 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 STOP_TIMEOUT_S = 5.0
+PAGE_PORT = 5006
 
 
 @contextlib.contextmanager
@@ -52,10 +54,24 @@ def stop(process: subprocess.Popen[str]) -> str:
         return process.communicate()[0] or ""
 
 
+def page(arguments: list[str]) -> list[str]:
+    """The flag for the live page, unless one was given; its usual port, or any if that is taken."""
+    if any(argument.startswith("--dashboard") for argument in arguments):
+        return []
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", PAGE_PORT))
+        except OSError:
+            return ["--dashboard", "0"]
+    return ["--dashboard", str(PAGE_PORT)]
+
+
 def run_daemon(port: Path, arguments: list[str]) -> int:
     """Run `fltea run` on the port to its end; returns its exit code."""
     daemon = subprocess.Popen(
-        [sys.executable, "-m", "fltea", "run", "--source", f"serial:{port}", *arguments], text=True
+        [sys.executable, "-m", "fltea", "run", "--source", f"serial:{port}", *page(arguments), *arguments],
+        text=True,
     )
     # Ctrl-C reaches the daemon by itself; what is sent to this program alone is passed on.
     for number in (signal.SIGTERM, signal.SIGHUP):

@@ -5,11 +5,13 @@ import json
 import math
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
 import termios
 import tty
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -263,6 +265,9 @@ def test_make_run_shows_the_table_and_ctrl_c_ends_it_with_0(tmp_path: Path) -> N
     seen = b""
     while b"\xce\xb1" not in seen or b"gyro_z" not in seen:
         seen += os.read(terminal, 65536)
+    [address] = re.findall(rb"live page at (http://127.0.0.1:\d+/)", seen)
+    with urllib.request.urlopen(address.decode(), timeout=PATIENCE_S) as answer:
+        assert b"fltea" in answer.read()
     os.write(terminal, b"\x03")
     try:
         while chunk := os.read(terminal, 65536):

@@ -35,7 +35,8 @@ class Recording(NamedTuple):
     """A resting gyroscope, as recorded.
 
     gyro: (n, axes) counts where lsb_per_dps is given, else deg/s.
-    accel: (n, 3) counts or None, accel_lsb_per_g their scale. device_s: (n,) time of each sample by the device's clock.
+    accel: (n, 3) counts or None, accel_lsb_per_g their scale. device_s: (n,) time of each sample by the
+    device's clock.
     host_s: (n,) arrival times by the host's clock, or None where they were not recorded.
     seq: (n,) number of each sample, or None: then the times number them. epoch: (n,) number of the epoch.
     """
