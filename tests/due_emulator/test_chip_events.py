@@ -163,6 +163,21 @@ def test_fifo_overflow(mode, first):
     assert chip.fifo.lost == 8
 
 
+@pytest.mark.parametrize("mode", [0x01, 0x41])
+def test_the_fifo_of_an_mpu6050_is_longer_and_always_takes_the_newest(mode):
+    chip = running(Ramp(), dlpf=mode, who_am_i=0x68)
+    chip.write_register(0x23, 0x10)  # two bytes a sample: 512 samples fit
+    chip.write_register(0x6A, 0x40)
+    chip.advance(512 * MS)
+    assert chip.read_block(0x3A, 1) == b"\x01"
+    chip.advance(516 * MS)
+    assert chip.read_block(0x3A, 1) == b"\x11"
+    assert fifo_count(chip) == 1024
+    assert words(chip.read_block(0x74, 4)) == [5, 6]
+    assert chip.fifo.lost == 8
+    assert chip.read_block(0x1A, 1) == b"\x01"
+
+
 def test_fifo_reset_clears_itself():
     chip = running(divider=9)
     chip.write_register(0x23, 0xF8)
@@ -241,7 +256,7 @@ def test_any_sequence_keeps_the_invariants(steps, who):
                 except OSError:
                     continue
         fifo = chip.fifo
-        assert len(fifo) <= 512
+        assert len(fifo) <= (1024 if who == 0x68 else 512)
         assert fifo.written == fifo.read_out + fifo.lost + fifo.cleared + len(fifo)
         try:
             assert chip.read_block(0x75, 1)[0] == who

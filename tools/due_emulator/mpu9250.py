@@ -279,6 +279,7 @@ class Mpu9250:
         for register, value in self.variant.reset.items():
             self._registers[register] = value
         self.fifo.clear()
+        self.fifo.size = self.variant.fifo_bytes
         self._status = self._count_latch = 0
         self._output = self._shown = bytes(OUTPUT_BYTES)
         self._output_ns = self._last_update_ns

@@ -1,18 +1,17 @@
-"""The FIFO of the MPU-9250: 512 bytes, whole accounting of what went in, came out and was lost."""
+"""The FIFO of the MPU-9250: whole accounting of what went in, came out and was lost."""
 
 from collections import deque
-
-FIFO_BYTES = 512
-"""PS-MPU-9250A-01, 4.17."""
 
 
 class Fifo:
     """Bytes in order; a full one loses the oldest, or refuses the newest (CONFIG bit 6, register 26).
 
-    It counts in bytes, as the chip does: after an overflow, what is read may begin within a sample.
+    size: bytes that it holds. It counts in bytes, as the chip does: after an overflow, what is read may begin
+    within a sample.
     """
 
     def __init__(self) -> None:
+        self.size = 0
         self._bytes: deque[int] = deque()
         self._last = 0
         self.written = self.read_out = self.lost = self.cleared = 0
@@ -24,7 +23,7 @@ class Fifo:
     def push(self, data: bytes, stop_when_full: bool) -> bool:
         """Append bytes; return whether there was an overflow."""
         self.written += len(data)
-        excess = max(0, len(self._bytes) + len(data) - FIFO_BYTES)
+        excess = max(0, len(self._bytes) + len(data) - self.size)
         self.lost += excess
         if stop_when_full:
             self._bytes.extend(data[: len(data) - excess])

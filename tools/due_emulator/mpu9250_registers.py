@@ -69,6 +69,7 @@ class Variant(NamedTuple):
 
     reset: registers that are not 0 after a reset. has_fchoice: GYRO_CONFIG selects 32 kHz; without it
     SMPLRT_DIV divides 8 kHz too. fifo_reset_needs_off: FIFO_RST works only while USER_CTRL's FIFO_EN is 0.
+    fifo_bytes: what the FIFO holds (PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17).
     """
 
     who_am_i: int
@@ -76,12 +77,14 @@ class Variant(NamedTuple):
     writable: dict[int, int]
     has_fchoice: bool
     fifo_reset_needs_off: bool
+    fifo_bytes: int = 512
 
 
 def variant_of(who_am_i: int) -> Variant:
     """Variant with this WHO_AM_I; an unknown id behaves like an MPU-9250 but for its name."""
     if who_am_i == 0x68:
-        writable = _WRITABLE | {GYRO_CONFIG: 0xF8, INT_ENABLE: 0x19, PWR_MGMT_2: 0xFF}
+        # Without FIFO_MODE its FIFO always makes room for the newest (RM-MPU-6000A-00, registers 26 and 116).
+        writable = _WRITABLE | {CONFIG: 0x3F, GYRO_CONFIG: 0xF8, INT_ENABLE: 0x19, PWR_MGMT_2: 0xFF}
         del writable[ACCEL_CONFIG_2]  # reserved on the MPU-6050
-        return Variant(who_am_i, {PWR_MGMT_1: 0x40}, writable, False, True)
+        return Variant(who_am_i, {PWR_MGMT_1: 0x40}, writable, False, True, fifo_bytes=1024)
     return Variant(who_am_i, {PWR_MGMT_1: 0x01}, _WRITABLE, True, False)

@@ -1,0 +1,111 @@
+"""A Linux I²C bus: opened for one address, and why that failed."""
+
+import errno
+import fcntl
+import glob
+import grp
+import os
+import re
+import struct
+from typing import Any, Protocol
+
+from smbus2 import SMBus
+
+I2C_TIMEOUT = 0x0702
+"""ioctl of i2c-dev; in units of 10 ms, and for the whole adapter."""
+
+TRANSFER_LIMIT_S = 0.1
+"""A transfer may take this long before the kernel gives it up. Its own limit is a second, in which the FIFO
+of the sensor would run over; the longest transfer here takes 23 ms at 100 kHz."""
+
+
+class Bus(Protocol):
+    """What the driver needs of `smbus2.SMBus`."""
+
+    def i2c_rdwr(self, *messages: Any) -> None:
+        """Run `smbus2.i2c_msg` messages as one transaction; OSError if it failed."""
+
+    def close(self) -> None:
+        """Release the bus."""
+
+
+def open_bus(path: str, address: int) -> Bus:
+    """Open a bus for one device on it.
+
+    Raises:
+        OSError: see `explain_open_failure`.
+    """
+    bus = SMBus(path)
+    try:
+        assert bus.fd is not None
+        take(bus.fd, address)
+        fcntl.ioctl(bus.fd, I2C_TIMEOUT, round(TRANSFER_LIMIT_S * 100))
+    except OSError:
+        bus.close()
+        raise
+    return bus
+
+
+def take(fd: int, address: int) -> None:
+    """Keep a second fltea from the same sensor: each would get only a part of what its FIFO gives.
+
+    The lock is on one byte of the bus's file, so that other addresses on it stay free, and goes with `fd`.
+
+    Raises:
+        OSError: EAGAIN or EACCES, it is taken.
+    """
+    one_byte = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, address, 1, 0)
+    fcntl.fcntl(fd, fcntl.F_OFD_SETLK, one_byte)
+
+
+def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, str]:
+    """Kind and text of the failure to open a bus: what happened, why, what to do."""
+    match error.errno:
+        case errno.EAGAIN:
+            return "port_busy", (
+                f"another fltea reads the sensor at 0x{address:02X} on {path}; each would get only a part of "
+                f"its samples. End it; 'fltea devices' names it."
+            )
+        case errno.EACCES | errno.EPERM:
+            return "no_permission", f"no permission to open {path}. {_permission_remedy(path)}"
+        case errno.ENOENT | errno.ENXIO | errno.ENODEV:
+            return "no_port", (
+                f"there is no I²C bus {path}. {_buses_text()} On a Raspberry Pi switch it on with "
+                "'sudo raspi-config nonint do_i2c 0' (or the line dtparam=i2c_arm=on in "
+                "/boot/firmware/config.txt and a restart); pins 3 and 5 are /dev/i2c-1."
+            )
+        case errno.ENOTTY:
+            return "open_failed", f"{path} is no I²C bus. {_buses_text()}"
+    return "open_failed", f"cannot open {path}: {error}. {_buses_text()}"
+
+
+def detect_command(path: str) -> str:
+    """The command that shows which addresses answer on a bus."""
+    number = re.search(r"(\d+)$", path)
+    return f"i2cdetect -y {number[1] if number else 'NUMBER'}"
+
+
+def _buses_text() -> str:
+    buses = sorted(glob.glob("/dev/i2c-*"))
+    return f"Buses that exist: {', '.join(buses)}." if buses else "This machine has none at the moment."
+
+
+def _permission_remedy(path: str) -> str:
+    group = _group_of(path)
+    if group == "root":
+        return (
+            "It belongs to root alone: let a udev rule give it to the group 'i2c' "
+            '(KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"), and join that group.'
+        )
+    return (
+        f"It belongs to the group '{group}': join it with 'sudo usermod -aG {group} $USER', then log out and "
+        "in again."
+    )
+
+
+def _group_of(path: str) -> str:
+    """Name of the group that a file belongs to."""
+    try:
+        return grp.getgrgid(os.stat(path).st_gid).gr_name
+    except (OSError, KeyError):
+        return "root"

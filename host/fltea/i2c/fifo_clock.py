@@ -1,0 +1,147 @@
+"""A sensor's clock, known from how full its FIFO was when (pure).
+
+It numbers the samples. Where some were lost, no counter tells how many: the time between those before and
+those after does.
+"""
+
+import math
+from collections import deque
+from statistics import linear_regression
+from typing import NamedTuple
+
+NS_PER_S = 1_000_000_000
+BLOCKS_KEPT = 60
+"""A minute of blocks of a second: the sensor's clock drifts as it warms up."""
+
+CLOCK_ERROR = 0.03
+"""Before anything is measured: three times the ±1 % of the data sheet (PS-MPU-9250A-01, 4.15)."""
+DRIFT = 1e-4
+SPREAD_NS = 5_000_000
+"""A slope over a span is right within this part of it, but for the drift."""
+PHASE_NS = 2_000_000
+"""What the earliest arrival of a second may be late."""
+SLACK = 0.5
+"""Samples by which a count may differ from the time, beyond the above."""
+
+
+class Resumed(NamedTuple):
+    """How many samples were lost before those that now wait; the true number is within ±`doubt`."""
+
+    missing: int
+    doubt: int
+
+
+class FifoClock:
+    """Numbers samples from 0 and ties their numbers to the host's time.
+
+    rate_hz: what the sensor's rate should be. `next` is the number of the sample that comes next. Samples
+    always arrive after their time, most of them late by a varying bit, so of every second only the
+    earliest counts.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self.next = 0
+        self._nominal_ns = NS_PER_S / rate_hz
+        self._block_samples = round(rate_hz)
+        self._last_ns: float | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """The sensor was set up anew: its clock began anew. The numbers go on."""
+        self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS_KEPT)
+        self._earliest: tuple[int, int] | None = None
+        self._block_end = 0
+        self._period_ns = self._nominal_ns
+        self._reference: tuple[int, float] | None = None
+
+    def out_of_step(self, waiting: int, before_ns: int, after_ns: int) -> bool:
+        """Whether so many samples cannot be waiting: they were counted between these two moments."""
+        if self._reference is None or self._last_ns is None:
+            return False
+        least = (before_ns - self._last_ns) / self._period_ns - 1 - self._error(before_ns)
+        most = (after_ns - self._last_ns) / self._period_ns + self._error(after_ns)
+        return not least - SLACK <= waiting <= most + SLACK
+
+    def resume(self, waiting: int, empty_ns: int, seen_ns: int) -> Resumed:
+        """Go on after a loss: the FIFO was empty at `empty_ns`, and at `seen_ns` so many samples wait."""
+        first_ns = seen_ns - (waiting - 1) * self._period_ns
+        latest_ns = max(float(empty_ns), min(first_ns, empty_ns + self._period_ns))
+        if self._last_ns is None:
+            return Resumed(0, 0)
+        steps = ((empty_ns + latest_ns) / 2 - self._last_ns) / self._period_ns
+        step = max(1, round(steps))
+        doubt = 0
+        if self._reference is not None:
+            error = self._error(seen_ns)
+            fewest = math.ceil((empty_ns - self._last_ns) / self._period_ns - error)
+            most = math.floor((latest_ns - self._last_ns) / self._period_ns + error)
+            doubt = max(0, step - max(1, fewest), most - step)
+            if doubt:
+                self.forget()
+        self.next += step - 1
+        return Resumed(step - 1, doubt)
+
+    def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:
+        """Number and arrival of the n oldest of `waiting` samples, whose count was known at `seen_ns`.
+
+        The newest arrived by then. The others had waited for a known time, of which no more is taken off than
+        the fastest clock would give: no sample arrives before it was taken.
+
+        timely: whether the count had only just been made, so that it tells something about the clock.
+        """
+        shortest_ns = self._period_ns * (1 - self._clock_error())
+        newest = self.next + waiting - 1
+        if timely or self._reference is None:
+            self._learn(newest, seen_ns)
+        taken = [
+            (number, seen_ns - math.floor((newest - number) * shortest_ns))
+            for number in range(self.next, self.next + n)
+        ]
+        self.next += n
+        self._last_ns = self._time_of(self.next - 1)
+        return taken
+
+    def _learn(self, number: int, seen_ns: int) -> None:
+        if self._reference is None:
+            self._reference = (number, float(seen_ns))
+            self._block_end = number + self._block_samples
+        if number >= self._block_end and self._earliest is not None:
+            self._blocks.append(self._earliest)
+            self._earliest = None
+            self._block_end = number + self._block_samples
+            self._fit()
+        if self._earliest is None or self._delay(number, seen_ns) < self._delay(*self._earliest):
+            self._earliest = (number, seen_ns)
+        if len(self._blocks) < 2 and seen_ns < self._time_of(number):
+            self._reference = (number, float(seen_ns))
+
+    def _delay(self, number: int, seen_ns: int) -> float:
+        return seen_ns - number * self._period_ns
+
+    def _fit(self) -> None:
+        if len(self._blocks) < 2:
+            return
+        (first, first_ns), (last, _) = self._blocks[0], self._blocks[-1]
+        line = linear_regression(
+            [number - first for number, _ in self._blocks],
+            [seen_ns - first_ns for _, seen_ns in self._blocks],
+        )
+        self._period_ns = line.slope
+        self._reference = (last, first_ns + line.intercept + line.slope * (last - first))
+
+    def _time_of(self, number: int) -> float:
+        assert self._reference is not None
+        known, known_ns = self._reference
+        return known_ns + (number - known) * self._period_ns
+
+    def _clock_error(self) -> float:
+        """Bound of the relative error of the period."""
+        if len(self._blocks) < 2:
+            return CLOCK_ERROR
+        span_ns = self._blocks[-1][1] - self._blocks[0][1]
+        return min(CLOCK_ERROR, DRIFT + SPREAD_NS / span_ns)
+
+    def _error(self, at_ns: int) -> float:
+        """Bound of the error of a prediction [samples]."""
+        known_ns = self._reference[1] if self._reference is not None else at_ns
+        return (PHASE_NS + abs(at_ns - known_ns) * self._clock_error()) / self._period_ns

@@ -1,0 +1,38 @@
+"""The real command on a machine that seems to have an MPU-9250 on /dev/i2c-1: `pi_launcher.py NOISE run …`.
+
+The chip model stands behind the interface of smbus2, in real time; all else is as on a Raspberry Pi.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "host"))
+
+from fake_smbus import FakeBus
+from fltea import clock
+from fltea.cli import main
+from fltea.i2c import bus as i2c_bus
+
+from tools.due_emulator.mpu9250 import Mpu9250
+from tools.due_emulator.noise import fractional_world
+
+
+class RealHost:
+    """What the fake bus asks of a host: its time, and that a transfer takes some."""
+
+    def __init__(self) -> None:
+        self._zero_ns = clock.host_ns()
+
+    @property
+    def now_ns(self) -> int:
+        return clock.host_ns() - self._zero_ns
+
+    def let_pass(self, ns: int) -> None:
+        time.sleep(ns * 1e-9)
+
+
+if __name__ == "__main__":
+    bus = FakeBus(RealHost(), Mpu9250(fractional_world(sys.argv.pop(1))))
+    i2c_bus.open_bus = bus.open
+    main()
