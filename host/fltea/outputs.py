@@ -39,7 +39,8 @@ def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
     if program.dashboard.address is not None:
         module = _module("dashboard", "bokeh")
         estimators = {config.name: config.estimator for config in configs}
-        page = module.DashboardSink(program.dashboard, estimators, hub.report())
+        accel = {config.name: config.accel for config in configs}
+        page = module.DashboardSink(program.dashboard, estimators, hub.report(), accel)
         hub.add(page)
         _to_stderr(f"fltea: live page at {page.url}\n")
     if to_table:

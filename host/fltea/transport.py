@@ -13,6 +13,7 @@ import re
 import select
 import stat
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 from urllib.parse import urlsplit
@@ -39,6 +40,9 @@ QUEUE_BYTES = 1 << 20
 """What a consumer may be behind: half a minute of a full line, minutes of samples."""
 
 MAX_CHUNK = 1 << 16
+
+TAKEN_S = 1e-3
+"""A port that was ready and then had nothing: another program, ModemManager say, reads it too."""
 
 
 class Opened(NamedTuple):
@@ -254,12 +258,16 @@ def _reader_of(port: serial.Serial, url: str) -> Callable[[], bytes]:
         poll.register(fd, select.POLLIN)
 
         def read_port() -> bytes:
-            if not poll.poll(READ_TIMEOUT_S * 1000):
+            events = poll.poll(READ_TIMEOUT_S * 1000)
+            if not events:
                 return b""
-            data = os.read(fd, MAX_CHUNK)
-            if not data:
-                raise OSError(errno.EIO, "ready, but nothing to read")
-            return data
+            with contextlib.suppress(BlockingIOError):
+                if data := os.read(fd, MAX_CHUNK):
+                    return data
+            if events[0][1] & ~select.POLLIN:
+                raise OSError(errno.EIO, "hung up")
+            time.sleep(TAKEN_S)
+            return b""
 
         return read_port
 

@@ -117,6 +117,35 @@ def test_a_second_reader_finds_the_port_busy_and_gets_it_when_it_is_free(termina
     next_of(Opened, events)
 
 
+def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatch, terminal, readers) -> None:
+    """The port is ready, but when it is read another program has been faster: no data, or EAGAIN."""
+    master, name = terminal
+    read, outcomes = os.read, [b"", BlockingIOError(errno.EAGAIN, "try again")]
+
+    def read_late(fd: int, size: int) -> bytes:
+        data = read(fd, size)
+        if fd == master or not outcomes:
+            return data
+        outcome = outcomes.pop()
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+
+    monkeypatch.setattr(os, "read", read_late)
+    events = readers(name).events(0.05)
+    next_of(Opened, events)
+    for left in (1, 0):
+        os.write(master, b"taken")
+        deadline = time.monotonic() + PATIENCE_S
+        while len(outcomes) > left:
+            assert time.monotonic() < deadline
+            time.sleep(0.001)
+    os.write(master, b"ours")
+    found = next(event for event in events if event is not None)
+    assert isinstance(found, Chunk)
+    assert found.data == b"ours"
+
+
 def test_a_socket_and_its_loss(readers) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         events = readers(f"socket://127.0.0.1:{server.getsockname()[1]}").events(0.05)

@@ -1,0 +1,238 @@
+"""What the page says in words and numbers, as plain data that goes to the browser as JSON (pure)."""
+
+import math
+from typing import Any, Literal
+
+from fltea.dashboard.history import EPOCH_WORDS, DeviceHistory, axis_estimates, axis_stats
+from fltea.dashboard.verdict import judge
+from fltea.model import AXES, AccelEstimate, AxisStats, Epoch, EstimatorInfo, Hello, Stats
+
+STALL_NS = 1_500_000_000
+SHOWN_EVENTS = 12
+Level = Literal["good", "wait", "bad", "plain"]
+
+CAUSE_WORDS = {
+    "order_box": "α held inside [0, 2]",
+    "order_sigma": "a sigma point of α held",
+    "order_variance": "the variance of α held",
+    "order_gate": "an outlier softened for α",
+    "parameter_box": "f held inside its bounds",
+    "parameter_variance": "the variance of f held",
+    "parameter_gate": "an outlier softened for f",
+    "state_bound": "the state held near the sample",
+    "memory_order": "an order beyond the memory's range",
+}
+
+
+def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
+    """Name of a device and how it is doing."""
+    with history.lock:
+        level, text = status(history, now_ns)
+    return {"name": history.name, "level": level, "text": text}
+
+
+def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
+    """How the device is doing, in one line. now_ns: monotonic."""
+    hello, epoch, heard_ns = history.hello, history.epoch, history.heard_ns
+    error = history.error
+    if heard_ns is None or hello is None or epoch is None:
+        if error is not None:
+            return "bad", f"waiting for the device: {error.message}"
+        return (
+            "wait",
+            "waiting for the device" if hello is None else "connected, waiting for the first sample",
+        )
+    silent_ns = now_ns - heard_ns
+    if silent_ns > STALL_NS:
+        if error is not None and history.error_heard_ns > heard_ns:
+            return "bad", f"stalled for {duration(silent_ns)}: {error.message}"
+        if hello.sampling_mode == "recording" or hello.source.startswith("synthetic:"):
+            return "wait", f"at its end: no sample for {duration(silent_ns)}"
+        return "bad", f"stalled for {duration(silent_ns)}: no sample arrives"
+    begun = f"epoch {epoch.epoch}: {EPOCH_WORDS[epoch.reason]}"
+    reconnects = history.stats.link.reconnects if history.stats else 0
+    if epoch.epoch > 1:
+        begun = ("reconnected, " if reconnects else "") + begun
+    to_go = max(info.startup_samples for info in infos(epoch)) - history.samples_of_epoch
+    if epoch.reason != "resumed" and to_go > 0:
+        return "wait", f"start-up: {to_go} samples to go; keep the sensor at rest ({begun})"
+    if history.estimate is not None:
+        lost = [name for name, axis in axis_estimates(history.estimate).items() if not axis.valid]
+        if lost:
+            return "bad", f"{', '.join(lost)} not valid ({begun})"
+    age_ns = history.sample.host_ns - epoch.host_ns if history.sample else 0
+    return "good", f"running for {duration(age_ns)} ({begun})"
+
+
+def axes(history: DeviceHistory) -> list[dict[str, Any]]:
+    """Numbers of every axis, with what white noise would give beside them."""
+    estimates = axis_estimates(history.estimate) if history.estimate else {}
+    stats = axis_stats(history.stats) if history.stats else {}
+    return [_axis(history, name, estimates.get(name), stats.get(name)) for name in history.axes]
+
+
+def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[str, Any]:
+    unit = unit_of(name)
+    valid = estimate is not None and estimate.valid
+    alpha, f = (estimate.alpha, estimate.f) if valid else (None, None)
+    follower = history.followers.get(name)
+    white = follower.quantiles if follower else None
+    resumed = history.epoch is not None and history.epoch.reason == "resumed"
+    verdict = judge(alpha, f, white, resumed=resumed)
+    known = white is not None and math.isfinite(white.alpha[0])
+    state = None
+    if valid:
+        state = estimate.state_ms2 if isinstance(estimate, AccelEstimate) else estimate.state_dps
+    of_gyro = isinstance(stats, AxisStats)
+    bias = None if stats is None else stats.bias_dps if of_gyro else stats.bias_ms2
+    R = None if stats is None else stats.R_dps2 if of_gyro else stats.R_m2s4
+    power = follower.power if follower else None
+    rows = [
+        ["state x̂", quantity(state, unit, 4)],
+        ["offset removed", quantity(bias, unit, 4)],
+        ["R", quantity(R, f"({unit})²", 3, significant=True)],
+        ["power at start-up", quantity(power, f"({unit})²", 3, significant=True)],
+        ["innovations, lag 1", quantity(stats.innovation_lag1 if stats else None, "", 3)],
+        ["innovations, NIS", quantity(stats.innovation_nis if stats else None, "", 3)],
+        ["began anew", str(stats.restarts) if stats else "–"],
+    ]
+    return {
+        "name": name,
+        "alpha": alpha,
+        "f": f,
+        "alpha_text": with_std(alpha, estimate.alpha_std if valid else None),
+        "f_text": with_std(f, estimate.f_std if valid else None),
+        "alpha_white": span(white.alpha) if known and white else "–",
+        "f_white": span(white.f) if known and white else "–",
+        "side": verdict.side,
+        "verdict": verdict.text,
+        "verdict_short": verdict.short,
+        "rows": rows,
+        "guard": [
+            [CAUSE_WORDS.get(cause, cause), str(count)]
+            for cause, count in (stats.interventions if stats else {}).items()
+        ],
+    }
+
+
+def infos(epoch: Epoch) -> list[EstimatorInfo]:
+    """What the axes of an epoch are estimated with: those of the gyroscope, those of the accelerometer."""
+    return [info for info in (epoch.estimator, epoch.accel_estimator) if info is not None]
+
+
+def unit_of(axis: str) -> str:
+    """Unit of an axis's samples."""
+    return "deg/s" if axis in AXES else "m/s²"
+
+
+def link(stats: Stats | None) -> list[list[str]]:
+    """Health of the way from the device to here: label, value, level."""
+    if stats is None:
+        return []
+    samples, wire, board = stats.samples, stats.link, stats.board
+    bad = {reason: n for reason, n in wire.bad_frames.items() if reason != "partial"}
+    rows = [
+        ["rate", quantity(stats.rate_hz, "Hz", 3), "plain"],
+        ["device clock", "–" if stats.clock_ppm is None else f"{stats.clock_ppm:+.1f} ppm", "plain"],
+        ["samples", f"{samples.delivered:,}", "plain"],
+        _count("lost samples", samples.lost),
+        _count("gaps", samples.gaps),
+        _count("duplicates", samples.duplicates),
+        _count("reconnects", wire.reconnects),
+        _count("CRC errors", bad.pop("crc", 0)),
+        _count("other bad frames", sum(bad.values()), ", ".join(f"{r} {n}" for r, n in bad.items())),
+        _count("frames not understood", wire.unknown_type + wire.refused),
+        _count("bytes too many", wire.overflow_bytes),
+    ]
+    if board is not None:
+        rows += [
+            _count("I²C errors", board.i2c_errors),
+            _count("I²C bus freed", board.bus_recoveries),
+            _count("sensor set up again", board.sensor_reinits),
+            _count("overruns", board.overruns),
+            _count("frames dropped by the device", board.dropped_frames),
+            ["last reset by", board.reset_cause.replace("_", " "), "plain"],
+        ]
+    for name, output in stats.outputs.items():
+        waiting = f"{output.queued:,} waiting" if output.queued > 100 else ""
+        rows.append(_count(f"dropped by output {name}", output.dropped, waiting))
+    return rows
+
+
+def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:
+    """What HELLO says of the device: label, value."""
+    if hello is None:
+        return []
+    chip = f"(WHO_AM_I 0x{hello.who_am_i:02x})" if hello.who_am_i is not None else None
+    rows: list[tuple[str, str | None]] = [
+        ("source", hello.source),
+        ("sensor", " ".join(part for part in (hello.sensor, chip) if part)),
+        ("firmware", hello.firmware_version),
+        ("protocol", hello.protocol),
+        ("device id", hello.device_id),
+        ("boot id", None if hello.boot_id is None else str(hello.boot_id)),
+        ("nominal rate", f"{hello.rate_hz:g} Hz ({hello.sampling_mode.replace('_', ' ')})"),
+        ("gyroscope range", _number(hello.gyro_range_dps, "±{:g} deg/s")),
+        ("sensitivity", _number(hello.gyro_lsb_per_dps, "{:g} LSB per deg/s")),
+        ("low-pass filter", _number(hello.gyro_dlpf_hz, "{:g} Hz")),
+        ("accelerometer range", _number(hello.accel_range_g, "±{:g} g")),
+        ("temperature", _number(temperature_c, "{:.2f} °C")),
+    ]
+    return [[label, value] for label, value in rows if value]
+
+
+def events(history: DeviceHistory) -> list[dict[str, Any]]:
+    """The last happenings, newest first."""
+    newest = list(history.happenings)[-SHOWN_EVENTS:][::-1]
+    return [{"time_ms": h.host_ns // 1_000_000, "kind": h.kind, "text": h.text} for h in newest]
+
+
+def settings(history: DeviceHistory) -> str:
+    """What the epoch is estimated with, in a line."""
+    if history.epoch is None:
+        return ""
+    e = infos(history.epoch)[0]
+    return f"variant {e.variant}, guard {e.guard}, engine {e.engine}, L = {e.window:,}"
+
+
+def figure(value: float, digits: int, *, significant: bool = False) -> str:
+    """Fixed point, or powers of ten for what a diverging filter can give."""
+    if significant:
+        return f"{value:.{digits}g}"
+    return f"{value:.{digits}f}" if abs(value) < 1e5 else f"{value:.{digits}e}"
+
+
+def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
+    """A number with its unit, a dash for none."""
+    return "–" if value is None else f"{figure(value, digits, significant=significant)} {unit}".rstrip()
+
+
+def with_std(value: float | None, std: float | None) -> str:
+    """A number with its standard deviation, a dash for none."""
+    if value is None:
+        return "–"
+    return figure(value, 3) + ("" if std is None else f" ± {figure(std, 3)}")
+
+
+def span(quantiles: Any) -> str:
+    """The outer two of three quantiles."""
+    return f"{figure(float(quantiles[0]), 3)} … {figure(float(quantiles[2]), 3)}"
+
+
+def duration(ns: int) -> str:
+    """A length of time as a person says it."""
+    s = max(ns, 0) // 1_000_000_000
+    if s < 120:
+        return f"{s} s"
+    if s < 7200:
+        return f"{s // 60} min"
+    return f"{s // 3600} h" if s < 48 * 3600 else f"{s // 86400} days"
+
+
+def _count(label: str, count: int, remark: str = "") -> list[str]:
+    value = f"{count:,}" + (f" ({remark})" if remark else "")
+    return [label, value, "bad" if count else "plain"]
+
+
+def _number(value: float | None, form: str) -> str | None:
+    return None if value is None else form.format(value)

@@ -1,0 +1,174 @@
+"""The six figures of the page and the columns that they draw; the page's script gives them their theme."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from bokeh.models import ColumnDataSource, CustomJSTickFormatter, DatetimeTicker, HoverTool, Range1d
+from bokeh.models.annotations import BoxAnnotation, Span
+from bokeh.plotting import figure
+
+SAMPLE, STATE, ESTIMATE, WHITE = "#8796ab", "#e07b00", "#2f7de1", "#9aa5b1"
+"""Colours that stand out on a light ground and on a dark one."""
+
+CHECKED = 1000
+"""Innovations over which `stats` judges their whiteness."""
+
+ROWS = (
+    "time",
+    "seq",
+    "temperature",
+    "y_low",
+    "y",
+    "y_high",
+    "state",
+    "alpha",
+    "alpha_low",
+    "alpha_high",
+    "f",
+    "f_low",
+    "f_high",
+)
+"""Columns of the source `rows`; low and high of α and f are one standard deviation away."""
+
+WHITE_COLUMNS = ("time", "alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
+"""Columns of the source `white`: 5, 50 and 95 % of what white noise gives."""
+
+LOCAL_TIME = """
+const date = new Date(tick)
+const seconds = date.getSeconds() ? ":" + String(date.getSeconds()).padStart(2, "0") : ""
+return String(date.getHours()).padStart(2, "0") + ":" + String(date.getMinutes()).padStart(2, "0") + seconds
+"""
+
+
+class Figures:
+    """Figures by name, over three sources; `moment` is the time that all of them show, in ms."""
+
+    def __init__(self) -> None:
+        self.rows = ColumnDataSource({name: [] for name in ROWS})
+        self.white = ColumnDataSource({name: [] for name in WHITE_COLUMNS})
+        self.checks = ColumnDataSource({name: [] for name in ("time", "lag1", "nis")})
+        self.moment = Range1d(start=0, end=1)
+        self._heights: list[_Height] = []
+        self.noise = self._noise()
+        self.alpha = self._estimate("alpha", "α", "order α")
+        self.f = self._estimate("f", "f", "parameter f [s^-α]")
+        self.lag1 = self._check("lag1", "lag-1 correlation", 0.0, 2 / math.sqrt(CHECKED))
+        self.nis = self._check("nis", "NIS", 1.0, 2 * math.sqrt(2 / CHECKED))
+        self.temperature = self._figure(
+            "temperature", "temperature [°C]", (self.rows, ("temperature",)), least=0.5
+        )
+        self.temperature.line("time", "temperature", source=self.rows, color=STATE, line_width=1.5)
+
+    @property
+    def all(self) -> list[figure]:
+        """In the order of the page."""
+        return [self.noise, self.alpha, self.f, self.lag1, self.nis, self.temperature]
+
+    def fit(self) -> None:
+        """Make every figure as high as what it shows."""
+        for height in self._heights:
+            height.fit()
+
+    def _noise(self) -> figure:
+        plot = self._figure("noise", "deg/s", (self.rows, ("y_low", "y_high", "state")))
+        plot.varea("time", "y_low", "y_high", source=self.rows, color=SAMPLE, alpha=0.35)
+        plot.line("time", "y", source=self.rows, color=SAMPLE, line_width=1)
+        plot.line("time", "state", source=self.rows, color=STATE, line_width=1.5)
+        return plot
+
+    def _estimate(self, name: str, letter: str, label: str) -> figure:
+        low, mid, high = f"{name}_low", f"{name}_mid", f"{name}_high"
+        plot = self._figure(name, label, (self.rows, (low, high)), (self.white, (low, high)))
+        plot.varea("time", low, high, source=self.white, color=WHITE, alpha=0.4)
+        plot.line("time", mid, source=self.white, color=WHITE, line_width=1.5, line_dash="dashed")
+        plot.varea("time", low, high, source=self.rows, color=ESTIMATE, alpha=0.25)
+        line = plot.line("time", name, source=self.rows, color=ESTIMATE, line_width=2)
+        tips = [
+            ("sample", "@seq{0,0}"),
+            (letter, f"@{name}{{0.0000}}"),
+            ("± σ", f"@{low}{{0.0000}} … @{high}{{0.0000}}"),
+        ]
+        plot.add_tools(HoverTool(renderers=[line], tooltips=tips, mode="vline"))
+        return plot
+
+    def _check(self, name: str, label: str, reference: float, limit: float) -> figure:
+        plot = self._figure(
+            name, label, (self.checks, (name,)), always=(reference - 1.2 * limit, reference + 1.2 * limit)
+        )
+        band = BoxAnnotation(
+            bottom=reference - limit, top=reference + limit, fill_color=WHITE, fill_alpha=0.4, line_color=None
+        )
+        plot.add_layout(band)
+        plot.add_layout(Span(location=reference, dimension="width", line_color=WHITE, line_dash="dashed"))
+        plot.line("time", name, source=self.checks, color=ESTIMATE, line_width=2)
+        plot.scatter("time", name, source=self.checks, color=ESTIMATE, size=3)
+        return plot
+
+    def _figure(
+        self,
+        name: str,
+        label: str,
+        *shown: tuple[ColumnDataSource, tuple[str, ...]],
+        always: Sequence[float] = (),
+        least: float = 1e-6,
+    ) -> figure:
+        height = _Height(shown, always, least)
+        self._heights.append(height)
+        plot = figure(
+            name=name,
+            x_axis_type="datetime",
+            x_range=self.moment,
+            y_range=height.range,
+            height=230,
+            sizing_mode="stretch_width",
+            toolbar_location=None,
+            tools="",
+            y_axis_label=label,
+            x_axis_label="local time",
+            background_fill_color=None,
+            border_fill_color=None,
+            outline_line_color=None,
+            output_backend="canvas",
+        )
+        plot.xaxis.formatter = CustomJSTickFormatter(code=LOCAL_TIME)
+        plot.xaxis.ticker = DatetimeTicker(desired_num_ticks=4)  # what a phone has room for
+        plot.min_border_left = 64
+        return plot
+
+
+class _Height:
+    """The range of values of a figure: follows the data, but not every twitch of them.
+
+    shown: columns of sources that it has to hold; always: values besides; least: its least length.
+    """
+
+    def __init__(
+        self,
+        shown: Sequence[tuple[ColumnDataSource, tuple[str, ...]]],
+        always: Sequence[float],
+        least: float,
+    ) -> None:
+        self._ends = math.inf, -math.inf
+        self.range = Range1d(start=-1, end=1)
+        self._shown = shown
+        self._always = always
+        self._least = least
+
+    def fit(self) -> None:
+        """Change the range if the data leave it, or have no more use for a third of it."""
+        columns = [
+            np.asarray(source.data[name], dtype=np.float64) for source, names in self._shown for name in names
+        ]
+        values = np.concatenate([*columns, self._always])
+        values = values[np.isfinite(values)]
+        if not values.size:
+            return
+        low, high = float(values.min()), float(values.max())
+        wider = max(0.0, self._least - (high - low)) / 2
+        low, high = low - wider, high + wider
+        span = high - low
+        start, end = self._ends
+        if low < start or high > end or span < 0.6 * (end - start):
+            start, end = self._ends = low - 0.1 * span, high + 0.1 * span
+            self.range.update(start=start, end=end)

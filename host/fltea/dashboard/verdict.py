@@ -1,0 +1,61 @@
+"""What may be said of an estimate beside what white noise gives (pure). It is a comparison, not a test."""
+
+import math
+from typing import Literal, NamedTuple
+
+from fltea.estimator.white_band import Quantiles
+
+Side = Literal["within", "outside", "unknown"]
+
+RESUMED = " The runs began only when the estimator was resumed, so the band is too wide at first."
+
+
+SHORT: dict[Side, str] = {
+    "within": "Within what white noise gives: order undefined.",
+    "outside": "Outside what white noise gives: a hint, not a test.",
+    "unknown": "Nothing can be said yet.",
+}
+
+
+class Verdict(NamedTuple):
+    """Where an estimate stands, and what that means in a sentence or two; `short` for beneath a figure."""
+
+    side: Side
+    text: str
+
+    @property
+    def short(self) -> str:
+        """The same in a few words."""
+        return SHORT[self.side]
+
+
+def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, resumed: bool = False) -> Verdict:
+    """Compare an estimate with the 5 to 95 % of white noise after as many samples.
+
+    white: None where there is no band for the axis. resumed: the estimator is older than the runs.
+    """
+    if alpha is None or f is None:
+        return Verdict("unknown", "No valid estimate.")
+    if white is None:
+        return Verdict(
+            "unknown",
+            "There is no band for this axis, so nothing can be said: compare with shuffled samples.",
+        )
+    if not math.isfinite(white.alpha[0]):
+        return Verdict("unknown", "What white noise would give is not known yet: too few samples.")
+    after = RESUMED if resumed else ""
+    places = {
+        "α": bool(white.alpha[0] <= alpha <= white.alpha[2]),
+        "f": bool(white.f[0] <= f <= white.f[2]),
+    }
+    outside = [name for name, within in places.items() if not within]
+    if not outside:
+        text = (
+            "α and f are within what white noise of this power gives after as many samples: order undefined."
+        )
+        return Verdict("within", text + after)
+    subject = "α and f are" if len(outside) == 2 else f"{outside[0]} is"
+    text = (
+        f"{subject} outside what white noise of this power gives after as many samples: a hint, not a test."
+    )
+    return Verdict("outside", text + after)

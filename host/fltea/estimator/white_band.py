@@ -1,0 +1,96 @@
+"""What white noise would give: the same estimator on many runs of noise that has no order.
+
+No α means anything by itself (host/README.md, What α and f are worth). The runs go through all that the data
+go through: start-up window, bias, R, quantisation, settings. Their quantiles, after as many samples as the
+data had so far, are what an estimate has to leave before it says anything.
+"""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.config import EstimatorConfig
+from fltea.estimator.engine import Engine
+from fltea.estimator.native_gyroscope import lane_settings
+from fltea.estimator.supervisor import LOST_ORDER
+
+Array = NDArray[np.float64]
+
+RUNS = 64
+"""The edges of the band are then uncertain by 0.008 in α after 3,000 samples, where the band is 0.12 wide;
+128 runs, at twice the cost, have 0.006."""
+
+PROBABILITIES = (0.05, 0.5, 0.95)
+COARSEST = 0.5
+"""Quantised only where the noise has a standard deviation of at least this many LSB: below, what a quantiser
+gives depends on where between two counts the offset lies."""
+
+
+class Quantiles(NamedTuple):
+    """5, 50 and 95 % of the runs, each (3,); NaN if none of them has an estimate."""
+
+    alpha: Array
+    f: Array
+
+
+class WhiteBand:
+    """White Gaussian noise as strong as one axis, in `runs` runs, estimated with the settings of the data.
+
+    h: sampling period in s. power: variance of the axis in its unit squared, > 0. resolution: one LSB, None
+    if unknown. R: measurement variance, None to draw it from the start-up window as the data do. Memory is
+    compressed whatever `config.engine` says (exact memory differs far less than two runs do), so "reference"
+    has a band too. A run that runs away (only without a guard) begins anew, as an axis does.
+    """
+
+    def __init__(
+        self,
+        config: EstimatorConfig,
+        h: float,
+        power: float,
+        resolution: float | None,
+        R: float | None = None,
+        *,
+        runs: int = RUNS,
+        seed: int = 0,
+    ) -> None:
+        lsb = 0.0 if resolution is None else resolution
+        self._lsb = lsb if math.sqrt(power) >= COARSEST * lsb else 0.0
+        self._std = math.sqrt(power - self._lsb**2 / 12)  # quantisation adds LSB²/12, part of the power
+        self._rng = np.random.default_rng(seed)
+        self._runs = runs
+        self._bias = np.zeros(runs)
+        variances = np.full(runs, R or power)
+        if config.startup_needed:
+            window = self._noise(config.startup)
+            if config.bias == "startup":
+                self._bias = window.mean(axis=0)
+            if R is None:
+                variances = np.maximum(window.var(axis=0, ddof=1), lsb**2 / 12)
+        settings = lane_settings(config, h, variances.tolist())
+        self._engine = Engine(runs, replace(settings, memory="compressed"))
+
+    def advance(self, count: int) -> Quantiles:
+        """Let every run take `count` more samples, at least one; return where they stand then."""
+        after = self._engine.run(self._noise(count) - self._bias)
+        alpha, f = after.alpha[-1].copy(), after.f[-1].copy()
+        lost = ~(np.isfinite(f) & np.isfinite(after.x[-1]) & (np.abs(alpha) <= LOST_ORDER))
+        if lost.any():
+            self._engine.reset(lost)
+        return Quantiles(_quantiles(alpha[~lost]), _quantiles(f[~lost]))
+
+    def _noise(self, count: int) -> Array:
+        """Samples as a sensor at rest without offset gives them, (count, runs)."""
+        y = self._rng.standard_normal((count, self._runs)) * self._std
+        return np.rint(y / self._lsb) * self._lsb if self._lsb else y
+
+
+def _quantiles(values: Array) -> Array:
+    """At Weibull's positions: one more run of the same kind falls between two of them with their share."""
+    if not values.size:
+        return np.full(len(PROBABILITIES), np.nan)
+    places = np.array(PROBABILITIES) * (values.size + 1) - 1
+    result: Array = np.interp(places, np.arange(values.size), np.sort(values))
+    return result

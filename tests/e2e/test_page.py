@@ -1,0 +1,222 @@
+"""The live page in a real browser: Chromium as Debian ships it, the real command, the stand-in device."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+from support import QUICK, Daemon, Processes
+from toolchain import missing
+
+CHROMIUM = shutil.which("chromium")
+ARGUMENTS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+PATIENCE_MS = 60_000
+SEQ = "document.documentElement.dataset.seq"
+COLUMNS = """([source, ...names]) => {
+  const found = Bokeh.documents[0].roots().flatMap(plot => plot.renderers).find(
+    renderer => source in renderer.data_source.data)
+  return Object.fromEntries(names.map(name => [name, Array.from(found.data_source.data[name])]))
+}"""
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    if CHROMIUM is None:
+        missing("no Chromium: apt-get install chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+class Watched:
+    """A page with what it asked for and complained of."""
+
+    def __init__(self, browser: Browser, url: str, **context: Any) -> None:
+        self.page: Page = browser.new_context(**context).new_page()
+        self.page.set_default_timeout(PATIENCE_MS)
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("websocket", lambda websocket: self.requests.append(websocket.url))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on(
+            "console",
+            lambda m: self.complaints.append(m.text) if m.type in ("warning", "error") else None,
+        )
+        self.page.goto(url)
+
+    def wait(self, condition: str) -> None:
+        self.page.wait_for_function(condition)
+
+    def wait_for_seq(self, least: int) -> None:
+        self.wait(f"Number({SEQ}) >= {least}")
+
+
+def start(processes: Processes, *arguments: str | Path, page: str = "0") -> tuple[Daemon, str]:
+    """The daemon and the address of its page."""
+    daemon = processes.daemon(*QUICK, *arguments, "--dashboard", page)
+    assert daemon.process.stderr is not None
+    line = daemon.process.stderr.readline().decode()
+    found = re.search(r"http://127\.0\.0\.1:\d+/", line)
+    assert found is not None, line
+    return daemon, found[0]
+
+
+def columns(page: Page, *names: str) -> dict[str, list[float]]:
+    """Columns of the source that has the first of them."""
+    found: dict[str, list[float]] = page.evaluate(COLUMNS, [names[0], *names])
+    return found
+
+
+def test_figures_fill_and_their_values_are_those_of_the_ndjson(
+    processes: Processes, chromium: Browser, tmp_path: Path
+) -> None:
+    processes.stand_in(tmp_path / "due", "--noise", "alpha=0.5&f=-1&seed=7&offset_dps=1.5")
+    daemon, url = start(processes, "--source", f"serial:{tmp_path / 'due'}")
+    one = Watched(chromium, url + "#window=0&axis=gyro_y")
+    one.wait_for_seq(250)
+    one.wait("document.querySelector('figure .axis').textContent === 'gyro_y'")
+    shown = columns(one.page, "alpha_low", "seq", "alpha", "alpha_high", "f", "f_low", "f_high", "state", "y")
+    white = columns(one.page, "alpha_mid", "alpha_mid", "f_mid")
+    card = one.page.locator("[data-axis=gyro_y]")
+    words = card.inner_text()
+    device = one.page.inner_text("#hardware")
+    choice_of_device = one.page.is_visible("#devices")
+    code, stderr = daemon.end()
+    assert code == 0, stderr
+    estimates = {e["seq"]: e["axes"]["gyro_y"] for e in daemon.of("estimate")}
+    compared = 0
+    for i, seq in enumerate(shown["seq"]):
+        if seq in estimates:
+            e = estimates[int(seq)]
+            compared += 1
+            assert (shown["alpha"][i], shown["f"][i], shown["state"][i]) == (
+                e["alpha"],
+                e["f"],
+                e["state_dps"],
+            )
+            assert shown["alpha_low"][i] == e["alpha"] - e["alpha_std"]
+            assert shown["f_high"][i] == e["f"] + e["f_std"]
+            assert abs(shown["y"][i]) < 1.4, "the offset of 1.5 deg/s is removed"
+    assert compared >= 190
+    assert len(white["alpha_mid"]) >= 7
+    assert re.search(r"-?\d\.\d{3} ± \d\.\d{3}", words)
+    assert "white noise: " in words
+    assert "what white noise of this power gives" in words
+    assert not choice_of_device, "there is but one"
+    assert "MPU-9250" in device
+    assert "stand-in" in device
+    origin = url.removeprefix("http://").rstrip("/")
+    assert {request.split("/")[2] for request in one.requests} == {origin}, "nothing comes from elsewhere"
+    assert one.complaints == []
+
+
+def test_status_tells_of_a_stall_a_restart_and_the_start_up(
+    processes: Processes, chromium: Browser, tmp_path: Path
+) -> None:
+    port = tmp_path / "due"
+    device = processes.stand_in(port)
+    daemon, url = start(processes, "--source", f"serial:{port}", "--startup", "6000")
+    one = Watched(chromium, url)
+    status = "document.querySelector('#status').textContent"
+    one.wait(f"/^start-up: \\d+ samples to go.*epoch 1/.test({status})")
+    device.stop()
+    one.wait(f"{status}.startsWith('stalled for')")
+    assert one.page.get_attribute("#status", "data-level") == "bad"
+    processes.stand_in(port)
+    one.wait(f"/^start-up: \\d+ samples to go.*reconnected, epoch 2: the device restarted/.test({status})")
+    events = one.page.inner_text("#events")
+    assert "epoch 2 begins: the device restarted" in events
+    assert "unplugged" in events
+    assert one.page.evaluate("document.documentElement.dataset.epoch") == "2"
+    daemon.end()
+
+
+def test_page_says_that_the_daemon_is_gone_and_comes_back_with_it(
+    processes: Processes, chromium: Browser
+) -> None:
+    daemon, url = start(processes, "--source", "synthetic:?window=100")
+    one = Watched(chromium, url + "#window=0&axis=gyro_z")
+    one.wait_for_seq(100)
+    assert not one.page.is_visible("#gone")
+    assert daemon.end()[0] == 0
+    one.page.wait_for_selector("#gone", state="visible")
+    daemon, _ = start(processes, "--source", "synthetic:?window=100", page=url.rpartition(":")[2].rstrip("/"))
+    one.page.wait_for_selector("#gone", state="hidden")
+    one.wait_for_seq(100)
+    one.wait("document.querySelector('figure .axis').textContent === 'gyro_z'")
+    assert one.page.get_attribute("#windows button:nth-child(1)", "aria-pressed") == "true"
+    daemon.end()
+
+
+def test_light_dark_phone_and_choices(processes: Processes, chromium: Browser) -> None:
+    daemon, url = start(
+        processes, "--source", "synthetic:?window=100", "--source", "synthetic:?window=100&n=60&alpha=0.7"
+    )
+    ground = "getComputedStyle(document.body).backgroundColor"
+    light = Watched(chromium, url, color_scheme="light")
+    dark = Watched(chromium, url, color_scheme="dark")
+    for one in (light, dark):
+        one.wait_for_seq(100)
+    colours = [one.page.evaluate(ground) for one in (light, dark)]
+    assert colours[0] != colours[1]
+    label = "Bokeh.documents[0].roots()[0].left[0].axis_label_text_color"
+    assert light.page.evaluate(label) != dark.page.evaluate(label)
+    light.page.click("#theme")  # system → light
+    light.page.click("#theme")  # light → dark
+    assert light.page.evaluate(ground) == colours[1]
+    light.page.reload()
+    light.wait_for_seq(100)
+    assert light.page.evaluate(ground) == colours[1], "the choice is remembered"
+
+    light.page.click("#devices button:nth-child(2)")
+    light.wait("document.querySelector('#status').textContent.startsWith('at its end')")
+    light.page.click("[data-axis=gyro_z]")
+    light.wait("document.querySelector('figure .axis').textContent === 'gyro_z'")
+    light.page.click("#windows button:nth-child(3)")
+    light.wait(
+        "document.querySelector('#windows button:nth-child(3)').getAttribute('aria-pressed') === 'true'"
+    )
+
+    phone = Watched(chromium, url, viewport={"width": 375, "height": 812})
+    phone.wait_for_seq(100)
+    wide = phone.page.evaluate(
+        "[document.documentElement.scrollWidth, ...[...document.querySelectorAll('figure')].map("
+        "figure => figure.getBoundingClientRect().right)]"
+    )
+    assert max(wide) <= 375, wide
+    lefts = phone.page.evaluate(
+        "[...document.querySelectorAll('figure:not([hidden]), .card')]"
+        ".map(one => one.getBoundingClientRect().left)"
+    )
+    assert len(set(lefts)) == 1, "one column"
+    for one in (light, dark, phone):
+        assert one.complaints == []
+    daemon.end()
+
+
+def test_text_of_a_device_is_shown_as_text(processes: Processes, chromium: Browser, tmp_path: Path) -> None:
+    name = "<img src=x onerror=document.title='owned'>"
+    recording = tmp_path / f"{name.replace('/', '')}.csv"
+    lines = "\n".join(f"{k % 7 / 10},{k % 5 / 10},{k % 3 / 10}" for k in range(200))
+    recording.write_text(f"gyro_x_dps,gyro_y_dps,gyro_z_dps\n{lines}\n")
+    daemon, url = start(processes, "--source", f"replay:{recording}", "--rate", "100")
+    one = Watched(chromium, url)
+    one.wait_for_seq(150)
+    assert "<img" in one.page.inner_text("#hardware")
+    assert one.page.locator("img").count() == 0
+    assert "owned" not in one.page.title()
+    daemon.end()
