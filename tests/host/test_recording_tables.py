@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 from fltea import cli_record
+from fltea.decode import Decoded, Decoder
 from fltea.errors import FlteaError, UsageError
 from fltea.model import Epoch, Estimate, Gap, Sample
-from fltea.decode import Decoded, Decoder
 from fltea.recording.export import export
 from fltea.recording.info import Summary, as_text, sessions, summarise
 from fltea.recording.recovery import recover

@@ -81,7 +81,7 @@ def emitted_kinds() -> set[str]:
 
 
 def words_of_the_code() -> set[str]:
-    """Every text in the code: a kind that is chosen by a table or a function is at least written somewhere."""
+    """Every text in the code: a kind that a table or a function chooses is at least written somewhere."""
     return {
         node.value
         for file in (ROOT / "host/fltea").rglob("*.py")
