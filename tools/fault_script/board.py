@@ -1,0 +1,255 @@
+"""A device on a pseudo-terminal that remembers every bit it sent."""
+
+import contextlib
+import os
+import random
+import time
+import tty
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from fltea import wire
+from fltea.messages import encode
+
+RATE_HZ = 100
+PERIOD_NS = 10**9 // RATE_HZ
+LSB_PER_DPS = 16.4
+INTRODUCTION_S = 0.2
+PATIENCE_S = 60.0
+
+Damage = Callable[[bytes], bytes]
+Instants = set[tuple[int, int]]
+"""Number of the boot (from 0), and of the sampling instant in it."""
+
+
+class Boot:
+    """What one boot of the board did. sequence, device_us: of its first sampling instant.
+
+    counts: what the gyroscope gave at each instant. frames: all that were put on the line, of any kind.
+    """
+
+    def __init__(self, boot_id: int, sequence: int, device_us: int, protocol_major: int) -> None:
+        self.boot_id = boot_id
+        self.sequence = sequence
+        self.device_us = device_us
+        self.protocol_major = protocol_major
+        self.counts: list[tuple[int, int, int]] = []
+        self.frames = 0
+
+    @property
+    def due(self) -> int:
+        """Sampling instants so far."""
+        return len(self.counts)
+
+
+class Board:
+    """Samples at 100 Hz of real time, with HELLO and STATUS once a second.
+
+    Its methods send in the caller's thread and at the pace of its clock. streams: what was put on the line,
+    for each time that it was plugged in. dropped: frames for which the line had no room.
+    """
+
+    def __init__(self, link: Path, seed: int = 1) -> None:
+        self.link = link
+        self.boots: list[Boot] = []
+        self.streams: list[bytearray] = []
+        self.dropped = 0
+        self._random = random.Random(seed)
+        self._blocks: dict[bytes, tuple[int, int]] = {}
+        self._begin_ns = 0
+        self._terminal = os.openpty()
+        self._unsent = b""
+        self._sequences = {wire.Hello.TYPE: 0, wire.Status.TYPE: 0}
+        self.plug()
+
+    # --- the plug ---
+
+    def plug(self) -> None:
+        """Appear as a new port, to which `link` points."""
+        self._master, self._slave = self._terminal
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(self.port)
+        self.streams.append(bytearray())
+        self._unsent = b""
+
+    @property
+    def port(self) -> str:
+        """Name under which the system knows the port."""
+        return os.ttyname(self._slave)
+
+    def unplug(self) -> None:
+        """Vanish, with the link; the next port will have another name."""
+        before, self._terminal = self._terminal, os.openpty()
+        self.link.unlink(missing_ok=True)
+        for fd in before:
+            os.close(fd)
+
+    def close(self) -> None:
+        """Vanish for ever."""
+        self.unplug()
+        for fd in self._terminal:
+            os.close(fd)
+
+    # --- what it says ---
+
+    def introduce(self, heard: Callable[[], bool], **how: int) -> None:
+        """Boot, and say HELLO until somebody has heard it; see `boot`."""
+        self._begin_boot(**how)
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not heard():
+            if time.monotonic() > deadline_s:
+                raise TimeoutError("nobody heard the board's HELLO")
+            with contextlib.suppress(BlockingIOError):  # nobody has the port open
+                os.write(self._master, b"\0" + self._frame(self._hello()))
+            until_s = time.monotonic() + INTRODUCTION_S
+            while not heard() and time.monotonic() < until_s:
+                time.sleep(0.01)
+        self.boots[-1].frames = 0
+        self._begin_ns = time.monotonic_ns()
+
+    def boot(self, **how: int) -> None:
+        """Start anew in the middle of whatever is on the line.
+
+        sequence, device_us: of the first sampling instant. protocol_major: what HELLO states.
+        """
+        self._begin_boot(**how)
+        self._write(b"\0" + self._frame(self._hello()))
+
+    def send(self, instants: int, damage: Damage | None = None) -> None:
+        """Go through so many sampling instants. damage: what the line does to the bytes of each."""
+        for _ in range(instants):
+            data = self._tick()
+            self._write(damage(data) if damage else data)
+
+    def send_until(self, condition: Callable[[], bool], what: str) -> None:
+        """Go on until something has happened."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            if time.monotonic() > deadline_s:
+                raise TimeoutError(f"waited in vain for {what}")
+            self.send(1)
+
+    def send_during(self, action: Callable[[], object]) -> None:
+        """Go on while something is done that takes its time; its exception is ours."""
+        with ThreadPoolExecutor(1) as pool:
+            doing = pool.submit(action)
+            self.send_until(doing.done, "something else to be done")
+            doing.result()
+
+    def stall(self, instants: int) -> None:
+        """The line holds up what it should carry, and then delivers it all at once."""
+        self._write(b"".join(self._tick() for _ in range(instants)))
+
+    def lose(self, instants: int) -> None:
+        """Frames that never get onto the line."""
+        for _ in range(instants):
+            self._tick()
+
+    def begin_frame(self) -> None:
+        """Half of the next sample's frame, and no more."""
+        self._write(self._tick()[:-14])
+
+    def inject(self, data: bytes) -> None:
+        """Bytes on the line that are none of the board's."""
+        self._write(data)
+
+    def fill_the_line(self) -> None:
+        """Idle bytes, which mean nothing, until there is no room: nobody reads."""
+        for _ in range(5):  # the system moves what it has from one buffer to the next
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    os.write(self._master, bytes(1024))
+            time.sleep(0.05)
+
+    def heard(self) -> bytes:
+        """What others sent to the board, which does not listen."""
+        found = b""
+        with contextlib.suppress(BlockingIOError):
+            while chunk := os.read(self._master, 4096):
+                found += chunk
+        return found
+
+    def arrived(self) -> Instants:
+        """Samples whose frames are whole on the line."""
+        return set().union(*(self.samples_in(bytes(stream)) for stream in self.streams))
+
+    def samples_in(self, wire: bytes) -> Instants:
+        """Samples whose frames are whole in these bytes."""
+        return {self._blocks[block] for block in wire.split(b"\0")[:-1] if block in self._blocks}
+
+    # --- inside ---
+
+    def _begin_boot(
+        self, sequence: int = 0, device_us: int = 0, protocol_major: int = wire.PROTOCOL_MAJOR
+    ) -> None:
+        self.boots.append(Boot(len(self.boots) + 1, sequence, device_us, protocol_major))
+        self._begin_ns = time.monotonic_ns()
+
+    def _tick(self) -> bytes:
+        """Wait for the next sampling instant; its frames."""
+        boot = self.boots[-1]
+        k = boot.due
+        left_ns = self._begin_ns + k * PERIOD_NS - time.monotonic_ns()
+        if left_ns > 0:
+            time.sleep(left_ns * 1e-9)
+        frames = b""
+        if k % RATE_HZ == 0:
+            status = wire.Status(0, 0, 0, 0, self.dropped, wire.ResetCause.USER)
+            frames = self._frame(self._hello()) + self._frame(status)
+        x, y, z = (round(self._random.gauss(0, 3)) for _ in range(3))
+        # accel_x and accel_y make each frame one of a kind, whatever boot it is of.
+        sample = wire.Sample(x, y, z, boot.boot_id, self._random.randrange(1 << 15), 16384, 1335, 0)
+        frame = self._frame(sample, boot.sequence + k)
+        boot.counts.append((x, y, z))
+        self._blocks[frame[:-1]] = (len(self.boots) - 1, k)
+        return frames + frame
+
+    def _frame(self, message: wire.Message, sequence: int | None = None) -> bytes:
+        boot = self.boots[-1]
+        if sequence is None:
+            sequence = self._sequences[message.TYPE]
+            self._sequences[message.TYPE] += 1
+        boot.frames += 1
+        now_us = boot.device_us + boot.due * PERIOD_NS // 1000
+        return encode(message, sequence % (1 << 16), now_us % (1 << 32))
+
+    def _hello(self) -> wire.Hello:
+        boot = self.boots[-1]
+        return wire.Hello(
+            protocol_major=boot.protocol_major,
+            protocol_minor=wire.PROTOCOL_MINOR,
+            schema_hash=wire.SCHEMA_HASH,
+            boot_id=boot.boot_id,
+            device_id=b"fault script".ljust(16, b"\0"),
+            firmware_version="fault script",
+            who_am_i=0x71,
+            sensor_starts=1,
+            sample_rate=RATE_HZ * 1000,
+            gyro_range=2000,
+            gyro_lsb=round(LSB_PER_DPS * 10),
+            accel_range=2,
+            accel_lsb=16384,
+            gyro_dlpf=184,
+            sampling_mode=wire.SamplingMode.TIMER,
+        )
+
+    def _write(self, data: bytes) -> None:
+        """Put bytes on the line, or drop them if what was begun before has not gone yet."""
+        if not self._flush():
+            self.dropped += data.count(0)
+            return
+        self._unsent = data
+        if self._flush() or len(self._unsent) < len(data):  # what is begun will be finished
+            self.streams[-1] += data
+        else:
+            self._unsent = b""
+            self.dropped += data.count(0)
+
+    def _flush(self) -> bool:
+        with contextlib.suppress(BlockingIOError):
+            while self._unsent:
+                self._unsent = self._unsent[os.write(self._master, self._unsent) :]
+        return not self._unsent

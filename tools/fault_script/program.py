@@ -1,0 +1,119 @@
+"""`fltea run` as a process: its records with their time of arrival, and its end."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE_S = 60.0
+QUICK = ("--startup", "50", "--set", "estimator.window=200")
+"""A start-up window of 0.5 s in place of 5 s."""
+
+SHIM = ("-m", "tools.fault_script.shim")
+
+
+def wait_until(condition: Callable[[], bool], what: str) -> None:
+    """Wait for something to happen."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        if time.monotonic() > deadline_s:
+            raise TimeoutError(f"waited in vain for {what}")
+        time.sleep(0.01)
+
+
+class Program:
+    """The daemon. module: how Python starts it. before: a command that starts it in turn."""
+
+    def __init__(
+        self,
+        arguments: Sequence[str | Path],
+        *,
+        module: Sequence[str] = ("-m", "fltea"),
+        before: Sequence[str] = (),
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+        self.process = subprocess.Popen(
+            [*before, sys.executable, *module, "run", "--samples", *QUICK, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200", **(environment or {})},
+        )
+        self.records: list[dict[str, Any]] = []
+        self.estimates_ns: list[int] = []
+        self.stderr = ""
+        self.code: int | None = None
+        self._newest: tuple[int, int] | None = None
+        self._threads = [threading.Thread(target=one) for one in (self._read, self._read_stderr)]
+        for thread in self._threads:
+            thread.start()
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        """Records of a class so far."""
+        return [record for record in list(self.records) if record["class"] == kind]
+
+    def errors(self) -> list[str]:
+        """Kinds of the errors told so far."""
+        return [record["kind"] for record in self.of("error")]
+
+    def wait_for(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait for something that only a living program does."""
+
+        def met() -> bool:
+            if not condition() and self.process.poll() is not None:
+                raise RuntimeError(f"the daemon ended before {what}: {self.stderr or self.records[-1:]}")
+            return condition()
+
+        wait_until(met, what)
+
+    def has_hello(self, boot_id: int) -> bool:
+        """Whether it has heard of this boot."""
+        return any(record["boot_id"] == boot_id for record in self.of("hello"))
+
+    def wait_for_sample(self, boot_id: int, sequence: int) -> None:
+        """Wait until the newest sample is this one."""
+        self.wait_for(lambda: self._newest == (boot_id, sequence % (1 << 16)), "the last sample")
+
+    def end(self, number: signal.Signals = signal.SIGTERM) -> None:
+        """Send a signal and wait for the end; `code` and `stderr` are set."""
+        self.process.send_signal(number)
+        self.code = self.process.wait(PATIENCE_S)
+        for thread in self._threads:
+            thread.join(PATIENCE_S)
+
+    def kill(self) -> None:
+        """Leave nothing behind."""
+        if self.code is None:
+            self.end(signal.SIGKILL)
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        boot_id = 0
+        with self.process.stdout as stream:
+            for line in stream:
+                now_ns = time.monotonic_ns()
+                try:
+                    record = json.loads(line)
+                except ValueError:  # cut by a kill
+                    break
+                self.records.append(record)
+                match record["class"]:
+                    case "epoch":
+                        boot_id = record["boot_id"]
+                    case "sample":
+                        self._newest = (boot_id, record["seq"] % (1 << 16))
+                    case "estimate":
+                        self.estimates_ns.append(now_ns)
+
+    def _read_stderr(self) -> None:
+        assert self.process.stderr is not None
+        with self.process.stderr as stream:
+            for line in stream:
+                self.stderr += line.decode()

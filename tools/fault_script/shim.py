@@ -1,0 +1,47 @@
+"""`fltea` on a machine whose clock can be set, and whose USB ports are made up; all else is the real program.
+
+FLTEA_SHIM_CLOCK=FILE   its eight bytes are added to Unix time [ns]
+FLTEA_SHIM_PORTS=FILE   JSON: a list of [device, description, hardware id]
+"""
+
+import json
+import mmap
+import os
+import struct
+import time
+from pathlib import Path
+
+from fltea.cli import main
+from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
+
+
+def set_clock_by(path: Path) -> None:
+    """Let Unix time, and it alone, follow the file."""
+    with path.open("rb") as file:
+        step = mmap.mmap(file.fileno(), 8, access=mmap.ACCESS_READ)
+    time_ns, time_s = time.time_ns, time.time
+    time.time_ns = lambda: time_ns() + struct.unpack("<q", step[:])[0]
+    time.time = lambda: time_s() + struct.unpack("<q", step[:])[0] * 1e-9
+
+
+def list_ports_of(path: Path) -> None:
+    """Let the ports of the machine be those of the file."""
+
+    def comports(include_links: bool = False) -> list[ListPortInfo]:
+        found = []
+        for device, description, hwid in json.loads(path.read_text()):
+            port = ListPortInfo(device)
+            port.description, port.hwid = description, hwid
+            found.append(port)
+        return found
+
+    list_ports.comports = comports
+
+
+if __name__ == "__main__":
+    if "FLTEA_SHIM_CLOCK" in os.environ:
+        set_clock_by(Path(os.environ["FLTEA_SHIM_CLOCK"]))
+    if "FLTEA_SHIM_PORTS" in os.environ:
+        list_ports_of(Path(os.environ["FLTEA_SHIM_PORTS"]))
+    main()

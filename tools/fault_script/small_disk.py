@@ -1,0 +1,70 @@
+"""A disk that is full when we say so, and has room again when we say so."""
+
+import os
+import resource
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from tools.fault_script.program import Program
+
+SIZE = "4m"
+
+
+class SmallDisk:
+    """A file system of its own that only the program sees; where that is not allowed, a limit on its files.
+
+    folder: where the program records to. kind: of the error that it has to tell. before: what starts it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir()
+        self.folder = folder
+        mount = f"mount -t tmpfs -o size={SIZE} tmpfs '{folder}' && exec \"$@\""
+        before = ("unshare", "--map-root-user", "--mount", "sh", "-c", mount, "sh")
+        self._mounted = _works(before)
+        self.before = before if self._mounted else ()
+        self.kind = "disk_full" if self._mounted else "record_failed"
+        self._pid = self._fd = -1
+
+    def attach(self, program: Program) -> None:
+        """See the disk as the program does, and as long as we want."""
+        self._pid = program.process.pid
+        self._fd = os.open(f"/proc/{self._pid}/root{self.folder}", os.O_RDONLY | os.O_DIRECTORY)
+
+    @property
+    def inside(self) -> Path:
+        """The folder for us; also when the program is gone."""
+        return Path(f"/proc/self/fd/{self._fd}")
+
+    def fill(self) -> None:
+        """Leave no room."""
+        if not self._mounted:
+            resource.prlimit(self._pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))
+            return
+        try:
+            with (self.inside / "ballast").open("wb", buffering=0) as ballast:
+                while True:
+                    ballast.write(bytes(4096))
+        except OSError:
+            pass  # it is full
+
+    def free(self) -> None:
+        """Make room."""
+        if self._mounted:
+            (self.inside / "ballast").unlink()
+        else:
+            no_limit = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+            resource.prlimit(self._pid, resource.RLIMIT_FSIZE, no_limit)
+
+    def close(self) -> None:
+        """Let it go."""
+        if self._fd >= 0:
+            os.close(self._fd)
+
+
+def _works(before: Sequence[str]) -> bool:
+    try:
+        return subprocess.run([*before, "true"], capture_output=True).returncode == 0
+    except OSError:
+        return False
