@@ -22,7 +22,7 @@ Recordings = Annotated[
 
 
 def record(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the files go.")] = Path("recordings"),
+    folder: Annotated[str, typer.Argument(metavar="DIR", help="Where the files go.")] = "recordings",
     source: Annotated[
         str | None,
         typer.Option("--source", "-s", metavar="URL", help="As of `fltea run`; default: the Arduino Due."),
@@ -58,7 +58,7 @@ def record(
     channels = () if raw else ("hello", "gap", "sample", "error")
     flags = {
         "source": source,
-        "record.folder": str(folder),
+        "record.folder": folder,
         "record.rotate_mb": rotate_mb,
         "record.rotate_s": rotate_s,
         "record.channels": list(channels),

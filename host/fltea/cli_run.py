@@ -23,7 +23,7 @@ def _numbers(text: str | None, flag: str, words: tuple[str, ...]) -> Any:
 
 
 def _list(text: str | None) -> list[str] | None:
-    return [part.strip() for part in text.split(",")] if text else None
+    return None if text is None else [part.strip() for part in text.split(",") if part.strip()]
 
 
 def run(
@@ -62,7 +62,7 @@ def run(
         bool, typer.Option("--samples", help="Write the samples too, so that the output can be replayed.")
     ] = False,
     record: Annotated[
-        Path | None,
+        str | None,  # as a Path, "" would be the folder in which fltea was started
         typer.Option(
             metavar="DIR", help="Record all that comes over the wire, and all records, as MCAP files."
         ),
@@ -86,7 +86,7 @@ def run(
         typer.Option(metavar="[HOST:]PORT", help="Serve metrics for Prometheus; likewise."),
     ] = None,
     state: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
             metavar="FILE", help="Keep the estimators in FILE, and go on from there after a restart."
         ),
@@ -168,11 +168,11 @@ def run(
         "once": once or None,
         "pace": pace,
         "samples": samples or None,
-        "record.folder": None if record is None else str(record),
+        "record.folder": record,
         "mqtt.broker": mqtt,
         "dashboard.address": dashboard,
         "metrics.address": metrics,
-        "state.file": None if state is None else str(state),
+        "state.file": state,
         "channels": _list(channels),
         "replay.columns": _list(columns),
         "replay.units": units,

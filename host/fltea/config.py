@@ -74,9 +74,9 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
         if self.startup < 2:
             raise ValueError("startup must be at least 2 samples: a variance needs two")
         if any(not math.isfinite(r) or r <= 0 for r in _given(self.R)):
-            raise ValueError("R is a variance and must be a positive number of (deg/s)²")
+            raise ValueError("R is a variance and must be a positive number")
         if not all(math.isfinite(b) for b in _given(self.bias)):
-            raise ValueError("bias must be finite numbers of deg/s")
+            raise ValueError("bias must be finite numbers")
 
     @property
     def startup_needed(self) -> int:
@@ -159,9 +159,12 @@ def load_configs(
         tree = _read_toml(file)
         _convert(tree, str(file))
     urls = list(sources)
+    if "" in urls:
+        raise UsageError('command line: --source: say where it is, for instance "serial:/dev/ttyACM0".')
     devices: dict[str | None, Mapping[str, Any]] = {**tree.pop("device", {})}
     if urls:
-        devices = dict(zip(_names(urls), ({"source": url} for url in urls), strict=True))
+        names = _names(urls) if len(urls) > 1 else [None]  # one alone may be named by `name`
+        devices = dict(zip(names, ({"source": url} for url in urls), strict=True))
     configs = []
     for name, table in (devices or {None: {}}).items():
         of_program = [key for key in table if key not in OF_A_DEVICE]

@@ -152,5 +152,7 @@ class StateConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     period_s: float = 60.0
 
     def __post_init__(self) -> None:
+        if self.file == "":
+            raise ValueError("file must be the name of a file")
         if not (self.max_age_s > 0 and self.period_s > 0):
             raise ValueError("max_age_s and period_s must be positive numbers of seconds")

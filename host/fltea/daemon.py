@@ -3,6 +3,7 @@
 import contextlib
 import math
 import os
+import select
 import signal
 import sys
 import threading
@@ -48,8 +49,7 @@ def run(configs: Sequence[Config]) -> None:
             return
     if not done:  # a thread hangs in an output that nobody reads; Python would wait for it
         if failure is not None:
-            sys.stderr.write(f"fltea: error: {failure}\n")
-        sys.stderr.flush()
+            _last_words(f"fltea: error: {failure}\n")
         os._exit(failure.exit_code if failure else 0)
     if failure is not None:
         raise failure
@@ -60,15 +60,18 @@ STUCK_S = 20.0
 
 
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
-    """SIGINT and SIGTERM set `asked`; before `armed` they raise KeyboardInterrupt."""
+    """SIGINT, SIGTERM and SIGHUP set `asked`; before `armed` they raise KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self.asked = threading.Event()
         self.armed = False
+        self._heard = False
         self._before: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> "StopOnSignal":
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
+                continue  # nohup
             self._before[number] = signal.signal(number, self._on_signal)
         return self
 
@@ -79,7 +82,9 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if not self.armed:
             raise KeyboardInterrupt
-        self.asked.set()
+        if not self._heard:  # a second signal within `set` would wait for its lock for ever
+            self._heard = True
+            self.asked.set()
 
 
 class _Run:
@@ -108,6 +113,7 @@ class _Run:
             open_outputs(configs, self._hub)
             if configs[0].state.file is not None:
                 state = StateFile(configs[0].state, self._hub.report())
+            self._stop.armed = True
         except BaseException:
             _close(sources)
             self._hub.close(PATIENCE_S)
@@ -119,7 +125,6 @@ class _Run:
         for thread in threads:
             thread.daemon = True
             thread.start()
-        self._stop.armed = True
         self._manager.ready()
         live = any(source.live for source in sources)
         self._wait(self._done)
@@ -131,9 +136,16 @@ class _Run:
         deadline_s = time.monotonic() + PATIENCE_S
         for thread in threads:
             thread.join(max(0.0, deadline_s - time.monotonic()) if asked else None)
-        if state is not None:
-            state.close()
-        closed = self._hub.close(max(0.1, deadline_s - time.monotonic()) if asked else None)
+        saving = threading.Thread(target=state.close, daemon=True) if state is not None else None
+        if saving is not None:  # beside the outputs: a slow disk must not take their time
+            saving.start()
+        timeout_s = max(0.1, deadline_s - time.monotonic()) if asked else None
+        closed = self._hub.close(timeout_s, self._stop.asked.is_set)
+        if not closed and not asked:  # a signal came while an output was waited for
+            closed = self._hub.close(PATIENCE_S)
+        if saving is not None:
+            saving.join(max(0.1, deadline_s - time.monotonic()) if asked else None)
+            threads.append(saving)
         return self._failure, closed and not any(thread.is_alive() for thread in threads)
 
     def _wait(self, event: threading.Event) -> None:
@@ -187,7 +199,7 @@ class _Run:
             if failure is not None:
                 break
             if state is not None and clock.host_ns() >= save_ns:
-                save_ns += period_ns
+                save_ns = clock.host_ns() + period_ns
                 _deposit(pipeline, state, name)
         self._moved_s[name] = math.inf
         self._hub.publish(name, [pipeline.stats()], wait=not source.prompt)
@@ -216,17 +228,27 @@ def _deposit(pipeline: Pipeline, state: StateFile, name: str) -> None:
 
 
 def _close(sources: Sequence[Source]) -> None:
-    """Close them side by side: each may need a moment."""
+    """Close them side by side: each may need a moment, but all together get no more than `PATIENCE_S`."""
     threads = [threading.Thread(target=source.close, daemon=True) for source in sources]
     for thread in threads:
         thread.start()
+    deadline_s = time.monotonic() + PATIENCE_S
     for thread in threads:
-        thread.join(PATIENCE_S)
+        thread.join(max(0.0, deadline_s - time.monotonic()))
 
 
 def _check_recordable(config: Config, source: Source) -> None:
     if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
         raise UsageError("--record and --state are for devices; a recording is one already.")
+    if config.state.file and "reference" in (config.estimator.engine, config.accel.engine):
+        raise UsageError("--state keeps the native engines only; leave --engine reference or --state away.")
+
+
+def _last_words(text: str) -> None:
+    """Write to stderr if it takes anything; a thread that hangs in it may hold the lock of `sys.stderr`."""
+    with contextlib.suppress(OSError):
+        if select.select([], [2], [], 0)[1]:
+            os.write(2, text.encode())
 
 
 def silence_stdout() -> None:

@@ -11,6 +11,9 @@ from fltea.transport import TransportEvent
 ESSENTIAL = "stdout"
 """The output without which a program that has no other need not go on; its failure is then the program's."""
 
+LAST_LINES_S = 0.05
+"""The log closes after the others, which may have used up all the time."""
+
 
 class Hub:
     """Takes records from the pipelines' threads and queues them for every sink.
@@ -90,17 +93,20 @@ class Hub:
         """Counts of the outputs that a device writes to, by name."""
         return {outlet.sink.name: outlet.stats() for outlet in (*self._shared, *self._of.get(device, ()))}
 
-    def close(self, timeout_s: float | None) -> bool:
-        """Let every output write what is queued, and close it; False if one did not manage in time."""
+    def close(self, timeout_s: float | None, asked: Callable[[], bool] = lambda: False) -> bool:
+        """Let every output write what is queued, and close it; False if one did not manage in time.
+
+        timeout_s: None waits until somebody has asked for the end.
+        """
         outlets = [outlet for _, outlet in self.outlets()]
         for outlet in outlets:
             outlet.close()
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        joined = [_join(outlet, deadline_s) for outlet in outlets]
+        joined = [_join(outlet, deadline_s, asked) for outlet in outlets]
         done = all(joined)
         if self._log is not None:  # last: the others may have had something to say
             self._log.close()
-            done = _join(self._log, deadline_s) and done
+            done = (_join(self._log, deadline_s, asked) or self._log.join(LAST_LINES_S)) and done
         return done
 
     def _all_of_devices(self) -> list[Outlet]:
@@ -109,16 +115,16 @@ class Hub:
     def _on_end(self, ended: Outlet, error: Exception | None) -> None:
         self._ended.append(ended)
         others = [outlet for _, outlet in self.outlets() if outlet not in self._ended]
-        if ended.sink.name == ESSENTIAL and not others:
+        if not others and any(outlet.sink.name == ESSENTIAL for outlet in self._ended):
             self._on_stop(error)
         else:
             why = "its reader left" if error is None else f"{type(error).__name__}: {error}"
             self.report()("output_lost", f"nothing more is written to {ended.sink.name} ({why}).")
 
 
-def _join(outlet: Outlet, deadline_s: float | None) -> bool:
+def _join(outlet: Outlet, deadline_s: float | None, asked: Callable[[], bool]) -> bool:
     """Wait for an output to end, up to a moment; in slices, so that a signal is heard in between."""
-    while deadline_s is None or time.monotonic() < deadline_s:
+    while not asked() if deadline_s is None else time.monotonic() < deadline_s:
         if outlet.join(0.05):
             return True
     return outlet.join(0)

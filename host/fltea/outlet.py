@@ -45,6 +45,8 @@ class Outlet:
         self._changed = threading.Condition()
         self._closing = self._ended = False
         self._written = self._dropped = self._overflow = 0
+        self._in_hand = 0
+        self._lost_before: int | None = None  # the sink's own count, while a batch is in hand
         self._thread = threading.Thread(target=self._run, name=f"sink {sink.name}", daemon=True)
 
     def start(self) -> None:
@@ -70,9 +72,10 @@ class Outlet:
             self._changed.notify_all()
 
     def stats(self) -> OutputStats:
-        """Count what was written and what was lost."""
-        lost = self.sink.lost
-        return OutputStats(self._written - lost, self._dropped + lost, len(self._queue))
+        """Count what was written and what was lost; what is being written still waits."""
+        with self._changed:
+            lost = self.sink.lost if self._lost_before is None else self._lost_before
+            return OutputStats(self._written - lost, self._dropped + lost, len(self._queue) + self._in_hand)
 
     def close(self) -> None:
         """Take nothing more; what is queued still goes out (see `join`)."""
@@ -105,13 +108,16 @@ class Outlet:
             self._queue.clear()
             overflow, self._overflow = self._overflow, 0
             closing = self._closing
+            self._in_hand, self._lost_before = len(batch), self.sink.lost
             self._changed.notify_all()
-        if overflow:
-            self.sink.on_overflow(overflow)
         for item, _ in batch:
             self.sink.write(item)
+        if overflow:  # the queue was full then, so what was dropped comes behind all that was in it
+            self.sink.on_overflow(overflow)
         self.sink.flush()
-        self._written += len(batch)
+        with self._changed:
+            self._written += len(batch)
+            self._in_hand, self._lost_before = 0, None
         now_ns = host_ns()
         arrived_ns, weight = None, 0
         for _, arrived in batch:  # what came in one burst has one latency
@@ -129,5 +135,9 @@ class Outlet:
             self._ended = True
             self._dropped += len(self._queue)
             self._queue.clear()
+            if self._lost_before is not None:  # how much of the last batch went out nobody knows
+                self._dropped += max(0, self._in_hand - (self.sink.lost - self._lost_before))
+                self._written += min(self._in_hand, self.sink.lost - self._lost_before)
+                self._in_hand, self._lost_before = 0, None
             self._changed.notify_all()
         self._on_end(self, error)

@@ -27,7 +27,6 @@ from fltea.model import (
     LinkDown,
     OutputStats,
     RawSample,
-    Sample,
     SampleStats,
     Stats,
     Trouble,
@@ -66,11 +65,11 @@ class Pipeline:
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name)
         self._gyro: Channels | None = None
         self._accel: Channels | None = None
-        self._sample: Sample | None = None
+        self._sample_ns: int | None = None
         self._board: DeviceStatus | None = None
         self._now_ns = 0
         self._told_lost: dict[str, int] = {}
-        self._told_no_accel = False
+        self._told_no_axis = False
         self._offset_ns = source.unix_offset_ns
         self._stats_due_ns: int | None = None
 
@@ -103,13 +102,14 @@ class Pipeline:
 
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
-        hello = self._decoder.continuity.hello
+        hello, sample_ns = self._decoder.continuity.hello, self._sample_ns
         gyro = self._gyro.save() if self._gyro else None
         accel = self._accel.save() if self._accel else None
         unfinished = (self._gyro and not gyro) or (self._accel and not accel)
-        if hello is None or self._sample is None or unfinished or not (gyro or accel):
+        if hello is None or sample_ns is None or unfinished or not (gyro or accel):
             return None
-        return DeviceState(sensor_of(hello, self._config), self._sample.host_ns, gyro, accel)
+        unix_ns = sample_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
+        return DeviceState(sensor_of(hello, self._config), unix_ns, gyro, accel)
 
     def _on_sample(self, decoded: Decoded) -> Iterator[AnyRecord]:
         sample, raw, hello, missing, reason = decoded
@@ -138,7 +138,7 @@ class Pipeline:
                 resumed_after_s,
                 device=name,
             )
-        self._sample = sample
+        self._sample_ns = raw.host_ns
         yield sample
         gyro = yield from self._estimate(self._gyro, sample.gyro_dps)
         accel = yield from self._estimate(self._accel, sample.accel_ms2 or ())
@@ -173,9 +173,10 @@ class Pipeline:
 
     def _on_baseline(self, constant_axes: tuple[str, ...]) -> Iterator[AnyRecord]:
         for axis in constant_axes:
+            remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
             text = (
                 f"{axis} did not change over the start-up window, so R cannot be drawn from it, and the axis "
-                "stays invalid. Is the sensor alive? If such data are meant, give R: --r 0.02."
+                f"stays invalid. Is the sensor alive? If such data are meant, give R: {remedy}."
             )
             yield self._error("constant_axis", text)
         yield self.stats()
@@ -208,12 +209,14 @@ class Pipeline:
         has_accel = raw.accel is not None and bool(hello.accel_lsb_per_g)
         gyro = [i for i, axis in enumerate(AXES[: len(raw.gyro)]) if wanted is None or axis in wanted]
         accel = [i for i, axis in enumerate(ACCEL_AXES) if axis in (wanted or ())]
-        if accel and not has_accel and not self._told_no_accel:
-            self._told_no_accel = True
-            yield self._error(
-                "no_accel",
-                "channels names axes of an accelerometer, but the source has none, or no scale for it.",
+        available = AXES[: len(raw.gyro)] + (ACCEL_AXES if has_accel else ())
+        absent = [axis for axis in wanted or () if axis not in available]
+        if absent and not self._told_no_axis:
+            self._told_no_axis = True
+            text = (
+                f"channels names {', '.join(absent)}, which this source does not have, or has no scale for."
             )
+            yield self._error("no_axis", text)
         h, config = 1.0 / hello.rate_hz, self._config
         try:
             self._gyro = self._accel = None

@@ -21,6 +21,8 @@ from fltea.estimator.online import OnlineState
 from fltea.model import Hello
 
 VERSION = 1
+LOOK_S = 1.0
+"""What is new is on the disk after this long; how often there is something, `period_s` says."""
 
 
 class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -59,7 +61,12 @@ def why_unused(state: DeviceState, hello: Hello, config: Config, now_unix_ns: in
         return f"it is {age_s:.0f} s old (state.max_age_s is {config.state.max_age_s:g})"
     now = sensor_of(hello, config)
     other = [key for key, value in now.items() if state.sensor.get(key) != value]
-    return f"it is of another {', '.join(other)}" if other else None
+    return f"it differs in: {', '.join(other)}" if other else None
+
+
+class _Header(msgspec.Struct, frozen=True):
+    version: int
+    devices: dict[str, msgspec.Raw]
 
 
 class StateFile:
@@ -74,7 +81,7 @@ class StateFile:
         self._path = Path(config.file)
         self._period_s = config.period_s
         self._report = report
-        self._devices = _read(self._path)
+        self._devices = self._read()
         self.found = dict(self._devices)
         self._lock = threading.Lock()
         self._changed = self._failed = False
@@ -82,6 +89,27 @@ class StateFile:
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
         _check_writable(self._path)
         self._thread.start()
+
+    def _read(self) -> dict[str, DeviceState]:
+        path = self._path
+        try:
+            data = path.read_bytes()
+        except FileNotFoundError:
+            return {}
+        except OSError as error:
+            raise UsageError(f"--state {path}: cannot be read ({error}).") from error
+        try:
+            version = msgspec.json.decode(data, type=_Header).version
+            if version == VERSION:
+                return dict(msgspec.json.decode(data, type=_File).devices)
+        except msgspec.DecodeError as error:
+            text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
+            raise UsageError(text) from error
+        self._report(
+            "state_unused",
+            f"{path} is of another version of fltea ({version}): the start-up window begins, it is replaced.",
+        )
+        return {}
 
     def put(self, name: str, state: DeviceState) -> None:
         """Replace a device's snapshot; it is written before long."""
@@ -96,7 +124,7 @@ class StateFile:
         self._write()
 
     def _run(self) -> None:
-        while not self._stop.wait(self._period_s):
+        while not self._stop.wait(min(self._period_s, LOOK_S)):
             self._write()
 
     def _write(self) -> None:
@@ -121,23 +149,6 @@ class StateFile:
                 self._report(
                     "state_failed", f"{self._path}: cannot be written ({error}); the old one is kept."
                 )
-
-
-def _read(path: Path) -> dict[str, DeviceState]:
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        return {}
-    except OSError as error:
-        raise UsageError(f"--state {path}: cannot be read ({error}).") from error
-    try:
-        file = msgspec.json.decode(data, type=_File)
-    except msgspec.DecodeError as error:
-        text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
-        raise UsageError(text) from error
-    if file.version != VERSION:
-        raise UsageError(f"--state {path}: is of another version of fltea ({file.version}). Remove it.")
-    return dict(file.devices)
 
 
 def _check_writable(path: Path) -> None:

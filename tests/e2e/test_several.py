@@ -162,9 +162,9 @@ def test_a_reader_that_stops_reading_costs_only_the_output(processes: Processes,
         while data.count(b'"class":"estimate"') < 300:
             data += os.read(reader, 1 << 16)
         daemon.send_signal(signal.SIGTERM)
-        assert daemon.wait(PATIENCE_S) == 0
         while more := os.read(reader, 1 << 16):
             data += more
+        assert daemon.wait(PATIENCE_S) == 0
         records = [json.loads(line) for line in data.splitlines()]
         sequences = [r["seq"] for r in records if r["class"] == "estimate"]
         assert sequences == list(range(50, 50 + len(sequences)))  # the queue held them all
@@ -195,3 +195,12 @@ def test_a_service_manager_hears_ready_alive_and_stopping(
         while (said := manager.recv(100)) == b"WATCHDOG=1":
             pass
         assert said == b"STOPPING=1"
+
+
+def test_a_terminal_that_is_closed_ends_it_in_order(processes: Processes, tmp_path: Path) -> None:
+    processes.stand_in(tmp_path / "port")
+    daemon = processes.daemon("-s", f"serial:{tmp_path / 'port'}", *QUICK)
+    daemon.wait_for(lambda: len(daemon.of("estimate")) > 10, "estimates")
+    code, _ = daemon.end(signal.SIGHUP)
+    assert code == 0
+    assert daemon.records[-1]["class"] == "stats"

@@ -228,6 +228,12 @@ def test_a_folder_that_cannot_be_one(system: FakeSystem, tmp_path: Path) -> None
     assert (found.level, found.message) == ("problem", f"{file} is no folder.")
     assert outputs(system, state__file=str(tmp_path / "state")) == []
     assert levels(outputs(system, state__file=str(file / "state"))) == {"state": "problem"}
+    # The folder of recordings is made by fltea run, that of the snapshot is not.
+    missing = told(outputs(system, state__file=str(tmp_path / "no/state")), "state")
+    assert (missing.level, missing.message) == ("problem", f"there is no folder {tmp_path / 'no'}.")
+    assert levels(outputs(system, state__file=str(tmp_path))) == {"state": "problem"}
+    tilde = told(outputs(system, record__folder="~/rec"), "disk")  # as fltea run takes it: a folder named so
+    assert " free for ~/rec:" in tilde.message
 
 
 @pytest.fixture

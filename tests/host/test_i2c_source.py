@@ -2,7 +2,7 @@
 
 import errno
 import threading
-from itertools import pairwise
+from itertools import count, pairwise
 
 import pytest
 from fake_smbus import MS, UNIX_OFFSET_NS, FakeHost, Pi, S, taken_ns
@@ -66,6 +66,19 @@ def test_a_quiet_run() -> None:
     assert stats.link.bytes == 14 * len(pi.raw)
     assert pi.status == i2c.DeviceStatus(0, 0, 0, 0, 0, "software")
     assert len([e for e in pi.events if isinstance(e, i2c.DeviceStatus)]) == pytest.approx(15, abs=1)
+
+
+def test_the_date_changes_only_with_an_event(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recorder and the pipeline each ask for it, and a replay has to give what was live."""
+    pi = Pi()
+    monkeypatch.setattr(pi.host, "unix_offset_ns", count(UNIX_OFFSET_NS).__next__)
+    events, seen = pi.source.events(), set()
+    for _ in range(50):
+        next(events)
+        offset_ns = pi.source.unix_offset_ns
+        assert pi.source.unix_offset_ns == offset_ns
+        seen.add(offset_ns)
+    assert len(seen) == 50
 
 
 def test_what_hello_says() -> None:

@@ -1,6 +1,7 @@
 """Sinks behind their queues: each loses only its own records, counts them, and ends in order."""
 
 import threading
+import time
 from collections.abc import Callable
 
 import pytest
@@ -62,6 +63,13 @@ class Patient(Memory):
     lossless = True
 
 
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
 def ends() -> tuple[list[Exception | None], Callable[[Outlet, Exception | None], None]]:
     found: list[Exception | None] = []
     return found, lambda outlet, error: found.append(error)
@@ -94,12 +102,12 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     outlet.put([gap(0)])
     assert sink.entered.wait(PATIENCE_S)
     outlet.put([gap(k) for k in range(1, 31)])
-    assert (outlet.stats().dropped, outlet.stats().queued) == (20, 10)
+    assert (outlet.stats().dropped, outlet.stats().queued) == (20, 11)
     sink.go.set()
     outlet.close()
     assert outlet.join(PATIENCE_S)
     assert sink.items == [gap(k) for k in range(11)]
-    assert sink.overflows == [(1, 20)]
+    assert sink.overflows == [(11, 20)]  # the queue was full of older ones
     assert outlet.stats().written + outlet.stats().dropped == 31
 
 
@@ -135,6 +143,29 @@ def test_what_a_sink_lost_itself_is_not_written() -> None:
     outlet.join(PATIENCE_S)
     sink.lost = 4
     assert (outlet.stats().written, outlet.stats().dropped) == (6, 4)
+
+
+def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
+    """Every record is written, dropped or waiting; as the sink's own loss it counts once."""
+    sink = Memory().held()
+    outlet, _ = started(sink)
+    outlet.put([gap(0)])
+    assert sink.entered.wait(PATIENCE_S)
+    outlet.put([gap(k) for k in range(1, 10)])
+    sink.go.set()
+    wait_for(lambda: len(sink.items) == 10)
+    sink.entered.clear()
+    sink.held()
+    outlet.put([gap(k) for k in range(10, 30)])
+    assert sink.entered.wait(PATIENCE_S)
+    sink.lost = 7
+    stats = outlet.stats()
+    assert (stats.written, stats.dropped, stats.queued) == (10, 0, 20)  # not less than was written before
+    sink.fail = ZeroDivisionError
+    sink.go.set()
+    assert outlet.join(PATIENCE_S)
+    stats = outlet.stats()
+    assert (stats.written, stats.dropped, stats.queued) == (10, 20, 0)
 
 
 @given(st.lists(st.tuples(st.floats(0, 5000), st.integers(1, 5))))
@@ -197,6 +228,23 @@ def test_one_held_output_holds_up_no_other() -> None:
     assert stats.dropped >= 96
 
 
+def test_without_a_limit_it_waits_until_somebody_asks_for_the_end() -> None:
+    all_outputs, _ = hub()
+    held, log = Memory("stdout").held(), Memory("log")
+    all_outputs.add(held)
+    all_outputs.add_log(log)
+    all_outputs.publish("due", [gap(1)])
+    assert held.entered.wait(PATIENCE_S)
+    asked = threading.Event()
+    threading.Timer(0.1, asked.set).start()
+    assert all_outputs.close(None, asked.is_set) is False
+    assert asked.is_set()
+    assert log.closed
+    held.go.set()
+    assert all_outputs.close(None)
+    assert held.items == [gap(1)]
+
+
 def test_a_report_reaches_every_output_of_the_device_and_the_log() -> None:
     all_outputs, _ = hub()
     shared, left, right, log = Memory("stdout"), Memory("record"), Memory("record"), Memory("log")
@@ -243,3 +291,18 @@ def test_the_wire_goes_only_to_those_who_take_it() -> None:
     all_outputs.publish("left", [gap(1)])
     assert all_outputs.close(PATIENCE_S)
     assert record.items == [Chunk(b"abc", 5), gap(1)]
+
+
+def test_when_the_last_output_goes_after_stdout_the_program_stops() -> None:
+    all_outputs, stops = hub()
+    first, last = Memory("stdout"), Memory("record")
+    all_outputs.add(first)
+    all_outputs.add(last, "due")
+    first.fail = SinkClosed
+    all_outputs.publish("due", [gap(1)])
+    assert all_outputs._shared[0].join(PATIENCE_S)
+    assert stops == []
+    last.fail = lambda: OSError(5, "gone")
+    all_outputs.publish("due", [gap(2)])
+    assert all_outputs._of["due"][0].join(PATIENCE_S)
+    assert [type(stop) for stop in stops] == [OSError]

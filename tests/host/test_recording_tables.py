@@ -10,7 +10,7 @@ import pytest
 from fltea import cli_record
 from fltea.decode import Decoded, Decoder
 from fltea.errors import FlteaError, UsageError
-from fltea.model import Epoch, Estimate, Gap, Sample
+from fltea.model import Epoch, Estimate, Gap, Hello, Sample
 from fltea.recording.export import export
 from fltea.recording.info import Summary, as_text, sessions, summarise
 from fltea.recording.recovery import recover
@@ -226,6 +226,11 @@ def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
     assert found.link == sink._wire.link_stats()
     assert found.size_bytes == sum(path.stat().st_size for path in files(tmp_path))
     assert found.start_unix_ns == of(live, Sample)[0].host_ns
+    assert found.hello is not None
+    assert found.hello.device == "due"
+    assert (
+        of(live, Hello)[-1].host_ns <= found.hello.host_ns <= of(live, Sample)[-1].host_ns
+    )  # the last heard
     assert found.duration_s == pytest.approx(13.0, abs=0.1)
     assert found.rate_hz == pytest.approx(100.0, rel=1e-3)
     text = as_text(found)

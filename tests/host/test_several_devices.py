@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from fltea.config import NAME, Config, device_name, load_configs
 from fltea.errors import UsageError
+from host_support import QUICK, fltea
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -52,6 +53,7 @@ def test_flags_win_over_every_table(file: Path) -> None:
 def test_sources_on_the_command_line_replace_the_devices_of_the_file(file: Path) -> None:
     [one] = load_configs(file, {}, ["synthetic:?seed=2"])
     assert (one.name, one.source, one.estimator.window) == ("synthetic", "synthetic:?seed=2", 900)
+    assert load_configs(None, {"name": "bench"}, ["/dev/ttyACM0"])[0].name == "bench"
     names = [c.name for c in load_configs(None, {}, ["/dev/ttyACM0", "/dev/ttyACM1", "serial:/dev/ttyACM0"])]
     assert names == ["ttyACM0", "ttyACM1", "ttyACM0-2"]
 
@@ -85,6 +87,12 @@ def test_mistakes_are_named_with_their_place(text: str, complaint: str, tmp_path
     assert "wrong.toml" in str(caught.value)
 
 
+@pytest.mark.parametrize("urls", [[""], ["synthetic:", ""]])
+def test_an_empty_source_is_a_mistake_of_the_command_line(urls: list[str]) -> None:
+    with pytest.raises(UsageError, match=r"^command line: .*say where it is"):
+        load_configs(None, {}, urls)
+
+
 def test_devices_are_not_for_set(file: Path) -> None:
     with pytest.raises(UsageError, match="set up in the file"):
         load_configs(None, {"device.a.source": "x"})
@@ -115,3 +123,16 @@ def test_name_of_a_device_that_nobody_named(url: str | None, name: str) -> None:
 def test_every_name_can_be_a_file_and_a_topic(url: str) -> None:
     assert NAME.fullmatch(device_name(url))
     assert Config(name=device_name(url)).name
+
+
+def test_an_axis_that_the_source_does_not_have_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "one.csv"
+    path.write_text("gyro_x_dps\n" + "".join(f"{k % 7}\n" for k in range(90)))
+    run = fltea("run", "-s", str(path), "--rate", "100", "--once", *QUICK, "--channels", "gyro_z")
+    assert "no_axis: channels names gyro_z, which this source does not have" in run.stderr
+
+
+def test_a_snapshot_of_the_reference_is_refused(tmp_path: Path) -> None:
+    run = fltea("run", "-s", "synthetic:", "--engine", "reference", "--state", tmp_path / "state")
+    assert run.returncode == 2
+    assert "--state keeps the native engines only" in run.stderr

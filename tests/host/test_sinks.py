@@ -3,7 +3,10 @@
 import io
 import json
 import math
+import os
 import re
+import threading
+import time
 from typing import Any
 
 import msgspec
@@ -147,6 +150,32 @@ def test_stream_that_takes_little_at_a_time_gets_everything(at_a_time: int) -> N
         sink.write(record)
     sink.close()
     assert stream.data == written(*EVERY_KIND)
+
+
+def test_a_full_pipe_that_does_not_block_is_waited_for() -> None:
+    """Whoever shares the pipe may have made it so."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    sink = NdjsonSink(io.FileIO(writer, "wb"), samples=True)
+    expected = 3000 * len(written(ERROR))
+    data = bytearray()
+
+    def read() -> None:
+        while len(data) < expected:
+            time.sleep(0.002)
+            data.extend(os.read(reader, 1 << 16))
+
+    thread = threading.Thread(target=read, daemon=True)
+    try:
+        thread.start()
+        for _ in range(3000):
+            sink.write(ERROR)
+        sink.close()
+        thread.join(20)
+        assert data == written(*[ERROR] * 3000)
+    finally:
+        os.close(reader)
+        sink._stream.close()
 
 
 @pytest.mark.parametrize("failure", [BrokenPipeError(), ValueError("I/O operation on closed file")])

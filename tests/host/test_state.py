@@ -1,6 +1,7 @@
 """Snapshots: what goes on, bit for bit, and what must not."""
 
 import random
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -90,6 +91,20 @@ def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
     assert found == {seq: expected[seq] for seq in range(200 + missing, 400)}
 
 
+def test_a_date_that_was_set_in_between_does_not_change_the_age() -> None:
+    """An epoch keeps the date of its beginning for its samples, for months; a snapshot must not."""
+    settings, source = config(), NoSource()
+    pipeline = Pipeline(source, settings)
+    walk(pipeline, hello(), *map(raw, range(100)))
+    source.unix_offset_ns = BEGIN_NS + 3600 * S
+    walk(pipeline, *map(raw, range(100, 200)))
+    state, after = pipeline.save(), NoSource()
+    after.unix_offset_ns = source.unix_offset_ns
+    records = walk(Pipeline(after, settings, state=state), hello(), *map(raw, range(250, 260)))
+    [epoch] = [r for r in records if isinstance(r, Epoch)]
+    assert (epoch.reason, epoch.resumed_after_s) == ("resumed", pytest.approx(0.51))
+
+
 def test_what_is_longer_ago_than_the_memory_is_bridged_by_its_length() -> None:
     settings = config()
     far, farther = (later(snapshot(settings), settings, k, k + 20) for k in (1000, 1300))
@@ -116,11 +131,11 @@ def test_bias_and_r_are_kept_and_no_start_up_window_begins() -> None:
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"device_id": "b1"}, "another device_id"),
-        ({"who_am_i": 0x70}, "another who_am_i"),
-        ({"gyro_lsb_per_dps": 131.0}, "another scales"),
-        ({"rate_hz": 99.0}, "another rate_hz"),
-        ({"gyro_dlpf_hz": 5.0}, "another filter_hz"),
+        ({"device_id": "b1"}, "differs in: device_id"),
+        ({"who_am_i": 0x70}, "differs in: who_am_i"),
+        ({"gyro_lsb_per_dps": 131.0}, "differs in: scales"),
+        ({"rate_hz": 99.0}, "differs in: rate_hz"),
+        ({"gyro_dlpf_hz": 5.0}, "differs in: filter_hz"),
     ],
 )
 def test_another_sensor_begins_anew_and_says_why(changes: dict[str, object], text: str) -> None:
@@ -204,6 +219,21 @@ def test_all_devices_are_written_at_the_end_and_found_again(tmp_path: Path) -> N
     assert [p.name for p in tmp_path.iterdir()] == ["fltea.state"]
 
 
+def test_what_is_new_is_written_soon_and_not_a_period_later(tmp_path: Path) -> None:
+    """A program that is killed then has lost no more than a period."""
+    path = tmp_path / "state"
+    file, said = state_file(path, period_s=3600)
+    state = snapshot(config())
+    file.put("left", state)
+    deadline = time.monotonic() + 20
+    while not path.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert state_file(path)[0].found == {"left": state}
+    file.close()
+    assert said == []
+
+
 def test_a_folder_that_goes_is_told_once_and_the_old_file_kept(tmp_path: Path) -> None:
     path = tmp_path / "folder" / "state"
     path.parent.mkdir()
@@ -226,11 +256,22 @@ def test_a_file_that_is_none_of_ours_is_refused_and_left_alone(content: bytes, t
     assert path.read_bytes() == content
 
 
-def test_a_file_of_another_version_or_place_is_refused(tmp_path: Path) -> None:
+def test_a_snapshot_of_another_version_is_told_and_replaced(tmp_path: Path) -> None:
+    """A service that was renewed must start again, though nobody is there to remove a file."""
     path = tmp_path / "state"
-    path.write_bytes(b'{"version":99,"devices":{}}')
-    with pytest.raises(UsageError, match="another version"):
-        state_file(path)
+    path.write_bytes(b'{"version":99,"devices":{"due":{"new":1}},"more":2}')
+    file, said = state_file(path)
+    assert file.found == {}
+    [(kind, text)] = said
+    assert kind == "state_unused"
+    assert "another version of fltea (99)" in text
+    kept = snapshot(config())
+    file.put("due", kept)
+    file.close()
+    assert state_file(path)[0].found == {"due": kept}
+
+
+def test_a_file_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="there is no folder"):
         state_file(tmp_path / "no" / "state")
     with pytest.raises(UsageError, match="cannot be"):

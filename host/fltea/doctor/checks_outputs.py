@@ -26,9 +26,9 @@ def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding
     """Everything that the configuration names as an output."""
     config = configs[0]  # outputs are the same for all devices
     if config.record.folder is not None:
-        yield from _recordings(Path(config.record.folder).expanduser(), len(configs), system)
+        yield from _recordings(Path(config.record.folder), len(configs), system)
     if config.state.file is not None:
-        yield from _writable("state", Path(config.state.file).expanduser().parent)
+        yield from _snapshot(Path(config.state.file))
     if config.mqtt.broker is not None:
         yield _broker(config.mqtt)
     for name, address in (("dashboard", config.dashboard.address), ("metrics", config.metrics.address)):
@@ -79,6 +79,16 @@ def _writable(check: str, folder: Path) -> Iterator[Finding]:
         else:
             remedy = f"choose another folder, or: sudo install -d -o $USER {folder}"
             yield problem(check, f"{folder} cannot be written ({existing} belongs to {owner}).", remedy)
+
+
+def _snapshot(file: Path) -> Iterator[Finding]:
+    folder = file.parent
+    if file.is_dir():
+        yield problem("state", f"{file} is a folder.", "give the name of a file.")
+    elif folder.exists():
+        yield from _writable("state", folder)
+    else:
+        yield problem("state", f"there is no folder {folder}.", f"mkdir -p {folder}")
 
 
 def _broker(settings: MqttConfig) -> Finding:

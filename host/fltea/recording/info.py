@@ -86,7 +86,8 @@ def summarise(paths: Sequence[Path], max_gap: int) -> Summary:
     of_epoch = 0
     for event in source.events():
         if isinstance(event, Hello):
-            hello = event
+            unix_ns = event.host_ns + source.unix_offset_ns
+            hello = msgspec.structs.replace(event, host_ns=unix_ns, device=device)
             boots.add((event.boot_id, event.device_id))
         found = decoder.feed(event)
         if not isinstance(found, Decoded) or decoder.timebase is None:

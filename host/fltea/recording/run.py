@@ -84,8 +84,8 @@ class _Recorder:
 
     @property
     def lost(self) -> int:
-        """Items that no file took."""
-        return self._sink.lost
+        """Items that no file took, and bytes that had to be thrown away before they could be given to one."""
+        return self._sink.lost + self._source.link_stats().overflow_bytes
 
     def close(self) -> None:
         """Finish the file."""
@@ -101,6 +101,8 @@ class _Recorder:
         at = "" if rate_hz is None else f" at {rate_hz:.2f} Hz"
         lost = f"{count.lost} lost in {count.gaps} gaps"
         stopped = f", {self._sink.lost} items NOT recorded" if self._sink.lost else ""
+        if unread := self._source.link_stats().overflow_bytes:
+            stopped += f", {unread} bytes thrown away while the disk was too slow"
         return (
             f"{self._name}: {count.delivered} samples{at}, {lost}; "
             f"{self._sink.parts} file{'' if self._sink.parts == 1 else 's'} in {self._folder}{stopped}"

@@ -1,5 +1,6 @@
 """One JSON object a line on a binary stream (host/README.md, Records)."""
 
+import time
 from typing import BinaryIO
 
 import msgspec
@@ -8,6 +9,7 @@ from fltea.model import Sample
 from fltea.sinks import Item, Sink, SinkClosed
 
 BLOCK = 1 << 16
+FULL_S = 0.005
 
 
 class NdjsonSink(Sink):
@@ -39,7 +41,9 @@ class NdjsonSink(Sink):
         try:
             while self._pending:
                 written = self._stream.write(self._pending)
-                del self._pending[: len(self._pending) if written is None else written]
+                if written is None:  # somebody made it non-blocking, and it is full
+                    time.sleep(FULL_S)
+                del self._pending[: written or 0]
         except (BrokenPipeError, ValueError) as error:  # ValueError: the stream was closed
             raise SinkClosed from error
 

@@ -143,14 +143,20 @@ class I2cSource:
         self._who_am_i = self._told_relative = NO_SENSOR
         self._told: dict[str, int] = {}
         self._tick_ns = self._status_ns = 0
+        self._unix_offset_ns = self._host.unix_offset_ns()
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the monotonic clock to Unix time, as of now."""
-        return self._host.unix_offset_ns()
+        """Nanoseconds from the monotonic clock to Unix time, as of the last event."""
+        return self._unix_offset_ns
 
     def events(self) -> Iterator[Event]:
         """Yield what the sensor gives until `close`."""
+        for event in self._events():
+            self._unix_offset_ns = self._host.unix_offset_ns()  # one for the recording and for the records
+            yield event
+
+    def _events(self) -> Iterator[Event]:
         failures = 0
         try:
             while True:

@@ -33,6 +33,12 @@ def read_ndjson(path: Path) -> tuple[list[Kept], str | None]:
                     records.append(_convert(path, number, record, records))
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error}).") from error
+    devices = sorted({record.device for record in records if record.device is not None})
+    if len(devices) > 1:
+        raise UsageError(
+            f"{path}: holds several devices ({', '.join(devices)}), and one is replayed. Take out its lines: "
+            f'grep \'"device":"{devices[0]}"\'.'
+        )
     if not any(isinstance(record, Sample) for record in records):
         raise UsageError(f"{path}: holds no sample records; write them with 'fltea run --samples'.")
     return records, cut
