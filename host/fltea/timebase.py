@@ -78,6 +78,8 @@ class Timebase:
         """How much faster the device's clock runs than the host's, in 1e-6; None at first."""
         if len(self._blocks) < BLOCKS_FOR_PPM:
             return None
+        if not any(delay_s for _, delay_s in self._blocks):
+            return None  # to the nanosecond: times of arrival that were made from the device's
         return (1.0 / (1.0 + self._slope_error) - 1.0) * 1e6
 
     @property

@@ -40,13 +40,23 @@ def test_a_given_bias_leaves_R_to_the_window_and_the_other_way_round() -> None:
 
 
 def test_the_resolution_is_the_floor_of_R() -> None:
-    startup = Startup(AXES, 2, "startup", "auto", resolution_dps=0.6)
+    startup = Startup(AXES, 100, "startup", "auto", resolution_dps=0.6)
+    for k in range(100):
+        baseline = startup.add([0.6 * (k == 0), 0.6 * (k % 2)])  # x hardly ever changes, y always
+    assert baseline is not None
+    assert baseline.R[0] == pytest.approx(0.03)
+    assert baseline.R[1] == pytest.approx(0.0909, rel=1e-3)
+    assert baseline.constant_axes == ()
+
+
+def test_an_axis_that_is_stuck_has_no_R_though_the_resolution_is_known() -> None:
+    startup = Startup(AXES, 3, "startup", "auto", resolution_dps=0.6)
     startup.add([0.6, 0.0])
-    assert startup.add([0.6, 1.2]) == Baseline(
-        (0.6, 0.6),
-        (pytest.approx(0.03), pytest.approx(0.72)),
-        (),  # type: ignore[arg-type]
-    )
+    startup.add([0.6, 0.6])
+    baseline = startup.add([0.6, 1.2])
+    assert baseline is not None
+    assert baseline.constant_axes == ("x",)
+    assert math.isnan(baseline.R[0])
 
 
 def test_a_constant_axis_of_unknown_resolution_has_no_R() -> None:

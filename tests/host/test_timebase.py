@@ -83,8 +83,15 @@ def test_figures_are_none_at_first() -> None:
     timebase.add(1, PERIOD_US, PERIOD_US * 1000)
     assert timebase.rate_hz == pytest.approx(100.0)
     for k in range(2, 1001):
-        timebase.add(k, k * PERIOD_US, k * PERIOD_US * 1000)
+        timebase.add(k, k * PERIOD_US, k * PERIOD_US * 1000 + k)
         assert (timebase.clock_ppm is None) == (k < 1000)  # ten blocks of a second
+
+
+def test_times_of_arrival_that_are_the_devices_own_tell_no_drift() -> None:
+    timebase = Timebase(0)
+    for k in range(2000):
+        timebase.add(k, k * PERIOD_US, k * PERIOD_US * 1000)
+    assert timebase.clock_ppm is None
 
 
 def test_first_time_is_the_arrival() -> None:

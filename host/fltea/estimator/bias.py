@@ -21,7 +21,7 @@ class Baseline(NamedTuple):
     R: tuple[float, ...]
     """measurement variance in (deg/s)²; NaN for the axes in `constant_axes`"""
     constant_axes: tuple[str, ...]
-    """axes that never changed while the resolution is unknown: they give no R, so they are invalid"""
+    """axes that never changed: they give no R, so they are invalid"""
 
 
 class Startup:
@@ -82,11 +82,11 @@ class Startup:
         constant: tuple[str, ...] = ()
         if self._given_R is None:
             R = np.maximum(window.var(axis=0, ddof=1), self._floor)
-            if not self._floor:
-                # By comparison and not by the variance, in which rounding leaves a trace of the mean.
-                still = (window == window[0]).all(axis=0)
-                constant = tuple(axis for axis, same in zip(self.axes, still, strict=True) if same)
-                R[still] = np.nan
+            # By comparison and not by the variance, in which rounding leaves a trace of the mean. Also where
+            # the resolution is known: a channel that is stuck would else look like a quiet one.
+            still = (window == window[0]).all(axis=0)
+            constant = tuple(axis for axis, same in zip(self.axes, still, strict=True) if same)
+            R[still] = np.nan
         else:
             R = np.array(self._given_R)
         return Baseline(tuple(map(float, bias)), tuple(map(float, R)), constant)
