@@ -5,17 +5,19 @@ import json
 
 from fltea import bench_estimator
 
-from tools.bench import bench_decode
+from tools.bench import bench_daemon, bench_decode
 
 
 def main() -> None:
     """Measure and print; machines are noisy, so medians, their spread and ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    as_json = parser.parse_args().json
+    parser.add_argument("--daemon", action="store_true", help="measure the running daemon too: some minutes")
+    arguments = parser.parse_args()
     decode, estimator = bench_decode.measure(), bench_estimator.measure()
-    if as_json:
-        print(json.dumps({"decode": decode, **estimator}))
+    daemon = bench_daemon.measure() if arguments.daemon else None
+    if arguments.json:
+        print(json.dumps({"decode": decode, **estimator, **({"daemon": daemon} if daemon else {})}))
         return
     print(
         f"decode     {decode['fltea_frames_per_s']:>12,.0f} frames/s "
@@ -24,6 +26,8 @@ def main() -> None:
         f"bare cobs  {decode['cobs_frames_per_s']:>12,.0f} frames/s, {decode['ratio']:.1f} times as fast\n\n"
         + bench_estimator.text(estimator)
     )
+    if daemon:
+        print("\n" + bench_daemon.text(daemon))
 
 
 if __name__ == "__main__":
