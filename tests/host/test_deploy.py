@@ -257,5 +257,6 @@ def test_the_script_is_clean() -> None:
 
 def test_make_knows_the_targets() -> None:
     for target in ("install-service", "install-udev", "uninstall-service"):
-        done = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, timeout=60)
+        command = ["make", "--no-print-directory", "-n", target]  # the tests themselves may run under make
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
         assert done.stdout.startswith("tools/deploy/service.sh ")
