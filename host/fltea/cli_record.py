@@ -8,6 +8,7 @@ import typer
 
 from fltea import wire
 from fltea.errors import FlteaError, UsageError
+from fltea.extras import load
 
 MAX_GAP = 100
 
@@ -65,11 +66,8 @@ def record(
         "link.baud": baud,
     }
     config = load_config(None, {path: value for path, value in flags.items() if value is not None})
-    try:
-        from fltea.recording.run import record as record_source
-    except ModuleNotFoundError as error:
-        raise _missing(error) from error
-    print(record_source(config, for_), file=sys.stderr)
+    run = load("fltea.recording.run", "mcap", "record", "MCAP files need")
+    print(run.record(config, for_), file=sys.stderr)
 
 
 def info(
@@ -145,10 +143,7 @@ def recover(
 
         fltea recover recordings
     """
-    try:
-        from fltea.recording.recovery import recover as recover_file
-    except ModuleNotFoundError as error:
-        raise _missing(error) from error
+    recovery = load("fltea.recording.recovery", "mcap", "record", "MCAP files need")
     failures = []
     for path in paths:
         files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
@@ -156,7 +151,7 @@ def recover(
             raise UsageError(f"{path}: no .mcap file in this folder.")
         for file in files:
             try:
-                found = recover_file(file, in_place=in_place)
+                found = recovery.recover(file, in_place=in_place)
             except FlteaError as error:  # the others can still be saved
                 failures.append(error)
                 continue
@@ -172,11 +167,3 @@ def recover(
         print(f"fltea: error: {failure}", file=sys.stderr)
     if failures:
         raise failures[0]
-
-
-def _missing(error: ModuleNotFoundError) -> FlteaError:
-    if (error.name or "").partition(".")[0] != "mcap":
-        raise error
-    return UsageError(
-        "MCAP files need the package mcap, which is not installed: pip install 'fltea[record]'."
-    )

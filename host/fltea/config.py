@@ -203,7 +203,8 @@ def device_name(url: str | None) -> str:
         last = last.rsplit(".", 1)[0]
     if url.startswith("i2c:"):
         last += "-" + (dict(part.partition("=")[::2] for part in query.split("&")).get("addr") or "0x68")
-    return (NAME.search(last) or NAME.search("device"))[0]  # type: ignore[index]
+    usable = NAME.search(last)
+    return usable[0] if usable else "device"
 
 
 def _names(urls: list[str]) -> list[str]:

@@ -1,13 +1,12 @@
 """Opens the outputs that the configuration asks for; the libraries of each are loaded only then."""
 
-import importlib
 import io
 import sys
 from collections.abc import Sequence
 from types import ModuleType
 
 from fltea.config import Config
-from fltea.errors import UsageError
+from fltea.extras import load
 from fltea.hub import Hub
 from fltea.sinks.log import LogSink
 from fltea.sinks.ndjson import NdjsonSink
@@ -51,14 +50,7 @@ def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
 
 
 def _module(name: str, library: str) -> ModuleType:
-    try:
-        return importlib.import_module(f"fltea.sinks.{name}")
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != library:
-            raise
-        raise UsageError(
-            f"this output needs the package {library}, which is not installed: pip install 'fltea[{name}]'."
-        ) from error
+    return load(f"fltea.sinks.{name}", library, name, "this output needs")
 
 
 def _to_stderr(text: str) -> None:

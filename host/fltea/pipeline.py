@@ -116,9 +116,7 @@ class Pipeline:
         name, resumed_after_s = self._config.name, None
         if reason is not None:
             self._offset_ns = self._source.unix_offset_ns
-            yield from self._begin(raw, hello)
-            if self._state is not None:
-                reason, resumed_after_s = yield from self._resume(raw, hello, reason)
+            reason, resumed_after_s = yield from self._begin(raw, hello, reason)
         else:
             for channels in self._channels():
                 channels.on_missing(missing)
@@ -203,63 +201,69 @@ class Pipeline:
     def _channels(self) -> list[Channels]:
         return [one for one in (self._gyro, self._accel) if one is not None]
 
-    def _begin(self, raw: RawSample, hello: Hello, state: DeviceState | None = None) -> Iterator[Error]:
-        """Begin to estimate, anew or from a snapshot."""
-        wanted = self._config.channels
-        has_accel = raw.accel is not None and bool(hello.accel_lsb_per_g)
+    def _begin(
+        self, raw: RawSample, hello: Hello, reason: EpochReason
+    ) -> Generator[Error, None, tuple[EpochReason, float | None]]:
+        """Begin to estimate, from the snapshot if there is one that fits.
+
+        Returns why the epoch begins, and how old the snapshot is.
+        """
+        yield from self._tell_absent(raw, hello)
+        state, self._state = self._state, None
+        if state is not None:
+            now_unix_ns = raw.host_ns + self._offset_ns
+            problem = why_unused(state, hello, self._config, now_unix_ns)
+            if problem is None:
+                try:
+                    self._open(raw, hello, state)
+                except ValueError as error:
+                    problem = str(error)
+                else:
+                    age_s = (now_unix_ns - state.unix_ns) * 1e-9
+                    missing = max(0, round(age_s * hello.rate_hz) - 1)
+                    for channels in self._channels():
+                        channels.on_missing(min(missing, channels.config.window))
+                    return "resumed", age_s
+            text = f"the snapshot is not used, so the start-up window begins: {problem}."
+            yield self._error("state_unused", text)
+        try:
+            self._open(raw, hello, None)
+        except ValueError as error:
+            raise UsageError(f"estimator: {error}.") from error
+        return reason, None
+
+    def _open(self, raw: RawSample, hello: Hello, state: DeviceState | None) -> None:
+        """Make the estimators; raises ValueError for settings, or a snapshot, that they cannot begin with."""
+        wanted, config, h = self._config.channels, self._config, 1.0 / hello.rate_hz
         gyro = [i for i, axis in enumerate(AXES[: len(raw.gyro)]) if wanted is None or axis in wanted]
         accel = [i for i, axis in enumerate(ACCEL_AXES) if axis in (wanted or ())]
-        available = AXES[: len(raw.gyro)] + (ACCEL_AXES if has_accel else ())
-        absent = [axis for axis in wanted or () if axis not in available]
+        self._gyro = self._accel = None
+        if gyro:
+            names, resolution = [AXES[i] for i in gyro], resolution_dps(hello)
+            saved = state.gyro if state else None
+            self._gyro = Channels(names, gyro, config.estimator, h, resolution, saved)
+        if accel and _has_accel(raw, hello):
+            names, resolution = [ACCEL_AXES[i] for i in accel], accel_resolution_ms2(hello)
+            saved = state.accel if state else None
+            self._accel = Channels(names, accel, config.accel, h, resolution, saved)
+
+    def _tell_absent(self, raw: RawSample, hello: Hello) -> Iterator[Error]:
+        """Tell once which of the channels asked for the source does not have."""
+        available = AXES[: len(raw.gyro)] + (ACCEL_AXES if _has_accel(raw, hello) else ())
+        absent = [axis for axis in self._config.channels or () if axis not in available]
         if absent and not self._told_no_axis:
             self._told_no_axis = True
             text = (
                 f"channels names {', '.join(absent)}, which this source does not have, or has no scale for."
             )
             yield self._error("no_axis", text)
-        h, config = 1.0 / hello.rate_hz, self._config
-        try:
-            self._gyro = self._accel = None
-            if gyro:
-                names, resolution = [AXES[i] for i in gyro], resolution_dps(hello)
-                saved = state.gyro if state else None
-                self._gyro = Channels(names, gyro, config.estimator, h, resolution, saved)
-            if accel and has_accel:
-                names, resolution = [ACCEL_AXES[i] for i in accel], accel_resolution_ms2(hello)
-                saved = state.accel if state else None
-                self._accel = Channels(names, accel, config.accel, h, resolution, saved)
-        except ValueError as error:
-            if state is not None:
-                raise
-            raise UsageError(f"estimator: {error}.") from error
-
-    def _resume(
-        self, raw: RawSample, hello: Hello, reason: EpochReason
-    ) -> Generator[Error, None, tuple[EpochReason, float | None]]:
-        """Go on from the snapshot if it fits; return why the epoch begins, and how old the snapshot is."""
-        state, self._state = self._state, None
-        assert state is not None
-        now_unix_ns = raw.host_ns + self._offset_ns
-        problem = why_unused(state, hello, self._config, now_unix_ns)
-        if problem is None:
-            try:
-                yield from self._begin(raw, hello, state)
-            except ValueError as error:
-                problem = str(error)
-                yield from self._begin(raw, hello)
-        if problem is not None:
-            yield self._error(
-                "state_unused", f"the snapshot is not used, so the start-up window begins: {problem}."
-            )
-            return reason, None
-        age_s = (now_unix_ns - state.unix_ns) * 1e-9
-        missing = max(0, round(age_s * hello.rate_hz) - 1)
-        for channels in self._channels():
-            channels.on_missing(min(missing, channels.config.window))
-        return "resumed", age_s
 
     def _error(self, kind: str, message: str) -> Error:
         return Error(kind, message, self._unix_ns(), device=self._config.name)
 
     def _unix_ns(self) -> int:
         return self._now_ns + self._offset_ns
+
+
+def _has_accel(raw: RawSample, hello: Hello) -> bool:
+    return raw.accel is not None and bool(hello.accel_lsb_per_g)

@@ -1,9 +1,7 @@
 """Simulated noise to a file that `replay:` reads, with the truth beside it."""
 
-import contextlib
 import csv
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.errors import FlteaError, UsageError
 from fltea.model import AXES
 from fltea.simulate import FractionalNoise, quantise
+from fltea.whole_file import whole_file
 
 
 def write_simulation(
@@ -63,18 +62,11 @@ def write_simulation(
             y = counts / lsb_per_dps
     except (ValueError, MemoryError) as error:
         raise UsageError(f"simulate: {error}.") from error
-    part = out.with_name(f".{out.name}.part")
-    try:
+    with whole_file(out) as part:
         if suffix == ".csv":
             _write_csv(part, y, x, orders, rate_hz)
         else:
             _write_npz(part, y, x, orders, rate_hz, counts, lsb_per_dps)
-        os.replace(part, out)
-    except OSError as error:
-        raise FlteaError(f"{out}: cannot be written ({error}).") from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 def _write_csv(

@@ -28,7 +28,7 @@ def test_a_loop_of_known_length_takes_its_time():
   cpsid i
   wait_forever
 {COUNT}""",
-        0.2,
+        0.06,
         {15: "count"},
     )
     assert bench.slot(1) == 50
@@ -136,6 +136,14 @@ def test_polling_a_timer_goes_on_in_time():
     )
     assert bench.slot(0) == 50
     assert bench.board.cpu.instructions < 100_000, "waiting is not played out turn by turn"
+
+
+def test_a_signal_ends_a_run_though_the_exception_was_lost():
+    bench = Bench(program("1: nop\n b 1b"))
+    bench.board.machine.schedule(10_000_000, lambda: setattr(bench.board.machine, "interrupted", True))
+    with pytest.raises(KeyboardInterrupt):
+        bench.board.run_until(0.01)
+    assert bench.board.now_s < 0.001
 
 
 def test_two_runs_are_equal():

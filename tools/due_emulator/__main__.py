@@ -35,11 +35,12 @@ from tools.due_emulator.faults import (
 )
 from tools.due_emulator.host_view import HostView
 from tools.due_emulator.image import Image, read_image
-from tools.due_emulator.machine import EmulationFault
+from tools.due_emulator.machine import EmulationFault, Machine
 from tools.due_emulator.noise import World, fractional_world, recorded_world
 from tools.due_emulator.pty_front import Front, Port
 from tools.due_emulator.report import describe, make_report
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 IMAGE = Path(__file__).resolve().parents[2] / "firmware/due/image/fltea_due.bin"
 EPILOG = f"""
 Kinds of faults: {", ".join(KINDS)}.
@@ -87,7 +88,7 @@ def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run; returns the exit code."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in SIGNALS:
         signal.signal(number, signal.default_int_handler)
     options = parse_arguments(arguments)
     try:
@@ -160,7 +161,14 @@ def _build(options: argparse.Namespace, image: Image, world: World) -> tuple[Boa
     faults += [parse_fault(text) for text in options.fault]
     board = Board(image.content, seed=options.seed, world=world)
     schedule_faults(board, faults)
+    _end_on_signals(board.machine)
     return board, faults
+
+
+def _end_on_signals(machine: Machine) -> None:
+    """Let signals tell the machine: an exception raised in a callback of the processor would be lost."""
+    for number in SIGNALS:
+        signal.signal(number, lambda *_: setattr(machine, "interrupted", True))
 
 
 @contextlib.contextmanager

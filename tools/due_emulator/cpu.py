@@ -102,9 +102,11 @@ class Cpu:
 
         Raises:
             EmulationFault: the program did what is not forgiven.
+            KeyboardInterrupt: the machine was told so.
         """
         machine = self._machine
         while machine.now_ps < at_ps:
+            machine.check_interrupted()
             if machine.now_ps < self._halted_until_ps:
                 machine.advance_to(min(machine.next_event_ps, self._halted_until_ps, at_ps))
                 continue

@@ -57,9 +57,16 @@ class Machine:
         """Time that the processor has slept, part of `now_ps` [ps]."""
         self.where: Callable[[], str] = lambda: ""
         """Says for a fault what the processor was doing, for example "at PC 0x00080123"."""
+        self.interrupted = False
+        """Whether a signal asks the program to end; who waits or runs looks at it often."""
         self._now_ps = 0
         self._heap: list[tuple[int, int, Event]] = []
         self._scheduled = 0
+
+    def check_interrupted(self) -> None:
+        """Raise KeyboardInterrupt if a signal asks the program to end."""
+        if self.interrupted:
+            raise KeyboardInterrupt
 
     @property
     def now_ps(self) -> int:

@@ -122,6 +122,7 @@ class Front:
         """
         while True:
             while not self._port.is_open:
+                self._board.machine.check_interrupted()
                 self._look_at_baud()
                 time.sleep(4 * CHUNK_S)
             self.openings += 1
@@ -133,6 +134,7 @@ class Front:
         board, port = self._board, self._port
         begin_s, board_begin_s = time.monotonic(), board.now_s
         while port.is_open:
+            board.machine.check_interrupted()
             self._look_at_baud()
             due_s = time.monotonic() - begin_s
             done_s = board.now_s - board_begin_s

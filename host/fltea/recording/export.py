@@ -5,9 +5,7 @@ their JSON channel as they were published, since they depend on the settings of 
 recording makes others.
 """
 
-import contextlib
 import csv
-import os
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
@@ -19,10 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fltea.decode import Decoded, Decoder
-from fltea.errors import FlteaError, UsageError
+from fltea.errors import UsageError
 from fltea.model import ACCEL_AXES, AXES, AccelEstimate, AxisEstimate
 from fltea.recording.session import Entry
 from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
+from fltea.whole_file import whole_file
 
 What = Literal["samples", "estimates"]
 OF_AN_AXIS = {
@@ -58,8 +57,7 @@ def export(paths: Sequence[Path], out: Path, what: What, max_gap: int) -> int:
     suffix = out.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
-    part = out.with_name(f".{out.name}.part")
-    try:
+    with whole_file(out) as part:
         if suffix == ".csv":
             table = sample_table(decode(paths, max_gap)) if what == "samples" else estimate_table(paths)
             rows = _write_csv(part, table)
@@ -71,12 +69,6 @@ def export(paths: Sequence[Path], out: Path, what: What, max_gap: int) -> int:
                 np.savez_compressed(file, allow_pickle=False, **arrays)
         if not rows:
             raise UsageError(f"{paths[0]}: holds no samples that can be used.")
-        os.replace(part, out)
-    except OSError as error:
-        raise FlteaError(f"{out}: cannot be written ({error}).") from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
     return rows
 
 

@@ -1,8 +1,6 @@
 """Makes a whole MCAP file of a torn or damaged one: what can be read, with summary and indexes."""
 
-import contextlib
 import fcntl
-import os
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -10,8 +8,9 @@ from mcap.records import Channel, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from fltea import __version__
-from fltea.errors import FlteaError, UsageError
+from fltea.errors import UsageError
 from fltea.recording.scan import ChunkEnd, Damage, Message, Scan
+from fltea.whole_file import whole_file
 
 
 class Recovered(NamedTuple):
@@ -79,38 +78,30 @@ def _examine(path: Path) -> Recovered:
 
 
 def _copy(path: Path, out: Path) -> None:
-    part = out.with_name(f".{out.name}.part")
-    try:
-        with part.open("wb") as file:
-            writer = Writer(file, compression=CompressionType.ZSTD)
-            writer.start(library=f"fltea {__version__}")
-            schemas: dict[int, int] = {0: 0}
-            channels: dict[int, int] = {}
-            for item in Scan(path):
-                match item:
-                    case Metadata():
-                        writer.add_metadata(item.name, item.metadata)
-                    case Schema():
-                        schemas[item.id] = writer.register_schema(item.name, item.encoding, item.data)
-                    case Channel():
-                        schema = schemas.get(item.schema_id, 0)
-                        channels[item.id] = writer.register_channel(
-                            item.topic, item.message_encoding, schema, item.metadata
-                        )
-                    case Message() if item.channel_id in channels:
-                        writer.add_message(
-                            channels[item.channel_id],
-                            item.log_time,
-                            item.data,
-                            item.publish_time,
-                            item.sequence,
-                        )
-                    case ChunkEnd():
-                        writer.flush()  # type: ignore[no-untyped-call]
-            writer.finish()  # type: ignore[no-untyped-call]
-        os.replace(part, out)
-    except OSError as error:
-        raise FlteaError(f"{out}: cannot be written ({error}).") from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+    with whole_file(out) as part, part.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start(library=f"fltea {__version__}")
+        schemas: dict[int, int] = {0: 0}
+        channels: dict[int, int] = {}
+        for item in Scan(path):
+            match item:
+                case Metadata():
+                    writer.add_metadata(item.name, item.metadata)
+                case Schema():
+                    schemas[item.id] = writer.register_schema(item.name, item.encoding, item.data)
+                case Channel():
+                    schema = schemas.get(item.schema_id, 0)
+                    channels[item.id] = writer.register_channel(
+                        item.topic, item.message_encoding, schema, item.metadata
+                    )
+                case Message() if item.channel_id in channels:
+                    writer.add_message(
+                        channels[item.channel_id],
+                        item.log_time,
+                        item.data,
+                        item.publish_time,
+                        item.sequence,
+                    )
+                case ChunkEnd():
+                    writer.flush()  # type: ignore[no-untyped-call]
+        writer.finish()  # type: ignore[no-untyped-call]

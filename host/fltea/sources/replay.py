@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fltea import clock
 from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.errors import UsageError
+from fltea.extras import load
 from fltea.model import Break, DeviceStatus, Epoch, Event, Hello, LinkStats, RawSample, Sample, Trouble
 from fltea.sources.pacing import sleep_until
 from fltea.sources.recording import Recording, read_csv, read_npz
@@ -132,15 +133,7 @@ def find_mcap_sessions(paths: Sequence[Path]) -> "list[list[Part]]":
 
 
 def _mcap_library() -> ModuleType:
-    try:
-        from fltea.sources import recording_mcap
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "mcap":
-            raise
-        raise UsageError(
-            "MCAP recordings need the package mcap, which is not installed: pip install 'fltea[record]'."
-        ) from error
-    return recording_mcap
+    return load("fltea.sources.recording_mcap", "mcap", "record", "MCAP recordings need")
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> int:
