@@ -76,7 +76,7 @@ pip() { quietly .venv/bin/python -m pip "$@"; }
 say "installing pinned Python packages and building the native module ($level)"
 pip install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
 extras='[emulator,outputs]'
-[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs]'
+[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs,identify,dask]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
 pip install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
 say "ready"

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fltea import __version__, cli_devices, cli_flash, cli_record, cli_reproduce, cli_run, wire
+from fltea import __version__, cli_devices, cli_flash, cli_identify, cli_record, cli_reproduce, cli_run, wire
 from fltea.errors import FlteaError, UsageError
 
 EXIT_CODES = """
@@ -139,7 +139,12 @@ def _serial_chunks(source: str, baud: int) -> Iterator[bytes]:
         port.close()
 
 
+SAID_BY_MODEL = ("alpha", "alpha_end", "f", "q", "r", "rate", "axes", "window")
+"""Flags of `simulate` that --model takes the place of."""
+
+
 def simulate(
+    context: typer.Context,
     out: Annotated[Path, typer.Argument(metavar="FILE.csv|FILE.npz", help="What to write.")],
     alpha: Annotated[float, typer.Option(help="Order α; at the first sample if --alpha-end is given.")] = 0.3,
     alpha_end: Annotated[
@@ -162,6 +167,13 @@ def simulate(
     offset: Annotated[float, typer.Option(help="Offset in deg/s added to every axis.")] = 0.0,
     window: Annotated[int, typer.Option(help="Length L of the generator's memory in samples.")] = 3000,
     seed: Annotated[int, typer.Option(help="The same seed gives the same file.")] = 1,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Noise of identified models, one for each axis: a file of `fltea identify --export-model`.",
+        ),
+    ] = None,
 ) -> None:
     """Write fractional noise of known order, constant or varying: y = x + v, D^α x = f x + ω.
 
@@ -173,9 +185,27 @@ def simulate(
         fltea simulate noise.csv --alpha 0.5 --f -1 -n 60000
 
         fltea simulate varying.npz --alpha 0.2 --alpha-end 0.6 --lsb 16.4
-    """
-    from fltea.simulation_file import write_simulation
 
+        fltea simulate twin.npz --model sensor.json -n 60000
+    """
+    from fltea.simulation_file import write_model_simulation, write_simulation
+
+    if model is not None:
+        sources = {name: context.get_parameter_source(name) for name in SAID_BY_MODEL}
+        said = [name for name, source in sources.items() if source and source.name == "COMMANDLINE"]
+        if said:
+            flags = ", ".join("--" + name.replace("_", "-") for name in said)
+            raise UsageError(f"--model says what the noise is, so leave out {flags}.")
+        write_model_simulation(
+            out,
+            model,
+            n=n,
+            lsb_per_dps=lsb,
+            range_dps=full_scale,
+            offset_dps=offset,
+            seed=seed,
+        )
+        return
     write_simulation(
         out,
         alpha=alpha,
@@ -196,6 +226,7 @@ def simulate(
 
 COMMANDS = (
     cli_run.run,
+    cli_identify.identify,
     cli_record.record,
     cli_record.info,
     cli_record.export,

@@ -1,0 +1,141 @@
+"""All that is said of one axis of one recording."""
+
+import math
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fltea.config import EstimatorConfig
+from fltea.identify.fltea_fit import FlteaFit, fltea_fit
+from fltea.identify.lines import Peak
+from fltea.identify.null_constants import PROBABILITIES
+from fltea.identify.null_test import critical_values
+from fltea.identify.profile import FractionalFit, fractional_fit
+from fltea.identify.rivals import Contest
+from fltea.identify.shuffled import ShuffledBand, shuffled_band
+from fltea.identify.spectral import Band, examine
+from fltea.identify.verdict import LEVEL, Verdict, decide
+from fltea.identify.whiteness_test import Innovations
+
+Variant = Literal["triple", "joint"]
+
+OTHER: dict[Variant, Variant] = {"joint": "triple", "triple": "joint"}
+
+
+class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How to identify. bias and R of `estimator`, where they are numbers, are those of the one axis."""
+
+    estimator: EstimatorConfig = EstimatorConfig()
+    from_hz: float = 0.0
+    """ordinates of the periodogram below are left out"""
+    notch_hz: tuple[tuple[float, float], ...] = ()
+    """bands that are left out"""
+    shuffles: int = 200
+    """shuffled copies; 0 for none"""
+    seed: int = 0
+    """of the shuffles"""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.from_hz) and self.from_hz >= 0):
+            raise ValueError(f"from_hz is a frequency in Hz, 0 or more, got {self.from_hz}")
+        for low, high in self.notch_hz:
+            if not 0 <= low < high < math.inf:
+                raise ValueError(f"notch_hz are bands (low, high) in Hz, got ({low}, {high})")
+        if self.shuffles < 0:
+            raise ValueError(f"shuffles must be 0 or more, got {self.shuffles}")
+
+
+class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The null test on all ordinates that the user left in, and the shuffled copies."""
+
+    p_value: float
+    likelihood_ratio: float
+    critical_5_percent: float
+    critical_1_percent: float
+    p_without_peaks: float
+    """without the lines and resonances that were found"""
+    p_clean: float
+    """of these, on the ordinates of `band`"""
+    shuffled: ShuffledBand | None
+    """of the variant of `AxisResult.fltea`"""
+
+
+class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One axis, identified. Variances and standard deviations are in the unit of y, deg/s for a gyroscope."""
+
+    samples: int
+    rate_hz: float
+    duration_s: float
+    mean: float
+    std: float
+    verdict: Verdict
+    null: NullResult
+    whittle: FractionalFit
+    """fitted to the ordinates of `band`, as the rivals are"""
+    band: Band
+    rivals: Contest
+    peaks: tuple[Peak, ...]
+    fltea: FlteaFit
+    """the variant of the options"""
+    fltea_other: FlteaFit
+    """the other variant"""
+    innovations: dict[str, Innovations | None]
+    """of FLTEA, by variant"""
+
+
+def identify_axis(
+    y: ArrayLike, h: float, lsb: float | None = None, options: IdentifyOptions | None = None
+) -> AxisResult:
+    """Identify one axis y (n,), without missing samples, at a sampling period of h s.
+
+    lsb: one count in the unit of y, if known.
+
+    Raises:
+        ValueError: y is not finite, too short or constant; settings that no filter can work with.
+    """
+    o = options or IdentifyOptions()
+    samples = np.ascontiguousarray(y, dtype=np.float64)
+    if samples.ndim != 1:
+        raise ValueError(f"y is one axis, (n,), got shape {samples.shape}")
+    seen = examine(samples, h, o.from_hz, o.notch_hz)
+    own, own_innovations = fltea_fit(samples, h, o.estimator, lsb)
+    other_variant = OTHER[o.estimator.variant]
+    other, other_innovations = fltea_fit(samples, h, _with_variant(o.estimator, other_variant), lsb)
+    shuffled = None
+    if o.shuffles:
+        shuffled = shuffled_band(
+            samples, h, o.estimator, own.alpha, own.f, lsb=lsb, copies=o.shuffles, seed=o.seed
+        )
+    critical = dict(zip(PROBABILITIES, critical_values(seen.ordinates).tolist(), strict=True))
+    return AxisResult(
+        samples=len(samples),
+        rate_hz=1 / h,
+        duration_s=seen.evidence.duration_s,
+        mean=float(samples.mean()),
+        std=float(samples.std(ddof=1)),
+        verdict=decide(seen.evidence),
+        null=NullResult(
+            p_value=seen.evidence.p_all,
+            likelihood_ratio=seen.likelihood_ratio,
+            critical_5_percent=critical[0.05],
+            critical_1_percent=critical[0.01],
+            p_without_peaks=seen.evidence.p_without_peaks,
+            p_clean=seen.evidence.p_clean,
+            shuffled=shuffled,
+        ),
+        whittle=fractional_fit(seen.fits.data, seen.fits.full, h, white=seen.evidence.p_clean >= LEVEL),
+        band=seen.band,
+        rivals=seen.evidence.contest,
+        peaks=seen.evidence.peaks,
+        fltea=own,
+        fltea_other=other,
+        innovations={o.estimator.variant: own_innovations, other_variant: other_innovations},
+    )
+
+
+def _with_variant(config: EstimatorConfig, variant: Variant) -> EstimatorConfig:
+    """The same settings for the other variant, of which the numpy engine knows nothing."""
+    engine = "compressed" if config.engine == "reference" else config.engine
+    return msgspec.structs.replace(config, variant=variant, engine=engine)

@@ -1,0 +1,155 @@
+"""What the figures of the report are drawn from: more than the numbers in `axis.AxisResult`."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.config import EstimatorConfig
+from fltea.estimator.engine import Engine
+from fltea.estimator.native_gyroscope import lane_settings
+from fltea.estimator.supervisor import LOST_ORDER
+from fltea.identify.axis import AxisResult, IdentifyOptions
+from fltea.identify.fltea_fit import baseline
+from fltea.identify.models import FULL
+from fltea.identify.periodogram import binned, periodogram
+from fltea.identify.shuffled import ACCURACY, BLOCK, PROBABILITIES
+from fltea.identify.spectrum import HIGHEST_ORDER
+from fltea.identify.whittle import Model, fit
+
+Array = NDArray[np.float64]
+
+COPIES = 60
+POINTS = 400
+"""Of a trajectory, at most."""
+LAGS = 100
+ORDERS = np.linspace(0, HIGHEST_ORDER - 0.01, 41)
+
+
+class Spectrum(NamedTuple):
+    """The periodogram in bins, over all ordinates that the user left in."""
+
+    hz: Array
+    power: Array
+    counts: Array
+    """ordinates in each bin"""
+
+
+class Path(NamedTuple):
+    """FLTEA's estimates over time, and quantiles (points, 3) of what white noise gives after as long."""
+
+    t_s: Array
+    alpha: Array
+    alpha_std: Array
+    f: Array
+    f_std: Array
+    white_alpha: Array
+    white_f: Array
+    copies: int
+
+
+class Curves(NamedTuple):
+    """All of one axis."""
+
+    spectrum: Spectrum
+    orders: Array
+    deviance: Array
+    """2 log L below the best fit, of the best fit that has the order"""
+    path: Path
+    autocorrelation: Array
+    """of FLTEA's innovations in the last two thirds, lags 1 to `LAGS`"""
+    innovations: int
+
+
+def curves(y: Array, h: float, lsb: float | None, options: IdentifyOptions, result: AxisResult) -> Curves:
+    """Make them for an axis that has been identified; arguments as for `axis.identify_axis`."""
+    whole = binned(periodogram(y, h, from_hz=options.from_hz, notch=options.notch_hz))
+    clean = binned(periodogram(y, h, from_hz=result.band.from_hz, notch=result.band.notch_hz))
+    nll = np.array([float(fit(clean, _held_order(alpha)).nll[0]) for alpha in ORDERS.tolist()])
+    lowest = min(float(nll.min()), float(fit(clean, FULL).nll[0]))
+    path, innovation = _path(y, h, lsb, options)
+    tested = innovation[len(innovation) // 3 :]
+    return Curves(
+        Spectrum(whole.lam / (2 * np.pi * h), whole.power[0], whole.counts),
+        ORDERS,
+        2 * (nll - lowest),
+        path,
+        _autocorrelation(tested),
+        len(tested),
+    )
+
+
+def _held_order(alpha: float) -> Model:
+    """The fractional model with its order held."""
+    starts = FULL.starts[FULL.starts[:, 0] == FULL.starts[0, 0], 1:]
+    groups = np.unique(starts[:, 0], return_inverse=True)[1]
+
+    def shape(lam: Array, theta: Array) -> Array:
+        return FULL.shape(lam, np.column_stack([np.full(len(theta), alpha), theta]))
+
+    return Model("fractional", 3, starts, groups, shape)
+
+
+def _path(y: Array, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
+    """The data in lane 0, and white noise of the same distribution, drawn from their samples, in the others.
+
+    Returns the innovations of the data, too.
+    """
+    config, startup = options.estimator, options.estimator.startup_needed
+    copies = min(COPIES, options.shuffles)
+    rng = np.random.default_rng(options.seed)
+    own = baseline(y, config, lsb)
+    bias, R = _baselines(rng.choice(y, (startup, copies)), own.bias_dps[0], own.R[0], config, lsb)
+    settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
+    engine = Engine(copies + 1, settings)
+    rest = y[startup:]
+    block = max(BLOCK, -(-len(rest) // POINTS))
+    rows, innovation = [], np.empty(len(rest))
+    for start in range(0, len(rest), block):
+        now = rest[start : start + block]
+        drawn = rng.choice(y, (len(now), copies))
+        e = engine.run(np.column_stack([now, drawn]) - bias)
+        innovation[start : start + block] = e.innovation[:, 0]
+        last = np.stack([e.alpha[-1], np.sqrt(np.maximum(e.alpha_var[-1], 0)), e.f[-1], np.sqrt(e.f_var[-1])])
+        gone = ~(np.isfinite(last).all(axis=0) & (np.abs(last[0]) <= LOST_ORDER))
+        if gone.any():
+            engine.reset(gone)
+        rows.append(np.where(gone, np.nan, last))
+    table = np.stack(rows)
+    ends = np.minimum(np.arange(1, len(rows) + 1) * block, len(rest))
+    white = table[:, :, 1:]
+    alpha, alpha_std, f, f_std = table[:, :, 0].T
+    white_alpha, white_f = _quantiles(white[:, 0]), _quantiles(white[:, 2])
+    t_s = (startup + ends) * h
+    return Path(t_s, alpha, alpha_std, f, f_std, white_alpha, white_f, copies), innovation
+
+
+def _baselines(
+    window: Array, bias: float, R: float, config: EstimatorConfig, lsb: float | None
+) -> tuple[Array, Array]:
+    """Bias and R of all lanes; those of the copies from their own start-up windows, where the data's are."""
+    copies = window.shape[1]
+    biases, Rs = np.full(copies + 1, bias), np.full(copies + 1, R)
+    if config.bias == "startup":
+        biases[1:] = window.mean(axis=0)
+    if config.R == "auto":
+        # A copy can happen to be constant, of data that hardly ever change.
+        Rs[1:] = np.maximum(window.var(axis=0, ddof=1), max((lsb or 0.0) ** 2 / 12, 1e-6 * R))
+    return biases, Rs
+
+
+def _quantiles(values: Array) -> Array:
+    """Over the copies, (points, 3); NaN without any."""
+    found = np.full((len(values), 3), np.nan)
+    for row, these in zip(found, values, strict=True):
+        finite = these[np.isfinite(these)]
+        if finite.size:
+            row[:] = np.quantile(finite, PROBABILITIES)
+    return found
+
+
+def _autocorrelation(values: Array) -> Array:
+    good = values[np.isfinite(values)]
+    power = float(good @ good) or 1.0
+    return np.array([good[lag:] @ good[:-lag] / power for lag in range(1, LAGS + 1)])

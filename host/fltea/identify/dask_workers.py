@@ -1,0 +1,107 @@
+"""An existing Dask cluster as `workers.Workers`.
+
+Dask itself does anew what a worker was doing when it died. Each task takes its samples along, so that no
+worker needs the files or another worker; its result is counted when it arrives, which it does once.
+"""
+
+import time
+import warnings
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+from distributed import Client
+
+from fltea import __version__
+from fltea.errors import FlteaError, UsageError
+
+T = TypeVar("T")
+
+CONNECT_S = 10.0
+LONELY_S = 60.0
+"""How long a cluster may be without any worker."""
+RETRIES = 3
+"""Of a task that has failed; one whose worker died is not counted here, but by the scheduler."""
+
+
+class DaskWorkers:
+    """Connected to the scheduler at `address`, such as tcp://10.0.0.5:8786.
+
+    Raises:
+        UsageError: there is no scheduler or no worker, or the workers have another version of fltea, or none.
+    """
+
+    def __init__(self, address: str) -> None:
+        connect: Any = Client
+        self._address = address
+        try:
+            self._client: Any = connect(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise UsageError(
+                f"--dask {address}: no scheduler answers there ({error or type(error).__name__}); is it "
+                "running, and is the address that of its log (tcp://HOST:8786)?"
+            ) from error
+        try:
+            self._client.wait_for_workers(1, timeout=CONNECT_S)
+            versions = self._client.run(_version)
+        except TimeoutError as error:
+            self.close()
+            raise UsageError(
+                f"--dask {address}: the scheduler has no workers; start some: dask worker {address}"
+            ) from error
+        except Exception as error:
+            self.close()
+            raise UsageError(
+                f"--dask {address}: the workers cannot run fltea ({error}); install {__version__} there."
+            ) from error
+        other = {worker: version for worker, version in versions.items() if version != __version__}
+        if other:
+            self.close()
+            worker, version = next(iter(other.items()))
+            raise UsageError(
+                f"--dask {address}: worker {worker} has fltea {version}, and this is {__version__}; install "
+                "the same everywhere."
+            )
+        self._executor = self._client.get_executor(pure=False, retries=RETRIES)
+        self._lonely_since: float | None = None
+
+    @property
+    def slots(self) -> int:
+        """Two a thread: the next one is there when one is done."""
+        threads: int = sum(self._client.nthreads().values())
+        return max(2, 2 * threads)
+
+    def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
+        """Hand a task to the scheduler."""
+        with warnings.catch_warnings():
+            # It would rather have large data scattered, but what is scattered is lost with its worker.
+            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+            future: Future[T] = self._executor.submit(task, *arguments)
+        return future
+
+    def renew(self) -> None:
+        """Deaths are the scheduler's affair."""
+
+    def check(self) -> None:
+        """Complain when there has been no worker for a minute, or the scheduler is gone.
+
+        Raises:
+            FlteaError: then.
+        """
+        if self._client.status != "running":
+            raise FlteaError(f"--dask {self._address}: the scheduler is gone; what it was doing is lost.")
+        if self._client.nthreads():
+            self._lonely_since = None
+            return
+        now = time.monotonic()
+        self._lonely_since = self._lonely_since or now
+        if now - self._lonely_since > LONELY_S:
+            raise FlteaError(f"--dask {self._address}: there has been no worker for {LONELY_S:.0f} s.")
+
+    def close(self) -> None:
+        """Leave; the scheduler forgets what was asked for."""
+        self._client.close()
+
+
+def _version() -> str:
+    return __version__

@@ -1,0 +1,246 @@
+"""Recordings to axes that can be identified: the longest stretch without a missing sample of each.
+
+A spectrum of a series with holes is another one's, so nothing is bridged here. What is left out is counted.
+"""
+
+from array import array
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.decode import Decoded, Decoder
+from fltea.errors import FlteaError, UsageError
+from fltea.identify.traps import Trap, sensor_traps, timing_traps
+from fltea.model import ACCEL_AXES, AXES, Hello
+from fltea.recording.info import sessions
+from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
+from fltea.units import accel_resolution_ms2, resolution_dps
+from fltea.wire import SampleFlags
+
+Array = NDArray[np.float64]
+
+MAX_GAP = 100
+"""Samples, as `link.max_gap`: what it decides is only how a break is counted."""
+
+GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
+
+
+class Request(msgspec.Struct, frozen=True):
+    """What to read: the files of one recording, and of CSV files how.
+
+    channels: axes; None for all of the gyroscope's.
+    """
+
+    paths: tuple[Path, ...]
+    channels: tuple[str, ...] | None = None
+    columns: list[str] | None = None
+    units: str | None = None
+    rate_hz: float | None = None
+
+    @property
+    def name(self) -> str:
+        """What to call it: its file, or the session that its files are of."""
+        first = self.paths[0]
+        return str(first) if len(self.paths) == 1 else str(first.with_name(first.stem.rpartition("_")[0]))
+
+
+class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the recording holds, and how much of it is used.
+
+    samples: all that arrived. used: of the longest stretch that is unbroken, whose first is number
+    `used_from` of all. stretches: pieces between breaks. lost, gaps, duplicates, before_hello: as in `stats`.
+    late, retried, saturated: samples of the stretch that the device flagged so.
+    """
+
+    samples: int
+    used: int
+    used_from: int
+    stretches: int
+    lost: int
+    gaps: int
+    duplicates: int
+    before_hello: int
+    late: int
+    retried: int
+    saturated: int
+
+
+class Series(NamedTuple):
+    """One axis: y (n,) and one LSB, if it is known, in `unit`."""
+
+    y: Array
+    unit: str
+    lsb: float | None
+
+
+class Loaded(NamedTuple):
+    """One recording. clock_ppm: how much faster the device's clock runs than the host's, None if unknown.
+
+    traps: those of the recording as a whole.
+    """
+
+    hello: Hello
+    counts: Counts
+    axes: dict[str, Series]
+    clock_ppm: float | None
+    traps: tuple[Trap, ...]
+
+    @property
+    def h(self) -> float:
+        """Sampling period in s."""
+        return 1 / self.hello.rate_hz
+
+
+class Unreadable(NamedTuple):
+    """In place of a recording: where there is none, and why."""
+
+    name: str
+    error: FlteaError
+
+
+def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
+    """The recordings in files, folders and names of sessions, each as the files it is made of."""
+    found: list[tuple[Path, ...] | Unreadable] = []
+    mcap = [path for path in paths if path.suffix.lower() not in FILE_SUFFIXES]
+    for path in paths:
+        if path.suffix.lower() in FILE_SUFFIXES:
+            found.append((path,))
+        elif path == mcap[0]:
+            found += _mcap_sessions(mcap)
+    return found
+
+
+def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
+    """All at once, so that the files of one session are put together, or else one by one."""
+    try:
+        return [tuple(files) for files in sessions(paths)]
+    except FlteaError as error:
+        if len(paths) == 1:
+            return [Unreadable(str(paths[0]), error)]
+    return [found for path in paths for found in _mcap_sessions([path])]
+
+
+def load(request: Request) -> Loaded:
+    """Read one recording.
+
+    Raises:
+        UsageError: it cannot be read, holds no samples, or not the axes that are asked for.
+    """
+    path = request.paths[0]
+    if path.suffix.lower() in FILE_SUFFIXES:
+        source = ReplaySource(
+            path, columns=list(request.columns or ()) or None, units=request.units, rate_hz=request.rate_hz
+        )
+        events, offset = source.events(), lambda: source.unix_offset_ns
+    else:
+        if request.columns or request.units or request.rate_hz:
+            raise UsageError(f"{path}: --columns, --units and --rate are for CSV files.")
+        recording = open_mcap(request.paths, f"replay:{request.name}")()
+        events, offset = recording.events(), lambda: recording.unix_offset_ns
+    decoder = Decoder(offset, MAX_GAP)
+    longest = now = _Stretch(0)
+    stretches = samples = 0
+    for event in events:
+        found = decoder.feed(event)
+        if not isinstance(found, Decoded):
+            continue
+        if found.missing or found.new_epoch is not None or not now.fits(found):
+            now = _Stretch(samples)
+            stretches += 1
+        samples += 1
+        now.add(found, decoder)
+        if len(now) > len(longest):
+            longest = now
+    if longest.hello is None:
+        raise UsageError(f"{request.name}: holds no samples that can be used.")
+    c = decoder.continuity
+    lost = c.lost, c.gaps, c.duplicates, c.before_hello
+    counts = Counts(samples, len(longest), longest.first, stretches, *lost, *longest.flagged)
+    axes, clock_ppm = longest.axes(), None if longest.no_clock else longest.ppm
+    traps = _traps(longest.hello, counts, axes, clock_ppm)
+    return Loaded(longest.hello, counts, _chosen(axes, request), clock_ppm, traps)
+
+
+def _traps(
+    hello: Hello, counts: Counts, axes: dict[str, Series], clock_ppm: float | None
+) -> tuple[Trap, ...]:
+    gyro = [axes[name] for name in AXES if name in axes]
+    of_time = timing_traps(
+        used=counts.used,
+        samples=counts.samples,
+        lost=counts.lost,
+        gaps=counts.gaps,
+        stretches=counts.stretches,
+        rate_hz=hello.rate_hz,
+        clock_ppm=clock_ppm,
+    )
+    return of_time + sensor_traps(np.column_stack([one.y for one in gyro]), [one.lsb for one in gyro])
+
+
+def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:
+    wanted = request.channels or tuple(name for name in axes if name in AXES)
+    lacking = [name for name in wanted if name not in axes]
+    if lacking:
+        raise UsageError(f"{request.name}: has no {', '.join(lacking)} (it has {', '.join(axes)}).")
+    return {name: axes[name] for name in wanted}
+
+
+class _Stretch:
+    """Samples that follow each other without a break, all of one rate and scale."""
+
+    def __init__(self, first: int) -> None:
+        self.first = first
+        self.hello: Hello | None = None
+        self.ppm: float | None = None
+        self.no_clock = True
+        self.flagged = [0, 0, 0]
+        self._gyro, self._accel = array("d"), array("d")
+        self._gyro_axes = self._accel_axes = 0
+        self._samples = 0
+
+    def __len__(self) -> int:
+        return self._samples
+
+    def fits(self, found: Decoded) -> bool:
+        """Whether a sample is like those before it."""
+        a, b = self.hello, found.hello
+        return a is None or (
+            (a.rate_hz, a.gyro_lsb_per_dps, a.accel_lsb_per_g)
+            == (b.rate_hz, b.gyro_lsb_per_dps, b.accel_lsb_per_g)
+            and len(found.sample.gyro_dps) == self._gyro_axes
+            and len(found.sample.accel_ms2 or ()) == self._accel_axes
+        )
+
+    def add(self, found: Decoded, decoder: Decoder) -> None:
+        """Take the next one."""
+        sample, accel = found.sample, found.sample.accel_ms2 or ()
+        if self.hello is None:
+            self.hello = found.hello
+            self._gyro_axes, self._accel_axes = len(sample.gyro_dps), len(accel)
+        self._samples += 1
+        self._gyro.extend(sample.gyro_dps)
+        self._accel.extend(accel)
+        if sample.flags:
+            for i, flag in enumerate((SampleFlags.LATE, SampleFlags.RETRIED, SampleFlags.SATURATED)):
+                self.flagged[i] += bool(sample.flags & flag)
+        # Of a recording without arrival times the device's are given out for them.
+        self.no_clock = self.no_clock and found.raw.host_ns == sample.device_us * 1000
+        if decoder.timebase is not None:
+            self.ppm = decoder.timebase.clock_ppm
+
+    def axes(self) -> dict[str, Series]:
+        """All of them by name."""
+        assert self.hello is not None
+        found = {}
+        for names, values, width, unit, lsb in (
+            (AXES, self._gyro, self._gyro_axes, GYRO_UNIT, resolution_dps(self.hello)),
+            (ACCEL_AXES, self._accel, self._accel_axes, ACCEL_UNIT, accel_resolution_ms2(self.hello)),
+        ):
+            columns = np.array(values).reshape(len(self), width) if width else np.empty((len(self), 0))
+            for name, column in zip(names, columns.T, strict=False):
+                found[name] = Series(np.ascontiguousarray(column), unit, lsb)
+        return found

@@ -1,0 +1,160 @@
+"""Identified models as files: JSON that `fltea simulate --model` reads, and imu.yaml as Kalibr reads it."""
+
+import contextlib
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from fltea import __version__
+from fltea.errors import FlteaError, UsageError
+from fltea.identify.allan import Allan, Coefficient
+from fltea.identify.noise_model import AxisModel, check_stationary
+from fltea.model import AXES
+
+FORMAT = "fltea-noise-model"
+VERSION = 1
+
+
+class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The models of a gyroscope's axes, gyro_x first, and what they were identified from."""
+
+    rate_hz: float
+    h_s: float
+    source: str
+    """file or session that was identified"""
+    axes: dict[str, AxisModel]
+    fltea: str = __version__
+    format: str = FORMAT
+    version: int = VERSION
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
+            raise ValueError(f"rate_hz must be > 0, got {self.rate_hz}")
+        if not math.isclose(self.h_s * self.rate_hz, 1, rel_tol=1e-6):
+            raise ValueError(f"h_s = {self.h_s} is not 1 / rate_hz = {1 / self.rate_hz}")
+        if not self.axes or set(self.axes) != set(AXES[: len(self.axes)]):
+            raise ValueError(f"axes are {', '.join(AXES)}, one after the other, got {', '.join(self.axes)}")
+        for axis, model in self.axes.items():
+            try:
+                check_stationary(model, self.h_s)
+            except ValueError as error:
+                raise ValueError(f"{axis}: {error}") from error
+
+
+class _Head(msgspec.Struct):
+    """What every version of the format begins with."""
+
+    format: str = ""
+    version: int = 0
+
+
+def write_models(path: Path, models: NoiseModels) -> None:
+    """Write the models as JSON; the file appears whole or not at all.
+
+    Raises:
+        FlteaError: it cannot be written.
+    """
+    write_text(path, msgspec.json.format(msgspec.json.encode(models), indent=2).decode() + "\n")
+
+
+def read_models(path: Path) -> NoiseModels:
+    """Read what `write_models` wrote.
+
+    Raises:
+        UsageError: no such file, another kind or version, or models that cannot be.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    try:
+        head = msgspec.json.decode(data, type=_Head)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: is no noise model: {error}.") from error
+    if head.format != FORMAT:
+        raise UsageError(
+            f'{path}: is no noise model (it lacks "format": "{FORMAT}"); `fltea identify --export-model` '
+            "writes one."
+        )
+    if head.version != VERSION:
+        raise UsageError(
+            f"{path}: is of version {head.version}; this fltea reads version {VERSION}. Identify again, "
+            "or use the fltea that wrote it."
+        )
+    try:
+        return msgspec.json.decode(data, type=NoiseModels)
+    except msgspec.ValidationError as error:
+        raise UsageError(f"{path}: {error}.") from error
+
+
+def imu_yaml(
+    curves: Mapping[str, Allan],
+    rate_hz: float,
+    source: str,
+    *,
+    rostopic: str = "/imu0",
+) -> str:
+    """Kalibr's imu.yaml from the Allan deviations of gyroscope axes, by name.
+
+    Kalibr has one figure for all axes: it gets that of the worst. What is not known is a comment.
+    """
+    lines = [
+        f"# Gyroscope noise by fltea {__version__} from {' '.join(source.split())}",
+        "# (Allan deviation; of the axes the worst). The model is white noise and a random walk of the rate.",
+        "# Kalibr wants all six entries: fill in what is not known from the data sheet, or record longer.",
+        *_entry("accelerometer_noise_density", None, "m/s^2/sqrt(Hz)", "the accelerometer was not analysed"),
+        *_entry("accelerometer_random_walk", None, "m/s^3/sqrt(Hz)", "the accelerometer was not analysed"),
+    ]
+    for key, unit, coefficients in (
+        (
+            "gyroscope_noise_density",
+            "rad/s/sqrt(Hz)",
+            {axis: curve.N_deg_per_sqrt_s for axis, curve in curves.items()},
+        ),
+        (
+            "gyroscope_random_walk",
+            "rad/s^2/sqrt(Hz)",
+            {axis: curve.K_dps_per_sqrt_s for axis, curve in curves.items()},
+        ),
+    ):
+        lines += _entry(key, *_worst(coefficients, unit))
+    lines += [f"{'update_rate:':<29}{rate_hz:.6g}  # Hz", f"{'rostopic:':<29}{rostopic}"]
+    return "\n".join(lines) + "\n"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole, or not at all.
+
+    Raises:
+        FlteaError: it cannot be written.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except (OSError, ValueError) as error:
+        raise FlteaError(f"{path}: cannot be written ({error}).") from error
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def _worst(coefficients: Mapping[str, Coefficient], unit: str) -> tuple[float | None, str, str]:
+    """Of the largest: its value in rad, its unit, and a remark."""
+    known = {axis: c.value for axis, c in coefficients.items() if c.value is not None}
+    if not known:
+        reasons = dict.fromkeys(c.reason for c in coefficients.values())
+        return None, unit, "; ".join(reasons) or "no axis was analysed"
+    worst = max(known, key=lambda axis: known[axis])
+    unknown = [axis for axis in coefficients if axis not in known]
+    remark = f"of {worst}" + (f"; not known of {', '.join(unknown)}" if unknown else "")
+    return math.radians(known[worst]), unit, remark
+
+
+def _entry(key: str, value: float | None, unit: str, remark: str) -> list[str]:
+    if value is None:
+        return [f"# {key}:  # {unit}; not known: {remark}"]
+    return [f"{key + ':':<29}{value:.6e}  # {unit}, {remark}"]

@@ -1,0 +1,237 @@
+"""Models of the noise of one axis, and Gaussian noise that has their spectrum (pure).
+
+Every model is y = x + v with white v of variance R; what x is, is its kind. The spectra are those that
+`identify` fits (`spectrum.py`), with unlimited memory.
+"""
+
+import math
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.identify import spectrum
+from fltea.identify.lines import Peak
+from fltea.identify.rivals import Contest
+
+Array = NDArray[np.float64]
+
+AROUND = 4
+"""Noise is drawn for a circle of at least this many records, of which one is cut out."""
+SHORTEST_CIRCLE = 1 << 16
+
+
+class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True):
+    """Base of all kinds."""
+
+    R_dps2: float
+    """variance of the white part v"""
+
+    def __post_init__(self) -> None:
+        _check(self.R_dps2 >= 0, f"R_dps2 is a variance and must be 0 or more, got {self.R_dps2}")
+
+    def state_spectrum(self, lam: Array, h: float) -> Array:
+        """Spectrum of x at λ > 0 in rad a sample, normalised so that white noise has its variance."""
+        raise NotImplementedError
+
+
+class White(Noise, frozen=True, tag="white"):
+    """No x at all."""
+
+    def state_spectrum(self, lam: Array, h: float) -> Array:
+        """0."""
+        return np.zeros_like(lam)
+
+
+class AR1(Noise, frozen=True, tag="ar1"):
+    """x_k = φ x_{k-1} + noise of variance s2."""
+
+    phi: float
+    s2_dps2: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_poles(self.phi)
+        _check_step(self.s2_dps2)
+
+    def state_spectrum(self, lam: Array, h: float) -> Array:
+        """That of AR(1)."""
+        return self.s2_dps2 * spectrum.ar1(lam, self.phi)
+
+
+class AR2(Noise, frozen=True, tag="ar2"):
+    """x_k = φ1 x_{k-1} + φ2 x_{k-2} + noise of variance s2."""
+
+    phi1: float
+    phi2: float
+    s2_dps2: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check(
+            abs(self.phi2) < 1 and abs(self.phi1) < 1 - self.phi2,
+            f"phi1 = {self.phi1}, phi2 = {self.phi2} is not stationary",
+        )
+        _check_step(self.s2_dps2)
+
+    def state_spectrum(self, lam: Array, h: float) -> Array:
+        """That of AR(2)."""
+        return self.s2_dps2 * spectrum.ar2(lam, self.phi1, self.phi2)
+
+
+class TwoAR1(Noise, frozen=True, tag="two_ar1"):
+    """The sum of two AR(1)."""
+
+    phi_slow: float
+    s2_slow_dps2: float
+    phi_fast: float
+    s2_fast_dps2: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_poles(self.phi_slow, self.phi_fast)
+        _check_step(self.s2_slow_dps2)
+        _check_step(self.s2_fast_dps2)
+
+    def state_spectrum(self, lam: Array, h: float) -> Array:
+        """The sum of both."""
+        slow = self.s2_slow_dps2 * spectrum.ar1(lam, self.phi_slow)
+        return np.asarray(slow + self.s2_fast_dps2 * spectrum.ar1(lam, self.phi_fast))
+
+
+class Fractional(Noise, frozen=True, tag="fractional"):
+    """D^α x = f x + ω, as in `fltea.simulate`: f in s^-α, var ω = Q in (deg/s)² s^-2α."""
+
+    alpha: float
+    f: float
+    Q: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check(0 <= self.alpha < spectrum.HIGHEST_ORDER, f"alpha must be in [0, 2), got {self.alpha}")
+        _check(self.Q >= 0, f"Q is a variance and must be 0 or more, got {self.Q}")
+
+    def state_spectrum(self, lam: Array, h: float) -> Array:
+        """That of the fractional state."""
+        g = spectrum.g_of(self.alpha, self.f, h)
+        return spectrum.step_variance(self.alpha, self.Q, h) * spectrum.fractional(lam, self.alpha, g)
+
+
+Kind = White | AR1 | AR2 | TwoAR1 | Fractional
+
+
+class Resonance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A line or resonance beside the model: a Lorentzian of this power, so wide at half its height."""
+
+    frequency_hz: float
+    width_hz: float
+    variance_dps2: float
+
+    def __post_init__(self) -> None:
+        _check(self.frequency_hz > 0 and self.width_hz > 0, "frequency_hz and width_hz must be > 0")
+        _check(self.variance_dps2 >= 0, f"variance_dps2 must be 0 or more, got {self.variance_dps2}")
+
+
+class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The noise of one axis, without its offset."""
+
+    noise: Kind
+    resonances: tuple[Resonance, ...] = ()
+
+
+def identified(contest: Contest, peaks: tuple[Peak, ...], std_dps: float, h: float) -> AxisModel:
+    """The model of lowest BIC, and the peaks that were left out of its fit.
+
+    std_dps: standard deviation of the whole axis, of which the peaks' shares are taken. h in s.
+    """
+    p = contest.models[contest.best].parameters
+    R = p["R"]
+    noise: Kind
+    match contest.best:
+        case "white":
+            noise = White(R_dps2=R)
+        case "ar1":
+            noise = AR1(R_dps2=R, phi=p["phi"], s2_dps2=p["s2"])
+        case "ar2":
+            noise = AR2(R_dps2=R, phi1=p["phi1"], phi2=p["phi2"], s2_dps2=p["s2"])
+        case "two_ar1":
+            noise = TwoAR1(
+                R_dps2=R,
+                phi_slow=p["phi_slow"],
+                s2_slow_dps2=p["s2_slow"],
+                phi_fast=p["phi_fast"],
+                s2_fast_dps2=p["s2_fast"],
+            )
+        case _:
+            alpha = p["alpha"]
+            noise = Fractional(
+                R_dps2=R,
+                alpha=alpha,
+                f=spectrum.f_of(alpha, p["g"], h),
+                Q=spectrum.noise_variance(alpha, p["s2"], h),
+            )
+    return AxisModel(
+        noise,
+        tuple(
+            Resonance(peak.frequency_hz, peak.width_hz, float(max(peak.power_share, 0.0) * std_dps**2))
+            for peak in peaks
+        ),
+    )
+
+
+def model_spectrum(model: AxisModel, lam: Array, h: float) -> Array:
+    """Spectrum of y at λ > 0, normalised like `periodogram`."""
+    return np.asarray(_coloured(model, lam, h) + model.noise.R_dps2)
+
+
+def check_stationary(model: AxisModel, h: float) -> None:
+    """Raise ValueError if the model has no finite variance at a sampling period of h s."""
+    noise = model.noise
+    if isinstance(noise, Fractional):
+        g = spectrum.g_of(noise.alpha, noise.f, h)
+        if not spectrum.stationary(noise.alpha, g):
+            raise ValueError(f"α = {noise.alpha:g}, f = {noise.f:g} is not stationary at h = {h:g} s")
+    for resonance in model.resonances:
+        if resonance.frequency_hz >= 0.5 / h:
+            raise ValueError(f"a resonance at {resonance.frequency_hz:g} Hz is above half the sample rate")
+
+
+def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Draw n samples of Gaussian noise with the model's spectrum: y and, of it, what is not white, x; (n,).
+
+    Waves longer than AROUND records are left out, for they are offset.
+    """
+    circle = 1 << (max(AROUND * n, SHORTEST_CIRCLE) - 1).bit_length()
+    lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
+    waves = np.zeros(circle // 2 + 1, dtype=np.complex128)
+    waves[1:] = rng.standard_normal(circle // 2) + 1j * rng.standard_normal(circle // 2)
+    waves[-1] = math.sqrt(2) * waves[-1].real
+    waves[1:] *= np.sqrt(_coloured(model, lam, h) * (circle / 2))
+    x = np.fft.irfft(waves, circle)[:n]
+    return x + math.sqrt(model.noise.R_dps2) * rng.standard_normal(n), x
+
+
+def _coloured(model: AxisModel, lam: Array, h: float) -> Array:
+    total = model.noise.state_spectrum(lam, h)
+    frequency_hz = lam / (2 * np.pi * h)
+    for r in model.resonances:
+        half = r.width_hz / 2
+        shape = 1 / (1 + ((frequency_hz - r.frequency_hz) / half) ** 2)
+        low, high = np.arctan(np.array([-r.frequency_hz, 0.5 / h - r.frequency_hz]) / half)
+        # Its mean over 0 ... Nyquist's frequency is to be the variance.
+        total = total + r.variance_dps2 * shape * (0.5 / h) / (half * (high - low))
+    return np.asarray(total)
+
+
+def _check(holds: bool, otherwise: str) -> None:
+    if not holds:
+        raise ValueError(otherwise)
+
+
+def _check_poles(*phi: float) -> None:
+    for value in phi:
+        _check(abs(value) < 1, f"phi must be between -1 and 1, got {value}")
+
+
+def _check_step(s2: float) -> None:
+    _check(s2 >= 0, f"s2_dps2 is a variance and must be 0 or more, got {s2}")

@@ -1,0 +1,111 @@
+"""Periodogram of one axis: which ordinates are used, and their averages over bins (pure).
+
+λ is in rad a sample, I(λ) = |sum_t (y_t - mean) e^{-iλt}|² / n, so that white noise of variance σ² has the
+mean I = σ². The three lowest ordinates carry what is left of offset and drift, and that at π has another
+distribution: neither is used. Of bins only the averages are needed by Whittle's likelihood, as long as the
+spectrum hardly changes over one of them.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+LOWEST = 4
+"""Number of the first ordinate that is used."""
+FEWEST = 64
+"""Ordinates below which nothing is fitted."""
+GROWTH = 0.03
+"""Width of a bin over its frequency: a spectrum that goes with λ^-4 changes by 12 % over it."""
+WIDEST = math.pi / 120
+"""Rad a sample: no bin is wider, so that peaks of that width are seen for what they are."""
+
+
+class Periodogram(NamedTuple):
+    """Ordinates in use, in rising order."""
+
+    lam: Array
+    """(m,) rad a sample"""
+    power: Array
+    """(m,), or (series, m) of several series"""
+    h: float
+    """sampling period in s"""
+    n: int
+    """samples"""
+
+
+class Binned(NamedTuple):
+    """Averages of neighbouring ordinates."""
+
+    lam: Array
+    """(bins,) mean frequency of each, rad a sample"""
+    counts: Array
+    """(bins,) ordinates in each"""
+    power: Array
+    """(series, bins) their mean"""
+
+    @property
+    def ordinates(self) -> int:
+        """Ordinates in all bins: what BIC and the null distribution call the number of data."""
+        return int(self.counts.sum())
+
+
+def periodogram(
+    y: ArrayLike, h: float, *, from_hz: float = 0.0, notch: Sequence[tuple[float, float]] = ()
+) -> Periodogram:
+    """Return the ordinates of y, (n,) or (series, n), at a sampling period of h seconds.
+
+    from_hz: ordinates below are left out. notch: bands (low, high) in Hz to leave out.
+
+    Raises:
+        ValueError: y is not finite or constant, h is not positive, or fewer than `FEWEST` ordinates are left.
+    """
+    samples = np.asarray(y, dtype=np.float64)
+    if samples.ndim not in (1, 2) or not np.isfinite(samples).all():
+        raise ValueError("y must be finite numbers, of shape (n,) or (series, n)")
+    if (np.ptp(samples, axis=-1) == 0).any():
+        raise ValueError("y is constant: there is no noise in it")
+    if not (math.isfinite(h) and h > 0):
+        raise ValueError(f"h is a sampling period in s and must be > 0, got {h}")
+    n = samples.shape[-1]
+    use = used_ordinates(n, h, from_hz=from_hz, notch=notch)
+    if len(use) < FEWEST:
+        raise ValueError(f"{n} samples leave {len(use)} ordinates: at least {FEWEST} are needed")
+    spectrum = np.fft.rfft(samples - samples.mean(axis=-1, keepdims=True))[..., use]
+    return Periodogram(2 * np.pi * use / n, (spectrum.real**2 + spectrum.imag**2) / n, h, n)
+
+
+def used_ordinates(
+    n: int, h: float, *, from_hz: float = 0.0, notch: Sequence[tuple[float, float]] = ()
+) -> NDArray[np.intp]:
+    """Return the numbers j of the ordinates at 2πj/n that are used of n samples."""
+    j = np.arange(LOWEST, (n - 1) // 2 + 1)
+    frequency_hz = j / (n * h)
+    keep = frequency_hz >= from_hz
+    for low_hz, high_hz in notch:
+        keep &= (frequency_hz < low_hz) | (frequency_hz > high_hz)
+    return j[keep]
+
+
+def binned(p: Periodogram) -> Binned:
+    """Average over bins that grow with the frequency; the lowest ordinates stay single."""
+    starts = bin_starts(p.lam, p.n)
+    count = np.diff(np.append(starts, len(p.lam))).astype(np.float64)
+    return Binned(
+        np.add.reduceat(p.lam, starts) / count,
+        count,
+        np.add.reduceat(np.atleast_2d(p.power), starts, axis=1) / count,
+    )
+
+
+def bin_starts(lam: Array, n: int) -> NDArray[np.intp]:
+    """Return where in `lam` each bin begins; the edges depend on n only, whatever is left out."""
+    step = 2 * math.pi / n
+    edges = [(LOWEST - 0.5) * step]
+    while edges[-1] < math.pi:
+        edges.append(edges[-1] + max(step, min(GROWTH * edges[-1], WIDEST)))
+    return np.unique(np.searchsorted(lam, edges[:-1], side="left").clip(max=len(lam) - 1))

@@ -1,0 +1,175 @@
+"""One HTML page about recordings that were identified, complete in itself, and its figures as PNG."""
+
+import base64
+import re
+from collections.abc import Iterator, Sequence
+from html import escape
+from pathlib import Path
+
+from fltea import __version__
+from fltea.errors import FlteaError, UsageError
+from fltea.identify import figures, tables
+from fltea.identify.axis import AxisResult
+from fltea.identify.run import AxisReport, FileReport
+
+PAGE = "report.html"
+
+STYLE = Path(__file__).with_name("report.css")
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make the folder, and see that figures can be made, before anything is computed.
+
+    Raises:
+        UsageError: matplotlib is missing, or the folder cannot be written to.
+    """
+    figures.check_matplotlib()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".{PAGE}.part"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise UsageError(f"--report {folder}: cannot be written to ({error.strerror or error}).") from error
+
+
+def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
+    """Write the figures and the page that has them in it; return the files, the page first.
+
+    Raises:
+        FlteaError: they cannot be written.
+    """
+    written: list[Path] = []
+    sections = []
+    try:
+        for report, prefix in zip(reports, _prefixes(reports), strict=True):
+            pictures: dict[str, dict[str, bytes]] = {}
+            for name, axis in report.axes.items():
+                if isinstance(axis, AxisReport) and axis.curves is not None:
+                    pictures[name] = figures.draw(axis)
+            for name, drawn in pictures.items():
+                for kind, png in drawn.items():
+                    written.append(folder / f"{prefix}_{name}_{kind}.png")
+                    written[-1].write_bytes(png)
+            sections.append("".join(_section(report, pictures)))
+        page = folder / PAGE
+        page.write_text(_page(reports, sections), encoding="utf-8")
+    except OSError as error:
+        raise FlteaError(f"{folder}: the report cannot be written ({error}).") from error
+    return [page, *written]
+
+
+def _prefixes(reports: Sequence[FileReport]) -> list[str]:
+    """A name for the figures of each recording, numbered where two would be the same."""
+    found: list[str] = []
+    for report in reports:
+        stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(report.name).stem).strip("._") or "recording"
+        name, number = stem, 2
+        while name in found:
+            name, number = f"{stem}-{number}", number + 1
+        found.append(name)
+    return found
+
+
+def _page(reports: Sequence[FileReport], sections: list[str]) -> str:
+    title = "Noise identified" + (f": {Path(reports[0].name).name}" if len(reports) == 1 else "")
+    summary = _summary(reports) if len(reports) > 1 else ""
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<style>{STYLE.read_text(encoding='utf-8')}</style></head><body><h1>{escape(title)}</h1>"
+        '<p class="faint">α and f mean something only where the verdict says so. "Undefined" is a result: '
+        "the data do not tell one value from another.</p>"
+        f"{summary}{''.join(sections)}"
+        f"<footer><p>fltea {__version__}, <code>fltea identify --report</code></p></footer></body></html>\n"
+    )
+
+
+def _summary(reports: Sequence[FileReport]) -> str:
+    head = "".join(f"<th>{escape(text)}</th>" for text in ("recording", "axis", *tables.SHORT_HEADINGS))
+    lines = []
+    for report in reports:
+        name = f"<td>{escape(Path(report.name).name)}</td>"
+        if report.failure is not None:
+            lines.append(
+                f'<tr>{name}<td colspan="6" class="text bad">{escape(str(report.failure))}</td></tr>'
+            )
+        for axis, found in report.axes.items():
+            if isinstance(found, AxisReport):
+                cells = "".join(f"<td>{escape(text)}</td>" for text in tables.short(found))
+            else:
+                cells = f'<td colspan="5" class="text bad">{escape(found.error)}</td>'
+            lines.append(f"<tr>{name}<td>{axis}</td>{cells}</tr>")
+    return _wide(f"<thead><tr>{head}</tr></thead>", lines)
+
+
+def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Iterator[str]:
+    yield f'<section><h2>{escape(report.name)}</h2><p class="faint">{escape(tables.heading(report))}</p>'
+    if report.failure is not None:
+        yield f'<p class="bad">{escape(str(report.failure))}</p></section>'
+        return
+    good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    for name, axis in report.axes.items():
+        if isinstance(axis, AxisReport):
+            text = escape(axis.result.verdict.text)
+            yield f'<p class="verdict"><b>{name}: {escape(axis.result.verdict.kind)}.</b> {text}</p>'
+        else:
+            yield f'<p class="verdict"><b>{name}</b>: <span class="bad">{escape(axis.error)}</span></p>'
+    yield _table(good)
+    yield _traps(report)
+    for name, axis in good.items():
+        yield f'<h3 class="axis">{name}</h3><p>{escape(axis.result.verdict.text)}</p>'
+        yield _rules(axis.result)
+        yield f'<p class="faint">{escape(tables.settings(axis))}</p>'
+        if axis.reproduction is not None:
+            yield f'<p class="faint">{escape(axis.reproduction.text)}</p>'
+        yield '<div class="figures">'
+        for kind, png in pictures.get(name, {}).items():
+            title, meaning = figures.TITLES[kind]
+            data = base64.b64encode(png).decode()
+            yield (
+                f'<figure><img alt="{name}: {escape(title)}" src="data:image/png;base64,{data}">'
+                f"<figcaption><b>{escape(title)}.</b> {escape(meaning)}</figcaption></figure>"
+            )
+        yield "</div>"
+    yield "</section>"
+
+
+def _table(axes: dict[str, AxisReport]) -> str:
+    if not axes:
+        return ""
+    head = "".join(f"<th>{name}</th>" for name in axes)
+    lines = []
+    for label, values in tables.side_by_side(axes):
+        cells = "".join(f"<td>{escape(value)}</td>" for value in values)
+        sub = ' class="sub"' if label.startswith(" ") else ""
+        lines.append(f"<tr{sub}><th>{escape(label.strip())}</th>{cells}</tr>")
+    return _wide(f"<thead><tr><th></th>{head}</tr></thead>", lines)
+
+
+def _wide(head: str, lines: Sequence[str]) -> str:
+    return f'<div class="wide"><table>{head}<tbody>{"".join(lines)}</tbody></table></div>'
+
+
+def _traps(report: FileReport) -> str:
+    found = tables.traps(report)
+    lines = [
+        f'<tr><td class="{trap.severity}">{trap.severity}</td><td>{escape(axes) or "all"}</td>'
+        f'<td class="text">{escape(trap.text)}</td><td class="text">{escape(trap.remedy)}</td></tr>'
+        for axes, trap in found
+    ]
+    lines += [
+        f'<tr><td></td><td></td><td class="text">{escape(text)}</td></tr>' for text in tables.doubts(report)
+    ]
+    if not lines:
+        return ""
+    return "<h3>Traps</h3>" + _wide("", lines)
+
+
+def _rules(result: AxisResult) -> str:
+    lines = [
+        f'<tr><td class="text">{escape(rule.question)}</td><td>{"yes" if rule.answer else "no"}</td>'
+        f'<td class="text">{escape(rule.figure)}</td></tr>'
+        for rule in result.verdict.rules
+    ]
+    return f"<details open><summary>How the verdict came about</summary>{_wide('', lines)}</details>"

@@ -1,0 +1,98 @@
+"""Does the identified model reproduce the sensor? Allan deviations of its noise over that of the data."""
+
+import math
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fltea.identify.allan import averaging_factors, overlapping
+from fltea.identify.noise_model import AxisModel, check_stationary, draw
+
+Array = NDArray[np.float64]
+
+SIMULATIONS = 20
+CLOSE = 0.1
+"""A model may be so far off, whatever the spread of the simulations: parameters are not known better."""
+SPREADS = 4.0
+"""Or so many standard deviations of the simulations: some forty points are looked at."""
+
+
+class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Ratio of the Allan deviations, simulated over data, at each averaging time.
+
+    from_s, to_s: the longest stretch over which the model reproduces the sensor; None if it does nowhere.
+    """
+
+    tau_s: tuple[float, ...]
+    ratio: tuple[float, ...]
+    """median of the simulations"""
+    low: tuple[float, ...]
+    """5 % of them"""
+    high: tuple[float, ...]
+    """95 %"""
+    within: tuple[bool, ...]
+    """the median is within 10 % of the data, or within four standard deviations of the simulations"""
+    from_s: float | None
+    to_s: float | None
+    text: str
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether the model reproduces the sensor at all averaging times."""
+        return all(self.within)
+
+
+def reproduction(
+    y_dps: ArrayLike, h: float, model: AxisModel, *, simulations: int = SIMULATIONS, seed: int = 0
+) -> Reproduction:
+    """Compare one axis (n,) in deg/s, without missing samples, with noise of its model; h in s.
+
+    Raises:
+        ValueError: the model has no finite variance, or the axis is constant.
+        UsageError: allantools is not installed.
+    """
+    y = np.ascontiguousarray(y_dps, dtype=np.float64)
+    check_stationary(model, h)
+    factors = averaging_factors(len(y))
+    data = overlapping(y, factors)
+    if not data.all():
+        raise ValueError("the axis is constant: there is nothing to compare with")
+    rng = np.random.default_rng(seed)
+    drawn = np.array([overlapping(draw(model, h, len(y), rng)[0], factors) for _ in range(simulations)])
+    logs = np.log(np.maximum(drawn, np.finfo(np.float64).tiny) / data)
+    low, middle, high = np.quantile(logs, (0.05, 0.5, 0.95), axis=0)
+    within = np.abs(middle) <= np.maximum(math.log1p(CLOSE), SPREADS * logs.std(axis=0, ddof=1))
+    tau = np.asarray(factors * h, dtype=np.float64)
+    longest = _longest(within)
+    from_s, to_s = (None, None) if longest is None else (float(tau[longest[0]]), float(tau[longest[1]]))
+    return Reproduction(
+        tuple(tau.tolist()),
+        tuple(np.exp(middle).tolist()),
+        tuple(np.exp(low).tolist()),
+        tuple(np.exp(high).tolist()),
+        tuple(within.tolist()),
+        from_s,
+        to_s,
+        _text(tau, np.exp(middle), within, longest),
+    )
+
+
+def _longest(within: NDArray[np.bool_]) -> tuple[int, int] | None:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], within, [False]]))).reshape(-1, 2)
+    if not len(edges):
+        return None
+    start, stop = edges[(edges[:, 1] - edges[:, 0]).argmax()].tolist()
+    return start, stop - 1
+
+
+def _text(tau: Array, ratio: Array, within: NDArray[np.bool_], longest: tuple[int, int] | None) -> str:
+    if within.all():
+        return f"The model reproduces the sensor from {tau[0]:.2g} to {tau[-1]:.2g} s."
+    worst = int(np.where(within, 0.0, np.abs(np.log(ratio))).argmax())
+    off = f"at {tau[worst]:.2g} s its Allan deviation is {ratio[worst]:.2f} times the sensor's."
+    if longest is None:
+        return f"The model does not reproduce the sensor: {off}"
+    return (
+        f"The model reproduces the sensor from {tau[longest[0]]:.2g} to {tau[longest[1]]:.2g} s only; {off}"
+    )

@@ -1,0 +1,243 @@
+"""What was found out, as rows for people (terminal and page) and as one JSON object for programs."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import msgspec
+
+from fltea.identify.allan import Coefficient
+from fltea.identify.axis import AxisResult
+from fltea.identify.profile import Parameter
+from fltea.identify.run import AxisReport, Failure, FileReport
+from fltea.identify.traps import Trap
+
+MODELS = {
+    "white": "white",
+    "ar1": "AR(1)",
+    "ar2": "AR(2)",
+    "two_ar1": "two AR(1)",
+    "fractional": "fractional",
+}
+UNDEFINED = "undefined"
+NONE = "–"
+SEVERITIES = ("bad", "warning", "note")
+
+Row = tuple[str, str]
+"""A label and a value."""
+
+
+def document(reports: Sequence[FileReport]) -> dict[str, Any]:
+    """All of it, for JSON."""
+    return {"files": [_file(report) for report in reports]}
+
+
+def _file(report: FileReport) -> dict[str, Any]:
+    found: dict[str, Any] = {"file": report.name}
+    if report.failure is not None:
+        found["error"] = str(report.failure)
+    if report.recording is not None:
+        hello = report.recording.hello
+        found |= {
+            "device_id": hello.device_id,
+            "sensor": hello.sensor,
+            "clock_ppm": report.recording.clock_ppm,
+            "samples": msgspec.to_builtins(report.recording.counts),
+            "traps": msgspec.to_builtins(report.recording.traps),
+        }
+    return found | {"axes": {name: _axis(axis) for name, axis in report.axes.items()}}
+
+
+def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
+    if isinstance(axis, Failure):
+        return {"error": axis.error}
+    result: dict[str, Any] = msgspec.to_builtins(axis.result)
+    return {
+        "unit": axis.unit,
+        "lsb": axis.lsb,
+        **result,
+        "model": msgspec.to_builtins(axis.model),
+        "allan": msgspec.to_builtins(axis.allan),
+        "reproduction": msgspec.to_builtins(axis.reproduction),
+        "allan_reason": axis.allan_reason,
+        "traps": msgspec.to_builtins(axis.traps),
+    }
+
+
+def heading(report: FileReport) -> str:
+    """What the recording is, in a line."""
+    if report.recording is None:
+        return ""
+    hello, c = report.recording.hello, report.recording.counts
+    parts = [hello.sensor, hello.device_id and f"device {hello.device_id}", f"{hello.rate_hz:.6g} Hz"]
+    parts.append(f"{c.used:,} samples" + ("" if c.used == c.samples else f" of {c.samples:,}"))
+    parts.append(f"{c.used / hello.rate_hz:.1f} s")
+    return ", ".join(part for part in parts if part)
+
+
+def doubts(report: FileReport) -> list[str]:
+    """What the device or the link said of the samples; nothing where all is well."""
+    if report.recording is None:
+        return []
+    c = report.recording.counts
+    counts = (
+        (c.duplicates, "came twice"),
+        (c.before_hello, "could not be used, for their device was not known"),
+        (c.late, "were read late"),
+        (c.retried, "were read at the second attempt"),
+        (c.saturated, "are at the end of the range"),
+    )
+    return [f"{count:,} samples {what}." for count, what in counts if count]
+
+
+def traps(report: FileReport) -> list[tuple[str, Trap]]:
+    """All of a recording with their axis, the worst first; what several axes have in common comes once."""
+    found: dict[tuple[str, str], tuple[list[str], Trap]] = {}
+    of_axes = [(name, axis.traps) for name, axis in report.axes.items() if isinstance(axis, AxisReport)]
+    of_all = report.recording.traps if report.recording else ()
+    for name, those in [("", of_all), *of_axes]:
+        for trap in those:
+            found.setdefault((trap.kind, trap.text), ([], trap))[0].append(name)
+    named = [(", ".join(filter(None, names)), trap) for names, trap in found.values()]
+    return sorted(named, key=lambda one: SEVERITIES.index(one[1].severity))
+
+
+def rows(axis: AxisReport) -> list[Row]:
+    """One axis."""
+    r = axis.result
+    found = [
+        (f"mean [{axis.unit}]", f"{r.mean:.4g}"),
+        (f"σ [{axis.unit}]", f"{r.std:.4g}"),
+        ("σ [LSB]", _lsb(axis)),
+    ]
+    for fit in (r.fltea, r.fltea_other):
+        found.append((f"FLTEA {fit.variant} α", _pm(fit.alpha, fit.alpha_std)))
+        if fit is r.fltea and r.null.shuffled:
+            found.append(("  shuffled gives", _span(r.null.shuffled.alpha)))
+        found.append((f"FLTEA {fit.variant} f [s^-α]", _pm(fit.f, fit.f_std)))
+        if fit is r.fltea and r.null.shuffled:
+            found.append(("  shuffled gives", _span(r.null.shuffled.f)))
+    found += [
+        ("null test p", f"{r.null.p_value:.2g}"),
+        ("  of what is fitted", f"{r.null.p_clean:.2g}"),
+        ("Whittle F = g + α", _parameter(r.whittle.F)),
+        ("Whittle α", _parameter(r.whittle.alpha)),
+        ("Whittle f [s^-α]", _parameter(r.whittle.f)),
+        (f"Whittle √R [{axis.unit}]", _root(r.whittle.R)),
+        ("best by BIC", best(r)),
+        ("best rival", _rival(r)),
+        ("fractional", f"BIC {r.rivals.models['fractional'].bic:+.1f}"),
+    ]
+    if innovations := r.innovations.get(r.fltea.variant):
+        found += [
+            ("innovations' NIS", f"{innovations.nis:.3g}"),
+            ("  lag-1", f"{innovations.lag1:+.3f}"),
+            ("  Ljung–Box p", f"{innovations.ljung_box_p:.2g}"),
+        ]
+    if axis.allan:
+        a = axis.allan
+        found += [
+            ("Allan N [deg/√h]", _coefficient(a.N_deg_per_sqrt_s, a.N_deg_per_sqrt_h)),
+            ("Allan B [deg/h]", _coefficient(a.B_dps, a.B_deg_per_h)),
+            ("Allan K [deg/h/√h]", _coefficient(a.K_dps_per_sqrt_s, a.K_deg_per_h_per_sqrt_h)),
+        ]
+    return found
+
+
+def settings(axis: AxisReport) -> str:
+    """What FLTEA was run with, in a line."""
+    f = axis.result.fltea
+    guard = ", ".join(f"{cause} {n:,}" for cause, n in f.interventions.items()) or "never"
+    drift = NONE if f.alpha_drift is None else f"{f.alpha_drift:+.3g}"
+    return (
+        f"FLTEA {f.variant}, guard {f.guard} (stepped in: {guard}), R = {f.R:.4g} ({axis.unit})² from the "
+        f"{f.R_from}, {f.restarts} restarts, α moved by {drift} over the last third"
+        f"{'' if f.converged else ': not converged'}."
+    )
+
+
+def short(axis: AxisReport) -> list[str]:
+    """One axis for a table over many, under `SHORT_HEADINGS`."""
+    r = axis.result
+    band = r.null.shuffled
+    return [
+        f"{r.duration_s:.0f}",
+        NONE if r.fltea.alpha is None else f"{r.fltea.alpha:.3f}",
+        _span(band.alpha) if band else NONE,
+        f"{r.null.p_value:.1g}",
+        r.verdict.kind,
+    ]
+
+
+SHORT_HEADINGS = ("s", "α", "shuffled α", "null p", "verdict")
+
+
+def best(r: AxisResult) -> str:
+    """The model of lowest BIC, and where its spectrum bends or peaks."""
+    found = r.rivals.models[r.rivals.best].parameters
+    at = found.get("resonance_hz", found.get("bend_hz", found.get("bend_slow_hz")))
+    return MODELS[r.rivals.best] + (f", {at:.2g} Hz" if at is not None else "")
+
+
+def rival(r: AxisResult) -> str:
+    """The one of lowest BIC that is neither white nor fractional."""
+    return min(
+        (name for name in r.rivals.models if name not in ("white", "fractional")),
+        key=lambda name: r.rivals.models[name].bic,
+    )
+
+
+def _rival(r: AxisResult) -> str:
+    name = rival(r)
+    return f"{MODELS[name]}, BIC {r.rivals.models[name].bic:+.1f}"
+
+
+def _lsb(axis: AxisReport) -> str:
+    return f"{axis.result.std / axis.lsb:.1f}" if axis.lsb else "not known"
+
+
+def _pm(value: float | None, std: float | None) -> str:
+    if value is None:
+        return "not valid"
+    return f"{value:.3f} ± {std:.3f}" if std is not None else f"{value:.3f}"
+
+
+def _span(band: tuple[float, float, float] | None) -> str:
+    return NONE if band is None else f"{band[0]:.3f} … {band[2]:.3f}".replace("-0.000", "0.000")
+
+
+def _parameter(p: Parameter) -> str:
+    if p.low is None or p.high is None:
+        return UNDEFINED
+    return f"{_number(p.value)} ({_number(p.low)}…{_number(p.high)})"
+
+
+def _number(value: float) -> str:
+    """Two or three digits that count; less than a thousandth is 0."""
+    return "0" if abs(value) < 5e-4 else f"{value:.2f}" if abs(value) < 10 else f"{value:.3g}"
+
+
+def _root(p: Parameter) -> str:
+    return UNDEFINED if p.low is None else f"{p.value**0.5:.4g}"
+
+
+def _coefficient(c: Coefficient, value: float | None) -> str:
+    if value is None or c.value is None or c.low is None or c.high is None:
+        return "not seen"
+    scale = value / c.value
+    return f"{value:.3g} ({c.low * scale:.3g}…{c.high * scale:.3g})"
+
+
+def side_by_side(axes: Mapping[str, AxisReport]) -> list[tuple[str, list[str]]]:
+    """The rows of several axes: a label, and a value for each; nothing where an axis has no such row."""
+    columns = [_keyed(rows(axis)) for axis in axes.values()]
+    labels = max(columns, key=len)
+    return [(key[1], [column.get(key, "") for column in columns]) for key in labels]
+
+
+def _keyed(found: list[Row]) -> dict[tuple[str, str], str]:
+    """By label and, for indented ones that come twice, the label above."""
+    keyed, above = {}, ""
+    for label, value in found:
+        above = above if label.startswith(" ") else label
+        keyed[above, label] = value
+    return keyed

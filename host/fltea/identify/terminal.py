@@ -1,0 +1,67 @@
+"""Results as tables for a terminal."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from fltea.identify import tables
+from fltea.identify.run import AxisReport, Failure, FileReport
+
+WIDTHS = (7, 9, 18, 9, 21)
+"""Of the columns of the summary."""
+COLOURS = {"bad": "bold red", "warning": "yellow", "note": "dim"}
+
+
+def show(console: Console, report: FileReport, first: bool = True) -> None:
+    """One recording: a table with a column an axis, the verdicts, and the traps."""
+    if not first:
+        console.print()
+    console.print(Text(report.name, style="bold"), Text(tables.heading(report)), soft_wrap=True)
+    if report.failure is not None:
+        console.print(Text(str(report.failure), style="red"))
+        return
+    good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    if good:
+        table = Table("", *good)
+        for label, values in tables.side_by_side(good):
+            table.add_row(*(escape(text) for text in (label, *values)))
+        console.print(table)
+    for name, axis in report.axes.items():
+        console.print(_verdict(name, axis))
+    for axes, trap in tables.traps(report):
+        text = Text(f"{trap.severity}: ", style=COLOURS[trap.severity])
+        text.append(f"{axes}: " if axes else "", style="default not dim not bold")
+        text.append(f"{trap.text} {trap.remedy}", style="default not dim not bold")
+        console.print(text)
+    for doubt in tables.doubts(report):
+        console.print(Text(doubt))
+
+
+def _verdict(name: str, axis: AxisReport | Failure) -> Text:
+    if isinstance(axis, Failure):
+        return Text(f"{name}: {axis.error}", style="red")
+    text = Text(f"{name}: {axis.result.verdict.kind}. ", style="bold")
+    return text.append(axis.result.verdict.text, style="not bold")
+
+
+def summary(console: Console, reports: Sequence[FileReport]) -> None:
+    """All axes of all recordings, a line each under the recording's name, which may be long."""
+    console.print()
+    console.print(Text(_line("Summary", tables.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
+    for report in reports:
+        console.print(Text(Path(report.name).name, style="bold"), soft_wrap=True)
+        if report.failure is not None:
+            console.print(Text("  failed", style="red"))
+        for axis, found in report.axes.items():
+            if isinstance(found, AxisReport):
+                console.print(Text(_line(f"  {axis}", tables.short(found))), soft_wrap=True)
+            else:
+                console.print(Text(f"  {axis}  failed", style="red"))
+
+
+def _line(first: str, cells: Sequence[str]) -> str:
+    return f"{first:<10}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True))

@@ -1,0 +1,50 @@
+"""Whether the innovations of a filter are white and as large as it thinks, over a whole record (pure).
+
+`estimator.whiteness` has the live form.
+"""
+
+import math
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LAGS = 20
+"""Of Ljung and Box's test; even, so that its χ² has a closed form."""
+FEWEST = 100
+
+
+class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Of a model that is right, nis is 1, lag1 0 ± 1/√n and ljung_box_p anywhere in 0 … 1."""
+
+    samples: int
+    nis: float
+    """mean normalised innovation squared"""
+    lag1: float
+    """correlation of neighbours"""
+    ljung_box: float
+    ljung_box_p: float
+    """probability that white innovations give this much or more"""
+
+
+def innovations(innovation: Array, std: Array) -> Innovations | None:
+    """Test innovations and the filter's deviations of them, both (n,); None for fewer than 100 in all."""
+    good = np.isfinite(innovation) & np.isfinite(std) & (std > 0)
+    e, s = innovation[good], std[good]
+    if len(e) < FEWEST or not (power := float(e @ e)) > 0:
+        return None
+    r = np.array([e[lag:] @ e[:-lag] for lag in range(1, LAGS + 1)]) / power
+    n = len(e)
+    q = float(n * (n + 2) * (r**2 / (n - np.arange(1, LAGS + 1))).sum())
+    return Innovations(n, float(np.mean((e / s) ** 2)), float(r[0]), q, chi2_tail(q, LAGS))
+
+
+def chi2_tail(x: float, degrees: int) -> float:
+    """Probability that χ² with an even number of degrees exceeds x."""
+    term = total = math.exp(-min(x, 1400.0) / 2)
+    for i in range(1, degrees // 2):
+        term *= x / 2 / i
+        total += term
+    return min(total, 1.0)

@@ -1,0 +1,153 @@
+"""Everything of one axis: what people get, on noise of known kinds and on real recordings."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from fltea.config import EstimatorConfig
+from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis
+from fltea.identify.spectral import examine
+from fltea.identify.verdict import decide
+from identify_support import H, ar, long_recursion, recursion, white
+
+QUICK = IdentifyOptions(shuffles=20)
+
+
+def kind(y: np.ndarray) -> str:
+    return decide(examine(y, H).evidence).kind
+
+
+def test_white_noise() -> None:
+    lsb = 1 / 16.4
+    y = np.rint((3 + 0.14 * white(3000, 1, 1)[0]) / lsb) * lsb
+    found = identify_axis(y, H, lsb, QUICK)
+    assert found.verdict.kind == "white"
+    assert found.null.p_value > 0.05
+    assert found.null.critical_5_percent < found.null.critical_1_percent
+    assert not found.whittle.alpha.defined
+    assert not found.whittle.f.defined
+    assert found.fltea.variant == "joint"
+    assert found.fltea_other.variant == "triple"
+    assert found.null.shuffled is not None
+    assert found.null.shuffled.copies == 20
+    assert set(found.innovations) == {"joint", "triple"}
+    assert found.mean == pytest.approx(3, abs=0.01)
+    assert found.std == pytest.approx(0.14, rel=0.05)
+    assert found.duration_s == pytest.approx(30)
+
+
+def test_as_json_and_back() -> None:
+    """The names that issue and README promise; nothing that JSON has no word for."""
+    found = identify_axis(recursion(0.6, -3.0, 1000, 1, 1, 200)[0], H, None, QUICK)
+    data = msgspec.json.encode(found)
+    assert msgspec.json.decode(data, type=AxisResult) == found
+    plain = msgspec.json.decode(data)
+    assert {"alpha", "alpha_std", "f", "f_std"} <= set(plain["fltea"])
+    assert "p_value" in plain["null"]
+    assert {"F", "alpha", "g", "f", "s2", "R"} <= set(plain["whittle"])
+    assert {"kind", "text", "rules"} == set(plain["verdict"])
+
+
+def test_short_fractional_noise_is_not_called_so() -> None:
+    for seed in range(4):
+        y = long_recursion(0.6, -0.19, 3000, seed)
+        assert kind(y) not in ("white", "fractional")
+
+
+def test_long_fractional_noise_is() -> None:
+    for seed in range(3):
+        y = long_recursion(0.6, -0.19, 60_000, seed) + 0.5 * white(60_000, 1, seed + 10)[0]
+        assert kind(y) == "fractional"
+
+
+@pytest.mark.parametrize(
+    ("wanted", "make"),
+    [
+        ("AR(1)", lambda: ar((0.5,), 60_000, 1, 1)[0] + white(60_000, 1, 2)[0]),
+        ("AR(1)", lambda: ar((0.99,), 60_000, 1, 3)[0] / 4 + ar((0.5,), 60_000, 1, 4)[0]),
+        ("drift", lambda: np.cumsum(white(60_000, 1, 5)[0]) / 50 + white(60_000, 1, 6)[0]),
+        ("drift", lambda: np.linspace(0, 3, 60_000) + white(60_000, 1, 7)[0]),
+        ("filter or resonance", lambda: ar((-0.7, -0.9), 60_000, 1, 8)[0] / 4 + white(60_000, 1, 9)[0]),
+        (
+            "filter or resonance",
+            lambda: 0.4 * np.sin(0.84 * np.arange(60_000)) + white(60_000, 1, 10)[0],
+        ),
+    ],
+)
+def test_what_is_not_fractional(wanted: str, make: object) -> None:
+    assert kind(make()) == wanted  # type: ignore[operator]
+
+
+def test_notch_and_from_hz_leave_out() -> None:
+    n = 6000
+    y = white(n, 1, 3)[0] + 0.5 * np.sin(2 * np.pi * 20.02 * np.arange(n) * H)
+    seen = examine(y, H, from_hz=1.0, notch=((19.0, 21.0),))
+    assert not seen.evidence.peaks
+    assert seen.band.from_hz == 1.0
+    assert seen.band.notch_hz == ((19.0, 21.0),)
+    assert seen.ordinates == pytest.approx(47 * 60, abs=3)
+    assert examine(y, H).evidence.peaks
+
+
+def test_peaks_without_end_leave_half_of_the_ordinates() -> None:
+    """A comb of lines is not masked away to nothing."""
+    n = 1000
+    t = np.arange(n) * H
+    y = 0.1 * white(n, 1, 1)[0] + sum(np.sin(2 * np.pi * f * t) for f in range(4, 46, 4))
+    seen = examine(y, H)
+    assert seen.band.ordinates >= 0.5 * seen.ordinates
+
+
+def test_given_settings_reach_the_estimators() -> None:
+    y = white(2000, 1, 1)[0]
+    options = IdentifyOptions(EstimatorConfig(variant="triple", guard="off", R=2.0, startup=50), shuffles=0)
+    found = identify_axis(y, H, None, options)
+    assert (found.fltea.variant, found.fltea.guard, found.fltea.R) == ("triple", "off", 2.0)
+    assert (found.fltea_other.variant, found.fltea_other.R) == ("joint", 2.0)
+    assert found.null.shuffled is None
+    reference = IdentifyOptions(
+        EstimatorConfig(engine="reference", variant="triple", guard="off"), shuffles=0
+    )
+    assert identify_axis(y[:800], H, None, reference).fltea.valid
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"from_hz": -1.0}, "from_hz"),
+        ({"notch_hz": ((5.0, 4.0),)}, "notch_hz"),
+        ({"shuffles": -1}, "shuffles"),
+    ],
+)
+def test_options_are_checked(more: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        IdentifyOptions(**more)  # type: ignore[arg-type]
+
+
+def test_one_axis_only() -> None:
+    with pytest.raises(ValueError, match="one axis"):
+        identify_axis(np.zeros((500, 3)), H)
+
+
+def test_real_recordings(recordings: Path) -> None:
+    """As measured: none of them is fractional, and the resonance of the z axis is seen for what it is."""
+    kinds = {}
+    for name in ("mpu6050_sunsided_10min", "mpu6050_tomisuarez_100s"):
+        with np.load(recordings / f"{name}.npz") as d:
+            y, h = d["gyro_raw"] / float(d["lsb_per_dps"]), 1 / float(d["fs_hz"])
+        for axis in range(3):
+            seen = examine(y[:, axis], h)
+            kinds[name[8:11] + "xyz"[axis]] = decide(seen.evidence).kind
+            if name[8:11] + "xyz"[axis] == "sunz":
+                (peak,) = seen.evidence.peaks
+                assert peak.frequency_hz == pytest.approx(31.4, abs=0.1)
+                assert peak.power_share == pytest.approx(0.25, abs=0.05)
+    assert kinds == {
+        "sunx": "drift",
+        "suny": "drift",
+        "sunz": "filter or resonance",
+        "tomx": "white",
+        "tomy": "filter or resonance",
+        "tomz": "white",
+    }

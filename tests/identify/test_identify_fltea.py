@@ -1,0 +1,174 @@
+"""FLTEA on a recording: the daemon's own figures; shuffled copies; tests of the innovations."""
+
+from typing import Literal
+
+import msgspec
+import numpy as np
+import pytest
+from fltea.config import EstimatorConfig
+from fltea.estimator.online import OnlineEstimator
+from fltea.identify.fltea_fit import fltea_fit
+from fltea.identify.shuffled import ShuffledBand, shuffled_band
+from fltea.identify.whiteness_test import chi2_tail, innovations
+from identify_support import H, ar, recursion, white
+
+LSB = 1 / 16.4
+Variant = Literal["joint", "triple"]
+Guard = Literal["off", "faithful", "consistent"]
+
+
+def config(**more: object) -> EstimatorConfig:
+    return EstimatorConfig(startup=100, **more)  # type: ignore[arg-type]
+
+
+def counts(seed: int, n: int = 900) -> np.ndarray:
+    """Noise of a sensor with an offset, in whole counts."""
+    return np.rint((1.7 + 0.14 * white(n, 1, seed)[0]) / LSB) * LSB
+
+
+def disturbed(stop: int) -> np.ndarray:
+    """The same, thrown about from sample 300 to `stop`: the guard holds it, the supervisor objects."""
+    y = counts(1)
+    y[300:stop] += 30 * np.random.default_rng(1).choice([-1, 1], stop - 300)
+    return y
+
+
+ENGINE_ALONE = [
+    ("joint", "consistent", {}),
+    ("triple", "consistent", {}),
+    ("triple", "off", {}),
+    ("joint", "consistent", {"bias": 1.7, "R": 0.02}),
+    ("joint", "consistent", {"engine": "direct"}),
+]
+DAEMONS_WAY = [
+    ("triple", "off", {"R": 0.002}),  # runs away, and begins anew
+    ("triple", "off", {"engine": "reference"}),
+]
+
+
+def check_equality(y: np.ndarray, settings: EstimatorConfig) -> tuple[bool, int]:
+    live = OnlineEstimator(("x",), settings, H, LSB)
+    for value in y.tolist():
+        estimates = live.on_sample((value,))
+    assert estimates is not None
+    assert live.baseline is not None
+    last = estimates["x"]
+    found, _ = fltea_fit(y, H, settings, LSB)
+    assert found.valid == last.valid
+    if last.valid:
+        assert (found.alpha, found.alpha_std) == (last.alpha, last.alpha_std)
+        assert (found.f, found.f_std) == (last.f, last.f_std)
+    else:
+        assert found.alpha is None
+        assert found.f is None
+    assert (found.bias, found.R) == (live.baseline.bias_dps[0], live.baseline.R[0])
+    assert found.restarts == live.restarts["x"]
+    assert found.interventions == live.interventions.get("x", {})
+    assert found.R_from == ("start-up window" if settings.R == "auto" else "setting")
+    assert found.startup_samples == settings.startup_needed
+    return found.valid, found.restarts
+
+
+@pytest.mark.parametrize(("variant", "guard", "more"), ENGINE_ALONE + DAEMONS_WAY)
+def test_equals_the_daemon_to_the_bit(variant: Variant, guard: Guard, more: dict[str, object]) -> None:
+    valid, restarts = check_equality(counts(1), config(variant=variant, guard=guard, **more))
+    assert valid
+    assert (restarts > 0) == (more.get("R") == 0.002)
+
+
+@pytest.mark.parametrize(("stop", "outcome"), [(900, (False, 0)), (500, (True, 1)), (310, (True, 0))])
+def test_the_supervisor_has_its_say(stop: int, outcome: tuple[bool, int]) -> None:
+    assert check_equality(disturbed(stop), config()) == outcome
+
+
+def test_drift_and_convergence() -> None:
+    noise = recursion(0.6, -3.0, 2500, 1, 1, 300)[0] * 0.4
+    found, _ = fltea_fit(noise, H, config())
+    assert found.converged
+    assert abs(found.alpha_drift or 9) < 0.05
+    other, _ = fltea_fit(noise[:320], H, config())
+    assert other.alpha_drift is not None
+    assert abs(other.alpha_drift) > abs(found.alpha_drift or 0)
+
+
+@pytest.mark.parametrize(("y", "message"), [(np.ones(500), "constant"), (np.arange(250.0) % 7, "start-up")])
+def test_refuses(y: np.ndarray, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        fltea_fit(y, H, EstimatorConfig(startup=200))
+
+
+def band(y: np.ndarray, settings: EstimatorConfig, **more: object) -> ShuffledBand:
+    found, _ = fltea_fit(y, H, settings, LSB)
+    return shuffled_band(y, H, settings, found.alpha, found.f, lsb=LSB, **more)  # type: ignore[arg-type]
+
+
+def test_a_copy_is_what_the_daemon_gives_for_it() -> None:
+    """One copy alone: its quantiles are its estimate, to the digits of the memory."""
+    y = counts(2)
+    settings = config()
+    found = shuffled_band(y, H, settings, 0.1, -0.1, lsb=LSB, copies=1, seed=5)
+    expected, _ = fltea_fit(np.random.default_rng(5).permutation(y), H, settings, LSB)
+    assert found.alpha is not None
+    assert found.f is not None
+    assert found.alpha[1] == pytest.approx(expected.alpha, abs=1e-4)
+    assert found.f[1] == pytest.approx(expected.f, abs=1e-3)
+
+
+def test_white_noise_lies_within_its_band_in_its_share() -> None:
+    ranks = [band(counts(seed, 600), config(), copies=60).alpha_rank for seed in range(40)]
+    assert all(rank is not None for rank in ranks)
+    outside = sum(not 0.05 <= rank <= 0.95 for rank in ranks if rank is not None)
+    assert outside <= 10
+    assert 0.3 < np.mean([rank for rank in ranks if rank is not None]) < 0.7
+
+
+def test_noise_with_an_order_lies_outside() -> None:
+    found = band(recursion(0.7, -3.0, 2000, 1, 3, 300)[0] * 0.4, config(), copies=40)
+    assert found.alpha_rank == 1.0
+    assert found.alpha is not None
+    assert found.alpha[0] <= found.alpha[1] <= found.alpha[2]
+    assert found.lost == 0
+
+
+def test_shuffles_follow_the_seed() -> None:
+    y = counts(1)
+    one, same, other = (shuffled_band(y, H, config(), 0.1, 0.1, copies=20, seed=s) for s in (1, 1, 2))
+    assert one == same
+    assert one.alpha != other.alpha
+
+
+def test_copies_that_run_away_are_counted_and_left_out() -> None:
+    found = band(counts(1), config(variant="triple", guard="off", R=0.001), copies=16)
+    assert found.lost > 0
+    assert found.copies == 16
+    for values in (found.alpha, found.f):
+        assert values is None or np.isfinite(values).all()
+    msgspec.json.encode(found)
+
+
+def test_innovations_that_are_white() -> None:
+    """p-values of Ljung and Box are uniform, the other two where they belong."""
+    found = [innovations(2 * e, np.full(1000, 2.0)) for e in white(1000, 200, 1)]
+    p = np.array([i.ljung_box_p for i in found if i is not None])
+    assert len(p) == 200
+    assert (p < 0.05).mean() == pytest.approx(0.05, abs=0.045)
+    assert (p < 0.5).mean() == pytest.approx(0.5, abs=0.1)
+    assert np.mean([i.nis for i in found if i is not None]) == pytest.approx(1, abs=0.02)
+    assert np.mean([i.lag1 for i in found if i is not None]) == pytest.approx(0, abs=0.01)
+
+
+def test_innovations_that_are_not() -> None:
+    coloured = innovations(ar((0.3,), 1000, 1, 1)[0], np.ones(1000))
+    assert coloured is not None
+    assert coloured.ljung_box_p < 1e-6
+    assert coloured.lag1 == pytest.approx(0.3, abs=0.1)
+    assert innovations(np.full(500, np.nan), np.ones(500)) is None
+    assert innovations(np.ones(50), np.ones(50)) is None
+
+
+@pytest.mark.parametrize(("x", "p"), [(31.410, 0.05), (37.566, 0.01), (10.851, 0.95)])
+def test_chi2_by_the_printed_table(x: float, p: float) -> None:
+    """Twenty degrees, as in any table of χ²."""
+    assert chi2_tail(x, 20) == pytest.approx(p, abs=1e-4)
+    assert chi2_tail(0.0, 20) == 1
+    assert chi2_tail(1e5, 20) < 1e-200

@@ -1,0 +1,283 @@
+"""How far `fltea identify` can be believed: false alarms, power, false claims, coverage, verdicts.
+
+Usage: python -m tools.bench.identify_tables [--quick] [--seeds N] [--json] [--recordings DIR]
+
+Simulated series at 100 Hz, 3,000 samples (30 s) and 60,000 (10 min): N of them (1,000) for each false alarm,
+N/5 for false peaks and the power at 30 s, N/10 for power at 10 min and verdicts, N/20 for fractional noise
+and coverage. `--quick` takes N = 20: half a minute.
+"""
+
+import argparse
+import itertools
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fltea.estimator.gl import weights
+from fltea.identify.lines import find_peaks
+from fltea.identify.null_test import null_fits, p_value
+from fltea.identify.periodogram import binned, periodogram
+from fltea.identify.profile import fractional_fit
+from fltea.identify.rivals import fit_all
+from fltea.identify.spectral import examine
+from fltea.identify.verdict import decide
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Make = Callable[[int, np.random.Generator], Array]
+
+H = 0.01
+LENGTHS = {"30 s": 3_000, "10 min": 60_000}
+BATCH = 25
+
+
+def filtered(transfer: Callable[[Array], Array], n: int, rng: np.random.Generator) -> Array:
+    """Stationary noise of the transfer function, λ to complex, by a circle four times as long."""
+    m = 4 * n
+    lam = 2 * np.pi * np.arange(m // 2 + 1) / m
+    lam[0] = lam[1]
+    return np.fft.irfft(np.fft.rfft(rng.standard_normal(m)) * transfer(lam), m)[:n]
+
+
+def fractional_state(alpha: float, f: float) -> Make:
+    """State of the recursion itself, unit innovations, from its impulse response with unlimited memory."""
+
+    def make(n: int, rng: np.random.Generator) -> Array:
+        warm = 4 * n
+        noise = np.fft.rfft(rng.standard_normal(warm), 2 * warm)
+        x: Array = np.fft.irfft(noise * response(alpha, f, warm), 2 * warm)
+        return x[warm - n : warm]
+
+    return make
+
+
+@lru_cache(maxsize=4)
+def response(alpha: float, f: float, n: int) -> NDArray[np.complex128]:
+    """Spectrum of the first n of the state's impulse response, padded to twice as many."""
+    c = weights(alpha, n)[:n].copy()
+    c[1] -= H**alpha * f
+    return np.asarray(np.fft.rfft(inverse_series(c), 2 * n))
+
+
+def inverse_series(c: Array) -> Array:
+    """Coefficients of 1/c(z), as many as c has, by Newton's iteration (c[0] = 1)."""
+    d = np.array([1.0])
+    while len(d) < len(c):
+        k = min(2 * len(d), len(c))
+        size = 1 << (3 * k - 1).bit_length()
+        part, inverse = np.fft.rfft(c[:k], size), np.fft.rfft(d, size)
+        d = np.fft.irfft(inverse * (2 - part * inverse), size)[:k]
+    return d
+
+
+def in_noise(alpha: float, f: float, noise: float) -> Make:
+    """A fractional state of unit innovations in white noise of variance `noise`."""
+    make = fractional_state(alpha, f)
+    return lambda n, rng: make(n, rng) + np.sqrt(noise) * rng.standard_normal(n)
+
+
+def ar(*phi: float) -> Make:
+    """AR process of unit variance."""
+
+    def make(n: int, rng: np.random.Generator) -> Array:
+        x = filtered(
+            lambda lam: 1 / (1 - sum(p * np.exp(-1j * lam * (i + 1)) for i, p in enumerate(phi))), n, rng
+        )
+        return x / x.std()
+
+    return make
+
+
+def in_white(part: Make, share: float) -> Make:
+    """The part with so much of the power, in white noise of the rest."""
+
+    def make(n: int, rng: np.random.Generator) -> Array:
+        x = part(n, rng)
+        return np.sqrt(share) * x / x.std() + np.sqrt(1 - share) * rng.standard_normal(n)
+
+    return make
+
+
+def random_walk(n: int, rng: np.random.Generator) -> Array:
+    """White noise on a random walk that reaches its size in about 30 s."""
+    return rng.standard_normal(n) + np.cumsum(rng.standard_normal(n)) / np.sqrt(3000)
+
+
+def ramp(n: int, rng: np.random.Generator) -> Array:
+    """White noise on a ramp of three of its deviations over the record."""
+    return rng.standard_normal(n) + np.linspace(0, 3, n)
+
+
+def line(n: int, rng: np.random.Generator) -> Array:
+    """White noise and a tenth of the power in one line."""
+    t = np.arange(n) * H
+    return rng.standard_normal(n) + 0.47 * np.sin(2 * np.pi * 13.37 * t + rng.uniform(0, 2 * np.pi))
+
+
+def low_pass(n: int, rng: np.random.Generator) -> Array:
+    """The sensor's own filter: white noise through two poles at 20 Hz, with a tenth of the power white."""
+    return in_white(ar(0.57, -0.08), 0.9)(n, rng)
+
+
+def moving_average(n: int, rng: np.random.Generator) -> Array:
+    """A filter without poles: the mean of four samples."""
+    x = np.convolve(rng.standard_normal(n + 3), np.ones(4) / 2, mode="valid")
+    return x + 0.3 * rng.standard_normal(n)
+
+
+WHITE: dict[str, Make] = {
+    "Gaussian": lambda n, rng: rng.standard_normal(n),
+    "one LSB per σ": lambda n, rng: np.rint(rng.standard_normal(n)),
+    "t4 tails": lambda n, rng: rng.standard_t(4, n),
+}
+FAMILIES: dict[str, Make] = {
+    "white": WHITE["Gaussian"],
+    "random walk": random_walk,
+    "ramp": ramp,
+    "line": line,
+    "resonance": in_white(ar(2 * 0.97 * np.cos(1.97), -(0.97**2)), 0.2),
+    "low-pass": low_pass,
+    "moving average": moving_average,
+    "AR(.5)": in_white(ar(0.5), 0.5),
+    "AR(.99)": in_white(ar(0.99), 0.3),
+    "AR(.99) + AR(.5)": lambda n, rng: ar(0.99)(n, rng) + ar(0.5)(n, rng) + 0.7 * rng.standard_normal(n),
+}
+STRENGTHS: dict[str, tuple[float, float, float]] = {
+    f"α {alpha}, f {f}, {share:.0%} of the power": (alpha, f, share)
+    for alpha, f in ((0.1, 0.0), (0.3, 0.0), (0.3, -1.8), (0.6, -0.3), (0.6, -3.0))
+    for share in (0.1, 0.3, 1.0)
+}
+TRUTHS = ((0.4, -1.0, 0.0), (0.6, -3.0, 0.5), (0.8, -1.0, 0.2), (0.8, -10.0, 1.0))
+"""α, f, R over s2, for the coverage of intervals"""
+
+
+def rejections(make: Make, n: int, series: int, rng: np.random.Generator) -> dict[str, float]:
+    """Share of series that the null test rejects at 5 % and 1 %."""
+    found = []
+    for first in range(0, series, BATCH):
+        y = np.array([make(n, rng) for _ in range(min(BATCH, series - first))])
+        data = binned(periodogram(y, H))
+        found += [p_value(ratio, data.ordinates) for ratio in null_fits(data).likelihood_ratio.tolist()]
+    return {"5 %": float(np.mean(np.array(found) < 0.05)), "1 %": float(np.mean(np.array(found) < 0.01))}
+
+
+def verdicts(make: Make, n: int, series: int, rng: np.random.Generator) -> dict[str, int]:
+    """How often each verdict is given."""
+    return dict(Counter(decide(examine(make(n, rng), H).evidence).kind for _ in range(series)))
+
+
+def coverage(
+    truth: tuple[float, float, float], n: int, series: int, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Share of the intervals that hold the true value, of those that are defined, and the median estimate."""
+    alpha, f, noise = truth
+    g = H**alpha * f
+    true = {"F": g + alpha, "alpha": alpha, "g": g, "f": f, "s2": 1.0, "R": noise}
+    hits: dict[str, list[bool]] = {name: [] for name in true}
+    values: dict[str, list[float]] = {name: [] for name in true}
+    make = in_noise(alpha, f, noise)
+    for _ in range(series):
+        fits = fit_all(periodogram(make(n, rng), H))
+        fit = fractional_fit(fits.data, fits.full, H)
+        for name, value in true.items():
+            p = getattr(fit, name)
+            values[name].append(p.value)
+            if p.low is not None:
+                hits[name].append(bool(p.low <= value <= p.high))
+    return {
+        name: {
+            "true": true[name],
+            "median": float(np.median(values[name])),
+            "spread": float(np.std(values[name])),
+            "covered": float(np.mean(hits[name])) if hits[name] else None,
+            "defined": len(hits[name]) / series,
+        }
+        for name in true
+    }
+
+
+def recordings(folder: Path) -> dict[str, Any]:
+    """Verdict, p-value and fit of every axis of the recordings in a folder."""
+    result = {}
+    for file in sorted(folder.glob("*.npz")):
+        with np.load(file) as d:
+            y, h = d["gyro_raw"] / float(d["lsb_per_dps"]), 1 / float(d["fs_hz"])
+        for axis, name in enumerate("xyz"):
+            seen = examine(y[:, axis], h)
+            e = seen.evidence
+            verdict = decide(e)
+            result[f"{file.stem} {name}"] = {
+                "p": e.p_all,
+                "p_without_peaks": e.p_without_peaks,
+                "p_clean": e.p_clean,
+                "verdict": verdict.kind,
+                "text": verdict.text,
+                "best": e.contest.best,
+            }
+    return result
+
+
+def tables(seeds: int) -> Iterator[tuple[str, dict[str, Any]]]:
+    """All tables of simulated series, one after the other."""
+    rng = np.random.default_rng(20260601)
+    some, few, fewest = (max(seeds // share, 2) for share in (5, 10, 20))
+
+    def every(rows: dict[str, Any], one: Callable[[Any, int], Any]) -> dict[str, Any]:
+        return {
+            f"{name}, {length}": one(row, n) for length, n in LENGTHS.items() for name, row in rows.items()
+        }
+
+    def peaks(make: Make, n: int) -> float:
+        return float(np.mean([bool(find_peaks(periodogram(make(n, rng), H))) for _ in range(some)]))
+
+    def power(strength: tuple[float, float, float], n: int) -> float:
+        alpha, f, share = strength
+        make = in_white(fractional_state(alpha, f), share)
+        return rejections(make, n, some if n < 10_000 else few, rng)["5 %"]
+
+    def called(truth: tuple[float, float, float], n: int) -> dict[str, int]:
+        return verdicts(in_noise(*truth), n, fewest, rng)
+
+    truths = {f"α {alpha}, f {f}, R/s2 {noise}": (alpha, f, noise) for alpha, f, noise in TRUTHS}
+    yield "false alarms", every(WHITE, lambda make, n: rejections(make, n, seeds, rng))
+    yield "false peaks", every(WHITE, peaks)
+    yield "power at 5 %", every(STRENGTHS, power)
+    yield "verdicts", every(FAMILIES, lambda make, n: verdicts(make, n, few, rng))
+    yield "verdicts of fractional noise", every(truths, called)
+    yield "coverage", every(truths, lambda truth, n: coverage(truth, n, fewest, rng))
+
+
+def main() -> int:
+    """Measure and print; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="as --seeds 20")
+    parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest table")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--recordings", type=Path, help="folder of .npz recordings of sensors at rest")
+    arguments = parser.parse_args()
+    start = time.process_time()
+    result: dict[str, Any] = {}
+    every = tables(20 if arguments.quick else arguments.seeds)
+    if arguments.recordings:
+        every = itertools.chain([("recordings", recordings(arguments.recordings))], every)
+    for title, rows in every:
+        result[title] = rows
+        if not arguments.json:
+            print(f"\n{title}")
+            for name, row in rows.items():
+                print(f"  {name:<42} {row}", flush=True)
+    result["seconds"] = round(time.process_time() - start, 1)
+    print(
+        json.dumps(result, ensure_ascii=False) if arguments.json else f"\n{result['seconds']} s of processor"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
