@@ -2,7 +2,8 @@
 
 Ordinates of white noise are independent and exponential, so series need not be made. For each length the
 quantiles of the likelihood ratio are counted; over the lengths each is smoothed by a parabola (the rarest by
-a straight line) in the logarithm of the number of ordinates. Takes about ten minutes on one core.
+a straight line) in the logarithm of the number of ordinates. Takes about a quarter of an hour on one
+core. The figures of a machine may differ in the last digit: fits stop where the likelihood is flat.
 
 Usage: gen_null_constants.py [--series 6000] [--print]
 """

@@ -1,12 +1,15 @@
-"""The estimated axes of one sensor: their estimator, how white its innovations are, and both as records."""
+"""The estimated axes of one sensor: estimator, whiteness of samples and innovations, and all as records."""
 
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+import msgspec
+
 from fltea.config import EstimatorConfig
 from fltea.estimator import gyroscope
 from fltea.estimator.online import OnlineEstimator, OnlineState
+from fltea.estimator.running_null import RunningNull
 from fltea.estimator.supervisor import Reason
 from fltea.estimator.whiteness import Whiteness
 from fltea.model import AccelEstimate, AccelStats, AxisEstimate, AxisStats, EstimatorInfo
@@ -46,6 +49,8 @@ class Channels:
         self._places = tuple(places)
         self._estimator = OnlineEstimator(tuple(names), config, h, resolution, state)
         self._whiteness = {name: Whiteness() for name in names}
+        saved = state.null if state is not None else None
+        self._null = RunningNull(len(names)) if saved is None else RunningNull.restore(len(names), saved)
 
     @property
     def startup_remaining(self) -> int:
@@ -65,7 +70,9 @@ class Channels:
 
     def on_sample(self, values: Sequence[float]) -> dict[str, gyroscope.AxisEstimate] | None:
         """Take one sample; None while the start-up window fills."""
-        estimates = self._estimator.on_sample(tuple(values[place] for place in self._places))
+        own = tuple([values[place] for place in self._places])
+        estimates = self._estimator.on_sample(own)
+        self._null.add(own)
         for name, estimate in (estimates or {}).items():
             if estimate.valid:
                 self._whiteness[name].add(estimate.innovation_dps, estimate.innovation_std_dps)
@@ -76,13 +83,15 @@ class Channels:
     def on_missing(self, count: int) -> None:
         """Bridge lost samples."""
         self._estimator.on_missing(count)
+        self._null.skip(count)
         if count:
             for whiteness in self._whiteness.values():
                 whiteness.skip()
 
     def save(self) -> OnlineState | None:
         """What a later run needs to go on; None while the start-up window fills."""
-        return self._estimator.save()
+        state = self._estimator.save()
+        return None if state is None else msgspec.structs.replace(state, null=self._null.save())
 
     def info(self) -> EstimatorInfo:
         """What they are estimated with."""
@@ -90,6 +99,16 @@ class Channels:
         bias = tuple(c.bias) if isinstance(c.bias, list) else c.bias
         R = tuple(c.R) if isinstance(c.R, list) else c.R
         return EstimatorInfo(c.variant, c.engine, c.guard, c.window, c.startup_needed, bias, R)
+
+    def gyro_estimates(self, estimates: dict[str, gyroscope.AxisEstimate]) -> dict[str, AxisEstimate]:
+        """Estimates of the newest sample as records: null in place of any number that is not finite."""
+        pairs = zip(estimates.items(), self._null.standings, strict=True)
+        return {name: AxisEstimate(*_six(e), e.valid, *null) for (name, e), null in pairs}
+
+    def accel_estimates(self, estimates: dict[str, gyroscope.AxisEstimate]) -> dict[str, AccelEstimate]:
+        """The same of an accelerometer."""
+        pairs = zip(estimates.items(), self._null.standings, strict=True)
+        return {name: AccelEstimate(*_six(e), e.valid, *null) for (name, e), null in pairs}
 
     def gyro_stats(self) -> dict[str, AxisStats]:
         """Their statistics as those of a gyroscope."""
@@ -117,16 +136,6 @@ class Channels:
                     _finite(white.nis),
                 ),
             )
-
-
-def gyro_estimates(estimates: dict[str, gyroscope.AxisEstimate]) -> dict[str, AxisEstimate]:
-    """Estimates as records: null in place of any number that is not finite."""
-    return {name: AxisEstimate(*_six(e), e.valid) for name, e in estimates.items()}
-
-
-def accel_estimates(estimates: dict[str, gyroscope.AxisEstimate]) -> dict[str, AccelEstimate]:
-    """The same of an accelerometer."""
-    return {name: AccelEstimate(*_six(e), e.valid) for name, e in estimates.items()}
 
 
 _Six = tuple[float | None, float | None, float | None, float | None, float | None, float | None]

@@ -10,7 +10,17 @@ from typing import Annotated
 
 import typer
 
-from fltea import __version__, cli_devices, cli_flash, cli_identify, cli_record, cli_reproduce, cli_run, wire
+from fltea import (
+    __version__,
+    cli_devices,
+    cli_evaluate,
+    cli_flash,
+    cli_identify,
+    cli_record,
+    cli_reproduce,
+    cli_run,
+    wire,
+)
 from fltea.errors import FlteaError, UsageError
 
 EXIT_CODES = """
@@ -238,6 +248,7 @@ COMMANDS = (
     simulate,
     cli_reproduce.reproduce,
     cli_reproduce.bench,
+    cli_evaluate.evaluate,
 )
 for command in COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

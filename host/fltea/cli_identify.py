@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fltea.errors import FlteaError, UsageError
+from fltea.extras import load
 
 if TYPE_CHECKING:
     from fltea.identify.run import FileReport, Progress
@@ -107,7 +108,8 @@ def identify(
 
         fltea identify *.npz --json --jobs 4 > verdicts.json
     """
-    from fltea.identify import load, run, tables
+    from fltea.identify import load as reading
+    from fltea.identify import run, tables
     from fltea.identify.axis import IdentifyOptions
 
     flags = {
@@ -136,11 +138,11 @@ def identify(
 
         page.prepare_folder(report)
     replay = chosen.replay
-    found = load.recordings(files)
-    requests: list[load.Request | load.Unreadable] = [
+    found = reading.recordings(files)
+    requests: list[reading.Request | reading.Unreadable] = [
         one
-        if isinstance(one, load.Unreadable)
-        else load.Request(
+        if isinstance(one, reading.Unreadable)
+        else reading.Request(
             one,
             tuple(chosen.channels) if chosen.channels else None,
             replay.columns,
@@ -224,15 +226,10 @@ def _workers(jobs: int | None, dask: str | None) -> "Workers":
         return open_local(jobs)
     if jobs is not None:
         raise UsageError("--jobs is for this machine, --dask for a cluster: give one of them.")
-    try:
-        from fltea.identify.dask_workers import DaskWorkers
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] not in ("distributed", "dask"):
-            raise
-        raise UsageError(
-            "--dask needs the package distributed, which is not installed: pip install 'fltea[dask]'."
-        ) from error
-    return DaskWorkers(dask)
+    workers: Workers = load("fltea.identify.dask_workers", "distributed", "dask", "--dask needs").DaskWorkers(
+        dask
+    )
+    return workers
 
 
 @contextlib.contextmanager

@@ -17,6 +17,9 @@ AXES = ("gyro_x", "gyro_y", "gyro_z")
 ACCEL_AXES = ("accel_x", "accel_y", "accel_z")
 """Names of the accelerometer's axes, in the order of every tuple of specific forces."""
 
+Order = Literal["undefined", "not white"]
+"""What the running test of whiteness says: undefined while white noise is not rejected."""
+
 EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence", "resumed"]
 
 
@@ -123,7 +126,10 @@ class Sample(Record, frozen=True, tag="sample"):
 
 
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The triple estimate of one axis after one sample; null where not valid."""
+    """The triple estimate of one axis after one sample; null where not valid.
+
+    null_p and order are of the measurements, so also where the estimate is not valid; null until known.
+    """
 
     alpha: float | None
     alpha_std: float | None
@@ -132,6 +138,8 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     state_dps: float | None
     innovation_dps: float | None
     valid: bool
+    null_p: float | None = None
+    order: Order | None = None
 
 
 class AccelEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -144,6 +152,8 @@ class AccelEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     state_ms2: float | None
     innovation_ms2: float | None
     valid: bool
+    null_p: float | None = None
+    order: Order | None = None
 
 
 class Estimate(Record, frozen=True, tag="estimate"):

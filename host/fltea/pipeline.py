@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterator
 
 import msgspec
 
-from fltea.channels import Channels, accel_estimates, explain_lost, gyro_estimates
+from fltea.channels import Channels, explain_lost
 from fltea.config import Config
 from fltea.decode import Decoded, Decoder
 from fltea.errors import UsageError
@@ -147,8 +147,8 @@ class Pipeline:
                 sample.device_us,
                 sample.host_ns,
                 (self._config.estimator if gyro else self._config.accel).variant,
-                gyro_estimates(gyro or {}),
-                accel_estimates(accel) if accel else None,
+                self._gyro.gyro_estimates(gyro) if self._gyro and gyro else {},
+                self._accel.accel_estimates(accel) if self._accel and accel else None,
                 device=name,
             )
 

@@ -20,7 +20,10 @@ from fltea.errors import UsageError
 from fltea.estimator.online import OnlineState
 from fltea.model import Hello
 
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""1 had no running test of whiteness, which then begins anew."""
+
 LOOK_S = 1.0
 """What is new is on the disk after this long; how often there is something, `period_s` says."""
 
@@ -100,7 +103,7 @@ class StateFile:
             raise UsageError(f"--state {path}: cannot be read ({error}).") from error
         try:
             version = msgspec.json.decode(data, type=_Header).version
-            if version == VERSION:
+            if version in READABLE:
                 return dict(msgspec.json.decode(data, type=_File).devices)
         except msgspec.DecodeError as error:
             text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."

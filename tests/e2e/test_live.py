@@ -42,7 +42,8 @@ def test_every_sample_arrives_and_every_estimate_is_finite(processes: Processes,
     for estimate in estimates:
         for axis in estimate["axes"].values():
             assert axis["valid"]
-            assert all(math.isfinite(v) for v in axis.values())
+            known = {key: value for key, value in axis.items() if key not in ("null_p", "order")}
+            assert all(math.isfinite(v) for v in known.values())
     assert [r["class"] for r in daemon.records[:2]] == ["hello", "epoch"]
     last = daemon.of("stats")[-1]
     assert last["samples"]["delivered"] == 50 + len(estimates)
@@ -100,7 +101,8 @@ def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Pr
     )
     assert run.stdout is not None
     run.stdout.read(1)  # it runs; from here on nobody reads
-    wait_until(lambda: _in_pipe(run.stdout.fileno()) > 60_000, "the pipe to be full")
+    # A line that no longer fits into a page of the pipe begins the next: a quarter of it stays empty.
+    wait_until(lambda: _in_pipe(run.stdout.fileno()) > 45_000, "the pipe to be full")
     run.send_signal(signal.SIGTERM)
     assert run.wait(PATIENCE_S) == 0
     run.communicate()

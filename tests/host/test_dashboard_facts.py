@@ -9,9 +9,9 @@ from dashboard_support import records, told, with_breaks
 from fltea import clock
 from fltea.dashboard import facts
 from fltea.dashboard.history import DeviceHistory
-from fltea.dashboard.verdict import judge
+from fltea.dashboard.verdict import judge, judge_whiteness
 from fltea.estimator.white_band import Quantiles
-from fltea.model import Error, Estimate, LinkStats, OutputStats, Stats
+from fltea.model import Error, Estimate, LinkStats, Order, OutputStats, Stats
 from host_support import hello
 
 WHITE = Quantiles(np.array([0.05, 0.1, 0.2]), np.array([-0.5, -0.2, -0.1]))
@@ -21,8 +21,8 @@ UNKNOWN = Quantiles(np.full(3, np.nan), np.full(3, np.nan))
 @pytest.mark.parametrize(
     ("alpha", "f", "side", "words"),
     [
-        (0.1, -0.2, "within", "order undefined"),
-        (0.05, -0.1, "within", "order undefined"),
+        (0.1, -0.2, "within", "they say nothing"),
+        (0.05, -0.1, "within", "they say nothing"),
         (0.3, -0.2, "outside", "α is outside"),
         (0.1, -0.6, "outside", "f is outside"),
         (0.0, 0.0, "outside", "α and f are outside"),
@@ -36,6 +36,32 @@ def test_verdict(alpha: float, f: float, side: str, words: str) -> None:
     assert ("not a test" in verdict.short) == (side == "outside")
     assert "too wide at first" in judge(alpha, f, WHITE, resumed=True).text
     assert "too wide" not in verdict.text
+
+
+@pytest.mark.parametrize(
+    ("order", "p", "words"),
+    [
+        (None, None, "Order unknown: the test of whiteness needs 1,000 samples."),
+        ("undefined", 0.31, "Order undefined: white noise is not rejected (p = 0.31, limit 0.001)."),
+        ("not white", 1e-9, "Not white (p < 0.001): record it and run fltea identify"),
+    ],
+)
+def test_whiteness_in_words(order: Order | None, p: float | None, words: str) -> None:
+    assert words in judge_whiteness(order, p)
+
+
+def test_no_alpha_is_shown_without_what_the_test_of_whiteness_says() -> None:
+    for samples, words, order in (
+        (900, "Order unknown", "unknown"),
+        (1200, "Order undefined", "undefined"),
+    ):
+        for axis in facts.axes(told(records(f"n={samples}"))):
+            assert axis["alpha"] is not None
+            assert axis["whiteness"].startswith(words)
+            assert axis["order"] == order
+    counter = facts.axes(told(with_breaks([1200])))[0]  # a counter's last bits are anything but white
+    assert counter["order"] == "not white"
+    assert "run fltea identify" in counter["whiteness"]
 
 
 def test_nothing_is_claimed_where_nothing_is_known() -> None:

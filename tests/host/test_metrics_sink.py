@@ -59,7 +59,7 @@ STATS = Stats(
     board=DeviceStatus(11, 12, 14, 15, 16, "user"),
     device="due",
 )
-GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True)
+GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.31, "undefined")
 INVALID = AxisEstimate(None, None, None, None, None, None, False)
 ESTIMATE = Estimate(
     7,
@@ -68,7 +68,7 @@ ESTIMATE = Estimate(
     7,
     "joint",
     {"gyro_x": GOOD, "gyro_y": INVALID},
-    {"accel_z": AccelEstimate(0.5, 0.1, -1.0, 0.2, 9.8, 0.0, True)},
+    {"accel_z": AccelEstimate(0.5, 0.1, -1.0, 0.2, 9.8, 0.0, True, 1e-9, "not white")},
     device="due",
 )
 EPOCH = Epoch(
@@ -187,12 +187,17 @@ def test_every_figure_under_its_name_and_in_base_units(serve: Callable[..., Metr
         ("alpha_std", 0.031),
         ("f", -2.125),
         ("f_std", 0.25),
+        ("null_p", 0.31),
+        ("not_white", 0),
     ):
         assert value(found, f"fltea_axis_{name}", **x) == expected
     assert value(found, "fltea_axis_alpha", **z) == 0.5
+    assert value(found, "fltea_axis_null_p", **z) == 1e-9
+    assert value(found, "fltea_axis_not_white", **z) == 1
     y = {"device": "due", "axis": "gyro_y"}
     assert value(found, "fltea_axis_valid", **y) == 0
-    assert value(found, "fltea_axis_alpha", **y) is None
+    for name in ("alpha", "null_p", "not_white"):
+        assert value(found, f"fltea_axis_{name}", **y) is None
     ((_, facts),) = [key for key in found if key[0] == "fltea_device_info"]
     assert dict(facts) == {"device": "due", "source": "test:", "device_id": "a0", "sampling_mode": "timer"}
 

@@ -9,6 +9,7 @@ import msgspec
 import pytest
 from fltea.config import Config, load_config
 from fltea.errors import UsageError
+from fltea.estimator.running_null import RunningNull
 from fltea.model import (
     AnyRecord,
     DeviceStatus,
@@ -182,6 +183,32 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
     assert last["gyro_x"].R_dps2 is not None
 
 
+@pytest.mark.parametrize("engine", ["compressed", "direct", "reference"])
+def test_running_test_of_whiteness_stands_beside_every_estimate(engine: str) -> None:
+    """On the samples, start-up window included, so it is the same whatever estimates them."""
+    lost = {700, 701}
+    events = [hello(), *(raw(k, (k % 5, *raw(k).gyro[1:])) for k in range(1300) if k not in lost)]
+    settings = config(estimator__engine=engine, **(PRINTED if engine == "reference" else {}))
+    records = feed(Pipeline(ListSource(), settings), *events)
+    test = RunningNull(3)
+    for record in records:
+        if isinstance(record, Gap):
+            test.skip(record.missing)
+        elif isinstance(record, Sample):
+            test.add(record.gyro_dps)
+        elif isinstance(record, Estimate):
+            assert tuple((a.null_p, a.order) for a in record.axes.values()) == test.standings
+    assert [one.order for one in test.standings] == ["not white", "undefined", "undefined"]
+
+
+def test_running_test_of_whiteness_begins_anew_with_an_epoch() -> None:
+    events = [hello(), *map(raw, range(1200)), hello(boot_id=2), *map(raw, range(1200, 1400))]
+    by_epoch = {
+        r.epoch: r.axes["gyro_x"].order for r in of(Estimate, feed(Pipeline(ListSource(), config()), *events))
+    }
+    assert by_epoch == {1: "undefined", 2: None}
+
+
 def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
     """An offset of some deg/s that nobody removes makes the printed algorithm diverge."""
     pipeline = Pipeline(ListSource(), config(estimator__bias="none", estimator__R=1e-4, **PRINTED))
@@ -192,7 +219,7 @@ def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
     assert b"Infinity" not in lines
     invalid = [e for e in of(Estimate, records) if not e.axes["gyro_x"].valid]
     assert invalid, "this case is there to diverge"
-    assert all(v is None for e in invalid for v in msgspec.structs.astuple(e.axes["gyro_x"])[:-1])
+    assert all(v is None for e in invalid for v in msgspec.structs.astuple(e.axes["gyro_x"])[:6])
     assert pipeline.stats().axes["gyro_x"].restarts == len(invalid)
     told = [e for e in of(Error, records) if e.kind == "axis_runaway"]
     assert len(told) == 3, "each axis once a minute"

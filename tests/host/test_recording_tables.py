@@ -141,6 +141,22 @@ def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
         assert data["host_ns"].tolist() == [e.host_ns for e in estimates]
 
 
+def test_what_the_test_of_whiteness_said_is_exported_too(tmp_path: Path) -> None:
+    live, _ = record(tmp_path / "rec", transport(samples=1_100))
+    export([tmp_path / "rec"], tmp_path / "out.csv", "estimates", 100)
+    export([tmp_path / "rec"], tmp_path / "out.npz", "estimates", 100)
+    header, rows = table(tmp_path / "out.csv")
+    last, axis = of(live, Estimate)[-1], "gyro_y"
+    assert last.axes[axis].null_p is not None
+    values = dict(zip(header, rows[-1], strict=True))
+    assert float(values[f"null_p_{axis}"]) == last.axes[axis].null_p
+    assert values[f"not_white_{axis}"] == str(int(last.axes[axis].order == "not white"))
+    assert rows[0][header.index(f"not_white_{axis}")] == ""
+    with np.load(tmp_path / "out.npz") as data:
+        assert data[f"not_white_{axis}"][-1] == float(last.axes[axis].order == "not white")
+        assert np.isnan(data[f"null_p_{axis}"][0])
+
+
 def test_what_was_not_valid_stays_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     encode = record_module.encode_message
 

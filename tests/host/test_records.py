@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from fltea import wire
 from fltea.messages import REASONS
-from fltea.model import AXES, AnyRecord, EpochReason, Estimate, Hello, Sample, Stats
+from fltea.model import AXES, AnyRecord, EpochReason, Estimate, Hello, Order, Sample, Stats
 from host_support import QUICK, ROOT, fltea, strict_records
 
 README = ROOT / "host/README.md"
@@ -179,6 +179,7 @@ def test_every_word_that_a_field_can_hold_is_documented() -> None:
     cases = [
         (page["epoch"]["field"]["reason"], typing.get_args(EpochReason)),
         (page["hello"]["field"]["sampling_mode"], [mode.name.lower() for mode in wire.SamplingMode]),
+        (page["estimate"]["field"]["axes.<axis>.order"], typing.get_args(Order)),
         (page["stats"]["field"]["board.reset_cause"], [cause.name.lower() for cause in wire.ResetCause]),
     ]
     for (_, meaning), words in cases:
@@ -249,4 +250,6 @@ def test_invalid_axis_is_null_and_the_others_go_on(tmp_path: Path) -> None:
         assert msgspec.to_builtins(record.axes["gyro_y"]) == {
             **dict.fromkeys(("alpha", "alpha_std", "f", "f_std", "state_dps", "innovation_dps")),
             "valid": False,
+            "null_p": None,
+            "order": None,
         }

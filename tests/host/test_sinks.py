@@ -23,6 +23,7 @@ from fltea.model import (
     EstimatorInfo,
     Gap,
     LinkStats,
+    Order,
     Sample,
     SampleStats,
     Stats,
@@ -41,7 +42,7 @@ HELLO = hello(
 EPOCH = Epoch(
     3, "gap", 700, 7_000_000, 7, 8, EstimatorInfo("triple", "reference", "off", 3000, 500, "startup", "auto")
 )
-GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True)
+GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "undefined")
 INVALID = AxisEstimate(None, None, None, None, None, None, False)
 STATS = Stats(
     epoch=3,
@@ -214,7 +215,7 @@ def shown(*records: AnyRecord, width: int = 80) -> str:
     return console.file.getvalue()
 
 
-WIDTHS = pytest.mark.parametrize("width", [80, 100, 135, 136, 200])
+WIDTHS = pytest.mark.parametrize("width", [80, 100, 157, 158, 200])
 
 
 @WIDTHS
@@ -238,7 +239,8 @@ def test_numbers_and_units_at_every_width(width: int) -> None:
         assert part in text
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= width
-    assert "shuffle" in text
+    assert "undefined, p=0.31" in " ".join(text.split()), "α is not shown alone"
+    assert "run fltea identify" in " ".join(text.split())
 
 
 @WIDTHS
@@ -257,6 +259,26 @@ def test_axis_that_is_not_valid_keeps_its_trend_and_shows_no_number() -> None:
     assert "not valid" in row
     assert BARS[0] in row
     assert not re.search(r"\d", row.replace("gyro_x", ""))
+
+
+@WIDTHS
+@pytest.mark.parametrize(
+    ("null", "words"),
+    [
+        ((None, None), "too early"),
+        ((0.0123, "undefined"), "undefined, p=0.012"),
+        ((1e-9, "not white"), "not white, p<0.001"),
+    ],
+)
+def test_what_the_test_of_whiteness_says_is_in_the_row_of_its_axis(
+    width: int, null: tuple[float | None, Order | None], words: str
+) -> None:
+    axis = msgspec.structs.replace(GOOD, null_p=null[0], order=null[1])
+    accel = AccelEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, *null)
+    record = msgspec.structs.replace(estimate(gyro_x=axis), accel_axes={"accel_z": accel})
+    lines = shown(HELLO, record, width=width).splitlines()
+    for name in ("gyro_x", "accel_z"):
+        assert any(name in line and words in line for line in lines)
 
 
 def test_missing_innovation_and_deviation_are_left_out() -> None:

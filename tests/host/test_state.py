@@ -91,6 +91,43 @@ def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
     assert found == {seq: expected[seq] for seq in range(200 + missing, 400)}
 
 
+@pytest.mark.parametrize("missing", [0, 30])
+def test_the_running_test_of_whiteness_goes_on_too(missing: int) -> None:
+    settings = config(channels=ALL)
+    unbroken = Pipeline(NoSource(), settings)
+    walked = walk(unbroken, hello(), *map(raw, range(900)), *map(raw, range(900 + missing, 1300)))
+    found = later(snapshot(settings, 900), settings, 900 + missing, 1300)
+    assert estimates(found) == {k: e for k, e in estimates(walked).items() if k >= 900}
+    last = [r for r in found if isinstance(r, Estimate)][-1]
+    assert last.accel_axes is not None
+    assert {axis.order for axis in (*last.axes.values(), *last.accel_axes.values())} == {"undefined"}
+
+
+def test_a_snapshot_without_a_running_test_lets_it_begin_anew(tmp_path: Path) -> None:
+    """As version 1 wrote them."""
+    settings, path = config(), tmp_path / "state"
+    kept = snapshot(settings, 900)
+    assert kept.gyro is not None
+    device = msgspec.to_builtins(msgspec.structs.replace(kept))
+    del device["gyro"]["null"]
+    path.write_bytes(msgspec.json.encode({"version": 1, "devices": {"due": device}}))
+    old = state_file(path)[0].found["due"]
+    found = [r for r in later(old, settings, 900, 1950) if isinstance(r, Estimate)]
+    assert found[-1].axes["gyro_x"].null_p is not None
+    assert found[150].axes["gyro_x"].null_p is None
+    assert found[0].axes["gyro_x"].alpha is not None
+
+
+def test_a_running_test_that_cannot_be_read_is_told() -> None:
+    settings = config()
+    state = snapshot(settings)
+    assert state.gyro is not None
+    torn = msgspec.structs.replace(state, gyro=msgspec.structs.replace(state.gyro, null=b"1234567"))
+    [error] = [r for r in later(torn, settings, 200, 230) if isinstance(r, Error)]
+    assert error.kind == "state_unused"
+    assert "running test" in error.message
+
+
 def test_a_date_that_was_set_in_between_does_not_change_the_age() -> None:
     """An epoch keeps the date of its beginning for its samples, for months; a snapshot must not."""
     settings, source = config(), NoSource()

@@ -6,10 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 from fltea.config import EstimatorConfig
-from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis
+from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
+from fltea.identify.lines import Peak
+from fltea.identify.periodogram import FEWEST
+from fltea.identify.shuffled import estimate
 from fltea.identify.spectral import examine
 from fltea.identify.verdict import decide
-from identify_support import H, ar, long_recursion, recursion, white
+from identify_support import H, ar, long_recursion, white
 
 QUICK = IdentifyOptions(shuffles=20)
 
@@ -29,8 +32,6 @@ def test_white_noise() -> None:
     assert not found.whittle.f.defined
     assert found.fltea.variant == "joint"
     assert found.fltea_other.variant == "triple"
-    assert found.null.shuffled is not None
-    assert found.null.shuffled.copies == 20
     assert set(found.innovations) == {"joint", "triple"}
     assert found.mean == pytest.approx(3, abs=0.01)
     assert found.std == pytest.approx(0.14, rel=0.05)
@@ -39,24 +40,31 @@ def test_white_noise() -> None:
 
 def test_as_json_and_back() -> None:
     """The names that issue and README promise; nothing that JSON has no word for."""
-    found = identify_axis(recursion(0.6, -3.0, 1000, 1, 1, 200)[0], H, None, QUICK)
+    found = identify_axis(long_recursion(0.6, -0.19, 1000, 1), H, None, QUICK)
+    copies = estimate(white(1000, 1, 1)[0], H, QUICK.estimator, None, range(3), 0)
+    found = with_copies(found, [copies])
+    assert found.null.shuffled is not None
     data = msgspec.json.encode(found)
     assert msgspec.json.decode(data, type=AxisResult) == found
     plain = msgspec.json.decode(data)
-    assert {"alpha", "alpha_std", "f", "f_std"} <= set(plain["fltea"])
+    assert {"alpha", "alpha_std", "f", "f_std", "alpha_drift", "converged", "R", "R_from"} <= set(
+        plain["fltea"]
+    )
+    assert {"variant", "guard", "window", "startup", "state", "joint"} <= set(plain["fltea"]["settings"])
+    assert plain["fltea_other"]["settings"]["variant"] == "triple"
     assert "p_value" in plain["null"]
     assert {"F", "alpha", "g", "f", "s2", "R"} <= set(plain["whittle"])
     assert {"kind", "text", "rules"} == set(plain["verdict"])
 
 
 def test_short_fractional_noise_is_not_called_so() -> None:
-    for seed in range(4):
+    for seed in range(2):
         y = long_recursion(0.6, -0.19, 3000, seed)
         assert kind(y) not in ("white", "fractional")
 
 
 def test_long_fractional_noise_is() -> None:
-    for seed in range(3):
+    for seed in range(1):
         y = long_recursion(0.6, -0.19, 60_000, seed) + 0.5 * white(60_000, 1, seed + 10)[0]
         assert kind(y) == "fractional"
 
@@ -90,13 +98,44 @@ def test_notch_and_from_hz_leave_out() -> None:
     assert examine(y, H).evidence.peaks
 
 
-def test_peaks_without_end_leave_half_of_the_ordinates() -> None:
-    """A comb of lines is not masked away to nothing."""
-    n = 1000
-    t = np.arange(n) * H
-    y = 0.1 * white(n, 1, 1)[0] + sum(np.sin(2 * np.pi * f * t) for f in range(4, 46, 4))
+def peaks(*bands: tuple[float, float]) -> tuple[Peak, ...]:
+    return tuple(
+        Peak("resonance", (low + high) / 2, high - low, 0.1, 9.0, (low, high)) for low, high in bands
+    )
+
+
+def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The weakest stay in, and no more of them than need be."""
+    y = white(1000, 1, 1)[0]
+    found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
+    monkeypatch.setattr("fltea.identify.spectral.find_peaks", lambda p: found)
     seen = examine(y, H)
-    assert seen.band.ordinates >= 0.5 * seen.ordinates
+    assert seen.evidence.peaks == found[:3]
+    assert seen.band.notch_hz == tuple(peak.notch_hz for peak in found[:3])
+    assert 0.5 * seen.ordinates <= seen.band.ordinates < 0.6 * seen.ordinates
+
+
+def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More than half of them would be left, but fewer than a periodogram may have."""
+    monkeypatch.setattr("fltea.identify.spectral.find_peaks", lambda p: peaks((10, 25)))
+    seen = examine(white(180, 1, 2)[0], H)
+    assert FEWEST <= seen.band.ordinates == seen.ordinates
+    assert seen.evidence.peaks == ()
+
+
+def test_drift_is_not_among_what_is_fitted() -> None:
+    """The clean ordinates begin at 0.02 Hz, whatever is asked for below; p of the others is kept apart."""
+    n = 30_000
+    y = white(n, 1, 3)[0] + 0.1 * np.sin(2 * np.pi * 5 * np.arange(n) / n)
+    seen = examine(y, H)
+    assert seen.band.from_hz == 0.02
+    assert seen.ordinates - seen.band.ordinates == 2  # of 0.0133 Hz, the lowest in use, and 0.0167
+    assert seen.evidence.p_all < 1e-3
+    assert seen.evidence.p_clean > 0.05
+    assert decide(seen.evidence).kind == "drift"
+    assert "leaves out what is slower" in decide(seen.evidence).text
+    assert examine(y, H, from_hz=0.01).band.from_hz == 0.02
+    assert examine(y, H, from_hz=0.5).band.from_hz == 0.5
 
 
 def test_given_settings_reach_the_estimators() -> None:

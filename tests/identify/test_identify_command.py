@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fltea import cli
 from fltea.cli_identify import parse_notch
 from fltea.errors import UsageError
 from fltea.identify.model_file import read_models
@@ -12,6 +13,7 @@ from host_support import fltea
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_files import counts, npz
+from identify_support import ar, white
 
 FAST = ("--jobs", "1", "--startup", "100", "--window", "100", "--shuffles", "5")
 
@@ -32,6 +34,15 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return npz(tmp_path_factory.mktemp("command") / "rest.npz", raw)
 
 
+def here(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """The command in this process, which has loaded everything; its exit code."""
+    monkeypatch.setenv("COLUMNS", "300")
+    monkeypatch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *FAST])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return int(ended.value.code or 0)
+
+
 def test_json(recording: Path) -> None:
     """As the issue has it; on stdout nothing else, on stderr nothing."""
     done = fltea("identify", recording, "--json", *FAST)
@@ -48,43 +59,87 @@ def test_json(recording: Path) -> None:
         assert axis["unit"] == "deg/s"
         assert axis["allan"]["N_deg_per_sqrt_s"]["value"] == pytest.approx(16 / 131 / 10, rel=0.1)
         assert axis["fltea"]["variant"] == "joint"
+        assert axis["fltea"]["settings"]["window"] == 100
+        assert isinstance(axis["fltea"]["converged"], bool)
+        assert isinstance(axis["fltea"]["alpha_drift"], float)
     assert file["axes"]["gyro_x"]["verdict"]["kind"] == "white"
     assert file["axes"]["gyro_x"]["whittle"]["alpha"]["low"] is None
     assert file["axes"]["gyro_y"]["verdict"]["kind"] == "filter or resonance"
     assert "line" in [trap["kind"] for trap in file["axes"]["gyro_y"]["traps"]]
 
 
-def test_table_files_and_notch(recording: Path, tmp_path: Path) -> None:
+def test_every_trap_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Three bad axes: drift, torn reads and a resonance; coarse counts; outliers and a line; all repeat."""
+    n = 6000
+    k = np.arange(n)
+    x = 16 * white(n, 1, 1)[0] + 40 + k * (48 / n) + 3 * ar((2 * 0.97 * np.cos(1.2), -(0.97**2)), n, 1, 2)[0]
+    x[1000::2000] += 256
+    z = 16 * white(n, 1, 4)[0] + 10 * np.sin(2 * np.pi * 20 * k / 100)
+    z[500::1500] += 500
+    raw = np.rint(np.stack([x, 0.8 * white(n, 1, 3)[0], z], axis=1)).astype(np.int32)
+    raw[31::40] = raw[30::40]
+    path = npz(tmp_path / "bad.npz", raw, t_host_s=k / 99)
+    assert here(monkeypatch, path, "--json") == 0
+    (file,) = strict(capsys.readouterr().out)["files"]
+    assert {trap["kind"] for trap in file["traps"]} == {"repeated", "sample rate"}
+    assert file["clock_ppm"] == pytest.approx(-10_000, rel=0.05)
+    found = {
+        name: {trap["kind"]: trap["text"] for trap in axis["traps"]} for name, axis in file["axes"].items()
+    }
+    assert set(found["gyro_x"]) == {"short", "offset", "drift", "torn reads", "resonance"}
+    assert set(found["gyro_y"]) == {"short", "quantisation"}
+    assert set(found["gyro_z"]) == {"short", "outliers", "line"}
+    assert "3 jumps of ±256 LSB" in found["gyro_x"]["torn reads"]
+    assert "σ is 0.8" in found["gyro_y"]["quantisation"]
+    assert "20 Hz" in found["gyro_z"]["line"]
+
+
+def test_accelerometer_says_what_it_has_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = npz(tmp_path / "a.npz", counts(900), accel_raw=counts(900), accel_lsb_per_g=16384.0)
+    assert here(monkeypatch, path, "--channels", "accel_x,gyro_y") == 0
+    out = capsys.readouterr().out
+    assert out.count("No Allan deviation of accelerometers") == 1
+    assert "over last third" in out
+    assert "FLTEA joint, guard consistent, window 100 samples, start-up" in out
+
+
+def test_table_files_and_notch(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """With the line left out both are white; models and imu.yaml are what their readers want."""
     model, yaml = tmp_path / "model.json", tmp_path / "imu.yaml"
-    done = fltea(
-        "identify", recording, "--notch", "20±0.5", "--variant", "triple", "--export-model", model,
-        "--imu-yaml", yaml, *FAST,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count(": white. White noise: no order can be told from it") == 2
+    flags = ("--notch", "20±0.5", "--variant", "triple", "--export-model", model, "--imu-yaml", yaml)
+    assert here(monkeypatch, recording, *flags) == 0
+    out = capsys.readouterr().out
+    assert out.count(": white. White noise: no order can be told from it") == 2
     for text in ("3,000 samples, 30.0 s", "FLTEA triple α", "FLTEA joint α", "shuffled gives", "undefined"):
-        assert text in done.stdout
-    assert done.stdout.index("FLTEA triple α") < done.stdout.index("FLTEA joint α")  # the one asked for first
-    assert "too short to tell fractional noise" in done.stdout
+        assert text in out
+    assert out.index("FLTEA triple α") < out.index("FLTEA joint α")  # the one asked for first
+    assert "too short to tell fractional noise" in out
     assert list(read_models(model).axes) == ["gyro_x", "gyro_y"]
     assert "gyroscope_noise_density:" in yaml.read_text()
 
 
-def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
+def test_a_bad_file_among_others(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The others are identified; what failed is told, in its place and at the end; exit 2."""
     bad = tmp_path / "bad.npz"
     bad.write_bytes(b"PK no")
-    done = fltea("identify", tmp_path / "away.npz", recording, bad, *FAST)
-    assert done.returncode == 2
-    assert "away.npz: there is no such file." in done.stdout
-    assert "gyro_x: white." in done.stdout
-    assert "Summary" in done.stdout
-    assert done.stdout.count("failed") == 2
-    lines = done.stderr.splitlines()
+    assert here(monkeypatch, tmp_path / "away.npz", recording, bad, "--channels", "gyro_x") == 2
+    said = capsys.readouterr()
+    assert "away.npz: there is no such file." in said.out
+    assert "gyro_x: white." in said.out
+    assert "Summary" in said.out
+    assert said.out.count("failed") == 2
+    lines = said.err.splitlines()
     assert len(lines) == 2
     assert all(line.startswith("fltea: error: ") for line in lines)
-    assert "Traceback" not in done.stderr
+    assert "Traceback" not in said.err
 
 
 @pytest.mark.parametrize(
@@ -110,8 +165,6 @@ def test_mistakes(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """One line and exit 2, whatever the mistake."""
-    from fltea import cli
-
     monkeypatch.chdir(recording.parent)
     monkeypatch.setattr("sys.argv", ["fltea", "identify", *arguments, "--jobs", "1", "--shuffles", "0"])
     with pytest.raises(SystemExit) as ended:

@@ -8,9 +8,19 @@ import pytest
 from fltea.config import EstimatorConfig
 from fltea.estimator.online import OnlineEstimator
 from fltea.identify.fltea_fit import fltea_fit
-from fltea.identify.shuffled import ShuffledBand, shuffled_band
+from fltea.identify.shuffled import (
+    GROUP_BYTES,
+    LEAST_LANES,
+    MOST_LANES,
+    ShuffledBand,
+    estimate,
+    groups,
+    shuffled_band,
+)
 from fltea.identify.whiteness_test import chi2_tail, innovations
-from identify_support import H, ar, recursion, white
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_support import H, ar, long_recursion, white
 
 LSB = 1 / 16.4
 Variant = Literal["joint", "triple"]
@@ -82,7 +92,7 @@ def test_the_supervisor_has_its_say(stop: int, outcome: tuple[bool, int]) -> Non
 
 
 def test_drift_and_convergence() -> None:
-    noise = recursion(0.6, -3.0, 2500, 1, 1, 300)[0] * 0.4
+    noise = long_recursion(0.6, -0.19, 2500, 1) * 0.4
     found, _ = fltea_fit(noise, H, config())
     assert found.converged
     assert abs(found.alpha_drift or 9) < 0.05
@@ -97,17 +107,17 @@ def test_refuses(y: np.ndarray, message: str) -> None:
         fltea_fit(y, H, EstimatorConfig(startup=200))
 
 
-def band(y: np.ndarray, settings: EstimatorConfig, **more: object) -> ShuffledBand:
+def band(y: np.ndarray, settings: EstimatorConfig, copies: int) -> ShuffledBand:
     found, _ = fltea_fit(y, H, settings, LSB)
-    return shuffled_band(y, H, settings, found.alpha, found.f, lsb=LSB, **more)  # type: ignore[arg-type]
+    return shuffled_band([estimate(y, H, settings, LSB, range(copies), 0)], found.alpha, found.f)
 
 
 def test_a_copy_is_what_the_daemon_gives_for_it() -> None:
     """One copy alone: its quantiles are its estimate, to the digits of the memory."""
     y = counts(2)
     settings = config()
-    found = shuffled_band(y, H, settings, 0.1, -0.1, lsb=LSB, copies=1, seed=5)
-    expected, _ = fltea_fit(np.random.default_rng(5).permutation(y), H, settings, LSB)
+    found = shuffled_band([estimate(y, H, settings, LSB, range(3, 4), 5)], 0.1, -0.1)
+    expected, _ = fltea_fit(np.random.default_rng((5, 3)).permutation(y), H, settings, LSB)
     assert found.alpha is not None
     assert found.f is not None
     assert found.alpha[1] == pytest.approx(expected.alpha, abs=1e-4)
@@ -123,7 +133,7 @@ def test_white_noise_lies_within_its_band_in_its_share() -> None:
 
 
 def test_noise_with_an_order_lies_outside() -> None:
-    found = band(recursion(0.7, -3.0, 2000, 1, 3, 300)[0] * 0.4, config(), copies=40)
+    found = band(long_recursion(0.7, -0.12, 2000, 3) * 0.4, config(), copies=40)
     assert found.alpha_rank == 1.0
     assert found.alpha is not None
     assert found.alpha[0] <= found.alpha[1] <= found.alpha[2]
@@ -132,9 +142,30 @@ def test_noise_with_an_order_lies_outside() -> None:
 
 def test_shuffles_follow_the_seed() -> None:
     y = counts(1)
-    one, same, other = (shuffled_band(y, H, config(), 0.1, 0.1, copies=20, seed=s) for s in (1, 1, 2))
+    one, same, other = (estimate(y, H, config(), LSB, range(4), seed).alpha.tolist() for seed in (1, 1, 2))
     assert one == same
-    assert one.alpha != other.alpha
+    assert len(set(one + other)) == 8
+
+
+def test_copies_do_not_depend_on_their_group() -> None:
+    """To the bit, one that runs away among them too."""
+    y = counts(1)
+    for settings in (config(), config(variant="triple", guard="off", R=0.001)):
+        whole = estimate(y, H, settings, LSB, range(11), 1)
+        parts = [estimate(y, H, settings, LSB, part, 1) for part in (range(1), range(1, 9), range(9, 11))]
+        for name in ("alpha", "f", "lost"):
+            together = np.concatenate([getattr(part, name) for part in parts])
+            np.testing.assert_array_equal(together, getattr(whole, name))
+        assert shuffled_band(parts, 0.1, 0.1) == shuffled_band([whole], 0.1, 0.1)
+
+
+@given(st.integers(1, 10**8), st.integers(0, 1000))
+def test_groups_have_every_copy_once_in_bounded_memory(samples: int, copies: int) -> None:
+    found = groups(samples, copies)
+    assert [number for group in found for number in group] == list(range(copies))
+    for group in found:
+        assert 1 <= len(group) <= MOST_LANES
+        assert len(group) <= LEAST_LANES or len(group) * samples * 8 <= GROUP_BYTES
 
 
 def test_copies_that_run_away_are_counted_and_left_out() -> None:

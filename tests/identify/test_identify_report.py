@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from fltea.errors import UsageError
 from fltea.identify import figures, report
-from fltea.identify.axis import IdentifyOptions, identify_axis
+from fltea.identify.axis import IdentifyOptions, identify_axis, with_copies
 from fltea.identify.curves import curves
 from fltea.identify.load import Request, Unreadable
 from fltea.identify.run import AxisReport, FileReport, Settings, identify_all
+from fltea.identify.shuffled import estimate
 from fltea.identify.workers import Here
 from identify_files import QUICK, counts, npz
-from identify_support import H, recursion
+from identify_support import H, long_recursion
 from toolchain import missing
 
 CHROMIUM = shutil.which("chromium")
@@ -111,9 +112,10 @@ def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> N
 
 def test_curves_agree_with_the_result() -> None:
     """The trajectory ends where the result is; the profile has the same interval of the order."""
-    x = recursion(0.7, -3.0, 3000, 1, 3, 300)[0]
+    x = long_recursion(0.7, -0.12, 3000, 3)
     options = IdentifyOptions(estimator=QUICK, shuffles=30)
-    result = identify_axis(x, H, None, options)
+    copies = estimate(x, H, QUICK, None, range(30), 0)
+    result = with_copies(identify_axis(x, H, None, options), [copies])
     found = curves(x, H, None, options, result)
     assert result.fltea.alpha is not None
     assert found.path.alpha[-1] == pytest.approx(result.fltea.alpha, abs=1e-3)

@@ -6,18 +6,22 @@ import signal
 import time
 import warnings
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fltea.config import EstimatorConfig
 from fltea.errors import FlteaError, UsageError
-from fltea.identify.load import Request, Unreadable
+from fltea.identify.load import Request, Unreadable, load
 from fltea.identify.run import AxisReport, Failure, FileReport, Settings, identify_all
+from fltea.identify.shuffled import MOST_LANES
 from fltea.identify.tables import document
 from fltea.identify.workers import Here, Processes, Workers, open_local
 from fltea.model import ACCEL_AXES
 from identify_files import Deadly, counts, npz, settings
+from identify_support import long_recursion
 from toolchain import missing
 
 N = 600
@@ -91,6 +95,39 @@ def test_order_and_failures(known: Known, tmp_path: Path) -> None:
     assert all(done <= total for _, done, total in seen)
 
 
+def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor who does what, nor in which order it comes back."""
+    raw = np.rint(16 * long_recursion(0.6, -0.19, N, 1)).astype(np.int32)[:, np.newaxis]
+    requests = [Request((npz(tmp_path / "a.npz", raw, accel_raw=counts(N, 3), accel_lsb_per_g=16384.0),))]
+    many = settings(shuffles=2 * MOST_LANES + 1)
+    alone = document(identify_all(requests, many, Here()))
+    assert alone["files"][0]["axes"]["gyro_x"]["null"]["shuffled"]["copies"] == 2 * MOST_LANES + 1
+    with closing(Processes(2)) as workers:
+        assert document(identify_all(requests, many, workers)) == alone
+    monkeypatch.setattr("fltea.identify.run.CHECK_S", 0.001)
+    assert document(identify_all(requests, many, LastFirst())) == alone
+
+
+class LastFirst(Here):
+    """Does what it is given only when it is waited for, the last first."""
+
+    slots = 100
+
+    def __init__(self) -> None:
+        self._given: list[tuple[Any, ...]] = []
+
+    def submit(self, task: Any, *arguments: Any) -> Any:
+        future: Future[Any] = Future()
+        if task is load:
+            return super().submit(task, *arguments)
+        self._given.append((future, task, arguments))
+        return future
+
+    def check(self) -> None:
+        future, task, arguments = self._given.pop()
+        future.set_result(task(*arguments))
+
+
 def test_samples_are_not_kept(tmp_path: Path) -> None:
     (report,) = identify_all(files(tmp_path, 1), settings(), Here())
     assert report.recording is not None
@@ -153,8 +190,6 @@ def test_one_job_needs_no_process() -> None:
 def test_workers_that_are_gone_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Gone(Here):
         def submit(self, task: Any, *arguments: Any) -> Any:
-            from concurrent.futures import Future
-
             return Future()
 
         def check(self) -> None:
@@ -200,7 +235,7 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
         reports = identify_all(requests, settings(), workers, Here(), kill_one)
     assert killed
     assert document(reports)["files"] == alone
-    assert len(told) == len(set(told)) == 3 + 6
+    assert len(told) == len(set(told)) == 3 + 6 + 6  # files, axes, and a group of copies of each
 
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ import json
 
 from fltea import bench_estimator
 
-from tools.bench import bench_daemon, bench_decode
+from tools.bench import bench_daemon, bench_decode, identify_tables
 
 
 def main() -> None:
@@ -13,7 +13,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--daemon", action="store_true", help="measure the running daemon too: some minutes")
+    parser.add_argument(
+        "--identify", action="store_true", help="only how far `fltea identify` can be believed: hours"
+    )
+    parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
+    if arguments.identify:
+        tables = identify_tables.measure(arguments.seeds)
+        print(json.dumps(tables, ensure_ascii=False) if arguments.json else identify_tables.text(tables))
+        return
     decode, estimator = bench_decode.measure(), bench_estimator.measure()
     daemon = bench_daemon.measure() if arguments.daemon else None
     if arguments.json:

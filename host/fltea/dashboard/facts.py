@@ -4,7 +4,7 @@ import math
 from typing import Any, Literal
 
 from fltea.dashboard.history import EPOCH_WORDS, DeviceHistory, axis_estimates, axis_stats
-from fltea.dashboard.verdict import judge
+from fltea.dashboard.verdict import judge, judge_whiteness
 from fltea.model import AXES, AccelEstimate, AxisStats, Epoch, EstimatorInfo, Hello, Stats
 
 STALL_NS = 1_500_000_000
@@ -104,6 +104,8 @@ def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[
         "f_text": with_std(f, estimate.f_std if valid else None),
         "alpha_white": span(white.alpha) if known and white else "–",
         "f_white": span(white.f) if known and white else "–",
+        "order": (estimate.order if estimate else None) or "unknown",
+        "whiteness": judge_whiteness(estimate.order, estimate.null_p) if estimate else "",
         "side": verdict.side,
         "verdict": verdict.text,
         "verdict_short": verdict.short,

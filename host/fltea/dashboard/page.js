@@ -118,6 +118,10 @@ window.fltea = (() => {
     }
     f.axes.forEach((axis, number) => fill(place.children[number], axis, axis.name === f.axis))
     const chosen = f.axes.find(axis => axis.name === f.axis)
+    for (const whiteness of document.querySelectorAll("figure .whiteness")) {
+      whiteness.textContent = chosen ? chosen.whiteness : ""
+      whiteness.dataset.order = chosen ? chosen.order : "unknown"
+    }
     for (const verdict of document.querySelectorAll("figure .verdict")) {
       verdict.textContent = chosen ? chosen.verdict_short : ""
       verdict.dataset.side = chosen ? chosen.side : "unknown"
@@ -129,7 +133,7 @@ window.fltea = (() => {
     made.innerHTML = `<h2></h2>
       <div class="pair"><b>α</b><span class="big alpha"></span><span class="beside alpha-white"></span></div>
       <div class="pair"><b>f</b><span class="big"><span class="f"></span> <small>s<sup>-α</sup></small></span><span class="beside f-white"></span></div>
-      <p class="verdict"></p><p class="guard"></p><details><summary>more</summary><dl></dl></details>`
+      <p class="whiteness"></p><p class="verdict"></p><p class="guard"></p><details><summary>more</summary><dl></dl></details>`
     made.querySelector("h2").textContent = axis.name
     const pick = () => choose({axis: axis.name})
     made.addEventListener("click", event => { if (!event.target.closest("details")) pick() })
@@ -148,6 +152,8 @@ window.fltea = (() => {
     set(".f", axis.f_text)
     set(".alpha-white", `white noise: ${axis.alpha_white}`)
     set(".f-white", `white noise: ${axis.f_white}`)
+    set(".whiteness", axis.whiteness)
+    made.querySelector(".whiteness").dataset.order = axis.order
     set(".verdict", axis.verdict)
     made.querySelector(".verdict").dataset.side = axis.side
     set(".guard", axis.guard.length

@@ -1,9 +1,14 @@
-"""What may be said of an estimate beside what white noise gives (pure). It is a comparison, not a test."""
+"""What may be said of an estimate (pure): beside what white noise gives, and by the running test.
+
+The first is a comparison of α and f, with nearly no power; the second a test of the samples.
+"""
 
 import math
 from typing import Literal, NamedTuple
 
+from fltea.estimator.running_null import FEWEST, LEVEL, p_text
 from fltea.estimator.white_band import Quantiles
+from fltea.model import Order
 
 Side = Literal["within", "outside", "unknown"]
 
@@ -11,7 +16,7 @@ RESUMED = " The runs began only when the estimator was resumed, so the band is t
 
 
 SHORT: dict[Side, str] = {
-    "within": "Within what white noise gives: order undefined.",
+    "within": "Within what white noise gives: these figures say nothing.",
     "outside": "Outside what white noise gives: a hint, not a test.",
     "unknown": "Nothing can be said yet.",
 }
@@ -51,7 +56,7 @@ def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, resu
     outside = [name for name, within in places.items() if not within]
     if not outside:
         text = (
-            "α and f are within what white noise of this power gives after as many samples: order undefined."
+            "α and f are within what white noise of this power gives after as many samples: they say nothing."
         )
         return Verdict("within", text + after)
     subject = "α and f are" if len(outside) == 2 else f"{outside[0]} is"
@@ -59,3 +64,12 @@ def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, resu
         f"{subject} outside what white noise of this power gives after as many samples: a hint, not a test."
     )
     return Verdict("outside", text + after)
+
+
+def judge_whiteness(order: Order | None, p: float | None) -> str:
+    """What the running test says of the samples, in a sentence."""
+    if p is None:
+        return f"Order unknown: the test of whiteness needs {FEWEST:,} samples."
+    if order == "undefined":
+        return f"Order undefined: white noise is not rejected ({p_text(p)}, limit {LEVEL:g})."
+    return f"Not white ({p_text(p)}): record it and run fltea identify."

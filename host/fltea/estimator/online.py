@@ -10,13 +10,17 @@ from fltea.estimator.supervisor import Reason
 
 
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an estimator needs to go on where another one stopped: its baseline and its engine, saved."""
+    """What an estimator needs to go on where another one stopped: its baseline and its engine, saved.
+
+    null: the running test of whiteness, which stands beside the estimator; None in snapshots of version 1.
+    """
 
     axes: tuple[str, ...]
     bias_dps: tuple[float, ...]
     R: tuple[float, ...]
     restarts: dict[str, int]
     engine: bytes
+    null: bytes | None = None
 
 
 class OnlineEstimator:

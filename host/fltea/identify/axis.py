@@ -1,6 +1,7 @@
 """All that is said of one axis of one recording."""
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
@@ -14,7 +15,7 @@ from fltea.identify.null_constants import PROBABILITIES
 from fltea.identify.null_test import critical_values
 from fltea.identify.profile import FractionalFit, fractional_fit
 from fltea.identify.rivals import Contest
-from fltea.identify.shuffled import ShuffledBand, shuffled_band
+from fltea.identify.shuffled import Copies, ShuffledBand, shuffled_band
 from fltea.identify.spectral import Band, examine
 from fltea.identify.verdict import LEVEL, Verdict, decide
 from fltea.identify.whiteness_test import Innovations
@@ -90,6 +91,8 @@ def identify_axis(
 ) -> AxisResult:
     """Identify one axis y (n,), without missing samples, at a sampling period of h s.
 
+    The shuffled copies are left for `with_copies`: they take most of the time, and anyone may do them.
+
     lsb: one count in the unit of y, if known.
 
     Raises:
@@ -103,11 +106,6 @@ def identify_axis(
     own, own_innovations = fltea_fit(samples, h, o.estimator, lsb)
     other_variant = OTHER[o.estimator.variant]
     other, other_innovations = fltea_fit(samples, h, _with_variant(o.estimator, other_variant), lsb)
-    shuffled = None
-    if o.shuffles:
-        shuffled = shuffled_band(
-            samples, h, o.estimator, own.alpha, own.f, lsb=lsb, copies=o.shuffles, seed=o.seed
-        )
     critical = dict(zip(PROBABILITIES, critical_values(seen.ordinates).tolist(), strict=True))
     return AxisResult(
         samples=len(samples),
@@ -123,7 +121,7 @@ def identify_axis(
             critical_1_percent=critical[0.01],
             p_without_peaks=seen.evidence.p_without_peaks,
             p_clean=seen.evidence.p_clean,
-            shuffled=shuffled,
+            shuffled=None,
         ),
         whittle=fractional_fit(seen.fits.data, seen.fits.full, h, white=seen.evidence.p_clean >= LEVEL),
         band=seen.band,
@@ -133,6 +131,12 @@ def identify_axis(
         fltea_other=other,
         innovations={o.estimator.variant: own_innovations, other_variant: other_innovations},
     )
+
+
+def with_copies(result: AxisResult, parts: Sequence[Copies]) -> AxisResult:
+    """Add what the shuffled copies of the axis gave, in whatever groups they were estimated."""
+    found = shuffled_band(parts, result.fltea.alpha, result.fltea.f) if parts else None
+    return msgspec.structs.replace(result, null=msgspec.structs.replace(result.null, shuffled=found))
 
 
 def _with_variant(config: EstimatorConfig, variant: Variant) -> EstimatorConfig:

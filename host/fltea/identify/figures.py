@@ -4,17 +4,17 @@ import io
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea.errors import UsageError
 from fltea.identify.allan import FLICKER
 from fltea.identify.curves import Curves
-from fltea.identify.noise_model import identified, model_spectrum
+from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
 from fltea.identify.profile import CRITICAL
 from fltea.identify.run import AxisReport
-from fltea.identify.tables import MODELS, rival
+from fltea.identify.tables import MODELS, model_name
+from fltea.identify.verdict import LEVEL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,8 +69,8 @@ def _spectrum(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     hz = np.geomspace(s.hz[0], s.hz[-1], 600)
     lam = 2 * np.pi * hz / r.rate_hz
     axes.plot(s.hz, density * s.power, ".", markersize=3, label="periodogram, in bins", **DATA)
-    for name, style in (("white", WHITE), (rival(r), RIVAL), ("fractional", FRACTIONAL)):
-        model = identified(msgspec.structs.replace(r.rivals, best=name), (), r.std, 1 / r.rate_hz)
+    for name, style in (("white", WHITE), (r.rivals.best_rival, RIVAL), ("fractional", FRACTIONAL)):
+        model = AxisModel(noise_of(name, r.rivals, 1 / r.rate_hz))
         label = f"{MODELS[name]}, BIC {r.rivals.models[name].bic:+.1f}"
         axes.plot(hz, density * model_spectrum(model, lam, 1 / r.rate_hz), label=label, **style)
     label = "not fitted"
@@ -92,6 +92,8 @@ def _profile(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
         axes.axvspan(alpha.low, alpha.high, color="#fdbe85", alpha=0.5, linewidth=0)
         axes.axvline(alpha.value, color="black", linewidth=0.8)
         said = f"α = {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f})"
+    elif axis.result.null.p_clean >= LEVEL:
+        said = "α is undefined: white noise, which has none, is not rejected"
     else:
         said = "α is undefined: the data do not tell one order from another"
     axes.set_title(said, fontsize=10)
@@ -150,7 +152,7 @@ def _allan(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
         low, middle, high = (data * np.array(ratio) for ratio in (found.low, found.ratio, found.high))
         color = RIVAL["color"]
         axes.fill_between(tau, low, high, color=color, alpha=0.2, linewidth=0)
-        axes.plot(tau, middle, label=f"noise of the model ({MODELS[axis.result.rivals.best]})", **RIVAL)
+        axes.plot(tau, middle, label=f"noise of the model ({model_name(axis)})", **RIVAL)
     _line(axes, tau, a.N_deg_per_sqrt_s.value, -0.5, 1.0, f"N = {a.N_deg_per_sqrt_h or 0:.3g} deg/√h", WHITE)
     K = a.K_dps_per_sqrt_s.value
     _line(axes, tau, K, 0.5, 3.0, f"K = {a.K_deg_per_h_per_sqrt_h or 0:.3g} deg/h/√h", FRACTIONAL)
@@ -205,7 +207,8 @@ TITLES = {
     "profile": (
         "Which orders the data allow",
         "What lies below the dotted line fits the data as well as the best does. Where that is nearly "
-        "everything, the order is undefined, whatever an estimator prints.",
+        "everything, the order is undefined, whatever an estimator prints; so it is "
+        "where the null test does not reject white noise, whatever the curve.",
     ),
     "trajectory": (
         "FLTEA over time",
@@ -214,8 +217,8 @@ TITLES = {
     ),
     "allan": (
         "Allan deviation",
-        "Dashed, with the 5 to 95 % of its simulations: noise drawn from the best model and the peaks beside "
-        "it. Where it leaves the data, the model does not reproduce the sensor.",
+        "Dashed, with the 5 to 95 % of its simulations: noise drawn from the model of the verdict and the "
+        "peaks beside it. Where it leaves the data, the model does not reproduce the sensor.",
     ),
     "innovations": (
         "Autocorrelation of FLTEA's innovations",

@@ -48,6 +48,8 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     f_drift: float | None
     converged: bool
     """the drift of α is less than its standard deviation or 0.02"""
+    settings: EstimatorConfig
+    """all of them: window, start-up, tuning"""
 
 
 def fltea_fit(
@@ -94,6 +96,7 @@ def fltea_fit(
         alpha_drift=alpha_drift,
         f_drift=f_drift,
         converged=alpha_drift is not None and abs(alpha_drift) <= max(alpha_std or 0.0, 0.02),
+        settings=config,
     )
     return result, innovations(run.columns[4][third:], run.columns[5][third:])
 

@@ -5,6 +5,7 @@ Every model is y = x + v with white v of variance R; what x is, is its kind. The
 """
 
 import math
+from collections.abc import Iterator
 
 import msgspec
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from fltea.identify import spectrum
 from fltea.identify.lines import Peak
 from fltea.identify.rivals import Contest
+from fltea.identify.verdict import Kind
 
 Array = NDArray[np.float64]
 
@@ -117,7 +119,7 @@ class Fractional(Noise, frozen=True, tag="fractional"):
         return spectrum.step_variance(self.alpha, self.Q, h) * spectrum.fractional(lam, self.alpha, g)
 
 
-Kind = White | AR1 | AR2 | TwoAR1 | Fractional
+NoiseKind = White | AR1 | AR2 | TwoAR1 | Fractional
 
 
 class Resonance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -135,27 +137,41 @@ class Resonance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The noise of one axis, without its offset."""
 
-    noise: Kind
+    noise: NoiseKind
     resonances: tuple[Resonance, ...] = ()
 
 
-def identified(contest: Contest, peaks: tuple[Peak, ...], std_dps: float, h: float) -> AxisModel:
-    """The model of lowest BIC, and the peaks that were left out of its fit.
+def identified(contest: Contest, verdict: Kind, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:
+    """The model of lowest BIC that the verdict allows, and the peaks that were left out of its fit.
 
-    std_dps: standard deviation of the whole axis, of which the peaks' shares are taken. h in s.
+    verdict: a filter, a resonance or drift is not given as a fractional model, though one may fit best.
+    std: standard deviation of the whole axis, of which the peaks' shares are taken. h in s.
     """
-    p = contest.models[contest.best].parameters
+    best = contest.best
+    if best == "fractional" and verdict in ("filter or resonance", "drift"):
+        best = contest.best_rival
+    return AxisModel(
+        noise_of(best, contest, h),
+        tuple(
+            Resonance(peak.frequency_hz, peak.width_hz, float(max(peak.power_share, 0.0) * std**2))
+            for peak in peaks
+        ),
+    )
+
+
+def noise_of(name: str, contest: Contest, h: float) -> NoiseKind:
+    """One of the fitted models, by its name in the contest."""
+    p = contest.models[name].parameters
     R = p["R"]
-    noise: Kind
-    match contest.best:
+    match name:
         case "white":
-            noise = White(R_dps2=R)
+            return White(R_dps2=R)
         case "ar1":
-            noise = AR1(R_dps2=R, phi=p["phi"], s2_dps2=p["s2"])
+            return AR1(R_dps2=R, phi=p["phi"], s2_dps2=p["s2"])
         case "ar2":
-            noise = AR2(R_dps2=R, phi1=p["phi1"], phi2=p["phi2"], s2_dps2=p["s2"])
+            return AR2(R_dps2=R, phi1=p["phi1"], phi2=p["phi2"], s2_dps2=p["s2"])
         case "two_ar1":
-            noise = TwoAR1(
+            return TwoAR1(
                 R_dps2=R,
                 phi_slow=p["phi_slow"],
                 s2_slow_dps2=p["s2_slow"],
@@ -164,19 +180,8 @@ def identified(contest: Contest, peaks: tuple[Peak, ...], std_dps: float, h: flo
             )
         case _:
             alpha = p["alpha"]
-            noise = Fractional(
-                R_dps2=R,
-                alpha=alpha,
-                f=spectrum.f_of(alpha, p["g"], h),
-                Q=spectrum.noise_variance(alpha, p["s2"], h),
-            )
-    return AxisModel(
-        noise,
-        tuple(
-            Resonance(peak.frequency_hz, peak.width_hz, float(max(peak.power_share, 0.0) * std_dps**2))
-            for peak in peaks
-        ),
-    )
+            f, Q = spectrum.f_of(alpha, p["g"], h), spectrum.noise_variance(alpha, p["s2"], h)
+            return Fractional(R_dps2=R, alpha=alpha, f=f, Q=Q)
 
 
 def model_spectrum(model: AxisModel, lam: Array, h: float) -> Array:
@@ -201,14 +206,21 @@ def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[
 
     Waves longer than AROUND records are left out, for they are offset.
     """
+    return next(draws(model, h, n, rng))
+
+
+def draws(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
+    """The same again and again, without end."""
     circle = 1 << (max(AROUND * n, SHORTEST_CIRCLE) - 1).bit_length()
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
-    waves = np.zeros(circle // 2 + 1, dtype=np.complex128)
-    waves[1:] = rng.standard_normal(circle // 2) + 1j * rng.standard_normal(circle // 2)
-    waves[-1] = math.sqrt(2) * waves[-1].real
-    waves[1:] *= np.sqrt(_coloured(model, lam, h) * (circle / 2))
-    x = np.fft.irfft(waves, circle)[:n]
-    return x + math.sqrt(model.noise.R_dps2) * rng.standard_normal(n), x
+    size = np.sqrt(_coloured(model, lam, h) * (circle / 2))
+    while True:
+        waves = np.zeros(circle // 2 + 1, dtype=np.complex128)
+        waves[1:] = rng.standard_normal(circle // 2) + 1j * rng.standard_normal(circle // 2)
+        waves[-1] = math.sqrt(2) * waves[-1].real
+        waves[1:] *= size
+        x = np.fft.irfft(waves, circle)[:n]
+        yield x + math.sqrt(model.noise.R_dps2) * rng.standard_normal(n), x
 
 
 def _coloured(model: AxisModel, lam: Array, h: float) -> Array:

@@ -1,5 +1,6 @@
 """Does the identified model reproduce the sensor? Allan deviations of its noise over that of the data."""
 
+import itertools
 import math
 
 import msgspec
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.identify.allan import averaging_factors, overlapping
-from fltea.identify.noise_model import AxisModel, check_stationary, draw
+from fltea.identify.noise_model import AxisModel, check_stationary, draws
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,8 @@ def reproduction(
     if not data.all():
         raise ValueError("the axis is constant: there is nothing to compare with")
     rng = np.random.default_rng(seed)
-    drawn = np.array([overlapping(draw(model, h, len(y), rng)[0], factors) for _ in range(simulations)])
+    noises = itertools.islice(draws(model, h, len(y), rng), simulations)
+    drawn = np.array([overlapping(noise, factors) for noise, _ in noises])
     logs = np.log(np.maximum(drawn, np.finfo(np.float64).tiny) / data)
     low, middle, high = np.quantile(logs, (0.05, 0.5, 0.95), axis=0)
     within = np.abs(middle) <= np.maximum(math.log1p(CLOSE), SPREADS * logs.std(axis=0, ddof=1))
@@ -88,11 +90,11 @@ def _longest(within: NDArray[np.bool_]) -> tuple[int, int] | None:
 
 def _text(tau: Array, ratio: Array, within: NDArray[np.bool_], longest: tuple[int, int] | None) -> str:
     if within.all():
-        return f"The model reproduces the sensor from {tau[0]:.2g} to {tau[-1]:.2g} s."
+        return f"The model reproduces the sensor from {tau[0]:.3g} to {tau[-1]:.3g} s."
     worst = int(np.where(within, 0.0, np.abs(np.log(ratio))).argmax())
-    off = f"at {tau[worst]:.2g} s its Allan deviation is {ratio[worst]:.2f} times the sensor's."
+    off = f"at {tau[worst]:.3g} s its Allan deviation is {ratio[worst]:.2f} times the sensor's."
     if longest is None:
         return f"The model does not reproduce the sensor: {off}"
     return (
-        f"The model reproduces the sensor from {tau[longest[0]]:.2g} to {tau[longest[1]]:.2g} s only; {off}"
+        f"The model reproduces the sensor from {tau[longest[0]]:.3g} to {tau[longest[1]]:.3g} s only; {off}"
     )

@@ -55,6 +55,12 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio_ar1: float
     """the same above AR(1)"""
 
+    @property
+    def best_rival(self) -> str:
+        """The one of lowest BIC that is neither white nor fractional."""
+        names = (name for name in self.models if name not in ("white", "fractional"))
+        return min(names, key=lambda name: self.models[name].bic)
+
 
 class Fits(msgspec.Struct, frozen=True):
     """What `contest` is made from."""

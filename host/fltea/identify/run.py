@@ -1,4 +1,8 @@
-"""Many recordings: each axis is a task, results come in the order of the recordings, failures stay apart."""
+"""Many recordings: results come in the order of the recordings, failures stay apart.
+
+Each axis is a task, and each group of its shuffled copies another, for they take most of the time, and three
+axes would keep two cores busy for as long as four. What comes out does not depend on who does which.
+"""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -11,11 +15,12 @@ import msgspec
 from fltea.config import AccelConfig, EstimatorConfig
 from fltea.errors import FlteaError, UsageError
 from fltea.identify.allan import Allan, allan
-from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis
+from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
 from fltea.identify.curves import Curves, curves
 from fltea.identify.load import GYRO_UNIT, Loaded, Request, Series, Unreadable, load
 from fltea.identify.noise_model import AxisModel, identified
 from fltea.identify.reproduction import Reproduction, reproduction
+from fltea.identify.shuffled import Copies, estimate, groups
 from fltea.identify.traps import Trap, axis_traps
 from fltea.identify.workers import Workers
 from fltea.model import ACCEL_AXES, AXES
@@ -23,8 +28,13 @@ from fltea.model import ACCEL_AXES, AXES
 CHECK_S = 5.0
 """Between two looks at whether the workers are still there."""
 
-USUAL_AXES = 3
-"""Of a recording that has not been read yet."""
+USUAL_TASKS = 3
+"""Of a recording that has not been read yet: its axes. The bar grows with the groups of their copies."""
+
+NOT_A_GYROSCOPE = (
+    "no Allan deviation of accelerometers: its coefficients, the comparison with the model, imu.yaml and the "
+    "model's file are for gyroscopes, in units of deg/s"
+)
 
 Progress = Callable[[str, int, int], None]
 """Is told what has just been done, and how many tasks of how many are done."""
@@ -85,12 +95,42 @@ class Settings(msgspec.Struct, frozen=True):
 
 
 class _Task(NamedTuple):
-    """To read a recording, or (with an axis) to identify one of its axes."""
+    """To read a recording, or (with an axis) to identify one of its axes or a group of its copies."""
 
     report: FileReport
-    axis: str | None
+    axis: "_Axis | None"
     do: Callable[..., Any]
     arguments: tuple[Any, ...]
+    part: int | None = None
+    """number of the group of copies"""
+
+
+@dataclass
+class _Axis:
+    """An axis whose tasks are under way. Its report comes when all of them are done."""
+
+    name: str
+    found: AxisReport | None = None
+    parts: list[Copies | None] = field(default_factory=list)
+    failure: Failure | None = None
+
+    def take(self, task: _Task, result: Any) -> AxisReport | Failure | None:
+        """Take what a task gave; the report if nothing more is to come."""
+        if isinstance(result, BaseException):
+            # Of several the axis itself knows best what is wrong with it.
+            self.failure = (
+                Failure(_text(result)) if task.part is None else self.failure or Failure(_text(result))
+            )
+        elif task.part is None:
+            self.found = result
+        else:
+            self.parts[task.part] = result
+        if self.failure is not None:
+            return self.failure
+        copies = [part for part in self.parts if part is not None]
+        if self.found is None or len(copies) < len(self.parts):
+            return None
+        return msgspec.structs.replace(self.found, result=with_copies(self.found.result, copies))
 
 
 def identify_all(
@@ -134,7 +174,7 @@ class _Loop:
 
     def run(self, reading: deque[_Task]) -> None:
         """Do all, the recordings to read first."""
-        self._total = len(reading) * (1 + USUAL_AXES)
+        self._total = len(reading) * (1 + USUAL_TASKS)
         while reading or self._axes or self._alone or self._pending:
             self._hand_out(reading)
             done, _ = wait(self._pending, CHECK_S, FIRST_COMPLETED)
@@ -176,28 +216,42 @@ class _Loop:
         report = task.report
         self._done += 1
         if task.axis is not None:
-            report.axes[task.axis] = Failure(_text(result)) if isinstance(result, BaseException) else result
+            done = task.axis.take(task, result)
+            if done is not None:
+                report.axes[task.axis.name] = done
         elif isinstance(result, Loaded):
             report.recording = result._replace(axes={})
             self._plan(report, result)
         else:
             report.failure = result if isinstance(result, FlteaError) else FlteaError(_text(result))
-            self._total -= USUAL_AXES
-        text = f"{report.name.rpartition('/')[2]} {task.axis or ''}".strip()
-        self._progress(text, self._done, self._total)
+            self._total -= USUAL_TASKS
+        what = [report.name.rpartition("/")[2]]
+        if task.axis is not None:
+            what.append(task.axis.name)
+            if task.part is not None:
+                what.append(f"copies {task.part + 1}/{len(task.axis.parts)}")
+        self._progress(" ".join(what), self._done, self._total)
 
     def _plan(self, report: FileReport, recording: Loaded) -> None:
-        before = len(self._axes)
-        for axis, series in recording.axes.items():
-            report.axes[axis] = Failure("not done")  # keeps the order of the axes
+        """The axes first, then their copies: many and alike, so that no process idles at the end."""
+        axes, copies = [], []
+        h = recording.h
+        for name, series in recording.axes.items():
+            report.axes[name] = Failure("not done")  # keeps the order of the axes
             try:
-                options = self._settings.of_axis(axis, tuple(recording.axes))
+                options = self._settings.of_axis(name, tuple(recording.axes))
             except FlteaError as error:
-                report.axes[axis] = Failure(str(error))
+                report.axes[name] = Failure(str(error))
                 continue
-            arguments = (series, recording.h, options, self._settings.figures)
-            self._axes.append(_Task(report, axis, identify_series, arguments))
-        self._total += len(self._axes) - before - USUAL_AXES
+            axis = _Axis(name)
+            arguments = (series, h, options, self._settings.figures)
+            axes.append(_Task(report, axis, identify_series, arguments))
+            for part, group in enumerate(groups(len(series.y), options.shuffles)):
+                axis.parts.append(None)
+                copy = (series.y, h, options.estimator, series.lsb, group, options.seed)
+                copies.append(_Task(report, axis, estimate, copy, part))
+        self._axes.extend(axes + copies)
+        self._total += len(axes) + len(copies) - USUAL_TASKS
 
     def _after_death(self) -> None:
         """One of those under way killed its process; each is tried again alone, so the culprit is found."""
@@ -213,16 +267,16 @@ class _Loop:
 
 
 def identify_series(series: Series, h: float, options: IdentifyOptions, figures: bool) -> AxisReport:
-    """All that is found out about one axis.
+    """All that is found out about one axis, but for its shuffled copies.
 
     Raises:
         ValueError: it is too short or constant.
     """
     result = identify_axis(series.y, h, series.lsb, options)
-    model = identified(result.rivals, result.peaks, result.std, h)
+    model = identified(result.rivals, result.verdict.kind, result.peaks, result.std, h)
     found, drawn, reason = None, None, ""
     if series.unit != GYRO_UNIT:
-        reason = "only of gyroscopes"
+        reason = NOT_A_GYROSCOPE
     else:
         try:
             found = allan(series.y, h)

@@ -1,10 +1,11 @@
 """What FLTEA gives for shuffled copies of the same samples, which are white whatever they were before.
 
-All copies are lanes of one engine, each with a start-up window, a bias and an R of its own, as the daemon
-would have them.
+Copies are lanes of an engine, each with a start-up window, a bias and an R of its own, as the daemon would
+have them.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import msgspec
@@ -21,6 +22,10 @@ Array = NDArray[np.float64]
 PROBABILITIES = (0.05, 0.5, 0.95)
 BLOCK = 100
 """Samples of all lanes that the engine takes at once: what it returns has to fit the caches."""
+GROUP_BYTES = 64_000_000
+"""Of the samples of a group of copies."""
+LEAST_LANES, MOST_LANES = 8, 40
+"""Of a group: fewer leave wide instructions idle, more keep other processes idle at the end."""
 ACCURACY = 3
 """Digits of the compressed memory: cost 1e-6 in α, where copies differ by 1e-2; a sixth of the time."""
 
@@ -39,61 +44,74 @@ class ShuffledBand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     f_rank: float | None
 
 
-def shuffled_band(
-    y: Array,
-    h: float,
-    config: EstimatorConfig,
-    alpha: float | None,
-    f: float | None,
-    *,
-    lsb: float | None = None,
-    copies: int = 200,
-    seed: int = 0,
-) -> ShuffledBand:
-    """Estimate `copies` shuffled copies of one axis y (n,) with the settings of `config`, period h in s.
+class Copies(msgspec.Struct, frozen=True):
+    """Last estimates of some of the copies, (copies,); α and f are finite where they are not lost."""
 
-    alpha, f: what the same settings gave for y itself. Memory is compressed whatever `config.engine` says.
+    alpha: Array
+    f: Array
+    lost: NDArray[np.bool_]
+
+
+def groups(samples: int, copies: int) -> list[range]:
+    """The numbers of the copies, in groups of as many as may be in memory at a time.
+
+    They depend on the record only, and not on who estimates them.
+    """
+    size = max(
+        LEAST_LANES, min(MOST_LANES, GROUP_BYTES // (8 * max(samples, 1)) // LEAST_LANES * LEAST_LANES)
+    )
+    return [range(first, min(first + size, copies)) for first in range(0, copies, size)]
+
+
+def estimate(
+    y: Array, h: float, config: EstimatorConfig, lsb: float | None, copies: range, seed: int
+) -> Copies:
+    """Estimate shuffled copies of one axis y (n,) with the settings of `config`, period h in s.
+
+    copies: their numbers. Each is shuffled by (seed, number), and comes out the same beside whatever others.
+    Memory is compressed whatever `config.engine` says.
 
     Raises:
         ValueError: settings that no filter can work with.
     """
-    shuffles = _shuffled(y, copies, np.random.default_rng(seed))
+    lanes = len(copies)
+    shuffles = np.empty((lanes, len(y)))  # whole copies one after the other: columns would be slow to write
+    for row, number in zip(shuffles, copies, strict=True):
+        row[:] = np.random.default_rng((seed, number)).permutation(y)
     startup = config.startup_needed
-    window = shuffles[:startup]
-    bias = np.zeros(copies)
+    window = shuffles[:, :startup]
+    bias = np.zeros(lanes)
     if config.bias == "startup":
-        bias = window.mean(axis=0)
+        bias = window.mean(axis=1)
     elif config.bias != "none":
         bias += np.ravel(config.bias)[0]
     if config.R == "auto":
-        R = np.maximum(window.var(axis=0, ddof=1), ((lsb or 0.0) ** 2) / 12)
+        R = np.maximum(window.var(axis=1, ddof=1), ((lsb or 0.0) ** 2) / 12)
         # A copy that happens to be constant in its window, of data that hardly ever change.
         R = np.maximum(R, 1e-6 * y.var())
     else:
-        R = np.full(copies, np.ravel(config.R)[0])
-    engine = Engine(
-        copies, replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
-    )
-    lost = np.zeros(copies, dtype=bool)
+        R = np.full(lanes, np.ravel(config.R)[0])
+    settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
+    engine = Engine(lanes, settings)
+    lost = np.zeros(lanes, dtype=bool)
     for start in range(startup, len(y), BLOCK):
-        after = engine.run(shuffles[start : start + BLOCK] - bias)
+        after = engine.run(shuffles[:, start : start + BLOCK].T - bias)
         last_alpha, last_f = after.alpha[-1].copy(), after.f[-1].copy()
         gone = ~(np.isfinite(last_f) & np.isfinite(after.x[-1]) & (np.abs(last_alpha) <= LOST_ORDER))
         if gone.any():
             engine.reset(gone)
             lost |= gone
-    alphas, fs = last_alpha[~lost], last_f[~lost]
+    return Copies(last_alpha, last_f, lost)
+
+
+def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None) -> ShuffledBand:
+    """Put groups of copies together; alpha, f: what the same settings gave for the data themselves."""
+    lost = np.concatenate([part.lost for part in parts])
+    alphas = np.concatenate([part.alpha for part in parts])[~lost]
+    fs = np.concatenate([part.f for part in parts])[~lost]
     return ShuffledBand(
-        copies, int(lost.sum()), _quantiles(alphas), _quantiles(fs), _rank(alphas, alpha), _rank(fs, f)
+        len(lost), int(lost.sum()), _quantiles(alphas), _quantiles(fs), _rank(alphas, alpha), _rank(fs, f)
     )
-
-
-def _shuffled(y: Array, copies: int, rng: np.random.Generator) -> Array:
-    """Copies side by side, (n, copies)."""
-    shuffles = np.empty((len(y), copies))
-    for lane in range(copies):
-        shuffles[:, lane] = rng.permutation(y)
-    return shuffles
 
 
 def _quantiles(values: Array) -> tuple[float, float, float] | None:

@@ -7,6 +7,7 @@ import msgspec
 
 from fltea.identify.allan import Coefficient
 from fltea.identify.axis import AxisResult
+from fltea.identify.fltea_fit import FlteaFit
 from fltea.identify.profile import Parameter
 from fltea.identify.run import AxisReport, Failure, FileReport
 from fltea.identify.traps import Trap
@@ -113,12 +114,15 @@ def rows(axis: AxisReport) -> list[Row]:
         found.append((f"FLTEA {fit.variant} α", _pm(fit.alpha, fit.alpha_std)))
         if fit is r.fltea and r.null.shuffled:
             found.append(("  shuffled gives", _span(r.null.shuffled.alpha)))
-        found.append((f"FLTEA {fit.variant} f [s^-α]", _pm(fit.f, fit.f_std)))
+        found.append(("  over last third", _moved(fit)))
+        found.append((f"{fit.variant} f [s^-α]", _pm(fit.f, fit.f_std)))
         if fit is r.fltea and r.null.shuffled:
             found.append(("  shuffled gives", _span(r.null.shuffled.f)))
     found += [
+        (f"R [({axis.unit})²]", f"{r.fltea.R:.4g}"),
+        ("guard stepped in", _guard(r.fltea)),
         ("null test p", f"{r.null.p_value:.2g}"),
-        ("  of what is fitted", f"{r.null.p_clean:.2g}"),
+        ("  as fitted", f"{r.null.p_clean:.2g}"),
         ("Whittle F = g + α", _parameter(r.whittle.F)),
         ("Whittle α", _parameter(r.whittle.alpha)),
         ("Whittle f [s^-α]", _parameter(r.whittle.f)),
@@ -149,9 +153,17 @@ def settings(axis: AxisReport) -> str:
     guard = ", ".join(f"{cause} {n:,}" for cause, n in f.interventions.items()) or "never"
     drift = NONE if f.alpha_drift is None else f"{f.alpha_drift:+.3g}"
     return (
-        f"FLTEA {f.variant}, guard {f.guard} (stepped in: {guard}), R = {f.R:.4g} ({axis.unit})² from the "
-        f"{f.R_from}, {f.restarts} restarts, α moved by {drift} over the last third"
-        f"{'' if f.converged else ': not converged'}."
+        f"{method(f)}; the guard stepped in: {guard}; R = {f.R:.4g} ({axis.unit})²; {f.restarts} restarts; α "
+        f"moved by {drift} over the last third{'' if f.converged else ': not converged'}."
+    )
+
+
+def method(f: FlteaFit) -> str:
+    """The settings that the axes have in common."""
+    window = "unlimited" if f.settings.window is None else f"{f.settings.window:,} samples"
+    return (
+        f"FLTEA {f.variant}, guard {f.guard}, window {window}, start-up {f.startup_samples:,} samples, "
+        f"R from the {f.R_from}"
     )
 
 
@@ -178,21 +190,29 @@ def best(r: AxisResult) -> str:
     return MODELS[r.rivals.best] + (f", {at:.2g} Hz" if at is not None else "")
 
 
-def rival(r: AxisResult) -> str:
-    """The one of lowest BIC that is neither white nor fractional."""
-    return min(
-        (name for name in r.rivals.models if name not in ("white", "fractional")),
-        key=lambda name: r.rivals.models[name].bic,
-    )
+def model_name(axis: AxisReport) -> str:
+    """Which of the models is exported, and compared with the sensor."""
+    return MODELS[str(axis.model.noise.__struct_config__.tag)]
 
 
 def _rival(r: AxisResult) -> str:
-    name = rival(r)
+    name = r.rivals.best_rival
     return f"{MODELS[name]}, BIC {r.rivals.models[name].bic:+.1f}"
 
 
 def _lsb(axis: AxisReport) -> str:
     return f"{axis.result.std / axis.lsb:.1f}" if axis.lsb else "not known"
+
+
+def _moved(f: FlteaFit) -> str:
+    if f.alpha_drift is None:
+        return NONE
+    return f"{f.alpha_drift:+.3f}" + ("" if f.converged else ", not converged")
+
+
+def _guard(f: FlteaFit) -> str:
+    times = sum(f.interventions.values())
+    return f"{times:,} times" if times else "never"
 
 
 def _pm(value: float | None, std: float | None) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -26,12 +27,16 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     if good:
-        table = Table("", *good)
+        table = Table("", *good, box=box.SIMPLE_HEAD, pad_edge=False)
         for label, values in tables.side_by_side(good):
             table.add_row(*(escape(text) for text in (label, *values)))
         console.print(table)
+        for line in dict.fromkeys(tables.method(axis.result.fltea) for axis in good.values()):
+            console.print(Text(f"{line}."))
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
+    for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
+        console.print(Text(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
     for axes, trap in tables.traps(report):
         text = Text(f"{trap.severity}: ", style=COLOURS[trap.severity])
         text.append(f"{axes}: " if axes else "", style="default not dim not bold")

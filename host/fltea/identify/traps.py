@@ -122,32 +122,6 @@ def timing_traps(
     return tuple(found)
 
 
-def time_traps(time_s: ArrayLike, rate_hz: float) -> tuple[Trap, ...]:
-    """Look at times of samples (n,): of the device, or of arrival, at a stated rate."""
-    t = np.asarray(time_s, dtype=np.float64)
-    n = len(t)
-    if n < 3:
-        return ()
-    k = np.arange(n) - (n - 1) / 2
-    slope = float(k @ (t - t.mean()) / (k @ k))
-    jitter = t - t.mean() - slope * k
-    ppm = (1 / (slope * rate_hz) - 1) * 1e6 if slope > 0 else math.inf
-    if not math.isfinite(ppm) or (np.diff(t) < 0).any():
-        return (
-            Trap(
-                "sample rate",
-                "bad",
-                "The times of the samples run backwards.",
-                "They are not the times at which the samples were taken; give the rate instead.",
-            ),
-        )
-    # Late arrivals alone tilt the line by no more than this.
-    sure = abs(ppm) * 1e-6 * n * slope > 2 * float(np.abs(jitter).max())
-    return timing_traps(
-        used=n, samples=n, lost=0, gaps=0, stretches=1, rate_hz=rate_hz, clock_ppm=ppm if sure else None
-    )
-
-
 def _too_short(n: int, h: float) -> tuple[Trap, ...]:
     seconds = n * h
     if seconds >= LEAST_S and n >= LEAST_SAMPLES:
@@ -220,7 +194,8 @@ def _quantisation(y: Array, lsb: float | None) -> list[Trap]:
 def _outliers(y: Array, h: float, lsb: float | None, unit: str) -> list[Trap]:
     # Against the mean of both neighbours, which a drift or slow noise does not move.
     r = y[1:-1] - (y[:-2] + y[2:]) / 2
-    scale = max(_scale(r), (lsb or 0.0) / 2) or float(r.std())
+    # Of coarse counts r has steps of half an LSB, and its median is no better known.
+    scale = _scale(r) + 1.4826 / 4 * (lsb or _step(y) or 0.0) or float(r.std())
     size = np.abs(r)
     wide = np.concatenate([[0.0], size, [0.0]])
     is_top = (size >= wide[:-2]) & (size >= wide[2:])

@@ -18,6 +18,10 @@ LEVEL = 0.05
 """The null test rejects below."""
 DRIFT_HZ = 0.02
 """What is slower is drift, of which a record of ten minutes has too few periods to say more."""
+MODEL_LEAVES_OUT = (
+    f"The model is fitted above {DRIFT_HZ:g} Hz and leaves out what is slower: it does not reproduce "
+    "averaging times of more than some 10 s."
+)
 AR1_CRITICAL = 6.63
 """1 % point of χ² with one degree: by how much α < 1 has to be better than AR(1)."""
 HIGHEST_FRACTIONAL = 0.95
@@ -93,7 +97,7 @@ def decide(e: Evidence) -> Verdict:
         return q.say(
             "drift",
             f"White noise on a slow drift below {DRIFT_HZ:g} Hz: no order can be told from it, α and f are "
-            f"undefined.{also}",
+            f"undefined. {MODEL_LEAVES_OUT}{also}",
         )
     return _coloured(e, q, also)
 
@@ -124,7 +128,8 @@ def _coloured(e: Evidence, q: _Questions, also: str) -> Verdict:
     ):
         return q.say(
             "drift",
-            f"Drift, slower than the record can tell apart from a random walk: α says nothing more.{also}",
+            "Drift, slower than the record can tell apart from a random walk: α says nothing more. "
+            f"{MODEL_LEAVES_OUT}{also}",
         )
     if best == "ar1":
         return q.say(

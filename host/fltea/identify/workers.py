@@ -1,12 +1,12 @@
 """Where the work of `fltea identify` is done: in this process, in others on this machine, or by Dask."""
 
-import contextlib
 import multiprocessing
 import os
 import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import forkserver
 from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
@@ -66,19 +66,20 @@ class Here:
 
 
 class Processes:
-    """Processes on this machine, started anew, so that threads of this one do no harm."""
+    """Processes on this machine, copies of one that has loaded all they need and has no threads of ours."""
 
     def __init__(self, jobs: int) -> None:
         # One more, so that none has to wait for its next task.
         self.slots = jobs + 1
         self._jobs = jobs
+        self._context = multiprocessing.get_context("forkserver")
+        # It loads scipy, which takes seconds, while a recording is read here.
+        self._context.set_forkserver_preload(["fltea.identify.run", "allantools"])
+        forkserver.ensure_running()
         self._pool = self._start()
 
     def _start(self) -> ProcessPoolExecutor:
-        pool = ProcessPoolExecutor(self._jobs, multiprocessing.get_context("spawn"), _prepare)
-        for _ in range(self._jobs):  # they start, and load what they need, while a recording is read
-            pool.submit(_load_libraries)
-        return pool
+        return ProcessPoolExecutor(self._jobs, self._context, _prepare)
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Begin a task when a process is free."""
@@ -113,14 +114,6 @@ def _prepare() -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
-
-
-def _load_libraries() -> None:
-    """Import what takes long: scipy above all."""
-    import fltea.identify.run  # noqa: F401
-
-    with contextlib.suppress(ImportError):
-        import allantools  # noqa: F401
 
 
 def open_local(jobs: int | None) -> Workers:

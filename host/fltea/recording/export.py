@@ -34,6 +34,8 @@ OF_AN_AXIS = {
     "state_ms2": "state_{}_ms2",
     "innovation_ms2": "innovation_{}_ms2",
     "valid": "valid_{}",
+    "null_p": "null_p_{}",
+    "order": "not_white_{}",
 }
 """Fields of an axis in an estimate, and the columns that they become."""
 
@@ -234,7 +236,10 @@ def _estimates(paths: Sequence[Path]) -> Iterator[dict[str, Any]]:
                 yield msgspec.json.decode(entry.data)
 
 
-def _number(value: float | bool | None) -> float | None:
+def _number(value: float | bool | str | None) -> float | None:
+    """Truths as 1 and 0; so is whether an order is that of something not white."""
+    if isinstance(value, str):
+        value = value == "not white"
     return int(value) if isinstance(value, bool) else value
 
 

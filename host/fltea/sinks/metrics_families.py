@@ -206,9 +206,13 @@ def _estimates(estimates: Sequence[tuple[str, Estimate]]) -> Iterator[Metric]:
         ("alpha_std", "The order filter's own standard deviation."),
         ("f", "Parameter f of the noise, in s^-alpha."),
         ("f_std", "The parameter filter's own standard deviation, in s^-alpha."),
+        ("null_p", "How often white noise would look at least as unlike white as the samples."),
     ):
         rows: Rows = [(names, getattr(one, key)) for names, one in axes]
         yield _gauge(f"fltea_axis_{key}", text, labels, rows)
+    white: Rows = [(names, one.order and float(one.order == "not white")) for names, one in axes]
+    text = "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, no order."
+    yield _gauge("fltea_axis_not_white", text, labels, white)
 
 
 def _outputs(outlets: Sequence[tuple[str, Outlet]]) -> Iterator[Metric]:

@@ -8,6 +8,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from fltea.estimator.running_null import p_text
 from fltea.model import AccelEstimate, AnyRecord, AxisEstimate, Epoch, Error, Estimate, Gap, Hello, Stats
 from fltea.sinks import Item, Sink, SinkClosed
 from fltea.transport import Chunk, Failed, Opened
@@ -15,8 +16,8 @@ from fltea.transport import Chunk, Failed, Opened
 REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_S = 1.0
-WIDE_COLUMNS = 136
-"""Width from which the trends have room beside the numbers; else they stand below."""
+WIDE_COLUMNS = 158
+"""Width from which orders and trends have room beside the numbers; else they stand below."""
 
 BARS = "▁▂▃▄▅▆▇█"
 WHITE_NOTES = {
@@ -24,8 +25,8 @@ WHITE_NOTES = {
     "joint": "Pure white noise gives this variant α ≈ 0.10 after 3,000 samples, 0.01 after 20,000",
 }
 ADVICE = (
-    ": these figures alone do not show that a noise is fractional. Compare with a shuffled copy (--shuffle) "
-    "before you read anything into them."
+    ", so α alone shows nothing. Undefined: white noise is not rejected. "
+    "Not white: drift, resonance or memory; record it and run fltea identify."
 )
 
 
@@ -154,9 +155,9 @@ class DeviceView:
     def lines(self, width: int) -> list[RenderableType]:
         """The view, for a terminal of so many columns."""
         wide = width >= WIDE_COLUMNS
-        lines: list[RenderableType] = [Text(self._head(), style="bold"), self._table(trends=wide)]
+        lines: list[RenderableType] = [Text(self._head(), style="bold"), self._table(wide=wide)]
         if not wide and self._estimate is not None:
-            lines.append(self._trend_rows(self._estimate))
+            lines.append(self._rows_below(self._estimate))
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
@@ -179,26 +180,28 @@ class DeviceView:
             parts.append(f"firmware {hello.firmware_version}")
         return "fltea  " + "  ".join(p for p in parts if p)
 
-    def _table(self, *, trends: bool) -> RenderableType:
+    def _table(self, *, wide: bool) -> RenderableType:
         if self._estimate is None:
             remaining = self._stats.startup_remaining if self._stats else 0
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         table = Table(expand=False)
         table.add_column("axis")
         unit = "[deg/s]" if not self._estimate.accel_axes else "[deg/s, m/s²]"
-        for title in ("α", "f [s^-α]", f"state {unit}", f"innovation {unit}"):
+        for title in ("α", *(["order"] if wide else []), "f [s^-α]", f"state {unit}", f"innovation {unit}"):
             table.add_column(Text(title), justify="right")  # as plain text: [deg/s] is no markup
-        if trends:
+        if wide:
             table.add_column("α, last seconds", min_width=TREND_WIDTH)
             table.add_column("f, last seconds", min_width=TREND_WIDTH)
         for name, axis in _axes(self._estimate).items():
-            bars = map(str, self._trends[name]) if trends else ()
+            order = (_order(axis),) if wide else ()
+            bars = map(str, self._trends[name]) if wide else ()
             if not axis.valid:
-                table.add_row(name, "not valid", "", "", "", *bars)
+                table.add_row(name, "not valid", *order, "", "", "", *bars)
                 continue
             table.add_row(
                 name,
                 _with_std(axis.alpha, axis.alpha_std),
+                *order,
                 _with_std(axis.f, axis.f_std),
                 _rate(axis.state_dps if isinstance(axis, AxisEstimate) else axis.state_ms2),
                 _rate(axis.innovation_dps if isinstance(axis, AxisEstimate) else axis.innovation_ms2),
@@ -206,11 +209,11 @@ class DeviceView:
             )
         return table
 
-    def _trend_rows(self, estimate: Estimate) -> Table:
+    def _rows_below(self, estimate: Estimate) -> Table:
         rows = Table.grid(padding=(0, 2))
-        rows.add_row("last seconds", "α", "f")
-        for name in _axes(estimate):
-            rows.add_row(name, *map(str, self._trends[name]))
+        rows.add_row("", "order", "α, last seconds", "f, last seconds")
+        for name, axis in _axes(estimate).items():
+            rows.add_row(name, _order(axis), *map(str, self._trends[name]))
         return rows
 
     def _health(self) -> str:
@@ -229,6 +232,13 @@ class DeviceView:
 
 def _axes(estimate: Estimate) -> dict[str, AxisEstimate | AccelEstimate]:
     return {**estimate.axes, **(estimate.accel_axes or {})}
+
+
+def _order(axis: AxisEstimate | AccelEstimate) -> str:
+    """What the running test of whiteness says."""
+    if axis.null_p is None:
+        return "too early"
+    return f"{axis.order}, {p_text(axis.null_p).replace(' ', '')}"
 
 
 def _with_std(value: float | None, std: float | None) -> str:

@@ -1,0 +1,1 @@
+"""Judging the online filters: bias, spread and coverage over noises whose order is known."""

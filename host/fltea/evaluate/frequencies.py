@@ -1,0 +1,28 @@
+"""Integrals over the frequencies of a spectrum (pure).
+
+Spectra with memory have a cusp at λ = 0, as narrow as |g|^(1/α). Gauss's points in u with λ = π u^6 lie dense
+there.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+POINTS = 1500
+POWER = 6
+
+
+def _points() -> tuple[Array, Array]:
+    u, weight = np.polynomial.legendre.leggauss(POINTS)
+    u, weight = (u + 1) / 2, weight / 2
+    return np.pi * u**POWER, weight * POWER * u ** (POWER - 1)
+
+
+LAM, WEIGHTS = _points()
+"""Frequencies in rad a sample between 0 and π, and the weight of each in a mean."""
+
+
+def mean(values: Array) -> Array:
+    """The mean over 0 ... π of a function at `LAM`, its last axis."""
+    return np.asarray(values @ WEIGHTS)
