@@ -32,7 +32,7 @@ run: .venv/.run
 	@$(PY) tools/demo.py
 
 test: .venv/.dev
-	@$(PY) -m pytest -n 2 --dist loadfile $(ARGS)
+	@$(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 lint: .venv/.dev
 	@$(PY) -m ruff format --check $(PY_DIRS)

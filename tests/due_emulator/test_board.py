@@ -126,11 +126,11 @@ def test_a_hanging_program_gets_no_time_and_is_no_sleeper():
 
 
 def test_the_watchdog_bites_a_program_that_is_made_to_hang():
-    bench = run("store 0x400E1A54, 0x0FFF2100\n1: store 0x400E1A50, 0xA5000001\n b 1b", 0.01)
-    bench.run(2.0)
+    bench = run("store 0x400E1A54, 0x0FFF2010\n1: store 0x400E1A50, 0xA5000001\n b 1b", 0.01)
+    bench.run(0.2)  # the watchdog's period is 1/16 s
     assert not bench.board.events
-    bench.board.starve(3.0)
-    bench.run(4.0)
+    bench.board.starve(0.1)
+    bench.run(0.27)
     assert len(bench.board.events) == 1
     assert bench.board.reset_controller.read("SR") >> 8 & 7 == ResetType.WATCHDOG
 

@@ -15,7 +15,7 @@ def make(*goals: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.timeout(300)  # a first build with sanitizers on a small machine
+@pytest.mark.timeout(600)  # a first build with sanitizers on a small machine
 def test_doctest_with_sanitizers() -> None:
     make("tests")
     done = subprocess.run([BUILD / "tests"], capture_output=True, text=True, check=False)
