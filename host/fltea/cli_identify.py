@@ -1,6 +1,7 @@
 """The command `fltea identify`: flags to requests, and results to a terminal."""
 
 import contextlib
+import io
 import json as json_module
 import re
 import signal
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fltea.cli_output import print_result
 from fltea.errors import FlteaError, UsageError
 from fltea.extras import load
 
@@ -155,16 +157,15 @@ def identify(
         raise UsageError("--export-model and --imu-yaml are for one recording.")
     settings = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None)
     reports = _run(requests, settings, jobs, dask)
-    written: list[Path] = []
-    if report is not None:
-        written = page.write(report, reports)
-    _export(reports[0], export_model, imu_yaml)
+    # First of all, lest a file that cannot be written costs what took minutes to compute.
     if as_json:
-        _print(json_module.dumps(tables.document(reports), ensure_ascii=False, allow_nan=False) + "\n")
+        print_result(json_module.dumps(tables.document(reports), ensure_ascii=False, allow_nan=False) + "\n")
     else:
         _show(reports)
-    if written:
+    if report is not None:
+        written = page.write(report, reports)
         print(f"fltea: {written[0]}, and {len(written) - 1} figures", file=sys.stderr)
+    _export(reports[0], export_model, imu_yaml)
     _fail(reports)
 
 
@@ -279,25 +280,13 @@ def _show(reports: "Sequence[FileReport]") -> None:
 
     from fltea.identify.terminal import show, summary
 
-    console = Console()
-    with console.capture() as shown:  # rich itself ends the program if the reader has left
-        for number, one in enumerate(reports):
-            show(console, one, first=number == 0)
-        if len(reports) > 1:
-            summary(console, reports)
-    _print(shown.get())
-
-
-def _print(text: str) -> None:
-    """Write to stdout; a reader that has left is no failure."""
-    try:
-        print(text, end="", flush=True)
-    except OSError as error:
-        from fltea.daemon import silence_stdout
-
-        silence_stdout()
-        if not isinstance(error, BrokenPipeError):
-            raise FlteaError(f"cannot write the output: {error}.") from error
+    text = io.StringIO()  # rich itself ends the program if stdout cannot be written
+    console = Console(file=text, force_terminal=sys.stdout.isatty() or None)
+    for number, one in enumerate(reports):
+        show(console, one, first=number == 0)
+    if len(reports) > 1:
+        summary(console, reports)
+    print_result(text.getvalue())
 
 
 def _fail(reports: "Sequence[FileReport]") -> None:

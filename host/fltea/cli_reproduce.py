@@ -1,16 +1,15 @@
 """The commands `fltea reproduce` and `fltea bench`."""
 
-import contextlib
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fltea.errors import FlteaError, UsageError
+from fltea.cli_output import print_result, progress_bar
+from fltea.errors import UsageError
 
 if TYPE_CHECKING:
     from fltea.reproduce.report import Report
@@ -125,9 +124,9 @@ def reproduce(
     report = Report(request)
     rows = _with_progress(report)
     if as_json:
-        _print(json.dumps({"tables": rows}, ensure_ascii=False, allow_nan=False) + "\n")
+        print_result(json.dumps({"tables": rows}, ensure_ascii=False, allow_nan=False) + "\n")
     else:
-        _print(document(rows) if rows else "")
+        print_result(document(rows) if rows else "")
     if report.files:
         print(f"fltea: {len(report.files)} files in {request.folder}", file=sys.stderr)
 
@@ -135,36 +134,18 @@ def reproduce(
 def _score(seeds: int, options: "Options", as_json: bool) -> None:
     from fltea.reproduce.score import document, score, steps
 
-    with _bar(steps(seeds)) as advance:
+    with progress_bar(steps(seeds)) as advance:
         rows = score(seeds, options, advance)
-    _print(
+    print_result(
         json.dumps({"score": rows}, ensure_ascii=False, allow_nan=False) + "\n" if as_json else document(rows)
     )
 
 
 def _with_progress(report: "Report") -> dict[str, list[dict[str, object]]]:
     """Run `report` with a bar on stderr."""
-    with _bar(report.steps) as advance:
+    with progress_bar(report.steps) as advance:
         report.progress = advance
         return report.run()
-
-
-@contextlib.contextmanager
-def _bar(total: int) -> Iterator[Callable[[str, int], None]]:
-    """Show a bar on stderr, if that is a terminal; what it gives takes a text and a number of steps done."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("{task.description:<22}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=total)
-        yield lambda text, steps: bar.update(task, advance=steps, description=text)
 
 
 def bench(
@@ -183,16 +164,4 @@ def bench(
     from fltea import bench_estimator
 
     result = bench_estimator.measure(repetitions)
-    _print((json.dumps(result, allow_nan=False) if as_json else bench_estimator.text(result)) + "\n")
-
-
-def _print(text: str) -> None:
-    """Write to stdout; a reader that has left is no failure."""
-    try:
-        print(text, end="", flush=True)
-    except OSError as error:
-        from fltea.daemon import silence_stdout
-
-        silence_stdout()
-        if not isinstance(error, BrokenPipeError):
-            raise FlteaError(f"cannot write the output: {error}.") from error
+    print_result((json.dumps(result, allow_nan=False) if as_json else bench_estimator.text(result)) + "\n")

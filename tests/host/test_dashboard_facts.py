@@ -41,7 +41,7 @@ def test_verdict(alpha: float, f: float, side: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("order", "p", "words"),
     [
-        (None, None, "Order unknown: the test of whiteness needs 1,000 samples."),
+        (None, None, "Order unknown: the test of whiteness needs 1,000 samples that are not all the same."),
         ("undefined", 0.31, "Order undefined: white noise is not rejected (p = 0.31, limit 0.001)."),
         ("not white", 1e-9, "Not white (p < 0.001): record it and run fltea identify"),
     ],

@@ -265,7 +265,7 @@ def test_axis_that_is_not_valid_keeps_its_trend_and_shows_no_number() -> None:
 @pytest.mark.parametrize(
     ("null", "words"),
     [
-        ((None, None), "too early"),
+        ((None, None), "unknown"),
         ((0.0123, "undefined"), "undefined, p=0.012"),
         ((1e-9, "not white"), "not white, p<0.001"),
     ],

@@ -57,6 +57,16 @@ def test_as_json_and_back() -> None:
     assert {"kind", "text", "rules"} == set(plain["verdict"])
 
 
+def test_broad_resonance_is_not_called_white() -> None:
+    """In mid-band, too broad for a peak; orders up to 1, of the null test, cannot describe it."""
+    seen = examine(ar((0.0, -0.25), 3000, 1, 0)[0], H).evidence
+    assert seen.p_all > 0.05
+    assert not seen.peaks
+    verdict = decide(seen)
+    assert verdict.kind == "filter or resonance"
+    assert "(AR(2))" in verdict.text
+
+
 def test_short_fractional_noise_is_not_called_so() -> None:
     for seed in range(2):
         y = long_recursion(0.6, -0.19, 3000, seed)

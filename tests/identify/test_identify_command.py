@@ -1,6 +1,8 @@
 """`fltea identify` as a user has it: table, JSON, files, exit codes."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -122,6 +124,27 @@ def test_table_files_and_notch(
     assert "too short to tell fractional noise" in out
     assert list(read_models(model).axes) == ["gyro_x", "gyro_y"]
     assert "gyroscope_noise_density:" in yaml.read_text()
+
+
+def test_what_was_found_is_told_before_a_file_fails(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The work took minutes; a mistyped name of the model's file does not cost it."""
+    flags = ("--channels", "gyro_x", "--export-model", tmp_path / "no" / "model.json")
+    assert here(monkeypatch, recording, *flags) == 1
+    said = capsys.readouterr()
+    assert "gyro_x: white." in said.out
+    assert "model.json: cannot be written" in said.err
+
+
+def test_disk_full(recording: Path) -> None:
+    """One line, no traceback."""
+    command = [sys.executable, "-m", "fltea", "identify", recording, "--channels", "gyro_x", *FAST]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("fltea: error: cannot write the output")
+    assert "Traceback" not in done.stderr
 
 
 def test_a_bad_file_among_others(

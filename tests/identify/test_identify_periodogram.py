@@ -59,7 +59,7 @@ def test_bins_are_few_and_narrow() -> None:
 @pytest.mark.parametrize(
     ("y", "h", "message"),
     [
-        (np.arange(20.0), H, "ordinates"),
+        (np.arange(20.0), H, "are needed: record longer"),
         (np.ones(500), H, "constant"),
         (np.full(500, np.nan), H, "finite"),
         (np.zeros((2, 2, 500)), H, "shape"),

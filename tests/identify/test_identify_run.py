@@ -3,6 +3,8 @@
 import contextlib
 import os
 import signal
+import subprocess
+import sys
 import time
 import warnings
 from collections.abc import Iterator
@@ -16,7 +18,6 @@ from fltea.config import EstimatorConfig
 from fltea.errors import FlteaError, UsageError
 from fltea.identify.load import Request, Unreadable, load
 from fltea.identify.run import AxisReport, Failure, FileReport, Settings, identify_all
-from fltea.identify.shuffled import MOST_LANES
 from fltea.identify.tables import document
 from fltea.identify.workers import Here, Processes, Workers, open_local
 from fltea.model import ACCEL_AXES
@@ -99,9 +100,11 @@ def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: py
     """Nor who does what, nor in which order it comes back."""
     raw = np.rint(16 * long_recursion(0.6, -0.19, N, 1)).astype(np.int32)[:, np.newaxis]
     requests = [Request((npz(tmp_path / "a.npz", raw, accel_raw=counts(N, 3), accel_lsb_per_g=16384.0),))]
-    many = settings(shuffles=2 * MOST_LANES + 1)
+    lanes = 8
+    monkeypatch.setattr("fltea.identify.shuffled.MOST_LANES", lanes)
+    many = settings(shuffles=2 * lanes + 1)
     alone = document(identify_all(requests, many, Here()))
-    assert alone["files"][0]["axes"]["gyro_x"]["null"]["shuffled"]["copies"] == 2 * MOST_LANES + 1
+    assert alone["files"][0]["axes"]["gyro_x"]["null"]["shuffled"]["copies"] == 2 * lanes + 1
     with closing(Processes(2)) as workers:
         assert document(identify_all(requests, many, workers)) == alone
     monkeypatch.setattr("fltea.identify.run.CHECK_S", 0.001)
@@ -179,6 +182,20 @@ def test_closing_ends_what_is_under_way() -> None:
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
+
+
+def test_ctrl_c_while_the_processes_load() -> None:
+    """What loads scipy for them ignores it from the start, and does not print where it was interrupted."""
+    script = """
+from multiprocessing import forkserver
+from fltea.identify.workers import Processes
+workers = Processes(1)
+print(open(f"/proc/{forkserver._forkserver._forkserver_pid}/status").read())
+workers.close()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    ignored = next(line for line in done.stdout.splitlines() if line.startswith("SigIgn:"))
+    assert int(ignored.split()[1], 16) >> (signal.SIGINT - 1) & 1
 
 
 def test_one_job_needs_no_process() -> None:

@@ -45,6 +45,26 @@ CASES = {
     "drift": (evidence("white", p_clean=0.2), "drift", "below 0.02 Hz"),
     "line and drift": (evidence("white", peaks=(LINE,), p_clean=0.2), "drift", "31.4 Hz"),
     "random walk": (evidence("ar1", parameters={"bend_hz": 1e-4}), "drift", "random walk"),
+    "no peak, but broad": (
+        evidence("ar2", p_all=0.9, p_without_peaks=0.9, p_clean=0.9),
+        "filter or resonance",
+        "20 Hz (AR(2))",
+    ),
+    "a line, and a broad one": (
+        evidence("ar2", peaks=(LINE,), p_without_peaks=0.9, p_clean=0.9),
+        "filter or resonance",
+        "20 Hz (AR(2)), not of memory. There is also a line at 31.4 Hz",
+    ),
+    "drift, and a broad one": (
+        evidence("ar2", p_clean=0.9),
+        "filter or resonance",
+        "20 Hz (AR(2)), not of memory. There is also drift",
+    ),
+    "differenced": (
+        evidence("ar1", parameters={"phi": -0.6, "bend_hz": 50.0}),
+        "AR(1)",
+        "opposite sign (AR(1), φ = -0.60)",
+    ),
     "slow for its record": (
         evidence("ar1", parameters={"bend_hz": 0.05}, duration_s=30.0),
         "drift",

@@ -69,7 +69,7 @@ def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, resu
 def judge_whiteness(order: Order | None, p: float | None) -> str:
     """What the running test says of the samples, in a sentence."""
     if p is None:
-        return f"Order unknown: the test of whiteness needs {FEWEST:,} samples."
+        return f"Order unknown: the test of whiteness needs {FEWEST:,} samples that are not all the same."
     if order == "undefined":
         return f"Order undefined: white noise is not rejected ({p_text(p)}, limit {LEVEL:g})."
     return f"Not white ({p_text(p)}): record it and run fltea identify."

@@ -5,8 +5,8 @@ FLTEA's own α has almost no power as a test (host/README.md, What α and f are 
 blocks of 1, 4, 16, ... 16,384; of each level the correlations at lags 1 to 8 and the variance ratios over 4
 and 8 blocks (sums of these correlations, with falling weights) are kept, each divided by its standard
 deviation as it is without correlation, whatever the variance does meanwhile (Lo & MacKinlay, Rev. Financial
-Studies 1 (1988) 41): neither heavy tails nor quantisation to a whole deviation change the false alarms. The
-largest magnitude is the statistic. Variance ratios see memory and drift, correlations resonances and lines.
+Studies 1 (1988) 41): neither heavy tails nor quantisation to a whole deviation change the false alarms; that
+to five deviations makes no more of them. The largest magnitude is the statistic. Variance ratios see memory and drift, correlations resonances and lines.
 It covers all since the epoch began, start-up window included, and forgets nothing: a sensor that was once
 moved is not white until the next epoch.
 
@@ -188,7 +188,7 @@ class _Level:
             whole = values[~np.isnan(values[:, 0])]
             if not len(whole):
                 return values
-            self._origin = whole.mean(axis=0)
+            self._origin = whole[0] + (whole - whole[0]).mean(axis=0)  # exact if they are all the same
         values = values - self._origin
         joined = np.concatenate((self._tail, values))
         self._tail = joined[CHUNK:]
@@ -209,12 +209,18 @@ class _Level:
         return values
 
     def largest(self) -> Array:
-        """The largest magnitude of the normal figures of each axis; NaN where the values never change."""
+        """The largest magnitude of the normal figures of each axis; NaN where the values never change.
+
+        Where values hardly ever change (a deviation of a fifth of an LSB) hardly any product is other than 0,
+        and their own squares would say next to nothing of how they vary.
+        """
         mean = self._sum / self.count
-        of_mean = (self._sum_of_squares / self.count - mean**2) / self.count
-        products = self._products - mean * self._both + self.pairs[:, np.newaxis] * (mean**2 + of_mean)
-        single = products / np.sqrt(self._squares)
-        ratios = (_RATIOS @ products) / np.sqrt(_RATIOS**2 @ self._squares)
+        variance = self._sum_of_squares / self.count - mean**2
+        pairs = self.pairs[:, np.newaxis]
+        products = self._products - mean * self._both + pairs * (mean**2 + variance / self.count)
+        squares = np.maximum(self._squares, pairs * variance**2 / 2)
+        single = products / np.sqrt(squares)
+        ratios = (_RATIOS @ products) / np.sqrt(_RATIOS**2 @ squares)
         result: Array = np.maximum(np.abs(single).max(axis=0), np.abs(ratios).max(axis=0))
         return result
 
@@ -228,8 +234,10 @@ class _Level:
     def of_parts(cls, axes: int, numbers: Array) -> tuple["_Level", Array]:
         """A level, and what stands behind it."""
         level = cls(axes)
-        waiting, level.count = int(numbers[0]), int(numbers[1])
-        level.waiting = np.empty((waiting, axes))
+        if not (0 <= numbers[0] < CHUNK and 0 <= numbers[1] < math.inf):
+            raise ValueError("counts that cannot be")
+        level.count = int(numbers[1])
+        level.waiting = np.empty((int(numbers[0]), axes))
         numbers = numbers[2:]
         for part in (level.waiting, level.pairs, *level._arrays()):
             part[...] = numbers[: part.size].reshape(part.shape)

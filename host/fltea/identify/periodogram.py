@@ -74,7 +74,10 @@ def periodogram(
     n = samples.shape[-1]
     use = used_ordinates(n, h, from_hz=from_hz, notch=notch)
     if len(use) < FEWEST:
-        raise ValueError(f"{n} samples leave {len(use)} ordinates: at least {FEWEST} are needed")
+        raise ValueError(
+            f"{n} samples leave {len(use)} frequencies to fit, and at least {FEWEST} are needed: record "
+            "longer, or leave out less of the spectrum (--from-hz, --notch)"
+        )
     spectrum = np.fft.rfft(samples - samples.mean(axis=-1, keepdims=True))[..., use]
     return Periodogram(2 * np.pi * use / n, (spectrum.real**2 + spectrum.imag**2) / n, h, n)
 

@@ -124,7 +124,7 @@ def fractional_fit(data: Binned, found: Fit, h: float, *, white: bool = False) -
     minus_f = interval(-f, by_g(lambda t, a: -t * h**a, 0.0, 4 * max(1.0, h**-2), True))
     told_apart = order.defined and minus_g.defined
     return FractionalFit(
-        F=interval(g + alpha, by_g(lambda t, a: t - a, -1.0, 2.0, False)),
+        F=interval(g + alpha, by_g(lambda t, a: t - a, -2.0, 2.0, False)),  # α - 2^α < F < α
         alpha=order,
         g=_negative(minus_g),
         f=_negative(minus_f) if told_apart else Parameter(f, None, None),

@@ -84,22 +84,45 @@ def decide(e: Evidence) -> Verdict:
         q.ask("Does the null test reject white noise?", e.p_all < LEVEL, f"p = {e.p_all:.2g}") is False
     )
     if all_white and not found:
+        if (broad := _broad(e, q)) is not None:
+            return broad
         return q.say("white", "White noise: no order can be told from it, α and f are undefined.")
     if found and not q.ask(
         "Does it without them?", e.p_without_peaks < LEVEL, f"p = {e.p_without_peaks:.2g}"
     ):
+        if (broad := _broad(e, q, f" There is also {peaks}.")) is not None:
+            return broad
         return q.say(
             "filter or resonance",
             f"{_capital(peaks)}; without that the noise is white, α and f are undefined.",
         )
     also = f" There is also {peaks}." if found else ""
     if not q.ask(f"Does it above {DRIFT_HZ:g} Hz?", e.p_clean < LEVEL, f"p = {e.p_clean:.2g}"):
+        if (broad := _broad(e, q, f" There is also drift below {DRIFT_HZ:g} Hz.{also}")) is not None:
+            return broad
         return q.say(
             "drift",
             f"White noise on a slow drift below {DRIFT_HZ:g} Hz: no order can be told from it, α and f are "
             f"undefined. {MODEL_LEAVES_OUT}{also}",
         )
     return _coloured(e, q, also)
+
+
+def _broad(e: Evidence, q: _Questions, also: str = "") -> Verdict | None:
+    """What is too broad for a peak, and nothing that the null test's orders up to 1 could describe."""
+    ar2 = e.contest.models["ar2"]
+    if not q.ask("Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < 0, f"{ar2.bic:+.1f}"):
+        return None
+    return _of_second_order(ar2.parameters, q, also)
+
+
+def _of_second_order(parameters: dict[str, float], q: _Questions, also: str) -> Verdict:
+    where = (
+        f"a resonance at {parameters['resonance_hz']:.3g} Hz"
+        if "resonance_hz" in parameters
+        else f"a low-pass filter from {parameters['bend_hz']:.3g} Hz on"
+    )
+    return q.say("filter or resonance", f"The spectrum is that of {where} (AR(2)), not of memory.{also}")
 
 
 def _coloured(e: Evidence, q: _Questions, also: str) -> Verdict:
@@ -131,6 +154,12 @@ def _coloured(e: Evidence, q: _Questions, also: str) -> Verdict:
             "Drift, slower than the record can tell apart from a random walk: α says nothing more. "
             f"{MODEL_LEAVES_OUT}{also}",
         )
+    if best == "ar1" and parameters["phi"] < 0:
+        return q.say(
+            "AR(1)",
+            f"Neighbours are of opposite sign (AR(1), φ = {parameters['phi']:.2f}), as after differencing, "
+            f"in white noise: not of fractional order.{also}",
+        )
     if best == "ar1":
         return q.say(
             "AR(1)",
@@ -145,12 +174,7 @@ def _coloured(e: Evidence, q: _Questions, also: str) -> Verdict:
             f"order.{also}",
         )
     if best == "ar2":
-        where = (
-            f"a resonance at {parameters['resonance_hz']:.3g} Hz"
-            if "resonance_hz" in parameters
-            else f"a low-pass filter from {parameters['bend_hz']:.3g} Hz on"
-        )
-        return q.say("filter or resonance", f"The spectrum is that of {where} (AR(2)), not of memory.{also}")
+        return _of_second_order(parameters, q, also)
     return _fractional(e, q, also)
 
 

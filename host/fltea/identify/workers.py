@@ -75,7 +75,12 @@ class Processes:
         self._context = multiprocessing.get_context("forkserver")
         # It loads scipy, which takes seconds, while a recording is read here.
         self._context.set_forkserver_preload(["fltea.identify.run", "allantools"])
-        forkserver.ensure_running()
+        # A terminal sends Ctrl-C to all of us: without this, while it loads, it would end with a traceback.
+        ours = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            forkserver.ensure_running()
+        finally:
+            signal.signal(signal.SIGINT, ours)
         self._pool = self._start()
 
     def _start(self) -> ProcessPoolExecutor:

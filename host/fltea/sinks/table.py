@@ -237,7 +237,7 @@ def _axes(estimate: Estimate) -> dict[str, AxisEstimate | AccelEstimate]:
 def _order(axis: AxisEstimate | AccelEstimate) -> str:
     """What the running test of whiteness says."""
     if axis.null_p is None:
-        return "too early"
+        return "unknown"
     return f"{axis.order}, {p_text(axis.null_p).replace(' ', '')}"
 
 
