@@ -14,7 +14,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--daemon", action="store_true", help="measure the running daemon too: some minutes")
     parser.add_argument(
-        "--identify", action="store_true", help="only how far `fltea identify` can be believed: hours"
+        "--identify", action="store_true", help="only how far `fltea identify` can be believed: half an hour"
     )
     parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
