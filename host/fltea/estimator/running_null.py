@@ -5,8 +5,9 @@ FLTEA's own α has almost no power as a test (host/README.md, What α and f are 
 blocks of 1, 4, 16, ... 16,384; of each level the correlations at lags 1 to 8 and the variance ratios over 4
 and 8 blocks (sums of these correlations, with falling weights) are kept, each divided by its standard
 deviation as it is without correlation, whatever the variance does meanwhile (Lo & MacKinlay, Rev. Financial
-Studies 1 (1988) 41): neither heavy tails nor quantisation to a whole deviation change the false alarms; that
-to five deviations makes no more of them. The largest magnitude is the statistic. Variance ratios see memory and drift, correlations resonances and lines.
+Studies 1 (1988) 41): neither heavy tails nor quantisation to a whole deviation change the false alarms, and
+that to five deviations adds none. The largest magnitude is the statistic. Variance ratios see memory and
+drift, correlations resonances and lines.
 It covers all since the epoch began, start-up window included, and forgets nothing: a sensor that was once
 moved is not white until the next epoch.
 
