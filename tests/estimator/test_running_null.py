@@ -99,12 +99,20 @@ def test_lost_samples_are_none_of_the_few() -> None:
     assert fed(y).standings[0].order is None
 
 
-def test_constant_axis_has_no_standing_and_the_others_have() -> None:
-    y = white(1_100, 2)
-    y[:, 0] = 3.7
+@pytest.mark.parametrize("value", [3.7, 1 / 131])
+def test_constant_axis_has_no_standing_and_the_others_have(value: float) -> None:
+    """Also where some of the first chunk are lost: the mean of 125 times 1/131 is not 1/131."""
+    y = white(1_200, 2)
+    y[:, 0] = value
+    y[:3] = np.nan
     constant, alive = fed(y).standings
     assert constant == (None, None)
     assert alive.order == "undefined"
+
+
+def test_an_axis_whose_blocks_never_change_is_judged_by_its_samples() -> None:
+    y = np.tile([[0.0], [1.0]], (600, 1))
+    assert fed(y).standings[0].order == "not white"
 
 
 MAKES: dict[str, Callable[[np.random.Generator, tuple[int, int]], Array]] = {
@@ -123,6 +131,21 @@ def test_false_alarms_are_as_many_as_promised(kind: str) -> None:
     test = many(MAKES[kind](np.random.default_rng(3), (3_000, 1_000)))
     assert 0.035 < rejected(test, 0.05) < 0.065
     assert np.mean([s.order == "not white" for s in test.standings]) < 0.005
+
+
+@pytest.mark.parametrize("kind", ["a fifth of an LSB per deviation", "off zero", "rare jumps"])
+def test_an_axis_that_hardly_ever_changes_is_not_called_not_white(kind: str) -> None:
+    """Nearly all products of two samples are 0: by their own squares alone, half would be rejected."""
+    rng = np.random.default_rng(8)
+    normal = rng.standard_normal((3_000, 500))
+    y = {
+        "a fifth of an LSB per deviation": np.rint(0.2 * normal),
+        "off zero": np.rint(0.2 * normal + 0.1),
+        "rare jumps": (np.abs(normal) > 2.6).astype(float),
+    }[kind]
+    test = many(y)
+    assert rejected(test, 0.05) < 0.08
+    assert np.mean([s.order == "not white" for s in test.standings]) < 0.01
 
 
 def resonance(n: int, series: int) -> Array:
@@ -195,7 +218,24 @@ def test_restored_anywhere_it_goes_on_as_if_nothing_had_been(cut: int, lost: int
     assert after.save() == unbroken.save()
 
 
-@pytest.mark.parametrize("data", [b"", b"abc", white(3, 3).tobytes(), fed(white(300, 2)).save()[:-8]])
+def damaged(place: int, value: float) -> bytes:
+    """A saved test with another number at `place`: 0 is how many samples wait, 1 how many were taken."""
+    numbers = np.frombuffer(fed(white(300, 2)).save(), "<f8").copy()
+    numbers[place] = value
+    return numbers.tobytes()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"abc",
+        white(3, 3).tobytes(),
+        fed(white(300, 2)).save()[:-8],
+        *(damaged(place, value) for place in (0, 1) for value in (math.inf, math.nan, -1.0)),
+        damaged(0, 1e15),
+    ],
+)
 def test_what_is_no_saved_test_is_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match="running test"):
         RunningNull.restore(2, data)

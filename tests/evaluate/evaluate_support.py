@@ -10,7 +10,7 @@ from fltea.evaluate.run import Plan
 from fltea.identify.workers import Here
 
 STRONG = Case(0.8, -1.0, 30.0)
-TINY = Plan(3, (Case(), STRONG), (1_000, 1_500), (Case(), STRONG), (3_000,), 3_000)
+TINY = Plan(3, (Case(), STRONG), (1_000, 1_500), (Case(), STRONG), (2_100,), 1_000)
 
 
 class Backwards(Here):

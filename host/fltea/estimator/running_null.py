@@ -78,7 +78,7 @@ class RunningNull:
         self._waiting: list[Sequence[float]] = []
         self._missing = (math.nan,) * axes
         self._levels = [_Level(axes)]
-        self._largest = [np.zeros(axes)]
+        self._largest = [np.full(axes, np.nan)]
 
     def add(self, y: Sequence[float]) -> None:
         """Take one sample of every axis, in any unit; `standings` change with every 128th."""
@@ -109,7 +109,7 @@ class RunningNull:
 
     def largest(self) -> Array:
         """The statistic of every axis; NaN where an axis never changed."""
-        result: Array = np.max(self._largest, axis=0)
+        result: Array = np.fmax.reduce(self._largest, axis=0)
         return result
 
     def _add(self, place: int, values: Array) -> None:
@@ -121,7 +121,7 @@ class RunningNull:
             return
         if place + 1 == len(self._levels):
             self._levels.append(_Level(self._axes))
-            self._largest.append(np.zeros(self._axes))
+            self._largest.append(np.full(self._axes, np.nan))
         above = self._levels[place + 1]
         above.waiting = np.concatenate((above.waiting, centred.reshape(-1, FACTOR, self._axes).sum(axis=1)))
         if len(above.waiting) == CHUNK:
@@ -152,7 +152,7 @@ class RunningNull:
         result._levels = levels
         result._waiting = [tuple(row) for row in levels[0].waiting.tolist()]
         with np.errstate(over="ignore", invalid="ignore"):
-            result._largest = [level.largest() if level.known else np.zeros(axes) for level in levels]
+            result._largest = [level.largest() if level.known else np.full(axes, np.nan) for level in levels]
             largest = result.largest()
         effective = EFFECTIVE * result.depth
         result.standings = tuple(_standing(value, effective) for value in largest.tolist())
