@@ -1,8 +1,6 @@
 """Identified models as files: JSON that `fltea simulate --model` reads, and imu.yaml as Kalibr reads it."""
 
-import contextlib
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from fltea.errors import FlteaError, UsageError
 from fltea.identify.allan import Allan, Coefficient
 from fltea.identify.noise_model import AxisModel, check_stationary
 from fltea.model import AXES
+from fltea.whole_file import whole_file
 
 FORMAT = "fltea-noise-model"
 VERSION = 1
@@ -131,15 +130,11 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         FlteaError: it cannot be written.
     """
-    part = path.with_name(f".{path.name}.part")
     try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    except (OSError, ValueError) as error:
+        with whole_file(path) as part:
+            part.write_text(text, encoding="utf-8")
+    except ValueError as error:  # no name at all, or one with a NUL
         raise FlteaError(f"{path}: cannot be written ({error}).") from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 def _worst(coefficients: Mapping[str, Coefficient], unit: str) -> tuple[float | None, str, str]:
