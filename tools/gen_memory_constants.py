@@ -1,7 +1,7 @@
-"""Fits the polynomial of the compressed memory's variance sum: writes host/native/memory_constants.hpp.
+"""Fits the polynomial of the compressed memory's variance sum: writes firmware/core/engine/memory_constants.hpp.
 
 The squared weights c_j(a)^2 of order a = b - 1 carry the factor
-4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b + 1/2), see host/native/memory_nodes.hpp. Three steps of the
+4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b + 1/2), see firmware/core/engine/memory_nodes.hpp. Three steps of the
 recurrence of Gamma move its poles away from the orders in use; what remains,
 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at Chebyshev points in arbitrary precision.
 
@@ -15,7 +15,7 @@ from pathlib import Path
 import mpmath
 from generated import update
 
-HEADER = Path(__file__).resolve().parents[1] / "host/native/memory_constants.hpp"
+HEADER = Path(__file__).resolve().parents[1] / "firmware/core/engine/memory_constants.hpp"
 
 # The orders that the compressed memory serves; outside it takes the nearest of them.
 LOWEST_ORDER, LOWEST_VARIANCE_ORDER, HIGHEST_ORDER = "-1.95", "-1.3", "4"
@@ -27,6 +27,7 @@ TEMPLATE = """\
 #define FLTEA_MEMORY_CONSTANTS_HPP
 
 namespace fltea {{
+namespace engine {{
 
 // Orders that the compressed memory serves; others are taken for the nearest of these. Its variance sum
 // begins at kLowestVarianceOrder.
@@ -45,6 +46,7 @@ constexpr double kGammaRatio[kGammaDegree + 1] = {{
     // clang-format on
 }};
 
+}}  // namespace engine
 }}  // namespace fltea
 
 #endif

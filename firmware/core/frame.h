@@ -4,6 +4,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include <type_traits>
 
@@ -65,6 +66,12 @@ class FieldWriter {
     void operator()(const char*, uint16_t value) { frame_.u16(value); }
     void operator()(const char*, uint32_t value) { frame_.u32(value); }
     void operator()(const char*, int16_t value) { frame_.u16(static_cast<uint16_t>(value)); }
+    void operator()(const char*, float value) {
+        static_assert(sizeof(float) == sizeof(uint32_t), "IEEE single precision");
+        uint32_t bits = 0;
+        memcpy(&bits, &value, sizeof bits);
+        frame_.u32(bits);
+    }
 
     template <typename Enum>
     typename std::enable_if<std::is_enum<Enum>::value>::type operator()(const char*, Enum value) {

@@ -9,8 +9,8 @@
 namespace fltea {
 
 constexpr uint8_t kProtocolMajor = 1;
-constexpr uint8_t kProtocolMinor = 2;
-constexpr uint32_t kSchemaHash = 0x54B0C642;
+constexpr uint8_t kProtocolMinor = 3;
+constexpr uint32_t kSchemaHash = 0x043F5E95;
 
 constexpr uint32_t kBaud = 250000;
 constexpr size_t kMaxPayload = 240;
@@ -62,6 +62,31 @@ enum class FaultCode : uint8_t {
     sensor_frozen = 7,
 };
 
+enum class Axis : uint8_t {
+    // rate about x
+    gyro_x = 0,
+    // rate about y
+    gyro_y = 1,
+    // rate about z
+    gyro_z = 2,
+};
+
+enum class EstimatorVariant : uint8_t {
+    // three filters, as published
+    triple = 0,
+    // one filter on the order and h^alpha f
+    joint = 1,
+};
+
+enum class EstimatorGuard : uint8_t {
+    // none: the algorithm as it is printed
+    off = 0,
+    // the printed algorithm within bounds
+    faithful = 1,
+    // the same, and the variance of the state is counted
+    consistent = 2,
+};
+
 namespace sample_flags {
 // read more than a tenth of a period after its due time
 constexpr uint8_t late = 1u << 0;
@@ -72,6 +97,17 @@ constexpr uint8_t saturated = 1u << 2;
 // all channels equal the sample before: the sensor may not have updated
 constexpr uint8_t repeated = 1u << 3;
 }  // namespace sample_flags
+
+namespace estimate_flags {
+// the estimate may be used; else the axis was constant, needs its guard too often, or begins anew
+constexpr uint8_t valid = 1u << 0;
+// the axis did not change over the start-up window, so it has no R
+constexpr uint8_t constant = 1u << 1;
+// the last step had no measurement
+constexpr uint8_t missing = 1u << 2;
+// since the start-up window samples were skipped: no host can give the same estimate
+constexpr uint8_t skipped = 1u << 3;
+}  // namespace estimate_flags
 
 // Who is speaking, and what its samples mean. At boot, before any sample, and every second.
 struct Hello {
@@ -174,7 +210,7 @@ struct Sample {
 struct Status {
     static constexpr uint8_t type() { return 3; }
     // Bytes of payload.
-    static constexpr size_t size() { return 21; }
+    static constexpr size_t size() { return 27; }
 
     // I2C transfers that failed, or gave a wrong byte and then the right one
     uint32_t i2c_errors;
@@ -189,6 +225,10 @@ struct Status {
     uint32_t dropped_frames;
     // why the device last started
     ResetCause reset_cause;
+    // share of the time since the STATUS before in which the processor did not sleep [0.01 %]
+    uint16_t cpu_share;
+    // longest turn of the main loop since the STATUS before [us]
+    uint32_t longest_step;
 
     // Calls visitor(name, field) for every field in the order of the wire; Self may be const.
     template <typename Self, typename Visitor>
@@ -199,6 +239,8 @@ struct Status {
         visitor("overruns", self.overruns);
         visitor("dropped_frames", self.dropped_frames);
         visitor("reset_cause", self.reset_cause);
+        visitor("cpu_share", self.cpu_share);
+        visitor("longest_step", self.longest_step);
     }
 };
 
@@ -218,6 +260,184 @@ struct Fault {
     static void visit_fields(Self& self, Visitor& visitor) {
         visitor("code", self.code);
         visitor("detail", self.detail);
+    }
+};
+
+// What the device itself makes of one axis after one sample. Counts of the guard run since the axis last
+// began, and say how often it stepped in.
+struct Estimate {
+    static constexpr uint8_t type() { return 5; }
+    // Bytes of payload.
+    static constexpr size_t size() { return 68; }
+
+    // whose estimate this is
+    Axis axis;
+    // what is to be known about it
+    uint8_t flags;
+    // sequence of the SAMPLE after which this was the estimate
+    uint16_t sample;
+    // samples since the start-up window, those without a measurement included
+    uint32_t age;
+    // order; 0 as all that follows up to innovation while the axis is not valid
+    float alpha;
+    // its standard deviation, the filter's own
+    float alpha_std;
+    // parameter [s^-alpha]
+    float f;
+    // its standard deviation [s^-alpha]
+    float f_std;
+    // noise state x, bias removed [deg/s]
+    float state;
+    // measurement minus prediction; 0 without a measurement [deg/s]
+    float innovation;
+    // the order left [0, 2]
+    uint32_t order_box;
+    // a sigma point of the order left [-1/2, 5/2]
+    uint32_t order_sigma;
+    // the variance of the order exceeded 1/3
+    uint32_t order_variance;
+    // the innovation of the order filter exceeded its gate
+    uint32_t order_gate;
+    // h^alpha f left its bounds
+    uint32_t parameter_box;
+    // the variance of h^alpha f exceeded its bound
+    uint32_t parameter_variance;
+    // the innovation of the parameter filter exceeded its gate
+    uint32_t parameter_gate;
+    // the innovation of the state exceeded 4 sigma
+    uint32_t state_bound;
+    // the memory was asked for an order out of its range
+    uint32_t memory_order;
+
+    // Calls visitor(name, field) for every field in the order of the wire; Self may be const.
+    template <typename Self, typename Visitor>
+    static void visit_fields(Self& self, Visitor& visitor) {
+        visitor("axis", self.axis);
+        visitor("flags", self.flags);
+        visitor("sample", self.sample);
+        visitor("age", self.age);
+        visitor("alpha", self.alpha);
+        visitor("alpha_std", self.alpha_std);
+        visitor("f", self.f);
+        visitor("f_std", self.f_std);
+        visitor("state", self.state);
+        visitor("innovation", self.innovation);
+        visitor("order_box", self.order_box);
+        visitor("order_sigma", self.order_sigma);
+        visitor("order_variance", self.order_variance);
+        visitor("order_gate", self.order_gate);
+        visitor("parameter_box", self.parameter_box);
+        visitor("parameter_variance", self.parameter_variance);
+        visitor("parameter_gate", self.parameter_gate);
+        visitor("state_bound", self.state_bound);
+        visitor("memory_order", self.memory_order);
+    }
+};
+
+// With what the device estimates, and how it gets on; before the first sample, when the start-up window is
+// full, and every second. A device that does not estimate never sends it.
+struct Estimator {
+    static constexpr uint8_t type() { return 6; }
+    // Bytes of payload.
+    static constexpr size_t size() { return 100; }
+
+    // which filter on order and parameter
+    EstimatorVariant variant;
+    // what keeps it within bounds
+    EstimatorGuard guard;
+    // samples of the start-up window
+    uint16_t startup;
+    // longest gap in samples that is bridged by prediction; after a longer one all begins anew
+    uint16_t max_gap;
+    // samples from one ESTIMATE of an axis to its next
+    uint16_t every;
+    // samples until the start-up window is full
+    uint16_t remaining;
+    // times since boot that estimation began, with a start-up window
+    uint16_t begun;
+    // samples that wait to be taken
+    uint16_t queue;
+    // samples since boot that the estimator could not take, because it had fallen behind
+    uint32_t skipped;
+    // longest step of one axis since boot [us]
+    uint32_t longest_axis;
+    // times since the window that x had to begin anew
+    uint16_t restarts_x;
+    // times since the window that y had to begin anew
+    uint16_t restarts_y;
+    // times since the window that z had to begin anew
+    uint16_t restarts_z;
+    // mean of x in the start-up window, 0 while it fills [deg/s]
+    float bias_x;
+    // mean of y in the start-up window, 0 while it fills [deg/s]
+    float bias_y;
+    // mean of z in the start-up window, 0 while it fills [deg/s]
+    float bias_z;
+    // variance of x in it, R of the filters; 0 while it fills and for an axis that never changed [(deg/s)^2]
+    float r_x;
+    // variance of y in it, R of the filters; 0 while it fills and for an axis that never changed [(deg/s)^2]
+    float r_y;
+    // variance of z in it, R of the filters; 0 while it fills and for an axis that never changed [(deg/s)^2]
+    float r_z;
+    // initial state [deg/s]
+    float state_x0;
+    // its variance [(deg/s)^2]
+    float state_p0;
+    // variance of a step of the state [(deg/s)^2]
+    float state_q;
+    // initial order
+    float alpha0;
+    // its variance
+    float alpha_p0;
+    // variance of a step of the order
+    float alpha_q0;
+    // forgetting factor of that variance
+    float alpha_delta;
+    // initial f (triple) or h^alpha f (joint)
+    float parameter0;
+    // its variance
+    float parameter_p0;
+    // variance of a step of it
+    float parameter_q0;
+    // forgetting factor of that variance
+    float parameter_delta;
+    // standard deviations from which on the guard softens an innovation
+    float gate;
+
+    // Calls visitor(name, field) for every field in the order of the wire; Self may be const.
+    template <typename Self, typename Visitor>
+    static void visit_fields(Self& self, Visitor& visitor) {
+        visitor("variant", self.variant);
+        visitor("guard", self.guard);
+        visitor("startup", self.startup);
+        visitor("max_gap", self.max_gap);
+        visitor("every", self.every);
+        visitor("remaining", self.remaining);
+        visitor("begun", self.begun);
+        visitor("queue", self.queue);
+        visitor("skipped", self.skipped);
+        visitor("longest_axis", self.longest_axis);
+        visitor("restarts_x", self.restarts_x);
+        visitor("restarts_y", self.restarts_y);
+        visitor("restarts_z", self.restarts_z);
+        visitor("bias_x", self.bias_x);
+        visitor("bias_y", self.bias_y);
+        visitor("bias_z", self.bias_z);
+        visitor("r_x", self.r_x);
+        visitor("r_y", self.r_y);
+        visitor("r_z", self.r_z);
+        visitor("state_x0", self.state_x0);
+        visitor("state_p0", self.state_p0);
+        visitor("state_q", self.state_q);
+        visitor("alpha0", self.alpha0);
+        visitor("alpha_p0", self.alpha_p0);
+        visitor("alpha_q0", self.alpha_q0);
+        visitor("alpha_delta", self.alpha_delta);
+        visitor("parameter0", self.parameter0);
+        visitor("parameter_p0", self.parameter_p0);
+        visitor("parameter_q0", self.parameter_q0);
+        visitor("parameter_delta", self.parameter_delta);
+        visitor("gate", self.gate);
     }
 };
 

@@ -11,6 +11,7 @@
 #include "memory_direct.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 namespace {
 
@@ -323,4 +324,5 @@ const Backend FLTEA_JOIN(engine_, FLTEA_INSTRUCTION_SET) = {FLTEA_STRING(FLTEA_I
                                                             save,
                                                             load};
 
+}  // namespace engine
 }  // namespace fltea

@@ -8,6 +8,7 @@
 #include <cstdint>
 
 namespace fltea {
+namespace engine {
 
 // What all lanes of an engine have in common. Numbers for the enumerations, which belong to the instruction
 // sets' own namespaces.
@@ -77,4 +78,5 @@ extern const Backend engine_baseline;
 extern const Backend engine_avx2;
 extern const Backend engine_avx512;
 
+}  // namespace engine
 }  // namespace fltea

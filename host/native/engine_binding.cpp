@@ -24,10 +24,10 @@ namespace nb = nanobind;
 
 namespace {
 
-using fltea::Backend;
-using fltea::Block;
-using fltea::EngineShape;
-using fltea::LaneSettings;
+using fltea::engine::Backend;
+using fltea::engine::Block;
+using fltea::engine::EngineShape;
+using fltea::engine::LaneSettings;
 
 // Squares of larger numbers, and sums of thousands of them, would leave the range of doubles.
 constexpr double kLargestInput = 1e100;
@@ -39,11 +39,11 @@ std::vector<const Backend*> usable() {
     __builtin_cpu_init();
     const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
     if (avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) {
-        result.push_back(&fltea::engine_avx512);
+        result.push_back(&fltea::engine::engine_avx512);
     }
-    if (avx2) result.push_back(&fltea::engine_avx2);
+    if (avx2) result.push_back(&fltea::engine::engine_avx2);
 #endif
-    result.push_back(&fltea::engine_baseline);
+    result.push_back(&fltea::engine::engine_baseline);
     return result;
 }
 
@@ -97,11 +97,11 @@ class Engine {
             check(missing->shape(0), missing->shape(1), "missing");
             block.missing = missing->data();
         }
-        if (out.shape(0) != fltea::kColumns || out.shape(1) != block.samples ||
+        if (out.shape(0) != fltea::engine::kColumns || out.shape(1) != block.samples ||
             out.shape(2) != shape_.lanes) {
             throw nb::value_error("out must have shape (columns, samples, lanes)");
         }
-        for (int column = 0; column < fltea::kColumns; ++column) {
+        for (int column = 0; column < fltea::engine::kColumns; ++column) {
             block.out[column] = out.data() + static_cast<size_t>(column) * block.samples * shape_.lanes;
         }
         check_numbers("y", block.y, block, block.missing);

@@ -7,6 +7,7 @@
 #include "pack.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // T: float, double or Pack. An empty past is a past of zeros.
@@ -111,6 +112,7 @@ class DirectMemory {
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea
 
 #endif

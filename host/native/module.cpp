@@ -34,6 +34,8 @@ class FieldReader {
     void operator()(const char* name, T& field) {
         if constexpr (std::is_enum_v<T>) {
             field = static_cast<T>(integer<std::underlying_type_t<T>>(name));
+        } else if constexpr (std::is_same_v<T, float>) {
+            field = static_cast<float>(nb::cast<double>(next(name)));
         } else {
             field = integer<T>(name);
         }
@@ -98,6 +100,10 @@ nb::bytes encode_message(uint8_t type, uint16_t sequence, uint32_t device_us, nb
             return encode_struct<fltea::Status>(sequence, device_us, fields);
         case fltea::Fault::type():
             return encode_struct<fltea::Fault>(sequence, device_us, fields);
+        case fltea::Estimate::type():
+            return encode_struct<fltea::Estimate>(sequence, device_us, fields);
+        case fltea::Estimator::type():
+            return encode_struct<fltea::Estimator>(sequence, device_us, fields);
         default:
             throw nb::value_error("no message of this type");
     }

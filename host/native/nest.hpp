@@ -6,6 +6,7 @@
 #include "pack.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // sum_{j=1}^{n} c_j(a) x_j of N orders and sum_{j=2}^{n} c_j(a)^2 P_j of the first M (0 or 1) of them. From
@@ -69,6 +70,7 @@ class Nest {
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea
 
 #endif

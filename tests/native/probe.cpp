@@ -12,7 +12,7 @@
 
 namespace {
 
-using namespace fltea;
+using namespace fltea::engine;
 typedef Pack<double, kWidth> Wide;
 
 struct Probe {

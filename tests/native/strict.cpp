@@ -5,6 +5,7 @@
 #include "pack_math.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 #define FLTEA_USE(Number)                                                                          \
@@ -24,4 +25,5 @@ FLTEA_USE(double);
 FLTEA_USE(Wide);
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea

@@ -4,6 +4,7 @@
 #include "memory_direct.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 #define FLTEA_USE(Number)                                                  \
@@ -18,4 +19,5 @@ FLTEA_USE(double);
 FLTEA_USE(Wide);
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea

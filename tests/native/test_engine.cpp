@@ -12,7 +12,7 @@
 #include "memory_compressed.hpp"
 #include "memory_direct.hpp"
 
-using namespace fltea;
+using namespace fltea::engine;
 
 namespace {
 

@@ -11,9 +11,9 @@
 
 namespace {
 
-using fltea::CompressedMemory;
-using fltea::DirectMemory;
-typedef fltea::Pack<double, fltea::kWidth> Wide;
+using fltea::engine::CompressedMemory;
+using fltea::engine::DirectMemory;
+typedef fltea::engine::Pack<double, fltea::engine::kWidth> Wide;
 
 // Storage of exactly n elements: the sanitizer sees the first byte beyond. Filled with NaN.
 template <class T>
@@ -49,13 +49,13 @@ void exact(double a, std::size_t k, std::size_t window, double& S, double& V) {
 
 template <class T>
 double in(T number, int lane) {
-    return double(fltea::get_lane(number, lane));
+    return double(fltea::engine::get_lane(number, lane));
 }
 
 // Pushes and compares at every step; `tolerance` is relative to 1 + |sum|.
 template <class T, class Memory>
 void follow(Memory& memory, std::size_t window, std::size_t steps, double tolerance) {
-    typedef fltea::Real<T> R;
+    typedef fltea::engine::Real<T> R;
     const double orders[3] = {0.3, -0.45, 1.7};
     for (std::size_t k = 0; k <= steps; ++k) {
         T order[3], S[3], s, v;
@@ -65,7 +65,7 @@ void follow(Memory& memory, std::size_t window, std::size_t steps, double tolera
             double expected_S, expected_V;
             exact(double(R(orders[i])), k, window, expected_S, expected_V);
             memory.sums(order[i], s, v);
-            const int last = fltea::Lanes<T>::count - 1;
+            const int last = fltea::engine::Lanes<T>::count - 1;
             for (int lane : {0, last}) {
                 REQUIRE(std::fabs(in(S[i], lane) - expected_S) <= tolerance * (1 + std::fabs(expected_S)));
                 REQUIRE(std::fabs(in(s, lane) - expected_S) <= tolerance * (1 + std::fabs(expected_S)));
@@ -80,7 +80,7 @@ void follow(Memory& memory, std::size_t window, std::size_t steps, double tolera
 }  // namespace
 
 TEST_CASE_TEMPLATE("direct", T, float, double, Wide) {
-    const double tolerance = sizeof(fltea::Real<T>) == 4 ? 3e-6 : 1e-14;
+    const double tolerance = sizeof(fltea::engine::Real<T>) == 4 ? 3e-6 : 1e-14;
     for (std::size_t window : {1u, 2u, 3u, 7u, 8u, 9u, 10u, 11u, 40u}) {
         Block<T> block(DirectMemory<T>::storage(window));
         DirectMemory<T> memory(block.data(), window);
@@ -91,9 +91,9 @@ TEST_CASE_TEMPLATE("direct", T, float, double, Wide) {
 }
 
 TEST_CASE_TEMPLATE("compressed", T, float, double, Wide) {
-    const double tolerance = sizeof(fltea::Real<T>) == 4 ? 1e-5 : 1e-7;
+    const double tolerance = sizeof(fltea::engine::Real<T>) == 4 ? 1e-5 : 1e-7;
     for (std::size_t window : {0u, 1u, 2u, 3u, 14u, 15u, 16u, 17u, 40u, 300u}) {
-        const fltea::CompressedConfig config = fltea::compressed_config(window, 7);
+        const fltea::engine::CompressedConfig config = fltea::engine::compressed_config(window, 7);
         Block<T> block(CompressedMemory<T>::storage(config));
         CompressedMemory<T> memory(block.data(), config);
         follow<T>(memory, window, window < 100 ? 120 : 700, tolerance);
@@ -103,7 +103,7 @@ TEST_CASE_TEMPLATE("compressed", T, float, double, Wide) {
 }
 
 TEST_CASE("settings out of range count as the nearest") {
-    CHECK(fltea::compressed_config(0, 0).digits == fltea::kDefaultDigits);
-    CHECK(fltea::compressed_config(0, -5).digits == fltea::kLeastDigits);
-    CHECK(fltea::compressed_config(0, 99).digits == fltea::kMostDigits);
+    CHECK(fltea::engine::compressed_config(0, 0).digits == fltea::engine::kDefaultDigits);
+    CHECK(fltea::engine::compressed_config(0, -5).digits == fltea::engine::kLeastDigits);
+    CHECK(fltea::engine::compressed_config(0, 99).digits == fltea::engine::kMostDigits);
 }

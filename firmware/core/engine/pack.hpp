@@ -33,6 +33,7 @@
 #endif
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Doubles in one register of this instruction set. Wider vectors would compile, to code many times slower.
@@ -225,6 +226,7 @@ inline MaskOf<T> is_finite(T a) {
 }
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea
 
 #endif

@@ -8,6 +8,7 @@
 #include "pack_math.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // T: float, double or Pack. Orders in [-0.9, 3] are served with the accuracy asked for, those down to -1.95
@@ -375,6 +376,7 @@ class CompressedMemory {
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea
 
 #endif

@@ -21,6 +21,7 @@
 #include "pack.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // What a user chooses: compressed_config().
@@ -129,6 +130,7 @@ struct Nodes {
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea
 
 #endif

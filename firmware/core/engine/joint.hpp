@@ -8,6 +8,7 @@
 #include "filters.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Symmetric 2 x 2 matrix of (alpha, beta).
@@ -40,7 +41,7 @@ struct Joint {
 
         guards.consider(everywhere<T>(true));
         const T gain = exp(alpha * p.log_h), drive = gain * sample.u;
-        note_order<Memory>(alpha, kLowestVarianceOrder, guards);
+        note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
         V = max(V, T(0));  // a compressed sum may be short of zero by rounding
@@ -78,10 +79,13 @@ struct Joint {
 
         T orders[3] = {alpha, guards.order_point(alpha + da), guards.order_point(alpha - da)};
         T past[3], base[3];
-        for (int i = 0; i < 3; ++i) note_order<Memory>(orders[i], kLowestOrder, guards);
+        for (int i = 0; i < 3; ++i) note_order<Memory>(orders[i], T(Real<T>(kLowestOrder)), guards);
         memory.state_sums(orders, past);
         for (int i = 0; i < 3; ++i) base[i] = exp(orders[i] * p.log_h) * sample.u - past[i];
-        const T da1 = orders[1] - alpha, da2 = orders[2] - alpha;
+        // Not orders[1] - alpha where nothing was clipped: its rounding would make P walk, in float by some
+        // per cent within a million samples.
+        const T da1 = select(orders[1] == alpha + da, da, orders[1] - alpha);
+        const T da2 = select(orders[2] == alpha - da, -da, orders[2] - alpha);
 
         const T x = state.x;
         const T Y[kPoints] = {beta * x + base[0], (beta + dab) * x + base[1], (beta - dab) * x + base[2],
@@ -143,4 +147,5 @@ struct Joint {
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea

@@ -6,6 +6,7 @@
 #include "pack.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Adding 1.5 * 2^(bits of the mantissa) rounds to the nearest integer and leaves that integer in the low bits
@@ -95,16 +96,22 @@ inline Powers<T> exp_both(T x) {
     const T r = mul_add(n, T(-L::kLn2Low), mul_add(n, T(-L::kLn2High), x));
     const T s = r * r;
     const T ss = s * s;
-    // Taylor; |r| <= 0.35, so the first terms left out are below 1e-17: cosh r - 1 and sinh r. In pairs of
-    // terms, which is a shorter way through the processor than term after term.
+    // Taylor, |r| <= 0.35: cosh r - 1 and sinh r. The first terms left out are below 1e-17, of float 6e-9. In
+    // pairs of terms, which is a shorter way through the processor than term after term.
     const T even0 = mul_add(T(R(1.0 / 24)), s, T(R(0.5)));
-    const T even1 = mul_add(T(R(1.0 / 40320)), s, T(R(1.0 / 720)));
-    const T even2 = mul_add(T(R(1.0 / 479001600)), s, T(R(1.0 / 3628800)));
-    const T even = mul_add(mul_add(even2, ss, even1), ss, even0) * s;
     const T odd0 = mul_add(T(R(1.0 / 120)), s, T(R(1.0 / 6)));
-    const T odd1 = mul_add(T(R(1.0 / 362880)), s, T(R(1.0 / 5040)));
-    const T odd2 = mul_add(T(R(1.0 / 6227020800)), s, T(R(1.0 / 39916800)));
-    const T odd = mul_add(mul_add(mul_add(odd2, ss, odd1), ss, odd0), s * r, r);
+    T even, odd;
+    if (sizeof(R) == sizeof(float)) {
+        even = mul_add(T(R(1.0 / 720)), ss, even0) * s;
+        odd = mul_add(odd0, s * r, r);
+    } else {
+        const T even1 = mul_add(T(R(1.0 / 40320)), s, T(R(1.0 / 720)));
+        const T even2 = mul_add(T(R(1.0 / 479001600)), s, T(R(1.0 / 3628800)));
+        even = mul_add(mul_add(even2, ss, even1), ss, even0) * s;
+        const T odd1 = mul_add(T(R(1.0 / 362880)), s, T(R(1.0 / 5040)));
+        const T odd2 = mul_add(T(R(1.0 / 6227020800)), s, T(R(1.0 / 39916800)));
+        odd = mul_add(mul_add(mul_add(odd2, ss, odd1), ss, odd0), s * r, r);
+    }
     Powers<T> powers;
     powers.up = scale_up(T(R(1)) + (even + odd), rounded);
     powers.down = scale_down(T(R(1)) + (even - odd), rounded);
@@ -141,6 +148,7 @@ inline T sin_pi(T a) {
 }
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea
 
 #endif

@@ -11,6 +11,7 @@
 #include "pack_math.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 enum class Guard : int {
@@ -137,4 +138,5 @@ class Guards {
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea

@@ -5,6 +5,7 @@
 #include "joint.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Variant is Triple<T> or Joint<T>; Memory is a policy of memory_direct.hpp or memory_compressed.hpp. Nothing
@@ -67,4 +68,5 @@ class Lane {
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea

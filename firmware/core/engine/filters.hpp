@@ -14,6 +14,7 @@
 #include "memory_constants.hpp"
 
 namespace fltea {
+namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // One sample of every lane. `missing` lanes have no measurement: their y is ignored.
@@ -112,10 +113,10 @@ struct AnyOrder<CompressedMemory<T>> {
 
 // Notes where the memory takes another order for `order`, whose sums are asked for from `lowest` on.
 template <class Memory, class T>
-void note_order(T order, double lowest, Guards<T>& guards) {
+void note_order(T order, T lowest, Guards<T>& guards) {
     typedef Real<T> R;
     if (AnyOrder<Memory>::value) return;
-    guards.note(kMemoryOrder, (order < T(R(lowest))) | (order > T(R(kHighestOrder))));
+    guards.note(kMemoryOrder, (order < lowest) | (order > T(R(kHighestOrder))));
 }
 
 // Time update of KFx (section 5.2): what the next sample is expected to be.
@@ -186,7 +187,7 @@ struct Triple {
         const T alpha = order.mean;
         const Powers<T> scale = exp_both(alpha * p.log_h);
         const T gain = scale.up;
-        note_order<Memory>(alpha, kLowestVarianceOrder, guards);
+        note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
         V = max(V, T(0));  // a compressed sum may be short of zero by rounding
@@ -225,7 +226,7 @@ struct Triple {
         T points[3], past[3], Y[3];
         sigma_points(order.mean, P, points);
         for (int i = 1; i < 3; ++i) points[i] = guards.order_point(points[i]);
-        for (int i = 0; i < 3; ++i) note_order<Memory>(points[i], kLowestOrder, guards);
+        for (int i = 0; i < 3; ++i) note_order<Memory>(points[i], T(Real<T>(kLowestOrder)), guards);
         memory.state_sums(points, past);
         T R = p.order_R;
         for (int i = 0; i < 3; ++i) {
@@ -258,4 +259,5 @@ struct Triple {
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea

@@ -3,6 +3,7 @@
 #define FLTEA_MEMORY_CONSTANTS_HPP
 
 namespace fltea {
+namespace engine {
 
 // Orders that the compressed memory serves; others are taken for the nearest of these. Its variance sum
 // begins at kLowestVarianceOrder.
@@ -39,6 +40,7 @@ constexpr double kGammaRatio[kGammaDegree + 1] = {
     // clang-format on
 };
 
+}  // namespace engine
 }  // namespace fltea
 
 #endif
