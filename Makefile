@@ -46,6 +46,7 @@ lint: .venv/.dev
 	@$(PY) tools/build_id.py --check
 	@$(PY) tools/make_vectors.py --check
 	@$(PY) tools/gen_memory_constants.py --check
+	@$(PY) tools/gen_fixed_nodes.py --check
 	@$(PY) tools/make_golden.py --check
 
 gen: .venv/.dev
@@ -53,6 +54,7 @@ gen: .venv/.dev
 	@$(PY) tools/gen_registers.py
 	@$(PY) tools/make_vectors.py
 	@$(PY) tools/gen_memory_constants.py
+	@$(PY) tools/gen_fixed_nodes.py
 	@$(PY) tools/make_golden.py
 	@$(PY) tools/build_id.py
 

@@ -77,7 +77,7 @@ def build(root: Path, mode: str, folder: Path) -> Image:
         objects.append(str(target))
     elf = (folder / "fltea_due.elf").resolve()
     script = [f"-Wl,-Map={elf.with_suffix('.map')}", "-T", "due/sam3x8e.ld"]
-    _run([f"{PREFIX}g++", *FLAGS, *LINK_FLAGS, *script, "-o", str(elf), *objects], firmware)
+    _run([f"{PREFIX}g++", *FLAGS, *LINK_FLAGS, *script, "-o", str(elf), *objects, "-lgcc"], firmware)
     binary = elf.with_suffix(".bin")
     _run([f"{PREFIX}objcopy", "-O", "binary", str(elf), str(binary)], firmware)
     _, data, bss, *_ = _run([f"{PREFIX}size", str(elf)], firmware).splitlines()[1].split()

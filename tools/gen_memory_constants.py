@@ -1,7 +1,7 @@
-"""Fits the polynomial of the compressed memory's variance sum: writes firmware/core/engine/memory_constants.hpp.
+"""Fits the polynomial of the compressed memory's variance sum: writes engine/memory_constants.hpp.
 
 The squared weights c_j(a)^2 of order a = b - 1 carry the factor
-4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b + 1/2), see firmware/core/engine/memory_nodes.hpp. Three steps of the
+4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b + 1/2), see engine/memory_nodes.hpp. Three steps of the
 recurrence of Gamma move its poles away from the orders in use; what remains,
 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at Chebyshev points in arbitrary precision.
 

@@ -1,11 +1,12 @@
 """Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
 
 They judge fltea's own code, so nothing in them comes from it or from the generator: COBS is PyPI's, CRC-32 is
-zlib's, and the layouts and the text of the schema hash are typed by hand. `--check` writes nothing, names
-the files that differ and exits 1.
+zlib's, and the layouts and the text of the schema hash are typed by hand (vectors_schema.py). `--check`
+writes nothing, names the files that differ and exits 1.
 """
 
 import argparse
+import math
 import struct
 import sys
 import zlib
@@ -13,86 +14,26 @@ from pathlib import Path
 
 from cobs import cobs
 from generated import update
+from vectors_schema import CODES, HASH, layouts
 
-SCHEMA = """\
-message 1 HELLO
-field protocol_major u8
-field protocol_minor u8
-field schema_hash u32
-field boot_id u32
-field device_id bytes16
-field firmware_version text24
-field who_am_i u8
-field sensor_starts u16
-field sample_rate u32 scale 0.001 unit Hz
-field gyro_range u16 scale 1 unit deg/s
-field gyro_lsb u16 scale 0.1 unit LSB per deg/s
-field accel_range u16 scale 1 unit g
-field accel_lsb u16 scale 1 unit LSB per g
-field gyro_dlpf u16 scale 1 unit Hz
-field sampling_mode u8 enum sampling_mode
-message 2 SAMPLE
-field gyro_x i16 unit LSB
-field gyro_y i16 unit LSB
-field gyro_z i16 unit LSB
-field accel_x i16 unit LSB
-field accel_y i16 unit LSB
-field accel_z i16 unit LSB
-field temperature i16 unit LSB
-field flags u8 flags sample_flags
-message 3 STATUS
-field i2c_errors u32
-field bus_recoveries u32
-field sensor_reinits u32
-field overruns u32
-field dropped_frames u32
-field reset_cause u8 enum reset_cause
-message 4 FAULT
-field code u8 enum fault_code
-field detail u32
-enum sampling_mode
-value 0 timer
-value 1 data_ready
-value 2 fifo
-value 3 simulated
-enum reset_cause
-value 0 power_up
-value 1 backup
-value 2 watchdog
-value 3 software
-value 4 user
-value 255 unknown
-enum fault_code
-value 1 sensor_missing
-value 2 sensor_unknown
-value 3 readback_mismatch
-value 4 bus_held
-value 5 sensor_lost
-value 6 data_ready_missing
-value 7 sensor_frozen
-flags sample_flags
-bit 0 late
-bit 1 retried
-bit 2 saturated
-bit 3 repeated
-"""
-HASH = zlib.crc32(SCHEMA.encode())
-
-HELLO, SAMPLE, STATUS, FAULT, UNKNOWN = 1, 2, 3, 4, 200
-NAMES = {
-    HELLO: "protocol_major protocol_minor schema_hash boot_id device_id firmware_version who_am_i "
-    "sensor_starts sample_rate gyro_range gyro_lsb accel_range accel_lsb gyro_dlpf sampling_mode",
-    SAMPLE: "gyro_x gyro_y gyro_z accel_x accel_y accel_z temperature flags",
-    STATUS: "i2c_errors bus_recoveries sensor_reinits overruns dropped_frames reset_cause",
-    FAULT: "code detail",
-}
-FORMATS = {HELLO: "<BBII16s24sBHIHHHHHB", SAMPLE: "<hhhhhhhB", STATUS: "<IIIIIB", FAULT: "<BI"}
+HELLO, SAMPLE, STATUS, FAULT, ESTIMATE, ESTIMATOR, UNKNOWN = 1, 2, 3, 4, 5, 6, 200
+LAYOUTS = layouts()
 
 DEVICE = bytes(range(0xA0, 0xB0))
-TYPICAL_HELLO = (1, 2, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
+TYPICAL_HELLO = (1, 3, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
 TYPICAL_SAMPLE = (12, -7, 3, -120, 85, 16390, -1042, 0)
-TYPICAL_STATUS = (2, 1, 0, 3, 5, 4)
+TYPICAL_STATUS = (2, 1, 0, 3, 5, 4, 1734, 8120)
+TYPICAL_ESTIMATE = (
+    *(1, 1, 3999, 3000, 0.4375, 0.031, -1.25, 0.18, -0.0123, 0.0042),
+    *(0, 3, 0, 17, 1, 0, 29, 2, 0),
+)
+SETTINGS = (0.0, 0.01, 0.15, 0.5, 0.06, 0.0, 0.0, -0.1, 0.06, 0.0, 0.0, 3.0)
+FILLING = (1, 2, 1000, 200, 1, 1000, 1, 0, 0, 0, *(0,) * 3, *(0.0,) * 6, *SETTINGS)
+BIAS_R = (-0.4713, 0.0625, 1.09, 0.0031, 0.0029, 0.0)
+ESTIMATING = (1, 2, 1000, 200, 1, 0, 2, 3, 4, 5120, 5, 1, 0, *BIAS_R, *SETTINGS)
 U16, U32 = 0xFFFF, 0xFFFFFFFF
+# The largest f32, the smallest normal one and the smallest of all.
+LARGEST, NORMAL, SMALLEST = 3.40282347e38, 1.17549435e-38, 1.4e-45
 
 GOOD = [
     ("hello of a healthy device", HELLO, 0, 1000, TYPICAL_HELLO),
@@ -110,12 +51,47 @@ GOOD = [
     ("sample, most positive, every flag bit", SAMPLE, U16, U32, (*(32767,) * 7, 255)),
     ("sample, all minus one: no zero byte in the payload", SAMPLE, 0x0101, 0x01010101, (*(-1,) * 7, 255)),
     ("status after some trouble", STATUS, 7, 7_000_000, TYPICAL_STATUS),
-    ("status, all zero", STATUS, 0, 0, (0,) * 6),
-    ("status, all ones: a reset cause that no version names", STATUS, U16, U32, (*(U32,) * 5, 254)),
+    ("status, all zero", STATUS, 0, 0, (0,) * 8),
+    ("status, all ones: a reset cause that no version names", STATUS, U16, U32, (*(U32,) * 5, 254, U16, U32)),
     ("fault, a register that did not keep its setting", FAULT, 0, 250_000, (3, 0x1B1800)),
     ("fault, no edge on the data-ready pin", FAULT, 1, 12_345_678, (6, 1_000_123)),
     ("fault, a sensor that stands still", FAULT, 2, 13_000_000, (7, 10)),
     ("fault, code of no known kind", FAULT, U16, U32, (99, U32)),
+    ("estimate of a healthy axis", ESTIMATE, 8998, 41_000_450, TYPICAL_ESTIMATE),
+    (
+        "estimate, an axis that never changed: all zero but for its flag",
+        ESTIMATE,
+        0,
+        0,
+        (0, 2, 0, 0, *(0.0,) * 6, *(0,) * 9),
+    ),
+    (
+        "estimate, largest counts, f32 at the ends of its range, an axis that no version names",
+        ESTIMATE,
+        U16,
+        U32,
+        (255, 255, U16, U32, LARGEST, SMALLEST, -LARGEST, NORMAL, -0.0, -SMALLEST, *(U32,) * 9),
+    ),
+    (
+        "estimate with numbers that no device sends",
+        ESTIMATE,
+        1,
+        2,
+        (2, 1, 3, 4, math.nan, math.inf, -math.inf, 1.0, -1.0, 0.1, *range(9)),
+    ),
+    ("estimator, its start-up window filling", ESTIMATOR, 0, 1000, FILLING),
+    ("estimator, after the window", ESTIMATOR, 40, 41_000_000, ESTIMATING),
+    (
+        "estimator, largest counts, f32 at the ends of its range and beside 1, an unknown variant and guard",
+        ESTIMATOR,
+        U16,
+        U32,
+        (
+            *(255, 255, *(U16,) * 6, U32, U32, *(U16,) * 3),
+            *(LARGEST, SMALLEST, NORMAL, -LARGEST, -SMALLEST, -NORMAL, 0.0, -0.0, -1.25),
+            *(1.00000012, 0.99999994, 16777216.0, -16777215.0, 0.333333343, 1e-38, -1e-44, 123456792.0, 0.1),
+        ),
+    ),
 ]
 
 RAW = [
@@ -126,9 +102,10 @@ RAW = [
 ]
 
 
-def payload(kind: int, fields: tuple[int | str | bytes, ...]) -> bytes:
+def payload(kind: int, fields: tuple[int | float | str | bytes, ...]) -> bytes:
     """Pack the fields; text is padded with NUL by struct."""
-    return struct.pack(FORMATS[kind], *(f.encode("ascii") if isinstance(f, str) else f for f in fields))
+    codes = "".join(CODES[type] for _, type in LAYOUTS[kind])
+    return struct.pack(f"<{codes}", *(f.encode("ascii") if isinstance(f, str) else f for f in fields))
 
 
 def close(body: bytes) -> bytes:
@@ -158,7 +135,7 @@ def good() -> str:
     for name, kind, sequence, device_us, fields in GOOD:
         data = payload(kind, fields)
         text += f"\nname {name}\ntype {kind}\nsequence {sequence}\ndevice_us {device_us}\n"
-        for key, value in zip(NAMES[kind].split(), fields, strict=True):
+        for (key, _), value in zip(LAYOUTS[kind], fields, strict=True):
             shown = value.hex() if isinstance(value, bytes) else value
             text += f"field {key} {shown}".rstrip() + "\n"
         text += f"payload {data.hex()}\nwire {frame(kind, sequence, device_us, data).hex()}\n"
@@ -193,6 +170,16 @@ def bad() -> str:
         ("sample without its flags", "length", b"\x00" + frame(SAMPLE, 1, 2, bytes(14))),
         ("sample with a byte too many", "length", b"\x00" + frame(SAMPLE, 1, 2, bytes(16))),
         ("sample without payload", "length", b"\x00" + frame(SAMPLE, 1, 2, b"")),
+        (
+            "status as it was before it told the share of the processor",
+            "length",
+            b"\x00" + frame(STATUS, 1, 2, bytes(21)),
+        ),
+        (
+            "estimate without its last byte",
+            "length",
+            b"\x00" + frame(ESTIMATE, 1, 2, payload(ESTIMATE, TYPICAL_ESTIMATE)[:-1]),
+        ),
         (
             "hello too short to state a version",
             "length",
@@ -235,6 +222,15 @@ def streams() -> str:
     hello = frame(HELLO, 0, 900, payload(HELLO, TYPICAL_HELLO))
     status = frame(STATUS, 0, 1_000_500, payload(STATUS, TYPICAL_STATUS))
     fault = frame(FAULT, 0, 1_000_600, payload(FAULT, (1, 0x68)))
+    estimate = frame(ESTIMATE, 0, 20_350, payload(ESTIMATE, TYPICAL_ESTIMATE))
+    estimator = frame(ESTIMATOR, 0, 950, payload(ESTIMATOR, FILLING))
+    # NaN of either sign, with a payload and signalling, and the infinities.
+    odd = payload(ESTIMATE, TYPICAL_ESTIMATE)
+    odd = (
+        odd[:8]
+        + struct.pack("<6I", 0x7FC00000, 0xFFC12345, 0x7F800001, 0xFFFFFFFF, 0x7F800000, 0xFF800000)
+        + odd[32:]
+    )
     strange = frame(UNKNOWN, 5, 6, b"\x00\x01")
     long = frame(SAMPLE, 1, 2, bytes(16))
     future = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
@@ -251,6 +247,8 @@ def streams() -> str:
         "hello": "frame 1 0 900",
         "status": "frame 3 0 1000500",
         "fault": "frame 4 0 1000600",
+        "estimate": "frame 5 0 20350",
+        "estimator": "frame 6 0 950",
         "one": "frame 2 1 10000",
         "two": "frame 2 2 20000",
         "three": "frame 2 3 30000",
@@ -258,8 +256,8 @@ def streams() -> str:
     cases: list[tuple[str, list[bytes], list[str]]] = [
         (
             "a boot: 0x00, then every kind of message",
-            [b"\x00", hello, one, two, status, fault, three],
-            [ok[k] for k in ("hello", "one", "two", "status", "fault", "three")],
+            [b"\x00", hello, estimator, one, two, estimate, status, fault, three],
+            [ok[k] for k in ("hello", "estimator", "one", "two", "estimate", "status", "fault", "three")],
         ),
         ("no 0x00 before the first frame", [one, two], [ok["one"], ok["two"]]),
         ("attached within a frame", [one[5:], two, three], ["bad partial", ok["two"], ok["three"]]),
@@ -315,6 +313,11 @@ def streams() -> str:
             "unknown types and wrong lengths",
             [one, strange, long, two],
             [ok["one"], "bad unknown_type", "bad length", ok["two"]],
+        ),
+        (
+            "NaN and infinities are no damage",
+            [one, frame(ESTIMATE, 7, 20_350, odd), two],
+            [ok["one"], "frame 5 7 20350", ok["two"]],
         ),
         ("a device of another version", [b"\x00", future, one], ["refused 2 0 00000001", ok["one"]]),
         (

@@ -22,7 +22,7 @@ namespace fltea {
 
 """
 
-TYPES = {"u8": "uint8_t", "u16": "uint16_t", "u32": "uint32_t", "i16": "int16_t"}
+TYPES = {"u8": "uint8_t", "u16": "uint16_t", "u32": "uint32_t", "i16": "int16_t", "f32": "float"}
 
 
 def header(protocol: Protocol) -> str:

@@ -16,6 +16,8 @@ from typing import Any
 
 INTEGERS = {"u8": ("B", 1), "u16": ("H", 2), "u32": ("I", 4), "i16": ("h", 2)}
 """Type -> (code of Python's struct, bytes)."""
+NUMBERS = {**INTEGERS, "f32": ("f", 4)}
+"""The same, with the type that is no count: it takes no scale."""
 
 HEADER_SIZE = 7
 CRC_SIZE = 4
@@ -57,17 +59,17 @@ class Field:
     @property
     def size(self) -> int:
         """Bytes on the wire."""
-        return INTEGERS[self.type][1] if self.type in INTEGERS else self.length
+        return NUMBERS[self.type][1] if self.type in NUMBERS else self.length
 
     @property
     def length(self) -> int:
-        """N of bytesN or textN, 0 for an integer."""
-        return 0 if self.type in INTEGERS else int(re.sub(r"\D", "", self.type))
+        """N of bytesN or textN, 0 for a number."""
+        return 0 if self.type in NUMBERS else int(re.sub(r"\D", "", self.type))
 
     @property
     def code(self) -> str:
         """Format code of Python's struct."""
-        return INTEGERS[self.type][0] if self.type in INTEGERS else f"{self.length}s"
+        return NUMBERS[self.type][0] if self.type in NUMBERS else f"{self.length}s"
 
     @property
     def is_text(self) -> bool:
@@ -202,9 +204,9 @@ def _field(message: str, body: dict[str, Any], names: dict[str, set[str]]) -> Fi
         _text(f"{place}: {key}", body.get(key, "-"))
     kind = body["type"]
     if not isinstance(kind, str) or (
-        kind not in INTEGERS and not re.fullmatch(r"(bytes|text)[1-9]\d{0,2}", kind)
+        kind not in NUMBERS and not re.fullmatch(r"(bytes|text)[1-9]\d{0,2}", kind)
     ):
-        raise DefinitionError(f"{place}: unknown type {kind!r}; known: {', '.join(INTEGERS)}, bytesN, textN")
+        raise DefinitionError(f"{place}: unknown type {kind!r}; known: {', '.join(NUMBERS)}, bytesN, textN")
     scale = body.get("scale")
     if scale is not None:
         if kind not in INTEGERS:

@@ -8,6 +8,7 @@
 #include "build_id.h"
 #include "byte_sink.h"
 #include "clock.h"
+#include "estimation.h"
 #include "faults.h"
 #include "health.h"
 #include "i2c_bus.h"
@@ -17,6 +18,7 @@
 #include "sampler.h"
 #include "settings.h"
 #include "timers.h"
+#include "workload.h"
 
 namespace fltea {
 
@@ -45,12 +47,13 @@ class Application {
         sampler_.begin(now_us);
         hello_.begin(now_us);
         status_.begin(now_us + kSecondUs / 2);
+        workload_.begin(now_us);
         report(now_us);
     }
 
     // In the main loop, after every wake-up and at least every 10 ms. Returns within 10 ms, whatever the bus
-    // does.
-    void step() {
+    // does. True: there is more to do at once.
+    bool step() {
         const uint32_t now_us = clock_.now_us();
         health_.pass_time(now_us);
         const bool due = sampler_.poll(now_us);
@@ -64,9 +67,16 @@ class Application {
             if (!health_.running()) sampler_.sensor_stops();
         } else {
             if (due) sampler_.missed();
-            if (health_.set_up(now_us)) sampler_.sensor_runs(now_us);
+            if (health_.set_up(now_us)) {
+                sampler_.sensor_runs(now_us);
+                estimation_.begin();
+            }
         }
-        report(clock_.now_us());
+        const bool estimated = estimate(clock_.now_us());
+        const uint32_t done_us = clock_.now_us();
+        report(done_us);
+        if (due || estimated || !health_.running()) workload_.add(clock_.now_us() - now_us);
+        return may_estimate(done_us);
     }
 
     // From the interrupt handler of the data-ready pin, with the instant of the edge.
@@ -88,6 +98,26 @@ class Application {
         if (reading.burst_us - due_us > kLateUs) reading.sample.flags |= sample_flags::late;
         const uint32_t device_us = mode_ == SamplingMode::data_ready ? due_us : reading.burst_us;
         link_.send_sample(reading.sample, sampler_.sequence(), device_us);
+        if (settings::kEstimate) estimation_.add(reading.sample, sampler_.instant());
+    }
+
+    // Not if the next instant would have to wait for it; half a period is left to it however slow it is.
+    bool may_estimate(uint32_t now_us) const {
+        const uint32_t most_us = settings::kSamplePeriodUs / 2;
+        return estimation_.busy() &&
+               sampler_.until_next_us(now_us) > (longest_axis_us_ < most_us ? longest_axis_us_ : most_us);
+    }
+
+    // One axis on by one sample, if there is time for it.
+    bool estimate(uint32_t now_us) {
+        if (!settings::kEstimate || !may_estimate(now_us)) return false;
+        Estimate message;
+        const bool started = estimation_.started(), made = estimation_.work(message);
+        const uint32_t done_us = clock_.now_us();
+        if (done_us - now_us > longest_axis_us_) longest_axis_us_ = done_us - now_us;
+        if (made) link_.send_or_drop(message, done_us);
+        if (estimation_.started() && !started) estimator_due_ = true;
+        return true;
     }
 
     void report(uint32_t now_us) {
@@ -95,9 +125,14 @@ class Application {
         if ((hello_due || announced_starts_ != health_.sensor_starts()) && link_.send(hello(), now_us)) {
             hello_.done();
             announced_starts_ = health_.sensor_starts();
+            estimator_due_ = settings::kEstimate;
         }
+        if (estimator_due_ && link_.send(estimator(), now_us)) estimator_due_ = false;
         faults_.send(link_, now_us);
-        if (status_.due(now_us) && link_.send(status(), now_us)) status_.done();
+        if (status_.due(now_us) && link_.send(status(now_us), now_us)) {
+            status_.done();
+            workload_.begin(now_us);
+        }
     }
 
     Hello hello() const {
@@ -120,7 +155,14 @@ class Application {
         return hello;
     }
 
-    Status status() const {
+    Estimator estimator() const {
+        Estimator message;
+        estimation_.report(message);
+        message.longest_axis = longest_axis_us_;
+        return message;
+    }
+
+    Status status(uint32_t now_us) const {
         Status status = {};
         status.i2c_errors = health_.i2c_errors();
         status.bus_recoveries = health_.bus_recoveries();
@@ -128,6 +170,8 @@ class Application {
         status.overruns = sampler_.overruns();
         status.dropped_frames = link_.dropped_frames();
         status.reset_cause = identity_.reset_cause;
+        status.cpu_share = workload_.share(now_us);
+        status.longest_step = workload_.longest_us();
         return status;
     }
 
@@ -150,7 +194,11 @@ class Application {
     Sampler sampler_;
     EverySecond hello_;
     EverySecond status_;
+    Estimation estimation_;
+    Workload workload_;
+    uint32_t longest_axis_us_ = 0;
     uint16_t announced_starts_ = 0;
+    bool estimator_due_ = false;
 };
 
 }  // namespace fltea

@@ -31,6 +31,14 @@ class Link {
         return true;
     }
 
+    // Sends any other message if a sample fits beside it, or drops it and counts the drop.
+    template <typename Message>
+    void send_or_drop(const Message& message, uint32_t device_us) {
+        if (send(message, device_us)) return;
+        ++sequences_[Message::type()];
+        ++dropped_frames_;
+    }
+
     uint32_t dropped_frames() const { return dropped_frames_; }
 
   private:
@@ -57,7 +65,7 @@ class Link {
 
     ByteSink& sink_;
     uint32_t dropped_frames_ = 0;
-    uint16_t sequences_[Fault::type() + 1] = {};
+    uint16_t sequences_[Estimator::type() + 1] = {};
     bool opened_ = false;
 };
 

@@ -225,7 +225,7 @@ struct Status {
     uint32_t dropped_frames;
     // why the device last started
     ResetCause reset_cause;
-    // share of the time since the STATUS before in which the processor did not sleep [0.01 %]
+    // share of the time since the STATUS before that the main loop worked [0.01 %]
     uint16_t cpu_share;
     // longest turn of the main loop since the STATUS before [us]
     uint32_t longest_step;

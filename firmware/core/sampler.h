@@ -60,6 +60,13 @@ class Sampler {
     // The instant that awaits its sample, and its number.
     uint32_t due_us() const { return due_us_; }
     uint16_t sequence() const { return static_cast<uint16_t>(instants_ - 1); }
+    uint32_t instant() const { return instants_ - 1; }
+
+    // Until the next instant is expected [us]; 0 if it is late.
+    uint32_t until_next_us(uint32_t now_us) const {
+        const uint32_t next_us = by_edges_ ? last_edge_us_ + kPeriodUs : next_due_us_;
+        return is_before(now_us, next_us) ? next_us - now_us : 0;
+    }
 
     // Since the last edge, or since the sensor runs if none came [us]; 0 in timer mode.
     uint32_t silence_us(uint32_t now_us) const { return by_edges_ && running_ ? now_us - last_edge_us_ : 0; }

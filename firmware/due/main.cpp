@@ -33,9 +33,9 @@ int main() {
 
     for (;;) {
         const uint32_t seen = wake::signals();
-        application.step();
+        const bool more = application.step();
         watchdog::feed();
         led::show(time.now_us());
-        wake::sleep_unless_signalled(seen);
+        if (!more) wake::sleep_unless_signalled(seen);
     }
 }

@@ -3,6 +3,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <string>
@@ -35,7 +36,9 @@ class FieldReader {
         if constexpr (std::is_enum_v<T>) {
             field = static_cast<T>(integer<std::underlying_type_t<T>>(name));
         } else if constexpr (std::is_same_v<T, float>) {
-            field = static_cast<float>(nb::cast<double>(next(name)));
+            const double value = nb::cast<double>(next(name));
+            field = static_cast<float>(value);
+            if (std::isinf(field) && !std::isinf(value)) reject(name, std::to_string(value) + " does not fit");
         } else {
             field = integer<T>(name);
         }

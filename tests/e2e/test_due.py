@@ -76,7 +76,7 @@ def test_its_hellos_and_statuses_come_every_second() -> None:
         assert all(0.98 < gap < 1.02 for gap in gaps_s)
         sequences = [arrival.frame.sequence for arrival in arrivals]
         assert sequences == list(range(len(arrivals)))
-    assert all(a.frame.message == wire.Status(0, 0, 0, 0, 0, 0) for a in run.of(wire.Status))
+    assert all(a.frame.message[:6] == (0, 0, 0, 0, 0, 0) for a in run.of(wire.Status))
     hello = run.hellos[-1]
     assert (hello.sensor, hello.who_am_i, hello.sensor_starts) == ("MPU-9250", 0x71, 1)
     assert (hello.rate_hz, hello.gyro_range_dps, hello.gyro_lsb_per_dps) == (100.0, 2000.0, 16.4)

@@ -29,6 +29,19 @@ bool same(const Frame& a, const Frame& b) {
            a.payload == b.payload;
 }
 
+// The frame again, by way of the struct of its type.
+struct Again {
+    const Frame& frame;
+    Bytes wire;
+
+    template <typename Message>
+    void message() {
+        wire.resize(fltea::wire_size<Message>());
+        wire.resize(
+            fltea::encode_message(message_of<Message>(frame), frame.sequence, frame.device_us, wire.data()));
+    }
+};
+
 // Whatever is accepted has only one encoding, so the firmware's encoder gives the very bytes that came.
 void any_stream(const uint8_t* data, size_t n) {
     Receiver receiver;
@@ -50,6 +63,11 @@ void any_stream(const uint8_t* data, size_t n) {
     const bool open = !block.empty();
     check(receiver.judged() >= blocks && receiver.judged() <= blocks + open, "every block is judged once");
     check(receiver.frames.size() <= receiver.intact.size(), "frames are intact");
+    for (const Frame& frame : receiver.frames) {
+        Again again = {frame, {}};
+        check(with_message(frame.type, again), "frames are of known types");
+        check(again.wire == encode(frame), "a struct keeps every bit of its payload");
+    }
 }
 
 // The input cut into a header, a payload, and pairs (what, where) of damage.

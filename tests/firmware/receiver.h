@@ -18,21 +18,41 @@ struct Frame {
     std::vector<uint8_t> payload;
 };
 
-// Payload bytes of a known type, -1 for others.
-inline int payload_size(uint8_t type) {
+// Calls use.message<Message>() for the message of this type; false if there is none.
+template <typename Use>
+bool with_message(uint8_t type, Use& use) {
     switch (type) {
         case fltea::Hello::type():
-            return static_cast<int>(fltea::Hello::size());
+            use.template message<fltea::Hello>();
+            return true;
         case fltea::Sample::type():
-            return static_cast<int>(fltea::Sample::size());
+            use.template message<fltea::Sample>();
+            return true;
         case fltea::Status::type():
-            return static_cast<int>(fltea::Status::size());
+            use.template message<fltea::Status>();
+            return true;
         case fltea::Fault::type():
-            return static_cast<int>(fltea::Fault::size());
+            use.template message<fltea::Fault>();
+            return true;
+        case fltea::Estimate::type():
+            use.template message<fltea::Estimate>();
+            return true;
+        case fltea::Estimator::type():
+            use.template message<fltea::Estimator>();
+            return true;
         default:
-            return -1;
+            return false;
     }
 }
+
+struct PayloadSize {
+    size_t bytes;
+
+    template <typename Message>
+    void message() {
+        bytes = Message::size();
+    }
+};
 
 inline uint32_t little_endian(const uint8_t* bytes, size_t n) {
     uint32_t value = 0;
@@ -121,9 +141,9 @@ class Receiver {
              little_endian(&frame.payload[2], 4) != fltea::kSchemaHash)) {
             return "refused";
         }
-        const int size = payload_size(frame.type);
-        if (size >= 0 && frame.payload.size() != static_cast<size_t>(size)) return "length";
-        if (size < 0) return "unknown_type";
+        PayloadSize size = {0};
+        if (!with_message(frame.type, size)) return "unknown_type";
+        if (frame.payload.size() != size.bytes) return "length";
         frames.push_back(frame);
         return "frames";
     }
@@ -142,6 +162,11 @@ class PayloadReader {
     typename std::enable_if<std::is_integral<T>::value || std::is_enum<T>::value>::type operator()(
         const char*, T& field) {
         field = static_cast<T>(little_endian(next_, sizeof field));
+        next_ += sizeof field;
+    }
+    void operator()(const char*, float& field) {
+        const uint32_t bits = little_endian(next_, sizeof bits);
+        std::memcpy(&field, &bits, sizeof field);
         next_ += sizeof field;
     }
     template <typename Byte, size_t N>

@@ -1,5 +1,7 @@
 """What the tests of the protocol share: the vector files, the definition, strategies with fixed seeds."""
 
+import math
+import struct
 from pathlib import Path
 
 import protocol_definition
@@ -49,6 +51,26 @@ def names(found: list[list[tuple[str, str]]]) -> list[str]:
     return [dict(record)["name"] for record in found]
 
 
+_F32 = [3.4028234663852886e38, 2.0**-126, 2.0**-149, 0.0, math.inf, math.nan, 1.25]
+"""Largest, smallest normal, smallest, and numbers that go wrong in other ways; each with either sign."""
+
+
+def floats() -> st.SearchStrategy[float]:
+    """Every kind of f32; compare by `repr` (NaN, and -0.0 is not 0.0)."""
+    return st.one_of(st.floats(width=32), st.sampled_from([*_F32, *(-number for number in _F32)]))
+
+
+def quiet(kind: int, payload: bytes) -> bytes:
+    """The payload with every NaN quiet: on its way through a double a signalling one may become so."""
+    (message,) = (message for message in PROTOCOL.messages if message.id == kind)
+    data, offset = bytearray(payload), 0
+    for field in message.fields:
+        if field.type == "f32" and math.isnan(struct.unpack_from("<f", data, offset)[0]):
+            data[offset + 2] |= 0x40
+        offset += field.size
+    return bytes(data)
+
+
 _RANGES = {"u8": (0, 255), "u16": (0, 65535), "u32": (0, 2**32 - 1), "i16": (-32768, 32767)}
 
 
@@ -58,6 +80,8 @@ def _values(field: protocol_definition.Field) -> st.SearchStrategy:
         return st.text(letters, max_size=field.length).filter(lambda text: not text.endswith("\0"))
     if field.length:
         return st.binary(min_size=field.length, max_size=field.length)
+    if field.type == "f32":
+        return floats()
     low, high = _RANGES[field.type]
     return st.one_of(st.integers(low, high), st.sampled_from([low, high, 0]))
 

@@ -42,8 +42,9 @@ def chunks(data: bytes, sizes: list[int]) -> Iterator[bytes]:
 def test_chunks_do_not_matter(data: bytes, sizes: list[int]) -> None:
     whole, pieces, single = FrameReader(), FrameReader(), FrameReader()
     expected = whole.feed_all(data)
-    assert [item for chunk in chunks(data, sizes) for item in pieces.feed_all(chunk)] == expected
-    assert [item for i in range(len(data)) for item in single.feed_all(data[i : i + 1])] == expected
+    text = repr(expected)  # in which a NaN equals itself
+    assert repr([item for chunk in chunks(data, sizes) for item in pieces.feed_all(chunk)]) == text
+    assert repr([item for i in range(len(data)) for item in single.feed_all(data[i : i + 1])]) == text
     assert whole.counts == pieces.counts == single.counts
     assert whole.bytes_in == pieces.bytes_in == single.bytes_in == len(data)
     assert whole.counts["frames"] == sum(isinstance(item, Frame) for item in expected)
@@ -81,7 +82,7 @@ def test_bytes_are_told_as_they_came(data: bytes) -> None:
 @fixed()
 def test_after_garbage_and_a_zero_the_next_frame_arrives(garbage: bytes, message: wire.Message) -> None:
     found = FrameReader().feed(garbage + b"\0" + encode(message, 4, 5))
-    assert found[-1] == Frame(message.TYPE, 4, 5, message)
+    assert repr(found[-1]) == repr(Frame(message.TYPE, 4, 5, message))
 
 
 def test_two_blocks_that_decode_to_one_body_do_not_exist() -> None:
@@ -126,7 +127,7 @@ def test_bursts_are_rejected(message: wire.Message) -> None:
 
 
 @given(messages, st.integers(0, 2**11), st.integers(1, 2**32 - 1))
-@fixed(2000)
+@fixed(1500)
 def test_bursts_in_any_message_are_rejected(message: wire.Message, start: int, pattern: int) -> None:
     frame = encode(message, 513, 0x01020304)
     pattern |= 1

@@ -77,6 +77,11 @@ unit = "m/s^2"
 scale = 0.00000012
 doc = "one | two"
 [[message.field]]
+name = "number"
+type = "f32"
+unit = "m/s^2"
+doc = "no count"
+[[message.field]]
 name = "mode"
 type = "u8"
 enum = "one_more"
@@ -106,12 +111,13 @@ def test_output_is_in_the_style_of_the_formatters(tree: Path) -> None:
 def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
     assert zlib.crc32(PROTOCOL.canonical.encode()) == wire.SCHEMA_HASH
     for old, new in [
-        ("id = 4", "id = 5"),
+        ("id = 4", "id = 40"),
         ('name = "gyro_x"', 'name = "gyro_w"'),
         ('name = "FAULT"', 'name = "FAILURE"'),
         ('type = "i16"\nunit = "LSB"', 'type = "u16"\nunit = "LSB"'),
         ("scale = 0.001", "scale = 0.01"),
         ('unit = "g"', 'unit = "m/s^2"'),
+        ('type = "f32"', 'type = "u32"'),
         ("timer = { value = 0", "timer = { value = 9"),
         ("late = { bit = 0", "late = { bit = 7"),
         ("retried = {", "repeated_read = {"),
@@ -121,7 +127,7 @@ def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
     for old, new in [
         ('doc = "what happened"', 'doc = "what came to pass"'),
         ("scale = 0.001", "scale = 0.0010"),
-        ("minor = 2", "minor = 3"),
+        (f"minor = {PROTOCOL.minor}", "minor = 99"),
         ("max_payload = 240", "max_payload = 200"),
     ]:
         assert old in DEFINITION
@@ -147,7 +153,7 @@ def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
         ('type = "text24"', "type = 24", r"unknown type 24"),
         ('type = "text24"', 'type = "text197"', r"message HELLO: 241 bytes of payload; at most 240 fit"),
         ("max_payload = 240", "max_payload = 243", r"\[protocol\] max_payload: 243 is not an integer from 0"),
-        ("minor = 2", "minor = 256", r"\[protocol\] minor: 256 is not"),
+        (f"minor = {PROTOCOL.minor}", "minor = 256", r"\[protocol\] minor: 256 is not"),
         ("fifo = { value = 2", "fifo = { value = 256", r"enum sampling_mode, fifo: value: 256 is not"),
         ("fifo = { value = 2", "fifo = { value = -1", r"enum sampling_mode, fifo: value: -1 is not"),
         ("fifo = { value = 2", "fifo = { value = 1", r"enum sampling_mode: value 1 is there twice"),
@@ -159,6 +165,21 @@ def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
         ("late = { bit = 0", "late = { value = 0", r"flags sample_flags, late: bit is missing"),
         ('enum = "fault_code"', 'enum = "fault"', r"FAULT, field code: no \[enum.fault\] in the file"),
         ('enum = "fault_code"', "", r"enum fault_code: no field uses it"),
+        (
+            'type = "text24"',
+            'type = "f64"',
+            r"unknown type 'f64'; known: u8, u16, u32, i16, f32, bytesN, textN",
+        ),
+        (
+            'name = "alpha"\ntype = "f32"',
+            'name = "alpha"\ntype = "f32"\nunit = "1"\nscale = 0.5',
+            r"ESTIMATE, field alpha: a scale needs an integer type, not f32",
+        ),
+        (
+            'name = "alpha"\ntype = "f32"',
+            'name = "alpha"\ntype = "f32"\nenum = "axis"',
+            r"ESTIMATE, field alpha: enum needs type u8, not f32",
+        ),
         ("scale = 0.001", "scale = 0", r"HELLO, field sample_rate: scale 0 is not a number above 0"),
         ("scale = 0.001", 'scale = "1"', r"scale '1' is not a number"),
         ("scale = 0.001", "scale = nan", r"scale .* is not a number above 0"),

@@ -1,5 +1,6 @@
 """Messages: there and back, what does not fit, and the version rule."""
 
+import math
 import struct
 
 import pytest
@@ -19,7 +20,7 @@ from fltea.messages import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from protocol_support import PROTOCOL, fixed, messages, sequences, times
+from protocol_support import PROTOCOL, fixed, messages, quiet, sequences, times
 
 
 def body(data: bytes) -> bytes:
@@ -32,11 +33,11 @@ HELLO = wire.Hello(
 
 
 @given(messages, sequences, times)
-@fixed(1000)
+@fixed(600)
 def test_decode_undoes_encode(message: wire.Message, sequence: int, device_us: int) -> None:
     frame = decode(body(encode(message, sequence, device_us)))
-    assert frame == Frame(message.TYPE, sequence, device_us, message)
-    assert type(frame.message) is type(message)
+    # As text, in which a NaN equals itself and -0.0 is not 0.0; it names the class too.
+    assert repr(frame) == repr(Frame(message.TYPE, sequence, device_us, message))
 
 
 @given(messages, sequences, times)
@@ -47,15 +48,22 @@ def test_frame_is_one_block_within_the_limit(message: wire.Message, sequence: in
     assert len(message.pack()) == message.SIZE
 
 
-@given(st.sampled_from([*wire.MESSAGES]), st.binary(max_size=wire.MAX_PAYLOAD))
-@fixed()
-def test_any_payload_decodes_or_is_a_frame_error(kind: int, payload: bytes) -> None:
+def payloads(kind: int) -> st.SearchStrategy[tuple[int, bytes]]:
+    size = wire.MESSAGES[kind].SIZE
+    right = st.binary(min_size=size, max_size=size)
+    return st.tuples(st.just(kind), st.one_of(st.binary(max_size=wire.MAX_PAYLOAD), right))
+
+
+@given(st.sampled_from([*wire.MESSAGES]).flatmap(payloads))
+@fixed(600)
+def test_any_payload_decodes_or_is_a_frame_error(case: tuple[int, bytes]) -> None:
+    kind, payload = case
     data = body(encode_frame(kind, 1, 2, payload))
     if kind == wire.Hello.TYPE and len(payload) >= 6:
         with pytest.raises(VersionMismatch):
             decode(data)
     elif len(payload) == wire.MESSAGES[kind].SIZE:
-        assert decode(data).message.pack() == payload
+        assert quiet(kind, decode(data).message.pack()) == quiet(kind, payload)
     else:
         with pytest.raises(FrameError) as caught:
             decode(data)
@@ -64,7 +72,7 @@ def test_any_payload_decodes_or_is_a_frame_error(kind: int, payload: bytes) -> N
 
 
 def test_values_of_no_known_name_pass() -> None:
-    status = wire.Status(0, 0, 0, 0, 0, 77)
+    status = wire.Status(0, 0, 0, 0, 0, 77, 0, 0)
     assert decode(body(encode(status, 0, 0))).message == status
 
 
@@ -91,6 +99,35 @@ def test_what_does_not_fit_its_field_is_named(change: dict[str, object], error: 
 def test_numbers_that_do_not_fit_raise(value: int) -> None:
     with pytest.raises(struct.error):
         encode(wire.Sample(value, 0, 0, 0, 0, 0, 0, 0), 0, 0)
+
+
+FLOATS = wire.Estimate(0, 1, 2, 3, *(0.0,) * 6, *(0,) * 9)
+BEYOND = 2.0**128 - 2.0**103
+"""Half-way between the largest f32 and the next that there would be."""
+
+
+@pytest.mark.parametrize(
+    ("number", "rounded"),
+    [
+        (0.1, 0x3DCCCCCD),
+        (1 + 2.0**-24, 0x3F800000),  # half-way: to even
+        (1 + 3 * 2.0**-24, 0x3F800002),
+        (math.nextafter(BEYOND, 0.0), 0x7F7FFFFF),
+        (2.0**-150, 0x00000000),
+        (math.nextafter(-(2.0**-150), -1.0), 0x80000001),
+        (-math.inf, 0xFF800000),
+    ],
+)
+def test_a_float_is_rounded_to_the_nearest_f32(number: float, rounded: int) -> None:
+    payload = FLOATS._replace(innovation=number).pack()
+    assert struct.unpack_from("<I", payload, 28) == (rounded,)
+    assert wire.Estimate.unpack(payload).innovation == struct.unpack("<f", struct.pack("<I", rounded))[0]
+
+
+@pytest.mark.parametrize("number", [BEYOND, -BEYOND, 1e300])
+def test_floats_that_do_not_fit_raise(number: float) -> None:
+    with pytest.raises(OverflowError):
+        encode(FLOATS._replace(alpha=number), 0, 0)
 
 
 @pytest.mark.parametrize(("sequence", "device_us"), [(-1, 0), (65536, 0), (0, -1), (0, 2**32)])

@@ -20,7 +20,7 @@ long = st.one_of(
 
 
 @given(messages, sequences, times)
-@fixed(1000)
+@fixed(600)
 def test_messages(message: wire.Message, sequence: int, device_us: int) -> None:
     expected = encode(message, sequence, device_us)
     assert _native.encode_message(message.TYPE, sequence, device_us, tuple(message)) == expected
@@ -66,6 +66,7 @@ def test_payload_too_long() -> None:
         (4, (256, 0), "code: 256 does not fit"),
         (1, (1, 0, 0, 0, bytes(15), "", *(0,) * 8), "device_id: must be 16 bytes"),
         (1, (1, 0, 0, 0, bytes(16), "x" * 25, *(0,) * 8), "firmware_version: at most 24 characters fit"),
+        (5, (0, 1, 2, 3, 1e300, *(0.0,) * 5, *(0,) * 9), "alpha: .* does not fit"),
         (200, (), "no message of this type"),
     ],
 )

@@ -64,13 +64,21 @@ struct Update {
     T P;
 };
 
+// point - mean, where the point was made as mean + step and then perhaps clipped. The difference itself holds
+// the rounding of the sum: it would make the variances walk, in float by a third within a million samples.
 template <class T>
-Update<T> unscented_update(T mean, const T (&points)[3], const T (&Y)[3], T y, T R, T gate, Guards<T>& guards,
-                           Cause cause) {
+T deviation(T point, T mean, T step) {
+    return select(point == mean + step, step, point - mean);
+}
+
+template <class T>
+Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3], T y, T R, T gate,
+                           Guards<T>& guards, Cause cause) {
     const T Wm0 = T(2.0 / 3.0), Wc0 = T(8.0 / 3.0), W = T(1.0 / 6.0);
     const T y_mean = Wm0 * Y[0] + W * Y[1] + W * Y[2];
     const T dy0 = Y[0] - y_mean, dy1 = Y[1] - y_mean, dy2 = Y[2] - y_mean;
-    const T dx1 = points[1] - mean, dx2 = points[2] - mean;  // the first point is the mean itself
+    // The first point is the mean itself.
+    const T dx1 = deviation(points[1], mean, step), dx2 = deviation(points[2], mean, -step);
     const T wy0 = Wc0 * dy0, wy1 = W * dy1, wy2 = W * dy2;
     const T e = y - y_mean;
     const T spread = dy0 * wy0 + dy1 * wy1 + dy2 * wy2;
@@ -84,13 +92,14 @@ Update<T> unscented_update(T mean, const T (&points)[3], const T (&Y)[3], T y, T
     return update;
 }
 
-// mean and mean -+ sqrt(3 P): the sigma points of one dimension (n + lambda = 3).
+// mean and mean -+ sqrt(3 P): the sigma points of one dimension (n + lambda = 3). Returns the root.
 template <class T>
-void sigma_points(T mean, T P, T (&points)[3]) {
+T sigma_points(T mean, T P, T (&points)[3]) {
     const T root = sqrt(P) * T(1.7320508075688772);
     points[0] = mean;
     points[1] = mean + root;
     points[2] = mean - root;
+    return root;
 }
 
 // Q of the walk after a correction.
@@ -99,7 +108,8 @@ T adapted(T Q, T delta, T correction) {
     return (T(1) - delta) * Q + delta * (correction * correction);
 }
 
-// Memories that serve every order; others (memory_compressed.hpp) clip it.
+// Memories that need no note of orders that they do not serve: they serve all, or those within the guard's
+// bounds (memory_fixed.hpp). memory_compressed.hpp clips them.
 template <class T>
 class CompressedMemory;
 template <class Memory>
@@ -200,10 +210,11 @@ struct Triple {
         const T P = guards.parameter_variance(parameter.P + parameter.Q, alpha, scale.down);
         guards.consider(!missing);
         T points[3], Y[3];
-        sigma_points(f, P, points);
+        const T step = sigma_points(f, P, points);
         for (int i = 0; i < 3; ++i) Y[i] = gain * (points[i] * state.x + sample.u) - past;
         const T R = guards.consistent() ? p.parameter_R + at.P : p.parameter_R;
-        const Update<T> update = unscented_update(f, points, Y, sample.y, R, p.gate, guards, kParameterGate);
+        const Update<T> update =
+            unscented_update(f, step, points, Y, sample.y, R, p.gate, guards, kParameterGate);
         const T proposed = f + update.correction;
         const T mean = guards.parameter(proposed, alpha, scale);
         const T correction = learnt(update.correction, proposed, mean, f);
@@ -224,7 +235,7 @@ struct Triple {
     Walk<T> order_filter(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                          T P) const {
         T points[3], past[3], Y[3];
-        sigma_points(order.mean, P, points);
+        const T step = sigma_points(order.mean, P, points);
         for (int i = 1; i < 3; ++i) points[i] = guards.order_point(points[i]);
         for (int i = 0; i < 3; ++i) note_order<Memory>(points[i], T(Real<T>(kLowestOrder)), guards);
         memory.state_sums(points, past);
@@ -242,7 +253,7 @@ struct Triple {
             }
         }
         const Update<T> update =
-            unscented_update(order.mean, points, Y, sample.y, R, p.gate, guards, kOrderGate);
+            unscented_update(order.mean, step, points, Y, sample.y, R, p.gate, guards, kOrderGate);
         const T proposed = order.mean + update.correction;
         Walk<T> moved;
         moved.mean = guards.order(proposed);

@@ -73,6 +73,7 @@ class Guards {
     T parameter(T f, T alpha, const Powers<T>& scale) {
         if (!active()) return f;
         const T beta = scale.up * f;
+        if (plainly_within(beta, alpha)) return f;
         const T lowest = lowest_beta(alpha);
         const Mask below = beta<lowest, above = beta> T(1);
         note(kParameterBox, below | above);
@@ -80,11 +81,15 @@ class Guards {
     }
 
     // beta itself within its bounds, for filters that estimate beta and not f.
-    T beta(T beta, T alpha) { return active() ? clip(beta, lowest_beta(alpha), T(1), kParameterBox) : beta; }
+    T beta(T beta, T alpha) {
+        if (!active() || plainly_within(beta, alpha)) return beta;
+        return clip(beta, lowest_beta(alpha), T(1), kParameterBox);
+    }
 
     // The variance of f = beta * unit, such that the sigma points of beta reach one range beyond the mean.
     T parameter_variance(T P, T alpha, T unit) {
         if (!active()) return P;
+        if (Lanes<T>::count == 1 && all((alpha >= T(0)) & (P <= T(3) * (unit * unit)))) return P;
         const T range = (T(1) - lowest_beta(alpha)) * unit;
         return limit(P, range * range * T(1.0 / 3.0), kParameterVariance);
     }
@@ -118,6 +123,12 @@ class Guards {
     }
 
   private:
+    // Single numbers are spared the exponential where it cannot matter: lowest_beta() is -2 or less from
+    // order 0 on.
+    static bool plainly_within(T beta, T alpha) {
+        return Lanes<T>::count == 1 && all((alpha >= T(0)) & (beta >= T(-2)) & (beta <= T(1)));
+    }
+
     static T lowest_beta(T alpha) { return T(-2) * exp(alpha * T(0.69314718055994531)); }
 
     T clip(T value, T low, T high, Cause cause) {

@@ -40,7 +40,8 @@ struct Joint {
         measure(memory, sample, p, guards, predicted);
 
         guards.consider(everywhere<T>(true));
-        const T gain = exp(alpha * p.log_h), drive = gain * sample.u;
+        const Powers<T> scale = exp_both(alpha * p.log_h);
+        const T drive = scale.up * sample.u;
         note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
@@ -49,7 +50,7 @@ struct Joint {
         update_state(state, at, V, drive, sample, p, guards, out);
         out.alpha = alpha;
         out.alpha_variance = P.aa;
-        report(gain, p.log_h, out);
+        report(scale.down, p.log_h, out);
     }
 
   private:
@@ -81,11 +82,11 @@ struct Joint {
         T past[3], base[3];
         for (int i = 0; i < 3; ++i) note_order<Memory>(orders[i], T(Real<T>(kLowestOrder)), guards);
         memory.state_sums(orders, past);
-        for (int i = 0; i < 3; ++i) base[i] = exp(orders[i] * p.log_h) * sample.u - past[i];
-        // Not orders[1] - alpha where nothing was clipped: its rounding would make P walk, in float by some
-        // per cent within a million samples.
-        const T da1 = select(orders[1] == alpha + da, da, orders[1] - alpha);
-        const T da2 = select(orders[2] == alpha - da, -da, orders[2] - alpha);
+        const bool driven = any(sample.u != zero);
+        for (int i = 0; i < 3; ++i) {
+            base[i] = (driven ? exp(orders[i] * p.log_h) * sample.u : zero) - past[i];
+        }
+        const T da1 = deviation(orders[1], alpha, da), da2 = deviation(orders[2], alpha, -da);
 
         const T x = state.x;
         const T Y[kPoints] = {beta * x + base[0], (beta + dab) * x + base[1], (beta - dab) * x + base[2],
@@ -138,11 +139,11 @@ struct Joint {
     }
 
     // f = beta h^-alpha and its variance to first order: df = h^-alpha (dbeta - beta ln(h) dalpha).
-    void report(T gain, T log_h, Estimate<T>& out) const {
+    void report(T unit, T log_h, Estimate<T>& out) const {
         const T slope = beta * log_h;
         const T variance = P.bb - T(2) * slope * P.ab + slope * slope * P.aa;
-        out.f = beta / gain;
-        out.f_variance = max(variance, T(0)) / (gain * gain);
+        out.f = beta * unit;
+        out.f_variance = max(variance, T(0)) * (unit * unit);
     }
 };
 

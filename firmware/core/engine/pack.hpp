@@ -17,6 +17,8 @@
 #include <cstdint>
 #include <cstring>
 
+#include "soft_sqrt.hpp"
+
 #if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__FMA__)
 #include <immintrin.h>
 #define FLTEA_INSTRUCTION_SET avx512
@@ -168,7 +170,11 @@ inline float max(float a, float b) { return a < b ? b : a; }
 inline double abs(double a) { return __builtin_fabs(a); }
 inline float abs(float a) { return __builtin_fabsf(a); }
 inline double sqrt(double a) { return __builtin_sqrt(a); }
+#if defined(__SOFTFP__)
+inline float sqrt(float a) { return soft_sqrt(a); }
+#else
 inline float sqrt(float a) { return __builtin_sqrtf(a); }
+#endif
 #if defined(__FP_FAST_FMA)
 inline double mul_add(double a, double b, double c) { return __builtin_fma(a, b, c); }
 #else

@@ -1,0 +1,170 @@
+// The memory for a processor without floating point: that of memory_compressed.hpp for an unlimited window,
+// in integers. x and P are kept in units of their own, 2^-20 of what R says is usual, and are cut off at 2^8
+// of it: a state that large is no noise, and the supervisor has withdrawn the estimate by then.
+//
+// Against the other memories: orders outside of [-1/2, 5/2] are taken for the nearest of these, which is
+// where the guard keeps them; beyond the slowest mode the past counts by its sum alone; and past variances
+// beyond the exact part count as the last of that part, because the P of a filter at work is nearly constant.
+// What that costs is in firmware/README.md.
+#ifndef FLTEA_MEMORY_FIXED_HPP
+#define FLTEA_MEMORY_FIXED_HPP
+
+#include "fixed_math.hpp"
+#include "fixed_nodes.hpp"
+#include "pack.hpp"
+
+namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+class FixedMemory {
+    typedef FixedNodes<> Nodes;
+
+  public:
+    static constexpr float kLowest = -0.5f, kHighest = 2.5f;
+
+    // R: the measurement variance of the state, for the units.
+    explicit FixedMemory(float R) {
+        std::uint32_t bits = 0;
+        std::memcpy(&bits, &R, sizeof bits);
+        const int exponent = static_cast<int>(bits >> 23 & 255) - 127;
+        x_unit_ = (exponent >> 1) - kUnitBits;
+        P_unit_ = exponent - kUnitBits;
+        reset();
+    }
+
+    // Forgets everything.
+    void reset() {
+        for (std::size_t i = 0; i < Nodes::head; ++i) x_[i] = P_[i] = 0;
+        for (std::size_t i = 0; i < Nodes::count; ++i) z_[i] = 0;
+        plain_ = 0;
+    }
+    void clear(bool mask) {
+        if (mask) reset();
+    }
+
+    // Remembers the newest posterior: state x and variance P, both finite.
+    void push(float x, float P) {
+        const std::int32_t oldest = x_[Nodes::head - 1];
+        for (std::size_t i = Nodes::head - 1; i > 0; --i) {
+            x_[i] = x_[i - 1];
+            P_[i] = P_[i - 1];
+        }
+        x_[0] = fixed::from_float(x, x_unit_);
+        P_[0] = fixed::from_float(P, P_unit_);
+        // Each mode is a mean that forgets, so that none is larger than what went in.
+        for (std::size_t i = 0; i < Nodes::count; ++i) {
+            const std::int32_t mean = static_cast<std::int32_t>((z_[i] + (1 << 30)) >> 31);
+            z_[i] += static_cast<std::int64_t>(Nodes::forget[i]) * (oldest - mean);
+        }
+        plain_ += oldest;
+    }
+
+    // S_i = sum_{j=1}^{k} c_j(order_i) x_{k-j}.
+    template <int N>
+    void state_sums(const float (&order)[N], float (&S)[N]) const {
+        Order at[N];
+        for (int i = 0; i < N; ++i) at[i] = Order(order[i]);
+        states(at, S);
+    }
+
+    // The same for one order, and V = sum_{j=2}^{k} c_j(order)^2 P_{k-j}.
+    void sums(float order, float& S, float& V) const {
+        const Order at[1] = {Order(order)};
+        float state[1];
+        states(at, state);
+        S = state[0];
+        V = variance(at[0], order);
+    }
+
+  private:
+    static constexpr int kUnitBits = 20;
+    static constexpr int kFine = 16;  // the tail's counts are 2^-16 of the head's
+
+    // An order in 2^-28, and e^{-order step} in 2^-30: from 0.1 to 1.6.
+    struct Order {
+        std::int32_t a, v;
+
+        Order() = default;
+        explicit Order(float order) {
+            a = fixed::from_float(min(max(order, kLowest), kHighest), 2 - kOrderBits) * 4;
+            const fixed::Power power = fixed::power_of_two(in_steps(-a, Nodes::step));
+            v = power.n >= 0 ? power.m << power.n : power.m >> -power.n;
+        }
+        // a step in 2^-26.
+        static std::int32_t in_steps(std::int32_t a, std::int32_t step) {
+            return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * step) >> 31);
+        }
+        // c_{j+1} / c_j in 2^-30.
+        std::int32_t next(std::size_t j) const {
+            const std::int32_t reciprocal = INT32_MAX / static_cast<std::int32_t>(j + 1);
+            const std::int32_t distance = (static_cast<std::int32_t>(j) << kOrderBits) - a;
+            return static_cast<std::int32_t>((static_cast<std::int64_t>(distance) * reciprocal) >> 29);
+        }
+    };
+    static constexpr int kOrderBits = 28;
+
+    template <int N>
+    void states(const Order (&at)[N], float (&S)[N]) const {
+        std::int64_t tail[N];
+        tails(at, tail);
+        for (int n = 0; n < N; ++n) {
+            std::int32_t sum = x_[Nodes::head - 1];
+            for (std::size_t j = Nodes::head - 1; j > 0; --j) {
+                sum = fixed::product30(sum, at[n].next(j)) + x_[j - 1];
+            }
+            const std::int64_t head = static_cast<std::int64_t>(-at[n].a) * sum;
+            // The integral's factors sin(pi a) and the power of the fastest node.
+            const fixed::Power lift = fixed::power_of_two(Order::in_steps(at[n].a, Nodes::top));
+            std::int64_t rest = fixed::product30(fixed::product30(tail[n], fixed::sin_pi(at[n].a)), lift.m);
+            rest = lift.n >= 0 ? rest * (1 << lift.n) : rest >> -lift.n;
+            S[n] = fixed::to_float((head >> (kOrderBits - kFine)) + rest, x_unit_ - kFine);
+        }
+    }
+
+    // sum_i v^i K_i z_i over the modes and over all slower nodes that the grid could have: to those the past
+    // is its plain sum.
+    template <int N>
+    void tails(const Order (&at)[N], std::int64_t (&sum)[N]) const {
+        const std::int64_t slower = fixed::product30(plain_, Nodes::plain);
+        for (int n = 0; n < N; ++n) {
+            const std::uint32_t g = static_cast<std::uint32_t>(fixed::product30(at[n].v, Nodes::ratio));
+            const std::uint32_t series =
+                (g << 1) / (((UINT32_C(1) << 30) - g) >> 14);  // g + g^2 + ..., in 2^-15
+            sum[n] = fixed::product30(slower, static_cast<std::int32_t>(series << 15));
+        }
+        for (std::size_t i = Nodes::count; i > 0; --i) {
+            const std::int32_t mean = static_cast<std::int32_t>(z_[i - 1] >> 28);
+            const std::int64_t mode = (static_cast<std::int64_t>(mean) * Nodes::weight[i - 1]) >> 18;
+            for (int n = 0; n < N; ++n) {
+                sum[n] = (i == Nodes::count ? sum[n] : fixed::product30(sum[n], at[n].v)) + mode;
+            }
+        }
+    }
+
+    float variance(const Order& at, float order) const {
+        std::int32_t sum = 0, product = 1 << 30;
+        for (std::size_t j = Nodes::head - 1; j > 0; --j) {
+            const std::int32_t next = at.next(j);
+            sum = fixed::product30(fixed::product30(next, next), sum + P_[j]);
+            product = fixed::product30(product, next);
+        }
+        const float a = min(max(order, -0.25f), kHighest), beyond = float(Nodes::head + 1);
+        // Of c^2 from the first weight beyond the exact part on, by Euler and Maclaurin.
+        const float c = a * fixed::to_float(fixed::product30(product, at.next(Nodes::head)), -30);
+        const float rest = fixed::to_float(P_[Nodes::head - 1], P_unit_) * (c * c) *
+                           ((beyond - 0.5f * a) / (1.0f + 2.0f * a) + 0.5f);
+        return a * a * fixed::to_float(sum, P_unit_) + rest;
+    }
+
+    std::int32_t x_[Nodes::head], P_[Nodes::head];  // newest first
+    std::int64_t z_[Nodes::count];  // means in 2^-31 of x's unit, from the fastest to the slowest
+    std::int64_t plain_;            // of all x that have left the head
+    int x_unit_, P_unit_;           // exponents of 2
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
+}  // namespace fltea
+
+#endif

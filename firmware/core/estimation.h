@@ -1,0 +1,159 @@
+// The device's own estimates: samples wait in a queue and are worked off one axis at a time, so that sampling
+// never waits for longer than that. What finds the queue full is skipped and counted; to the filters it is a
+// lost sample.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "axis_estimator.h"
+#include "messages.h"
+#include "settings.h"
+
+namespace fltea {
+
+class Estimation {
+  public:
+    static constexpr size_t kAxes = 3;
+
+    // The sensor has been set up: nothing from before belongs to what comes.
+    void begin() {
+        for (AxisEstimator& axis : axes_) axis.begin();
+        waiting_ = 0;
+        axis_ = 0;
+        collected_ = 0;
+        age_ = 0;
+        skipped_since_ = false;
+        going_ = false;
+        ++begun_;
+    }
+
+    // Takes a sample and the number of its instant.
+    void add(const Sample& sample, uint32_t instant) {
+        if (going_ && instant - instant_ - 1 > settings::kMaxGap) begin();
+        if (waiting_ == kQueue) {
+            ++skipped_;
+            skipped_since_ = true;
+            return;
+        }
+        Item& item = queue_[(first_ + waiting_) % kQueue];
+        item.count[0] = sample.gyro_x;
+        item.count[1] = sample.gyro_y;
+        item.count[2] = sample.gyro_z;
+        item.sequence = static_cast<uint16_t>(instant);
+        item.missing = static_cast<uint16_t>(going_ ? instant - instant_ - 1 : 0);
+        instant_ = instant;
+        going_ = true;
+        ++waiting_;
+    }
+
+    bool busy() const { return waiting_ != 0; }
+
+    // One axis on by one sample. True if an ESTIMATE has come of it.
+    bool work(Estimate& message) {
+        Item& item = queue_[first_];
+        if (collected_ < settings::kStartup) {
+            collect(item);
+            return false;
+        }
+        const bool bridging = item.missing != 0;
+        if (axis_ == 0) ++age_;
+        axes_[axis_].step(bridging ? nullptr : &item.count[axis_]);
+        const bool due = !bridging && item.sequence % settings::kEstimateEvery == 0;
+        if (due) {
+            message = Estimate();
+            axes_[axis_].report(message);
+            message.axis = static_cast<Axis>(axis_);
+            if (skipped_since_) message.flags |= estimate_flags::skipped;
+            message.sample = item.sequence;
+            message.age = age_;
+        }
+        if (++axis_ == kAxes) {
+            axis_ = 0;
+            if (bridging) {
+                --item.missing;
+            } else {
+                next();
+            }
+        }
+        return due;
+    }
+
+    // How it gets on; longest_axis is the caller's.
+    void report(Estimator& message) const {
+        namespace s = settings;
+        message = Estimator();
+        message.variant = s::kVariant;
+        message.guard = s::kGuard;
+        message.startup = s::kStartup;
+        message.max_gap = s::kMaxGap;
+        message.every = s::kEstimateEvery;
+        message.remaining = static_cast<uint16_t>(s::kStartup - collected_);
+        message.begun = begun_;
+        message.queue = static_cast<uint16_t>(waiting_);
+        message.skipped = skipped_;
+        uint16_t* const restarts[] = {&message.restarts_x, &message.restarts_y, &message.restarts_z};
+        float* const bias[] = {&message.bias_x, &message.bias_y, &message.bias_z};
+        float* const r[] = {&message.r_x, &message.r_y, &message.r_z};
+        for (size_t i = 0; i < kAxes; ++i) {
+            *restarts[i] = axes_[i].restarts();
+            *bias[i] = axes_[i].bias_dps();
+            *r[i] = axes_[i].r_dps2();
+        }
+        const engine::Tuning<float> t = AxisEstimator::tuning(0.0f);
+        message.state_x0 = t.x0;
+        message.state_p0 = t.P0;
+        message.state_q = t.Q;
+        message.alpha0 = t.alpha0;
+        message.alpha_p0 = t.order_P0;
+        message.alpha_q0 = t.order_Q0;
+        message.alpha_delta = t.order_delta;
+        message.parameter0 = t.f0;
+        message.parameter_p0 = t.parameter_P0;
+        message.parameter_q0 = t.parameter_Q0;
+        message.parameter_delta = t.parameter_delta;
+        message.gate = t.gate;
+    }
+
+    // Whether the start-up window is full.
+    bool started() const { return collected_ == settings::kStartup; }
+
+  private:
+    // A gap of kMaxGap takes a tenth of a second to work off.
+    static constexpr size_t kQueue = 32;
+    static_assert(settings::kStartup >= 2 && settings::kStartup <= 4096, "the window's sums must fit");
+    static_assert(settings::kEstimateEvery >= 2, "more would not fit the line");
+
+    struct Item {
+        int16_t count[kAxes];
+        uint16_t sequence;
+        uint16_t missing;  // samples lost before it, still to be bridged
+    };
+
+    void collect(const Item& item) {
+        for (size_t i = 0; i < kAxes; ++i) axes_[i].collect(item.count[i]);
+        next();
+        if (++collected_ != settings::kStartup) return;
+        for (AxisEstimator& axis : axes_) axis.start();
+    }
+
+    void next() {
+        first_ = (first_ + 1) % kQueue;
+        --waiting_;
+    }
+
+    AxisEstimator axes_[kAxes];
+    Item queue_[kQueue];
+    size_t first_ = 0;
+    size_t waiting_ = 0;
+    size_t axis_ = 0;       // the next to be worked on
+    uint32_t instant_ = 0;  // of the newest sample taken
+    uint32_t age_ = 0;
+    uint32_t skipped_ = 0;
+    uint16_t collected_ = 0;
+    uint16_t begun_ = 0;
+    bool going_ = false;  // a sample has come since begin()
+    bool skipped_since_ = false;
+};
+
+}  // namespace fltea
