@@ -101,21 +101,21 @@ class Application {
         if (settings::kEstimate) estimation_.add(reading.sample, sampler_.instant());
     }
 
-    // Not if the next instant would have to wait for it; half a period is left to it however slow it is.
+    // Not before the last ESTIMATE is on its way, and not if the next instant would have to wait for it; half
+    // a period is left to it however slow it is.
     bool may_estimate(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
-        return estimation_.busy() &&
+        return estimation_.busy() && !estimate_due_ &&
                sampler_.until_next_us(now_us) > (longest_axis_us_ < most_us ? longest_axis_us_ : most_us);
     }
 
     // One axis on by one sample, if there is time for it.
     bool estimate(uint32_t now_us) {
         if (!settings::kEstimate || !may_estimate(now_us)) return false;
-        Estimate message;
-        const bool started = estimation_.started(), made = estimation_.work(message);
-        const uint32_t done_us = clock_.now_us();
-        if (done_us - now_us > longest_axis_us_) longest_axis_us_ = done_us - now_us;
-        if (made) link_.send_or_drop(message, done_us);
+        const bool started = estimation_.started();
+        estimate_due_ = estimation_.work(estimate_);
+        const uint32_t took_us = clock_.now_us() - now_us;
+        if (took_us > longest_axis_us_) longest_axis_us_ = took_us;
         if (estimation_.started() && !started) estimator_due_ = true;
         return true;
     }
@@ -127,7 +127,9 @@ class Application {
             announced_starts_ = health_.sensor_starts();
             estimator_due_ = settings::kEstimate;
         }
-        if (estimator_due_ && link_.send(estimator(), now_us)) estimator_due_ = false;
+        const uint32_t quiet_us = sampler_.until_next_us(now_us);
+        if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
+        if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
         faults_.send(link_, now_us);
         if (status_.due(now_us) && link_.send(status(now_us), now_us)) {
             status_.done();
@@ -195,9 +197,11 @@ class Application {
     EverySecond hello_;
     EverySecond status_;
     Estimation estimation_;
+    Estimate estimate_;  // the newest, if estimate_due_
     Workload workload_;
     uint32_t longest_axis_us_ = 0;
     uint16_t announced_starts_ = 0;
+    bool estimate_due_ = false;
     bool estimator_due_ = false;
 };
 

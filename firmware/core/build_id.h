@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "9f6ac4d6";
+constexpr char kBuildId[] = "376fcc2b";
 
 }  // namespace fltea

@@ -23,20 +23,13 @@ class Link {
         }
     }
 
-    // Sends any other message if a sample fits beside it; false: not now, try again later.
+    // Sends any other message if a sample fits beside it, or will fit by the time that the next one is due,
+    // in `quiet_us`: a small ring does not hold both. False: not now, try again later.
     template <typename Message>
-    bool send(const Message& message, uint32_t device_us) {
-        if (!room_for<Message>(wire_size<Sample>())) return false;
+    bool send(const Message& message, uint32_t device_us, uint32_t quiet_us = 0) {
+        if (!room_for<Message>(quiet_us > 2 * kSampleUs ? 0 : wire_size<Sample>())) return false;
         write(message, sequences_[Message::type()]++, device_us);
         return true;
-    }
-
-    // Sends any other message if a sample fits beside it, or drops it and counts the drop.
-    template <typename Message>
-    void send_or_drop(const Message& message, uint32_t device_us) {
-        if (send(message, device_us)) return;
-        ++sequences_[Message::type()];
-        ++dropped_frames_;
     }
 
     uint32_t dropped_frames() const { return dropped_frames_; }
@@ -59,6 +52,9 @@ class Link {
             opened_ = true;
         }
     }
+
+    // What the line takes for a sample: ten bits a byte.
+    static constexpr uint32_t kSampleUs = wire_size<Sample>() * 10 * 1000000 / kBaud;
 
     // 0x00 before the first frame ends the rubbish that the line may hold.
     static constexpr size_t kOpening = 1;

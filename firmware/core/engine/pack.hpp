@@ -19,6 +19,11 @@
 
 #include "soft_sqrt.hpp"
 
+// Arduino.h has macros of these names.
+#undef abs
+#undef max
+#undef min
+
 #if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__FMA__)
 #include <immintrin.h>
 #define FLTEA_INSTRUCTION_SET avx512
