@@ -151,9 +151,11 @@ void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const S
                   const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
     const MaskOf<T> missing = sample.missing;
     state.reach = select(missing, state.reach + abs(drive), max(state.reach, abs(sample.y)));
-    guards.consider(missing);
     Prediction<T> held = at;
-    guards.prediction(held.x, held.P, state.reach + T(4) * sqrt(p.R) + sqrt(p.Q));
+    if (any(missing)) {
+        guards.consider(missing);
+        guards.prediction(held.x, held.P, state.reach + T(4) * sqrt(p.R) + sqrt(p.Q));
+    }
 
     guards.consider(!missing);
     const T e = sample.y - at.x;
