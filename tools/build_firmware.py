@@ -69,7 +69,7 @@ def build(root: Path, mode: str, folder: Path) -> Image:
     firmware = root / "firmware"
     folder.mkdir(parents=True, exist_ok=True)
     objects = []
-    for source in sorted(firmware.glob("due/*.cpp")):
+    for source in sorted([*firmware.glob("core/*.cpp"), *firmware.glob("due/*.cpp")]):
         name = source.relative_to(firmware).as_posix()
         target = (folder / name.replace("/", "_")).with_suffix(".o").resolve()
         mapped = [f"-ffile-prefix-map={firmware.resolve()}=firmware", f"-DFLTEA_SAMPLING_MODE={mode}"]

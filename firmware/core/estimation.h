@@ -100,19 +100,7 @@ class Estimation {
             *bias[i] = axes_[i].bias_dps();
             *r[i] = axes_[i].r_dps2();
         }
-        const engine::Tuning<float> t = AxisEstimator::tuning(0.0f);
-        message.state_x0 = t.x0;
-        message.state_p0 = t.P0;
-        message.state_q = t.Q;
-        message.alpha0 = t.alpha0;
-        message.alpha_p0 = t.order_P0;
-        message.alpha_q0 = t.order_Q0;
-        message.alpha_delta = t.order_delta;
-        message.parameter0 = t.f0;
-        message.parameter_p0 = t.parameter_P0;
-        message.parameter_q0 = t.parameter_Q0;
-        message.parameter_delta = t.parameter_delta;
-        message.gate = t.gate;
+        AxisEstimator::describe(message);
     }
 
     // Whether the start-up window is full.

@@ -95,30 +95,41 @@ count:
 
 def program(text, handlers=None):
     """Image of a program that begins with the text; handlers: exception number to its handler's label."""
-    vectors = "".join(f"handler {n}, {label}\n" for n, label in sorted((handlers or {}).items()))
-    source = f"{PRELUDE}{vectors}.org 4 * 61\n.text\nreset:\n{text}\n.ltorg\n"
-    return _build(source, ".S")
+    return _build(_source(text, handlers), ".S")
+
+
+def linked_program(folder, text, handlers=None):
+    """The same as an ELF file in the folder, and its image."""
+    return _link(folder, _source(text, handlers), ".S")
 
 
 def cpp_program(path):
     return _build(path.read_text(), ".cpp")
 
 
+def _source(text, handlers):
+    vectors = "".join(f"handler {n}, {label}\n" for n, label in sorted((handlers or {}).items()))
+    return f"{PRELUDE}{vectors}.org 4 * 61\n.text\nreset:\n{text}\n.ltorg\n"
+
+
 @cache
 def _build(source, suffix):
+    with tempfile.TemporaryDirectory() as name:
+        return _link(Path(name), source, suffix)[1]
+
+
+def _link(folder, source, suffix):
     if shutil.which(COMPILER) is None:
         missing(f"{COMPILER} is not installed (Debian: gcc-arm-none-eabi)")
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / f"program{suffix}").write_text(source)
-        elf, raw = folder / "program.elf", folder / "program.bin"
-        for command in (
-            [COMPILER, *FLAGS, "-T", FOLDER / "due.ld", folder / f"program{suffix}", "-lgcc", "-o", elf],
-            ["arm-none-eabi-objcopy", "-O", "binary", elf, raw],
-        ):
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            assert done.returncode == 0, done.stderr
-        return raw.read_bytes()
+    (folder / f"program{suffix}").write_text(source)
+    elf, raw = folder / "program.elf", folder / "program.bin"
+    for command in (
+        [COMPILER, *FLAGS, "-T", FOLDER / "due.ld", folder / f"program{suffix}", "-lgcc", "-o", elf],
+        ["arm-none-eabi-objcopy", "-O", "binary", elf, raw],
+    ):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    return elf, raw.read_bytes()
 
 
 class Bench:

@@ -1,10 +1,13 @@
 """The processor: time, memory, counting, and what ends a run."""
 
+from itertools import pairwise
+
 import pytest
+from fltea.errors import UsageError
 from machine_support import COUNT, TICK_EACH_MS, Bench, fault_of, program, run
 
-from tools.due_emulator.instruction_count import InstructionCount, is_wide
-from tools.due_emulator.memory_map import FLASH_BASE, RAM_BASE
+from tools.due_emulator import instruction_count
+from tools.due_emulator.memory_map import RAM_BASE
 
 
 def test_instructions_take_a_cycle_each_and_sleep_takes_until_the_next_event():
@@ -153,22 +156,138 @@ def test_two_runs_are_equal():
     assert runs[0].board.cpu.instructions == runs[1].board.cpu.instructions
 
 
+SKIPPING = """subs r2, r2, r2
+  itet ne
+  movne r3, #1
+  moveq.w r3, #2
+  addne.w r3, r3, r4
+  it ne
+  movne r3, #4
+"""
+"""Seven instructions, three of them switched off by their condition, wide and narrow, and no branch."""
+
+
+def test_an_instruction_that_its_condition_switches_off_takes_its_cycle():
+    bench = run(
+        f"""store 0xE000E014, 0xFFFFFF
+  store 0xE000E018, 0
+  store 0xE000E010, 5
+  ldr r0, =0xE000E018
+  ldr r1, [r0]
+  {SKIPPING}
+  ldr r2, [r0]
+  subs r1, r2
+  keep r1, 0
+  {SKIPPING}
+  wait_forever"""
+    )
+    assert bench.slot(0) == 7 + 5
+    assert bench.board.cpu.instructions == 9 + 2 + 7 + 1 + 1 + 2 + 7 + 1
+
+
+@pytest.mark.parametrize("every", [37, 38, 41])
+def test_no_instruction_is_lost_or_counted_twice_where_interrupts_come(every):
+    bench = run(
+        f"""movs r1, #0
+  keep r1, 0
+  store 0xE000E014, {every - 1}
+  store 0xE000E018, 0
+  ldr r6, =2000
+  store 0xE000E010, 7
+1: {SKIPPING}
+  subs r6, #1
+  bne 1b
+  store 0xE000E010, 0
+  wait_forever
+{COUNT}""",
+        0.1,
+        {15: "count"},
+    )
+    assert bench.slot(0) > 100
+    assert bench.board.cpu.instructions == 3 + 6 + 1 + 3 + 2000 * 9 + 3 + 1 + 5 * bench.slot(0)
+
+
+def test_an_interrupt_comes_at_its_instruction_though_the_program_only_computes():
+    # SysTick says how long ago it was 0, in a handler that reads it first; the first tick is armed and
+    # awaited in one go.
+    bench = run(
+        """movs r1, #0
+  keep r1, 0
+  store 0xE000E014, 999
+  store 0xE000E018, 0
+  store 0xE000E010, 7
+1: adds r4, #1
+  muls r4, r4, r5
+  b 1b
+late:
+  ldr r0, =0xE000E018
+  ldr r1, [r0]
+  rsb r1, r1, #1000
+  load r2, 0x20070000
+  cmp r1, r2
+  it hi
+  movhi r2, r1
+  keep r2, 0
+  bx lr""",
+        0.01,
+        {15: "late"},
+    )
+    assert bench.slot(0) == 1, "the first instruction of the handler, and nothing before it"
+
+
+def test_a_waiting_interrupt_comes_soon_after_its_priority_lets_it():
+    # Software interrupt 31 has priority 0x80, and BASEPRI holds it back.
+    bench = run(
+        """movs r4, #0
+  movs r5, #0x40
+  msr basepri, r5
+  store 0xE000E41C, 0x80000000
+  store 0xE000E100, 0x80000000
+  ldr r0, =0xE000EF00
+  movs r1, #31
+  str r1, [r0]
+  ldr r2, =300
+1: subs r2, #1
+  bne 1b
+  movs r5, #0
+  msr basepri, r5
+2: adds r4, #1
+  b 2b
+handler:
+  keep r4, 0
+3: wfi
+  b 3b""",
+        handlers={16 + 31: "handler"},
+    )
+    assert 0 < bench.slot(0) <= 100
+
+
+def test_code_runs_at_the_new_clock_as_soon_as_it_changes():
+    def busy_ps(turns):
+        machine = run(
+            f"full_speed\n ldr r6, ={turns}\n1: subs r6, #1\n bne 1b\n wait_forever", 0.05
+        ).board.machine
+        return machine.now_ps - machine.idle_ps
+
+    # 84 MHz: two instructions a turn.
+    assert busy_ps(840_001) - busy_ps(1) == pytest.approx(20_000_000_000, abs=20_000)
+    assert busy_ps(1) < 4_000_000_000, "the sources' start-up, and no more"
+
+
+def test_a_program_without_events_is_left_often_enough_to_hear_a_signal():
+    bench = Bench(program("1: nop\n b 1b"))
+    looks = []
+    bench.board.machine.check_interrupted = lambda: looks.append(bench.board.cpu.instructions)
+    bench.run(0.25)
+    steps = [after - before for before, after in pairwise(looks)]
+    assert 0 < max(steps) <= 50_000
+
+
 @pytest.mark.parametrize(
-    ("halfword", "wide"),
-    [(0xBF30, False), (0xE7FE, False), (0xE800, True), (0xF000, True), (0xF800, True), (0x4770, False)],
+    ("command", "reason"), [("no-such-compiler", "Debian: g\\+\\+"), ("false", "cannot be compiled")]
 )
-def test_instructions_are_measured(halfword, wide):
-    assert is_wide(halfword) is wide
-
-
-def test_instructions_are_counted_within_blocks_and_over_them():
-    code = bytes.fromhex("0130 4ff00001 0132 fee7".replace(" ", ""))
-    count = InstructionCount(lambda address, n: code[address - FLASH_BASE :][:n])
-    count.begin()
-    count.enter(None, FLASH_BASE, 10, None)
-    assert count.done(FLASH_BASE) == 0
-    assert count.done(FLASH_BASE + 6) == 2
-    assert count.done(0x123456) == 4
-    count.enter(None, FLASH_BASE + 8, 2, None)
-    assert count.done(FLASH_BASE + 8) == 4
-    assert count.done(FLASH_BASE) == 5
+def test_without_a_compiler_it_says_what_is_missing(command, reason, tmp_path, monkeypatch):
+    monkeypatch.setattr(instruction_count, "FOLDER", tmp_path)
+    monkeypatch.setattr(instruction_count, "COMMAND", (command,))
+    with pytest.raises(UsageError, match=reason):
+        instruction_count._library.__wrapped__()

@@ -1,12 +1,13 @@
 """The Cortex-M3: Unicorn runs the instructions; time, exceptions, sleep and strictness are here.
 
 Unicorn has no NVIC: exceptions are entered and left by hand (ARMv7-M, B1.5). It runs in slices that end
-before the next event. Every instruction takes one cycle and an access to a peripheral a few: this is a clock
+at the next event. Every instruction takes one cycle and an access to a peripheral a few: this is a clock
 for the program, not a claim about the speed of a real processor.
 """
 
 import ctypes
 import mmap
+from collections.abc import Callable
 from typing import Any
 
 import unicorn
@@ -20,8 +21,11 @@ from tools.due_emulator.memory_map import Memory
 from tools.due_emulator.nvic import FIRST_IRQ, Nvic
 from tools.due_emulator.system_control import SystemControl
 
-SLICE_INSTRUCTIONS = 200
-"""Longest run without a look at events: 2.4 us at 84 MHz, which bounds how late an interrupt can be."""
+SLICE_INSTRUCTIONS = 50_000
+"""Longest run without a look at signals: about a millisecond of the host's time."""
+WAITING_INSTRUCTIONS = 200
+"""Longest run while an interrupt waits for its priority: BASEPRI may let it in at any instruction, which
+nothing tells. 2.4 us at 84 MHz."""
 ACCESS_CYCLES = 4
 """An access to a peripheral, over the bridge [cycles]; a round number."""
 POLL_PCS = 8
@@ -76,7 +80,10 @@ class Cpu:
         self._control = control
         self._spaces: dict[int, Bus | SystemControl] = {PERIPHERALS_BASE: bus, system_control.BASE: control}
         self.instructions = 0
-        """Instructions since the emulator was made."""
+        """Instructions since the emulator was made, those of the slice that runs not among them."""
+        self._count = InstructionCount(memory.flash)
+        self._on_block: Callable[[int, int], None] | None = None
+        self._watch_hook: int | None = None
         self._restart = True
         self._halted_until_ps = 0
         self._pc = 0
@@ -86,6 +93,22 @@ class Cpu:
     def pc(self) -> int:
         """Address of the instruction that runs, or runs next."""
         return self._pc
+
+    @property
+    def return_address(self) -> int:
+        """Where the function that was just called returns to."""
+        return self._uc.reg_read(LR) & ~THUMB
+
+    @property
+    def active_exceptions(self) -> int:
+        """How many exceptions have a handler that has not returned."""
+        return len(self._nvic.active)
+
+    def watch(self, on_block: Callable[[int, int], None] | None) -> None:
+        """Call `on_block` at each block of code with its address and the instructions so far; None: never."""
+        self._on_block = on_block
+        if not self._restart:
+            self._hook_watcher()
 
     def restart(self, hold_ps: int = 0) -> None:
         """Begin anew from the reset vector, once reset is released in `hold_ps`."""
@@ -121,7 +144,7 @@ class Cpu:
             if urgent is not None and not masked:
                 self._enter(urgent)
             # A window without PRIMASK may be two instructions long: no slice may run over it.
-            self._run_slice(min(machine.next_event_ps, at_ps), 1 if masked else SLICE_INSTRUCTIONS)
+            self._run_slice(at_ps, 1 if masked else SLICE_INSTRUCTIONS)
 
     def _urgent(self) -> int | None:
         nvic = self._nvic
@@ -136,14 +159,14 @@ class Cpu:
         self._exception_exit = False
         self._unexpected = ""
         self._event_register = False
-        self._answered: dict[tuple[int, int, bool, int], int] = {}
         self._recent_reads: dict[int, int] = {}
         self._invalid_address: int | None = None
         self._uc = uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
         uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
         self._map(uc)
-        self._count = InstructionCount(lambda address, n: bytes(uc.mem_read(address, n)))
-        uc.hook_add(unicorn.UC_HOOK_BLOCK, self._count.enter)
+        self._count.attach(uc)
+        self._watch_hook = None
+        self._hook_watcher()
         uc.hook_add(unicorn.UC_HOOK_INTR, self._on_interrupt)
         uc.hook_add(unicorn.UC_HOOK_MEM_INVALID, self._on_invalid)
         stack, entry = self._vector(0), self._vector(1)
@@ -154,6 +177,18 @@ class Cpu:
             )
         uc.reg_write(SP, stack & ~3)
         uc.reg_write(LR, 0xFFFF_FFFF)
+
+    def _hook_watcher(self) -> None:
+        if self._watch_hook is not None:
+            self._uc.hook_del(self._watch_hook)
+            self._watch_hook = None
+        if (on_block := self._on_block) is not None:
+            self._watch_hook = self._uc.hook_add(
+                unicorn.UC_HOOK_BLOCK,
+                lambda _uc, address, _size, _: on_block(address, self.instructions + self._count.done),
+            )
+        # Code that was translated before calls the hooks of then.
+        self._uc.ctl_flush_tb()
 
     def _map(self, uc: unicorn.Uc) -> None:
         code, data = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_ALL
@@ -169,21 +204,24 @@ class Cpu:
         ):
             uc.mmio_map(base, size, self._on_read, base, self._on_write, base)
 
-    def _run_slice(self, until_ps: int, limit: int) -> None:
-        machine = self._machine
+    def _run_slice(self, until_ps: int, longest: int) -> None:
+        machine, count = self._machine, self._count
         self._slice_ps, self._slice_hz, self._charged_ps = machine.now_ps, machine.mck_hz, 0
-        n = max(1, min(limit, (until_ps - machine.now_ps) * machine.mck_hz // PS_PER_S))
-        self._count.begin()
+        self._until_ps, self._longest = until_ps, longest
+        count.begin(longest)
+        count.limit = max(1, self._instructions_to_end())
         error: unicorn.UcError | None = None
         try:
-            self._uc.emu_start(self._pc | THUMB, NO_END, 0, n)
+            self._uc.emu_start(self._pc | THUMB, NO_END)
         except unicorn.UcError as caught:
             error = caught
         self._pc = self._uc.reg_read(PC)
         if self._raised is not None:
             raise self._raised
-        self.instructions += self._count.done(self._pc)
-        machine.advance_to(self._time_at(self._pc))
+        done = count.done - (error is not None and self._pc == count.address)
+        machine.advance_to(self._time_after(done))
+        self.instructions += done
+        count.done = 0
         # Unicorn takes WFE for an undefined instruction, once it is past it.
         if error is not None and not self._has_just_done(WFE):
             reason = REASONS.get(error.errno, str(error))
@@ -198,17 +236,21 @@ class Cpu:
         elif self._has_just_done(WFE):
             machine.asleep, self._event_register = not self._event_register, False
 
-    def _has_just_done(self, instruction: bytes) -> bool:
-        """Whether the slice ended behind this instruction, and not by a jump to what follows it."""
-        if self._count.at_start_or_inside(self._pc):
-            return False
-        try:
-            return bytes(self._uc.mem_read(self._pc - 2, 2)) == instruction
-        except unicorn.UcError:
-            return False
+    def _instructions_to_end(self) -> int:
+        """How many instructions the slice has if nothing happens before what is known to happen."""
+        longest = self._longest
+        if self._nvic.pending & self._nvic.enabled:
+            longest = min(longest, self._count.done + WAITING_INSTRUCTIONS)
+        to_end_ps = min(self._machine.next_event_ps, self._until_ps) - self._slice_ps - self._charged_ps
+        return max(0, min(longest, -(-to_end_ps * self._slice_hz // PS_PER_S)))
 
-    def _time_at(self, pc: int) -> int:
-        return self._slice_ps + self._count.done(pc) * PS_PER_S // self._slice_hz + self._charged_ps
+    def _has_just_done(self, instruction: bytes) -> bool:
+        """Whether the slice ended behind this instruction."""
+        last = self._count.address
+        return self._pc == last + 2 and bytes(self._uc.mem_read(last, 2)) == instruction
+
+    def _time_after(self, instructions: int) -> int:
+        return self._slice_ps + instructions * PS_PER_S // self._slice_hz + self._charged_ps
 
     # Exceptions
 
@@ -287,19 +329,13 @@ class Cpu:
         self._access(base, base + offset, size, value)
 
     def _access(self, base: int, address: int, size: int, value: int | None) -> int:
-        """Do one access at its exact moment; stop if an interrupt is to be taken right after it.
-
-        Unicorn repeats an access during which it was stopped: the repetition gets the answer of the first
-        time and has no effect.
-        """
+        """Do one access at its exact moment; end the slice right after it if something has to happen then."""
         if self._raised is not None:
             return 0
-        pc = self._pc = self._uc.reg_read(PC)
-        key = (pc, address, value is None, len(self._nvic.active))
-        if self._answered and key in self._answered:
-            return self._answered.pop(key)
+        machine, count = self._machine, self._count
+        pc = self._pc = count.address
         try:
-            self._machine.advance_to(self._time_at(pc))
+            machine.advance_to(self._time_after(count.done - 1))
             answer = 0
             if self._restart:
                 pass  # a reset came first: the access went down with the program
@@ -310,14 +346,13 @@ class Cpu:
                 self._spaces[base].write(address, size, value)
                 self._recent_reads.clear()
             self._charged_ps += ACCESS_CYCLES * PS_PER_S // self._slice_hz
-            urgent = self._urgent()
-            if self._stops_now() or (urgent is not None and not self._uc.reg_read(PRIMASK) & 1):
-                self._answered[key] = answer
-                self._uc.emu_stop()
+            # What happens during the access need not end the slice: often it was what a poll waits for.
+            machine.advance_to(self._time_after(count.done - 1))
+            count.limit = 0 if self._stops_now() else self._instructions_to_end()
             return answer
         except BaseException as raised:
             self._raised = raised
-            self._uc.emu_stop()
+            count.limit = 0
             return 0
 
     def _charge_read(self, pc: int, value: int) -> None:
@@ -330,7 +365,11 @@ class Cpu:
         recent[pc] = value
 
     def _stops_now(self) -> bool:
-        return self._restart or self._machine.now_ps < self._halted_until_ps
+        """Whether the next instruction may not run in this slice; a masked interrupt too ends it."""
+        machine = self._machine
+        if self._restart or machine.now_ps < self._halted_until_ps or machine.mck_hz != self._slice_hz:
+            return True
+        return self._urgent() is not None
 
 
 def describe_exception(exception: int) -> str:

@@ -1,52 +1,101 @@
-"""How many instructions ran: blocks of code come in by address and size, instructions by their lengths."""
+"""How many instructions ran, and the end of a run of them: C++ functions that Unicorn calls all the time."""
 
-from collections.abc import Callable
+import ctypes
+import hashlib
+import mmap
+import os
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import unicorn
+from fltea.errors import UsageError
+from unicorn.unicorn_py3.unicorn import uclib
+
+from tools.due_emulator.memory_map import FLASH_BASE, FLASH_BYTES
+
+SOURCE = Path(__file__).with_suffix(".cpp")
+FOLDER = Path(__file__).parents[2] / "build" / "due_emulator"
+COMMAND = ("c++", "-std=c++11", "-O2", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+NOWHERE = 1
+"""No instruction is at an odd address."""
 
 
-def is_wide(halfword: int) -> bool:
-    """Whether a Thumb instruction that begins with this halfword has 32 bits (ARMv7-M, A5.1)."""
-    return halfword >> 11 >= 0b11101
+class InstructionCount(ctypes.Structure):
+    """Counts the instructions of a slice of execution, and ends it once there were `limit` of them.
 
-
-class InstructionCount:
-    """Counts instructions of a slice of execution from the blocks that were entered.
-
-    read: gives the code at an address. Code is taken not to change while the processor runs.
+    done: instructions that began in this slice. limit: may be changed while the slice runs; unless it is
+    above `done`, the slice ends before the next instruction. address: of the instruction that began last.
     """
 
-    def __init__(self, read: Callable[[int, int], bytes]) -> None:
-        self._read = read
-        self._blocks: dict[tuple[int, int], tuple[int, dict[int, int]]] = {}
-        self._before = 0
-        self._length = 0
-        self._starts: dict[int, int] = {}
+    _fields_ = (
+        ("done", ctypes.c_uint64),
+        ("limit", ctypes.c_uint64),
+        ("address", ctypes.c_uint64),
+        ("_next", ctypes.c_uint64),
+        ("_block_end", ctypes.c_uint64),
+        ("_flash", ctypes.c_void_p),
+        ("_flash_base", ctypes.c_uint64),
+        ("_flash_bytes", ctypes.c_uint64),
+        ("_read", ctypes.c_void_p),
+        ("_stop", ctypes.c_void_p),
+    )
 
-    def begin(self) -> None:
-        """Start counting from 0."""
-        self._before = self._length = 0
-        self._starts = {}
+    def __init__(self, flash: mmap.mmap) -> None:
+        super().__init__()
+        self._flash = ctypes.addressof(ctypes.c_char.from_buffer(flash))
+        self._flash_base, self._flash_bytes = FLASH_BASE, FLASH_BYTES
+        self._read, self._stop = _address_of(uclib.uc_mem_read), _address_of(uclib.uc_emu_stop)
 
-    def enter(self, _uc: object, address: int, size: int, _: object) -> None:
-        """Count the block that was left, and note the one that is entered; called by Unicorn itself."""
-        self._before += self._length
-        block = self._blocks.get((address, size))
-        if block is None:
-            block = self._blocks[address, size] = self._measure(address, size)
-        self._length, self._starts = block
+    def attach(self, uc: unicorn.Uc) -> None:
+        """Count what this processor does; the count has to live as long as it."""
+        functions = _library()
+        for kind, function in (
+            (unicorn.UC_HOOK_BLOCK, functions.enter_block),
+            (unicorn.UC_HOOK_CODE, functions.before_instruction),
+        ):
+            # Unicorn's own hook_add takes functions of Python only.
+            handle, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
+            error = uclib.uc_hook_add(
+                uc._uch, ctypes.byref(handle), kind, _address_of(function), ctypes.byref(self), *everywhere
+            )
+            if error != unicorn.UC_ERR_OK:
+                raise unicorn.UcError(error)
 
-    def done(self, pc: int) -> int:
-        """Instructions finished when `pc` is the next one: all of the block if it is not inside it."""
-        return self._before + self._starts.get(pc, self._length)
+    def begin(self, limit: int) -> None:
+        """Start a slice."""
+        self.done, self.limit, self.address = 0, limit, NOWHERE
+        self._next = self._block_end = 0
 
-    def at_start_or_inside(self, pc: int) -> bool:
-        """Whether `pc` is an instruction of the block entered last, so that this block was not finished."""
-        return pc in self._starts
 
-    def _measure(self, address: int, size: int) -> tuple[int, dict[int, int]]:
-        code = self._read(address, size)
-        starts: dict[int, int] = {}
-        at = 0
-        while at < size:
-            starts[address + at] = len(starts)
-            at += 4 if is_wide(int.from_bytes(code[at : at + 2], "little")) else 2
-        return len(starts), starts
+@cache
+def _library() -> ctypes.CDLL:
+    """Load the functions, compiled once for each version of their source.
+
+    Raises:
+        UsageError: they cannot be compiled.
+    """
+    version = hashlib.sha256(SOURCE.read_bytes() + " ".join(COMMAND).encode()).hexdigest()[:16]
+    library = FOLDER / f"{SOURCE.stem}-{version}.so"
+    if not library.exists():
+        _compile(library)
+    return ctypes.CDLL(str(library))
+
+
+def _compile(library: Path) -> None:
+    library.parent.mkdir(parents=True, exist_ok=True)
+    # Another process may do the same at this moment: the file appears as a whole.
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        fresh = Path(folder) / library.name
+        try:
+            subprocess.run([*COMMAND, "-o", fresh, SOURCE], capture_output=True, text=True, check=True)
+        except FileNotFoundError as error:
+            raise UsageError(f"no C++ compiler '{COMMAND[0]}'; install one (Debian: g++).") from error
+        except subprocess.CalledProcessError as error:
+            raise UsageError(f"{SOURCE.name} cannot be compiled: {error.stderr}") from error
+        os.replace(fresh, library)
+
+
+def _address_of(function: ctypes._CFuncPtr) -> ctypes.c_void_p:
+    return ctypes.cast(function, ctypes.c_void_p)

@@ -1,0 +1,124 @@
+"""Which functions and phases the instructions of a program are said to be of."""
+
+import pytest
+from machine_support import COUNT, TICK_EACH_MS, Bench, linked_program
+
+from tools.due_emulator.function_profile import Profile, functions_of
+
+CALLS = f"""movs r1, #0
+  keep r1, 0
+  {TICK_EACH_MS}
+  movs r4, #3
+  b begin
+begin:
+  bl outer
+  subs r4, #1
+  bne begin
+  movs r7, #9
+  bl loop
+  store 0xE000E010, 0
+  wait_forever
+outer:
+  push {{r5, lr}}
+  bl inner
+  bl leaf
+  pop {{r5, pc}}
+inner:
+  push {{r5, lr}}
+  bl leaf
+  pop {{r5, pc}}
+loop:
+  subs r7, #1
+  bne loop
+  bx lr
+leaf:
+__aeabi_leaf:
+  subs r6, r0, r0
+  ldr r0, =1000
+1: subs r0, #1
+  itt eq
+  moveq r6, #2
+  moveq.w r6, #3
+  bne 1b
+  bx lr
+{COUNT}"""
+LEAF = 2 + 1000 * 5 + 1
+"""Its instructions: those that a condition switches off take their cycle too."""
+
+
+@pytest.fixture(scope="module")
+def linked(tmp_path_factory):
+    return linked_program(tmp_path_factory.mktemp("calls"), CALLS, {15: "count"})
+
+
+@pytest.fixture
+def bench(linked):
+    elf, image = linked
+    bench = Bench(image)
+    bench.functions = functions_of(elf)
+    return bench
+
+
+def profiled(bench, seconds, phases=()):
+    with Profile(bench.board.cpu, bench.functions, phases) as profile:
+        bench.run(seconds)
+    return profile
+
+
+def test_instructions_are_counted_for_the_function_that_they_stand_in(bench):
+    found = profiled(bench, 0.05).by_function
+    ticks = bench.slot(0)
+    assert ticks == 7, "30,000 instructions are 7.5 ms"
+    assert found["__aeabi_leaf"] == 6 * LEAF, "of two names, the one by which compiled code calls it"
+    assert found["inner"] == 3 * 3
+    assert found["outer"] == 3 * 4
+    assert found["begin"] == 3 * 3 + 2 + 3 + 1
+    assert found["count"] == 5 * ticks
+    assert found.total() == bench.board.cpu.instructions
+
+
+def test_a_phase_has_all_that_it_calls_but_other_phases_and_interrupts(bench):
+    found = profiled(bench, 0.05, ("outer", "inner"))
+    assert bench.slot(0) > 0
+    assert found.by_phase == {"outer": 3 * (4 + LEAF), "inner": 3 * (3 + LEAF)}
+    assert found.calls == {"outer": 3, "inner": 3}
+
+
+def test_a_phase_that_goes_back_to_its_beginning_was_called_once(bench):
+    found = profiled(bench, 0.05, ("loop",))
+    assert (found.by_phase, found.calls) == ({"loop": 9 * 2 + 1}, {"loop": 1})
+
+
+def test_only_what_runs_between_the_two_moments_is_counted(bench):
+    # The second of six calls of the leaf, of 1.25 ms each.
+    bench.run(0.0015)
+    before = bench.board.cpu.instructions
+    found = profiled(bench, 0.0022)
+    there = found.by_function.total()
+    assert there == bench.board.cpu.instructions - before
+    assert found.by_function == {"__aeabi_leaf": there - 5, "count": 5}
+    bench.run(0.05)
+    assert found.by_function.total() == there
+
+
+def test_a_reset_does_not_end_a_profile(bench):
+    with Profile(bench.board.cpu, bench.functions, ("outer",)) as profile:
+        bench.run(0.05)
+        once = profile.calls["outer"]
+        bench.board.reopen_port()
+        bench.run(0.5)
+    assert (once, profile.calls["outer"]) == (3, 6)
+
+
+def test_a_profile_changes_nothing_of_what_the_program_does(linked):
+    _, image = linked
+    watched, alone = Bench(image), Bench(image).run(0.05)
+    with Profile(watched.board.cpu, {}):
+        watched.run(0.05)
+    assert watched.board.cpu.instructions == alone.board.cpu.instructions
+    assert watched.board.machine.idle_ps == alone.board.machine.idle_ps
+
+
+def test_a_phase_that_the_program_does_not_have_is_refused(bench):
+    with pytest.raises(ValueError, match="inlined_one"):
+        Profile(bench.board.cpu, bench.functions, ("outer", "inlined_one"))

@@ -1,0 +1,95 @@
+"""Where a program's instructions go: by function, and by phase with all that the phase calls."""
+
+import bisect
+import subprocess
+from collections import Counter
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Self
+
+from tools.due_emulator.cpu import THUMB, Cpu
+
+NM = "arm-none-eabi-nm"
+ELSEWHERE = "(no function)"
+
+
+def functions_of(elf: Path) -> dict[int, str]:
+    """Names of a linked program's functions by address; of several, the one by which compiled code calls it.
+
+    Raises:
+        FileNotFoundError: arm-none-eabi-nm is not installed (Debian: binutils-arm-none-eabi).
+        subprocess.CalledProcessError: the file is no ELF file.
+    """
+    command = [NM, "--demangle", "--defined-only", elf]
+    text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    symbols = [(int(line[:8], 16), line[11:]) for line in text.splitlines() if line[9] in "tTwW"]
+    symbols.sort(key=lambda symbol: (symbol[1].startswith("__aeabi_"), symbol[1]))
+    return {address & ~THUMB: name for address, name in symbols}
+
+
+class Profile:
+    """Counts instructions by function and by phase within a `with`, in which the board runs more slowly.
+
+    functions: names by address; a function reaches to the next one, and what runs on into that one without a
+    jump is of the first one up to the next jump. phases: names of functions. A phase is all that runs from a
+    call of its function to the return from it, but for other phases that it calls and for interrupts. What
+    the compiler put inline is no function any more and cannot be a phase.
+
+    Raises:
+        ValueError: the program has no function of a phase's name.
+    """
+
+    def __init__(self, cpu: Cpu, functions: Mapping[int, str], phases: Collection[str] = ()) -> None:
+        if unknown := sorted(set(phases) - set(functions.values())):
+            raise ValueError(f"no function of this name (or it went inline): {', '.join(unknown)}")
+        self.by_function: Counter[str] = Counter()
+        """Instructions of each function that ran, without those of functions that it called."""
+        self.by_phase: Counter[str] = Counter()
+        """Instructions of each phase."""
+        self.calls: Counter[str] = Counter()
+        """How often each phase was called."""
+        self._cpu = cpu
+        self._begins = sorted(functions)
+        self._names = [functions[address] for address in self._begins]
+        self._phases = {address: name for address, name in functions.items() if name in phases}
+        self._calls: dict[int, list[tuple[str, int]]] = {}
+        """Phases that run, innermost last, and their return addresses; by how many exceptions are active."""
+        self._function = ELSEWHERE
+        self._phase: str | None = None
+        self._counted = 0
+
+    def __enter__(self) -> Self:
+        self._function, self._counted = self._function_at(self._cpu.pc), self._cpu.instructions
+        self._cpu.watch(self._on_block)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._cpu.watch(None)
+        self._attribute(self._cpu.instructions)
+
+    def _on_block(self, address: int, instructions: int) -> None:
+        self._attribute(instructions)
+        self._function = self._function_at(address)
+        running = self._calls.setdefault(self._cpu.active_exceptions, [])
+        while running and running[-1][1] == address:
+            running.pop()
+        if address in self._phases:
+            call = (self._phases[address], self._cpu.return_address)
+            # A block that was interrupted before its first instruction, or a loop, begins there once more.
+            if running[-1:] != [call]:
+                running.append(call)
+                self.calls[call[0]] += 1
+        self._phase = running[-1][0] if running else None
+
+    def _attribute(self, instructions: int) -> None:
+        """Give what ran since the last time to what was running."""
+        ran = instructions - self._counted
+        self._counted = instructions
+        if ran:
+            self.by_function[self._function] += ran
+            if self._phase is not None:
+                self.by_phase[self._phase] += ran
+
+    def _function_at(self, address: int) -> str:
+        place = bisect.bisect_right(self._begins, address) - 1
+        return self._names[place] if place >= 0 else ELSEWHERE
