@@ -1,7 +1,8 @@
 """A device without hardware: protocol frames at 100 Hz on a pseudo-terminal, noise of known order.
 
 It boots whenever a program opens the port, as a Due does: 0x00, HELLO, then samples. What leaves it
-is quantised like an MPU-9250 at ±2000 deg/s. Its first line on stdout names the port.
+is quantised like an MPU-9250 at ±2000 deg/s. With --estimate it sends estimates of its own too. Its first
+line on stdout names the port.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from fltea import __version__, wire
 from fltea.errors import UsageError
 from fltea.messages import encode
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
+from own_estimator import JOINT, OwnEstimator
 
 POLL_S = 0.02
 ACCEL_1G = 16384
@@ -27,15 +29,19 @@ TEMPERATURE_25C = round((25.0 - 21.0) * 333.87)
 
 
 class Device:
-    """What the firmware would send, tick by tick; time runs with the number of samples."""
+    """What the firmware would send, tick by tick; time runs with the number of samples.
 
-    def __init__(self, settings: NoiseSettings, boot_id: int) -> None:
+    estimate: it also sends what it makes of its samples by itself.
+    """
+
+    def __init__(self, settings: NoiseSettings, boot_id: int, *, estimate: bool = False) -> None:
         self._settings = settings
         self._noise = NoiseGenerator(settings)
         self._boot_id = boot_id
         self._sequences = dict.fromkeys(wire.MESSAGES, 0)
         self.samples = 0
         self.dropped_frames = 0
+        self._own = OwnEstimator(JOINT, settings.lsb_per_dps, 1 / settings.rate_hz) if estimate else None
 
     @property
     def device_us(self) -> int:
@@ -44,17 +50,24 @@ class Device:
 
     def boot(self) -> bytes:
         """End whatever is on the line, and introduce the device."""
-        return b"\0" + self._frame(self._hello())
+        return b"\0" + self._frame(self._hello()) + self._estimator()
 
     def tick(self) -> bytes:
         """The frames of one sampling instant; HELLO and STATUS ride along once a second."""
         gyro = [int(count) for count in self._noise.step()]
+        sequence = self._sequences[wire.Sample.TYPE]
         frames = self._frame(wire.Sample(*gyro, 0, 0, ACCEL_1G, TEMPERATURE_25C, 0))
+        if self._own is not None:
+            frames += b"".join(map(self._frame, self._own.step(gyro, sequence)))
         if self.samples % round(self._settings.rate_hz) == 0:
             frames += self._frame(self._hello())
-            frames += self._frame(wire.Status(0, 0, 0, 0, self.dropped_frames, wire.ResetCause.USER))
+            frames += self._frame(wire.Status(0, 0, 0, 0, self.dropped_frames, wire.ResetCause.USER, 0, 0))
+            frames += self._estimator()
         self.samples += 1
         return frames
+
+    def _estimator(self) -> bytes:
+        return self._frame(self._own.stated) if self._own is not None else b""
 
     def _frame(self, message: wire.Message) -> bytes:
         sequence = self._sequences[message.TYPE]
@@ -93,6 +106,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument(
         "--link", type=Path, help="make a symbolic link to the port, under a name of your own"
     )
+    parser.add_argument("--estimate", action="store_true", help="send estimates of its own too")
     parser.add_argument("--samples", type=int, default=0, help="fall silent after so many samples of a boot")
     return parser.parse_args()
 
@@ -133,7 +147,8 @@ def main() -> int:
     try:
         while True:
             wait_for_client(master)
-            serve(master, Device(settings, boot_id=secrets.randbits(32)), arguments.samples)
+            device = Device(settings, boot_id=secrets.randbits(32), estimate=arguments.estimate)
+            serve(master, device, arguments.samples)
     except KeyboardInterrupt:
         return 0
     finally:

@@ -103,8 +103,11 @@ def export(
     paths: Recordings,
     to: Annotated[Path, typer.Option("--to", metavar="OUT.csv|OUT.npz", help="What to write.")],
     what: Annotated[
-        Literal["samples", "estimates"],
-        typer.Option(help="`samples`, decoded anew, or `estimates`, as they were published."),
+        Literal["samples", "estimates", "device_estimates"],
+        typer.Option(
+            help="`samples`, decoded anew; `estimates` as they were published; `device_estimates`: those "
+            "that the device made beside the host's."
+        ),
     ] = "samples",
     max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
 ) -> None:

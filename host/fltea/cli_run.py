@@ -108,7 +108,10 @@ def run(
         typer.Option(metavar="SEED", help="Shuffle a recording: what would white noise of this size give?"),
     ] = None,
     window: Annotated[
-        int | None, typer.Option("--window", "-L", help="Length L of the memory in samples (default 3000).")
+        int | None,
+        typer.Option(
+            "--window", "-L", help="Length L of the memory in samples (default 3000); 0: unlimited."
+        ),
     ] = None,
     startup: Annotated[
         int | None, typer.Option(metavar="N", help="Samples of the start-up window (default 500).")
@@ -125,7 +128,11 @@ def run(
     ] = None,
     engine: Annotated[
         str | None,
-        typer.Option(help="`compressed` (default), `direct` (exact window) or `reference` (numpy)."),
+        typer.Option(
+            help="`compressed` (default), `direct` (exact window), `reference` (numpy), `device` (an Arduino "
+            "Due's own estimates, none made here) or `both` (the Due's and those made here, with the "
+            "difference)."
+        ),
     ] = None,
     variant: Annotated[
         str | None, typer.Option(help="`triple` (the paper's) or `joint` (one filter on α and h^α f).")
@@ -156,6 +163,8 @@ def run(
         fltea run -s rest.csv --columns gx,gy,gz --units rad/s --rate 100
 
         fltea run -s replay:rest.npz --once --shuffle 1
+
+        fltea run --engine both
 
         fltea run --dashboard 5006 --record recordings --mqtt mqtts://broker.example --format none
 

@@ -49,24 +49,40 @@ def _given(value: str | float | list[float]) -> list[float]:
     return value if isinstance(value, list) else [value]
 
 
+Engine = Literal["compressed", "direct", "reference", "device", "both"]
+
+BY_DEVICE = ("device", "both")
+"""Engines for which the device estimates by itself."""
+
+
 class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True):
     """The estimator, its start-up window (samples), bias (deg/s) and R ((deg/s)²).
 
-    engine: "compressed" (native, at a cost that does not depend on the window), "direct" (native, exact)
-    or "reference" (numpy; the printed algorithm only). variant: "triple" (the paper's) or "joint" (one filter
-    on α and h^α f). guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do).
+    engine: "compressed" (native, at a cost that does not depend on the window), "direct" (native, exact),
+    "reference" (numpy; the printed algorithm only), "device" (an Arduino Due's own estimates, none here) or
+    "both" (the Due's, and "compressed" here with the Due's settings). variant: "triple" (the paper's) or
+    "joint" (one filter on α and h^α f). guard: "off" (printed), "faithful" or "consistent" (host/README.md
+    says what they do). gate: standard deviations from which on a guard softens an innovation.
     """
 
     startup: int = 500
     bias: Literal["startup", "none"] | float | list[float] = "startup"
     R: Literal["auto"] | float | list[float] = "auto"
-    engine: Literal["compressed", "direct", "reference"] = "compressed"
+    engine: Engine = "compressed"
     variant: Literal["triple", "joint"] = "joint"
     guard: Literal["off", "faithful", "consistent"] = "consistent"
     joint: JointSettings = JointSettings()
+    gate: float = 10.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not self.window and self.engine in ("direct", "reference"):
+            raise ValueError(
+                f"window 0 is an unlimited one, which only engine compressed has: engine {self.engine} keeps "
+                "every sample of its window; give its length"
+            )
+        if not 1 <= self.gate <= 1000:
+            raise ValueError(f"gate must be 1 to 1000 standard deviations, got {self.gate:g}")
         if self.engine == "reference" and (self.variant, self.guard) != ("triple", "off"):
             raise ValueError(
                 "engine reference is the printed algorithm: it needs variant triple and guard off"
@@ -92,6 +108,14 @@ class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
     """
 
     state: StateSettings = StateSettings(P0=4.5e-4, Q=6.75e-3)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.engine in BY_DEVICE:
+            raise ValueError(
+                f"engine {self.engine} is not for the accelerometer: a device estimates its gyroscope only; "
+                "leave accel.engine at compressed, direct or reference"
+            )
 
 
 class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -8,7 +8,7 @@ import msgspec
 
 from fltea.listen_address import listen_address
 
-RECORDED = ("hello", "epoch", "gap", "sample", "estimate", "stats", "error")
+RECORDED = ("hello", "epoch", "gap", "sample", "estimate", "device_estimate", "stats", "error")
 """Classes of the records that can ride along in a recording."""
 
 

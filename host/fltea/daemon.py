@@ -10,12 +10,13 @@ import threading
 import time
 from collections.abc import Sequence
 from types import FrameType
+from typing import TypeGuard
 
 from fltea import clock
-from fltea.config import Config
+from fltea.config import BY_DEVICE, Config
 from fltea.errors import FlteaError, SourceFailed, UsageError
 from fltea.hub import Hub
-from fltea.model import DeviceStatus, Trouble
+from fltea.model import AnyRecord, DeviceStatus, Error, Trouble
 from fltea.outputs import open_outputs
 from fltea.pipeline import Pipeline
 from fltea.service_manager import ServiceManager
@@ -172,7 +173,7 @@ class _Run:
         else:
             self._end(SourceFailed(failure.message) if failure else None)
 
-    def _walk(self, source: Source, config: Config, state: StateFile | None) -> Trouble | None:
+    def _walk(self, source: Source, config: Config, state: StateFile | None) -> Trouble | Error | None:
         """Move everything from source to outputs; the trouble that ended it, if one did."""
         name = config.name or ""
         found = state.found.get(name) if state else None
@@ -184,7 +185,7 @@ class _Run:
             as_wire = AsWire(lambda: source.unix_offset_ns)
         period_ns = int(config.state.period_s * 1e9)
         save_ns = clock.host_ns() + period_ns
-        failure = None
+        failure: Trouble | Error | None = None
         for event in source.events():
             self._moved_s[name] = time.monotonic()
             if as_wire is not None and tap is not None:
@@ -193,6 +194,8 @@ class _Run:
             if config.once and isinstance(event, Trouble) and event.fatal:
                 failure = event
             records = list(pipeline.feed(event))
+            if config.once and source.live and failure is None:
+                failure = next(filter(_is_vain, records), None)
             if records:
                 arrived_ns = event.host_ns if source.live and not isinstance(event, DeviceStatus) else None
                 self._hub.publish(name, records, arrived_ns, wait=not source.prompt, log=failure is None)
@@ -221,6 +224,11 @@ class _Run:
             self._stop.asked.set()
 
 
+def _is_vain(record: AnyRecord) -> TypeGuard[Error]:
+    """Whether a record says that what was asked for will not come from this device."""
+    return isinstance(record, Error) and record.kind == "no_device_estimates"
+
+
 def _deposit(pipeline: Pipeline, state: StateFile, name: str) -> None:
     snapshot = pipeline.save()
     if snapshot is not None:
@@ -242,6 +250,11 @@ def _check_recordable(config: Config, source: Source) -> None:
         raise UsageError("--record and --state are for devices; a recording is one already.")
     if config.state.file and "reference" in (config.estimator.engine, config.accel.engine):
         raise UsageError("--state keeps the native engines only; leave --engine reference or --state away.")
+    if config.state.file and config.estimator.engine in BY_DEVICE:
+        raise UsageError(
+            f"--state cannot keep what a device estimates, which begins anew with its boot; leave --engine "
+            f"{config.estimator.engine} or --state away."
+        )
 
 
 def _last_words(text: str) -> None:

@@ -1,6 +1,7 @@
 """Raw frames made readable: one line a frame, damaged ones too, and a sum at the end."""
 
 from collections.abc import Iterable, Iterator
+from enum import IntFlag
 
 from fltea import wire
 from fltea.framing import BadFrame
@@ -35,7 +36,8 @@ def describe(item: Frame | Refused | BadFrame) -> str:
         case Frame():
             name = type(item.message).__name__.upper()
             fields = zip(item.message._fields, item.message, strict=True)
-            text = "  ".join(f"{field} {_value(field, value)}" for field, value in fields)
+            flags = wire.EstimateFlags if isinstance(item.message, wire.Estimate) else wire.SampleFlags
+            text = "  ".join(f"{field} {_value(field, value, flags)}" for field, value in fields)
             return f"{name:8} seq {item.sequence:5}  t {item.device_us / 1e6:11.6f} s  {text}"
 
 
@@ -46,7 +48,9 @@ def summary(reader: FrameReader) -> str:
     return ", ".join(parts)
 
 
-def _value(field: str, value: object) -> str:
+def _value(field: str, value: object, flags: type[IntFlag]) -> str:
+    if isinstance(value, float):
+        return f"{value:.7g}"  # the digits of an f32
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, str):
@@ -59,10 +63,13 @@ def _value(field: str, value: object) -> str:
         "sampling_mode": wire.SamplingMode,
         "reset_cause": wire.ResetCause,
         "code": wire.FaultCode,
+        "axis": wire.Axis,
+        "variant": wire.EstimatorVariant,
+        "guard": wire.EstimatorGuard,
     }.get(field)
     if enum is not None and value in enum._value2member_map_:
         return f"{value} ({enum._value2member_map_[value].name.lower()})"
     if field == "flags" and value:
-        names = [flag.name for flag in wire.SampleFlags if flag & int(str(value))]
+        names = [flag.name for flag in flags if flag & int(str(value))]
         return f"{value} ({'|'.join(str(name).lower() for name in names)})" if names else str(value)
     return str(value)

@@ -1,14 +1,16 @@
 """The records that walk through the program, units in their names.
 
-Events come out of a source: `Hello`, `RawSample`, `DeviceStatus`, `Trouble`, `LinkDown`,
-`Break`, `Tick`.
-Records go to the sinks: `Hello`, `Sample`, `Estimate`, `Gap`, `Epoch`, `Stats`, `Error`; as JSON
-each is one object whose first key is `class` (host/README.md documents every field).
+Events come out of a source: `Hello`, `RawSample`, `DeviceStatus`, `DeviceAxis` and `DeviceEstimator` (of
+`device_messages`), `Trouble`, `LinkDown`, `Break`, `Tick`.
+Records go to the sinks: `Hello`, `Sample`, `Estimate`, `DeviceEstimates`, `Gap`, `Epoch`, `Stats`, `Error`;
+as JSON each is one object whose first key is `class` (host/README.md documents every field).
 """
 
 from typing import Literal, NamedTuple
 
 import msgspec
+
+from fltea.device_messages import DeviceAxis, DeviceEstimator
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
@@ -68,7 +70,10 @@ class RawSample(NamedTuple):
 
 
 class DeviceStatus(msgspec.Struct, frozen=True):
-    """The device's own counters since its boot (protocol/README.md, STATUS)."""
+    """The device's own counters since its boot (protocol/README.md, STATUS).
+
+    cpu_share_percent, longest_step_us: since the status before; None where the source has no such thing.
+    """
 
     i2c_errors: int
     bus_recoveries: int
@@ -76,6 +81,8 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     overruns: int
     dropped_frames: int
     reset_cause: str
+    cpu_share_percent: float | None = None
+    longest_step_us: int | None = None
 
 
 class Trouble(NamedTuple):
@@ -109,7 +116,7 @@ class Tick(NamedTuple):
     host_ns: int
 
 
-Event = Hello | RawSample | DeviceStatus | Trouble | LinkDown | Break | Tick
+Event = Hello | RawSample | DeviceStatus | DeviceAxis | DeviceEstimator | Trouble | LinkDown | Break | Tick
 
 
 class Sample(Record, frozen=True, tag="sample"):
@@ -168,6 +175,42 @@ class Estimate(Record, frozen=True, tag="estimate"):
     accel_axes: dict[str, AccelEstimate] | None = None
 
 
+class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The device's own estimate of one axis after one sample; null where not valid.
+
+    age: steps since the device's start-up window, the first one is 1. The differences are the device's
+    estimate minus the host's after the same sample; null where the two cannot be compared.
+    """
+
+    alpha: float | None
+    alpha_std: float | None
+    f: float | None
+    f_std: float | None
+    state_dps: float | None
+    innovation_dps: float | None
+    valid: bool
+    age: int
+    alpha_difference: float | None = None
+    f_difference: float | None = None
+    state_difference_dps: float | None = None
+
+
+class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
+    """The device's own estimates after one sample, beside the host's, which `Estimate` holds.
+
+    comparable: the host computed with the device's settings from the same sample on, and at least one axis
+    has differences.
+    """
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    variant: str
+    axes: dict[str, DeviceAxisEstimate]
+    comparable: bool
+
+
 class Gap(Record, frozen=True, tag="gap"):
     """`missing` samples are lost, the first of them numbered `seq`."""
 
@@ -178,7 +221,7 @@ class Gap(Record, frozen=True, tag="gap"):
 
 
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an epoch is estimated with."""
+    """What an epoch is estimated with; window 0 is unlimited."""
 
     variant: str
     engine: str
@@ -247,6 +290,28 @@ class AccelStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     innovation_nis: float | None = None
 
 
+class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the device's own estimator gets on.
+
+    begun, skipped and longest_axis_us are since its boot. estimates: those of an axis that came; lost: those
+    that did not; unplaced: those that came and fit no sample (before the epoch, or its sample was lost), both
+    since the start of the program. restarts are since the device's start-up window, interventions by cause
+    since the axis last began.
+    """
+
+    begun: int
+    startup_remaining: int
+    every: int
+    queue: int
+    skipped: int
+    longest_axis_us: int
+    estimates: int
+    lost: int
+    unplaced: int
+    restarts: dict[str, int]
+    interventions: dict[str, dict[str, int]]
+
+
 class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What an output did with its records, since the start of the program.
 
@@ -272,6 +337,7 @@ class Stats(Record, frozen=True, tag="stats"):
     board: DeviceStatus | None
     accel_axes: dict[str, AccelStats] | None = None
     outputs: dict[str, OutputStats] = {}
+    device_estimator: DeviceEstimatorStats | None = None
 
 
 class Error(Record, frozen=True, tag="error"):
@@ -282,4 +348,4 @@ class Error(Record, frozen=True, tag="error"):
     host_ns: int
 
 
-AnyRecord = Hello | Sample | Estimate | Gap | Epoch | Stats | Error
+AnyRecord = Hello | Sample | Estimate | DeviceEstimates | Gap | Epoch | Stats | Error

@@ -3,13 +3,16 @@
 The sources stand before it (transport, framing and messages inside the serial one), the sinks behind it.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 
 import msgspec
 
 from fltea.channels import Channels, explain_lost
-from fltea.config import Config
+from fltea.config import BY_DEVICE, Config
 from fltea.decode import Decoded, Decoder
+from fltea.device_estimates import DeviceFollower, Notice
+from fltea.device_messages import DeviceAxis, DeviceEstimator
+from fltea.device_settings import info_of, unused_settings
 from fltea.errors import UsageError
 from fltea.estimator.gyroscope import AxisEstimate
 from fltea.model import (
@@ -21,6 +24,7 @@ from fltea.model import (
     EpochReason,
     Error,
     Estimate,
+    EstimatorInfo,
     Event,
     Gap,
     Hello,
@@ -37,6 +41,8 @@ from fltea.units import accel_resolution_ms2, resolution_dps
 
 STATS_PERIOD_NS = 10**9
 LOST_PERIOD_NS = 60 * 10**9
+LONGEST_BRIDGE = 30_000
+"""Missing samples that a resumed estimator of unlimited memory predicts: half a second's work."""
 
 
 def no_outputs() -> dict[str, OutputStats]:
@@ -63,13 +69,15 @@ class Pipeline:
         self._outputs = outputs
         self._state = state
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name)
+        engine = config.estimator.engine
+        self._follower = DeviceFollower(engine, config.name) if engine in BY_DEVICE else None
         self._gyro: Channels | None = None
         self._accel: Channels | None = None
         self._sample_ns: int | None = None
         self._board: DeviceStatus | None = None
         self._now_ns = 0
         self._told_lost: dict[str, int] = {}
-        self._told_no_axis = False
+        self._told_no_axis = self._told_unused = False
         self._offset_ns = source.unix_offset_ns
         self._stats_due_ns: int | None = None
 
@@ -90,8 +98,12 @@ class Pipeline:
                 self._board = None
             case Trouble():
                 yield self._error(event.kind, event.message)
+        if self._follower is not None:
+            yield from self._follow(self._follower, event)
         match self._decoder.feed(event):
             case Hello() as hello:
+                if self._follower is not None:
+                    self._follower.forget_samples()
                 yield msgspec.structs.replace(hello, host_ns=self._unix_ns(), device=self._config.name)
             case Decoded() as decoded:
                 yield from self._on_sample(decoded)
@@ -99,6 +111,21 @@ class Pipeline:
             self._stats_due_ns = self._now_ns + STATS_PERIOD_NS
         elif self._now_ns >= self._stats_due_ns:
             yield self.stats()
+
+    def _follow(self, follower: DeviceFollower, event: Event) -> Iterator[AnyRecord]:
+        """Let what the device says of its own estimates lead to records."""
+        if isinstance(event, LinkDown):
+            follower.forget_device()
+        elif self._decoder.continuity.hello is None:
+            follower.forget_samples()
+        if isinstance(event, DeviceAxis):
+            yield from self._told(follower.on_axis(event))
+        elif isinstance(event, DeviceEstimator) and self._decoder.continuity.hello is not None:
+            yield from self._told(follower.on_estimator(event))
+
+    def _told(self, items: Iterable[AnyRecord | Notice]) -> Iterator[AnyRecord]:
+        for item in items:
+            yield self._error(item.kind, item.message) if isinstance(item, Notice) else item
 
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
@@ -120,6 +147,8 @@ class Pipeline:
         else:
             for channels in self._channels():
                 channels.on_missing(missing)
+            if self._follower is not None:
+                self._follower.on_missing(missing)
         if missing:
             epoch = sample.epoch - (reason is not None)
             yield Gap(sample.seq - missing, missing, epoch, sample.host_ns, device=name)
@@ -131,7 +160,7 @@ class Pipeline:
                 sample.device_us,
                 sample.host_ns,
                 hello.boot_id,
-                self._gyro.info() if self._gyro else None,
+                self._gyro_info(),
                 self._accel.info() if self._accel else None,
                 resumed_after_s,
                 device=name,
@@ -146,11 +175,18 @@ class Pipeline:
                 sample.epoch,
                 sample.device_us,
                 sample.host_ns,
-                (self._config.estimator if gyro else self._config.accel).variant,
+                self._gyro.config.variant if self._gyro and gyro else self._config.accel.variant,
                 self._gyro.gyro_estimates(gyro) if self._gyro and gyro else {},
                 self._accel.accel_estimates(accel) if self._accel and accel else None,
                 device=name,
             )
+        if self._follower is not None:
+            yield from self._told(self._follower.on_sample(sample, raw.host_ns, gyro))
+
+    def _gyro_info(self) -> EstimatorInfo | None:
+        if self._follower is not None and self._follower.alone:
+            return info_of(self._follower.stated) if self._follower.stated else None
+        return self._gyro.info() if self._gyro else None
 
     def _estimate(
         self, channels: Channels | None, values: tuple[float, ...]
@@ -183,18 +219,26 @@ class Pipeline:
         """Sum up the whole walk so far."""
         self._stats_due_ns = self._now_ns + STATS_PERIOD_NS
         c, timebase = self._decoder.continuity, self._decoder.timebase
+        of_device = self._follower.stats() if self._follower else None
+        remaining = [one.startup_remaining for one in self._channels()]
+        if self._follower is not None and self._follower.alone:
+            remaining.append(of_device.startup_remaining if of_device else 0)
+            axes = self._follower.axes_stats()
+        else:
+            axes = self._gyro.gyro_stats() if self._gyro else {}
         return Stats(
             epoch=self._decoder.epoch,
             host_ns=self._unix_ns(),
             rate_hz=timebase.rate_hz if timebase else None,
             clock_ppm=timebase.clock_ppm if timebase else None,
-            startup_remaining=max((one.startup_remaining for one in self._channels()), default=0),
+            startup_remaining=max(remaining, default=0),
             link=self._source.link_stats(),
             samples=SampleStats(c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello),
-            axes=self._gyro.gyro_stats() if self._gyro else {},
+            axes=axes,
             board=self._board,
             accel_axes=self._accel.accel_stats() if self._accel else None,
             outputs=self._outputs() if self._source.prompt else {},
+            device_estimator=of_device,
             device=self._config.name,
         )
 
@@ -209,6 +253,7 @@ class Pipeline:
         Returns why the epoch begins, and how old the snapshot is.
         """
         yield from self._tell_absent(raw, hello)
+        yield from self._tell_unused()
         state, self._state = self._state, None
         if state is not None:
             now_unix_ns = raw.host_ns + self._offset_ns
@@ -222,7 +267,7 @@ class Pipeline:
                     age_s = (now_unix_ns - state.unix_ns) * 1e-9
                     missing = max(0, round(age_s * hello.rate_hz) - 1)
                     for channels in self._channels():
-                        channels.on_missing(min(missing, channels.config.window))
+                        channels.on_missing(min(missing, channels.config.window or LONGEST_BRIDGE))
                     return "resumed", age_s
             text = f"the snapshot is not used, so the start-up window begins: {problem}."
             yield self._error("state_unused", text)
@@ -238,10 +283,13 @@ class Pipeline:
         gyro = [i for i, axis in enumerate(AXES[: len(raw.gyro)]) if wanted is None or axis in wanted]
         accel = [i for i, axis in enumerate(ACCEL_AXES) if axis in (wanted or ())]
         self._gyro = self._accel = None
-        if gyro:
-            names, resolution = [AXES[i] for i in gyro], resolution_dps(hello)
+        names, estimator = [AXES[i] for i in gyro], config.estimator
+        if self._follower is not None:
+            self._follower.begin(names)
+            estimator = self._follower.settings(estimator)
+        if gyro and not (self._follower and self._follower.alone):
             saved = state.gyro if state else None
-            self._gyro = Channels(names, gyro, config.estimator, h, resolution, saved)
+            self._gyro = Channels(names, gyro, estimator, h, resolution_dps(hello), saved)
         if accel and _has_accel(raw, hello):
             names, resolution = [ACCEL_AXES[i] for i in accel], accel_resolution_ms2(hello)
             saved = state.accel if state else None
@@ -257,6 +305,20 @@ class Pipeline:
                 f"channels names {', '.join(absent)}, which this source does not have, or has no scale for."
             )
             yield self._error("no_axis", text)
+
+    def _tell_unused(self) -> Iterator[Error]:
+        """Tell once which settings were changed for nothing, since the device has its own."""
+        engine = self._config.estimator.engine
+        if self._follower is None or self._told_unused:
+            return
+        self._told_unused = True
+        unused = unused_settings(self._config.estimator)
+        if unused:
+            text = (
+                f"{', '.join(unused)}: not used with engine {engine}, since the device estimates with the "
+                "settings of its firmware" + (", and so does this computer." if engine == "both" else ".")
+            )
+            yield self._error("settings_unused", text)
 
     def _error(self, kind: str, message: str) -> Error:
         return Error(kind, message, self._unix_ns(), device=self._config.name)

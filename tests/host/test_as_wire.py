@@ -2,6 +2,7 @@
 
 import msgspec
 import pytest
+from fltea import wire
 from fltea.errors import UsageError
 from fltea.messages import FrameReader
 from fltea.model import Break, DeviceStatus, Event, Hello, LinkDown, RawSample, Tick, Trouble
@@ -20,8 +21,8 @@ MPU = hello(
     device_id=bytes(range(16)).hex(),
     firmware_version="1.2.3",
     sensor="MPU-9250",
-    protocol="1.2",
-    schema_hash="0x54B0C642",
+    protocol=f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}",
+    schema_hash=f"0x{wire.SCHEMA_HASH:08X}",
     gyro_range_dps=2000.0,
     accel_range_g=2.0,
     gyro_dlpf_hz=184.0,

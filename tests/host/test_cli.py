@@ -86,7 +86,7 @@ USAGE = {
     "no such scheme": (["run", "-s", "ftp://x"], "ftp://x"),
     "bad format": (["run", "--format", "xml"], "format|xml"),
     "bad pace": (["run", "--pace", "slow"], "pace|slow"),
-    "bad window": (["run", "--window", "0"], "estimator: window must be 1 to 10000000"),
+    "bad window": (["run", "--window", "-1"], "estimator: window must be 1 to 10000000"),
     "bad start-up": (["run", "--startup", "1"], "estimator: startup must be at least 2"),
     "bad gap": (["run", "--max-gap", "-1"], "link: max_gap"),
     "bad bias": (["run", "--bias", "much"], "--bias much|startup, none"),

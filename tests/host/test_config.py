@@ -127,7 +127,7 @@ IMPOSSIBLE = [
     ("replay.rate_hz", float("nan"), "replay: rate_hz"),
     ("replay.rate_hz", float("inf"), "replay: rate_hz"),
     ("replay.shuffle", -1, "replay: shuffle"),
-    ("estimator.window", 0, "estimator: window"),
+    ("estimator.window", -1, "estimator: window"),
     ("estimator.startup", 1, "estimator: startup"),
     ("estimator.R", 0, "estimator: R is a variance"),
     ("estimator.R", [0.02, -1], "estimator: R is a variance"),

@@ -57,7 +57,7 @@ def frames(turn: int, hello: wire.Hello = WIRE_HELLO) -> bytes:
     said = b"\0"
     if turn % 5 == 0:
         said += encode(hello, turn, turn * 10_000)
-        said += encode(wire.Status(0, 3, 0, 0, 0, wire.ResetCause.USER), turn, turn * 10_000)
+        said += encode(wire.Status(0, 3, 0, 0, 0, wire.ResetCause.USER, 0, 0), turn, turn * 10_000)
     if turn % 10:
         said += encode(wire.Sample(turn, 0, 0, 0, 0, 16384, 0, 0), turn, turn * 10_000)
     return said

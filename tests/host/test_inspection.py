@@ -8,6 +8,7 @@ from fltea import wire
 from fltea.inspection import HEX_BYTES_SHOWN, describe, inspect, summary
 from fltea.messages import REASONS, Frame, FrameReader
 from host_support import fltea
+from own_estimator import f32
 from protocol_support import records
 
 REFUSED_STREAM = "a device of another version"
@@ -139,10 +140,19 @@ def test_sample_and_its_flags(flags: int, text: str) -> None:
     ("cause", "text"), [(2, "2 (watchdog)"), (255, "255 (unknown)"), (77, "reset_cause 77")]
 )
 def test_status_and_its_reset_cause(cause: int, text: str) -> None:
-    shown = line(wire.Status(1, 2, 3, 4, 5, cause))
+    shown = line(wire.Status(1, 2, 3, 4, 5, cause, 6, 7))
     assert shown.startswith("STATUS   ")
-    assert shown.endswith(text)
+    assert shown.endswith(f"{text}  cpu_share 6  longest_step 7")
     assert "  dropped_frames 5  " in shown
+
+
+def test_estimate_and_estimator_have_their_own_words() -> None:
+    shown = line(wire.Estimate(1, 9, 7, 8, *[0.1] * 6, *[0] * 9))
+    assert "  axis 1 (gyro_y)  flags 9 (valid|skipped)  sample 7  age 8  alpha 0.1  " in shown
+    shown = line(wire.Estimator(1, 2, *[3] * 11, *[f32(0.01)] * 18))
+    assert shown.startswith("ESTIMATOR seq")
+    assert "  variant 1 (joint)  guard 2 (consistent)  startup 3  " in shown
+    assert shown.endswith("  gate 0.01")
 
 
 @pytest.mark.parametrize(

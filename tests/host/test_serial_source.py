@@ -64,16 +64,23 @@ def test_hello_in_units(script: Script) -> None:
 
 
 def test_each_message_becomes_its_event(script: Script) -> None:
-    status = wire.Status(1, 2, 3, 4, 5, wire.ResetCause.WATCHDOG)
+    status = wire.Status(1, 2, 3, 4, 5, wire.ResetCause.WATCHDOG, 4321, 700)
     fault = wire.Fault(wire.FaultCode.SENSOR_LOST, 0x10)
     data = hello_bytes() + encode(SAMPLE, 9, 90_000) + encode(status, 0, 0) + encode(fault, 0, 0)
     _, sample, health, trouble = script.at(Chunk(data, 3))
     assert sample == RawSample(9, 90_000, 3, (1, -2, 3), (4, -5, 6), 700, 4)
-    assert health == DeviceStatus(1, 2, 3, 4, 5, "watchdog")
+    assert health == DeviceStatus(1, 2, 3, 4, 5, "watchdog", 43.21, 700)
     assert isinstance(trouble, Trouble)
     assert trouble.kind == "device_fault"
     assert "sensor_lost: the sensor stopped answering (16 errors in a row)" in trouble.message
     assert not trouble.fatal
+
+
+def test_a_status_that_measured_no_time_says_nothing_of_it(script: Script) -> None:
+    """So a recording of a source that has no such thing replays as it was."""
+    status = wire.Status(1, 2, 3, 4, 5, wire.ResetCause.WATCHDOG, 0, 0)
+    *_, health = script.at(Chunk(hello_bytes() + encode(status, 0, 0), 3))
+    assert health == DeviceStatus(1, 2, 3, 4, 5, "watchdog", None, None)
 
 
 def test_codes_that_this_version_does_not_know_are_named_by_number(script: Script) -> None:

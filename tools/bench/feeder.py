@@ -51,7 +51,7 @@ def frames(k: int, n: int) -> list[bytes]:
         data = encode(wire.Sample(*counts, 0, 0, 16384, 1335, 0), i % 65536, now_us % 2**32)
         if i % RATE_HZ == 0:
             second = i // RATE_HZ
-            status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER)
+            status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
             data = encode(hello(k), second, now_us) + encode(status, second, now_us) + data
         found.append(data)
     return found

@@ -59,7 +59,7 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
         if k % 100 == 0:
             second = (k // 100) % 65536
             data += encode(hello(1)._replace(boot_id=boot), second, now_us % 2**32)
-            status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER)
+            status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
             data += encode(status, second, now_us % 2**32)
         counts = [round(rng.gauss(0, 3)) for _ in range(3)]
         data += encode(wire.Sample(*counts, 0, 0, 16384, 1335, 0), k % 65536, now_us % 2**32)

@@ -197,7 +197,7 @@ class Board:
             time.sleep(left_ns * 1e-9)
         frames = b""
         if k % RATE_HZ == 0:
-            status = wire.Status(0, 0, 0, 0, self.dropped, wire.ResetCause.USER)
+            status = wire.Status(0, 0, 0, 0, self.dropped, wire.ResetCause.USER, 0, 0)
             frames = self._frame(self._hello()) + self._frame(status)
         x, y, z = (round(self._random.gauss(0, 3)) for _ in range(3))
         # accel_x and accel_y make each frame one of a kind, whatever boot it is of.

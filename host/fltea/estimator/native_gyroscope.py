@@ -117,10 +117,11 @@ def lane_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> Engi
     order, parameter, state, joint = config.order, config.parameter, config.state, config.joint
     return EngineSettings(
         h=h,
-        window=config.window,
+        window=config.window or None,
         memory="direct" if config.engine == "direct" else "compressed",
         variant=config.variant,
         guard=config.guard,
+        gate=config.gate,
         state=StateTuning(P0=state.P0, Q=state.Q, x0=state.x0, R=tuple(R)),
         order=OrderTuning(P0=order.P0, Q0=order.Q0, alpha0=order.alpha0, delta=order.delta),
         parameter=ParameterTuning(P0=parameter.P0, Q0=parameter.Q0, f0=parameter.f0, delta=parameter.delta),

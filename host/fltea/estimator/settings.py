@@ -89,7 +89,7 @@ class JointSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class GyroscopeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All of one gyroscope estimator; `window` is the implementation length L in samples."""
+    """All of one gyroscope estimator; `window` is the implementation length L in samples, 0: unlimited."""
 
     window: int = 3000
     state: StateSettings = StateSettings()
@@ -97,7 +97,8 @@ class GyroscopeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     parameter: ParameterSettings = ParameterSettings()
 
     def __post_init__(self) -> None:
-        if not 1 <= self.window <= LONGEST_WINDOW:
+        if not 0 <= self.window <= LONGEST_WINDOW:
             raise ValueError(
-                f"window must be 1 to {LONGEST_WINDOW} samples, got {self.window}; the paper uses 3000"
+                f"window must be 1 to {LONGEST_WINDOW} samples, or 0 for an unlimited one, "
+                f"got {self.window}; the paper uses 3000"
             )

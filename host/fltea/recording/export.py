@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 
 from fltea.decode import Decoded, Decoder
 from fltea.errors import UsageError
-from fltea.model import ACCEL_AXES, AXES, AccelEstimate, AxisEstimate
+from fltea.model import ACCEL_AXES, AXES, AccelEstimate, AxisEstimate, DeviceAxisEstimate
 from fltea.recording.session import Entry
 from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
 from fltea.whole_file import whole_file
 
-What = Literal["samples", "estimates"]
+What = Literal["samples", "estimates", "device_estimates"]
 OF_AN_AXIS = {
     "alpha": "alpha_{}",
     "alpha_std": "alpha_std_{}",
@@ -36,6 +36,10 @@ OF_AN_AXIS = {
     "valid": "valid_{}",
     "null_p": "null_p_{}",
     "order": "not_white_{}",
+    "age": "age_{}",
+    "alpha_difference": "alpha_difference_{}",
+    "f_difference": "f_difference_{}_s^-alpha",
+    "state_difference_dps": "state_difference_{}_dps",
 }
 """Fields of an axis in an estimate, and the columns that they become."""
 
@@ -61,11 +65,11 @@ def export(paths: Sequence[Path], out: Path, what: What, max_gap: int) -> int:
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
     with whole_file(out) as part:
         if suffix == ".csv":
-            table = sample_table(decode(paths, max_gap)) if what == "samples" else estimate_table(paths)
+            table = sample_table(decode(paths, max_gap)) if what == "samples" else estimate_table(paths, what)
             rows = _write_csv(part, table)
         else:
             arrays, rows = (
-                sample_arrays(decode(paths, max_gap)) if what == "samples" else estimate_arrays(paths)
+                sample_arrays(decode(paths, max_gap)) if what == "samples" else estimate_arrays(paths, what)
             )
             with part.open("wb") as file:
                 np.savez_compressed(file, allow_pickle=False, **arrays)
@@ -184,19 +188,25 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
     return arrays | {name: np.array(values) for name, values in whole.items()}, len(time_s)
 
 
-def estimate_table(paths: Sequence[Path]) -> Table:
+def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
     """One row an estimate, as it was published; what was not valid stays empty.
+
+    what: "estimates", or "device_estimates" for those that the device made beside the host's.
 
     Raises:
         UsageError: no recording, or one without estimates.
     """
-    records = _estimates(paths)
+    records = _estimates(paths, what.removesuffix("s"))
     first = next(records, None)
+    if first is None and what == "device_estimates":
+        raise UsageError(f"{paths[0]}: holds no estimates of a device beside the host's (--engine both).")
     if first is None:
         raise UsageError(
             f"{paths[0]}: holds no estimates. Make them of its samples: fltea run -s replay:{paths[0]}"
         )
-    kinds = {"axes": AxisEstimate, "accel_axes": AccelEstimate}
+    kinds: dict[str, type[msgspec.Struct]] = {"axes": AxisEstimate, "accel_axes": AccelEstimate}
+    if what == "device_estimates":
+        kinds = {"axes": DeviceAxisEstimate}
     places = [
         (part, axis, field)
         for part, kind in kinds.items()
@@ -214,9 +224,9 @@ def estimate_table(paths: Sequence[Path]) -> Table:
     return Table(columns, rows())
 
 
-def estimate_arrays(paths: Sequence[Path]) -> tuple[dict[str, ArrayLike], int]:
+def estimate_arrays(paths: Sequence[Path], what: What = "estimates") -> tuple[dict[str, ArrayLike], int]:
     """The same as arrays; NaN for what was not valid."""
-    columns, rows = estimate_table(paths)
+    columns, rows = estimate_table(paths, what)
     arrays: list[Any] = [array("q" if column in OF_ALL else "d") for column in columns]
     for row in rows:
         for values, value in zip(arrays, row, strict=True):
@@ -224,7 +234,7 @@ def estimate_arrays(paths: Sequence[Path]) -> tuple[dict[str, ArrayLike], int]:
     return {name: np.array(a) for name, a in zip(columns, arrays, strict=True)}, len(arrays[0])
 
 
-def _estimates(paths: Sequence[Path]) -> Iterator[dict[str, Any]]:
+def _estimates(paths: Sequence[Path], topic: str) -> Iterator[dict[str, Any]]:
     """The estimates of a recording as they were published, null fields left out."""
     if paths[0].suffix.lower() in FILE_SUFFIXES:
         return
@@ -232,7 +242,7 @@ def _estimates(paths: Sequence[Path]) -> Iterator[dict[str, Any]]:
 
     for part in open_mcap(paths, "")().parts:
         for entry in read_entries(part):
-            if isinstance(entry, Entry) and entry.topic == "estimate":
+            if isinstance(entry, Entry) and entry.topic == topic:
                 yield msgspec.json.decode(entry.data)
 
 

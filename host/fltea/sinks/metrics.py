@@ -13,7 +13,7 @@ from fltea.clock import host_ns
 from fltea.config_outputs import MetricsConfig
 from fltea.errors import FlteaError, UsageError
 from fltea.listen_address import listen_address
-from fltea.model import Epoch, Error, Estimate, Hello, Sample, Stats
+from fltea.model import DeviceEstimates, Epoch, Error, Estimate, Hello, Sample, Stats
 from fltea.outlet import Outlet
 from fltea.sinks import Item, Report, Sink
 from fltea.sinks.metrics_families import Families, Newest
@@ -59,12 +59,16 @@ class MetricsSink(Sink):
         elif isinstance(item, Estimate):
             newest = self._of(item.device)
             newest.estimate, newest.estimate_ns = item, host_ns()
+        elif isinstance(item, DeviceEstimates):
+            newest = self._of(item.device)
+            newest.device_estimate, newest.device_estimate_ns = item, host_ns()
         elif isinstance(item, Stats):
             self._of(item.device).stats = item
         elif isinstance(item, Hello):
             self._of(item.device).hello = item
         elif isinstance(item, Epoch):
-            self._of(item.device).estimate = None  # what the epoch before it gave is no longer so
+            newest = self._of(item.device)
+            newest.estimate = newest.device_estimate = None  # what the epoch before it gave is no longer so
         elif isinstance(item, Error):
             key = item.device or "", item.kind
             self._errors[key] = self._errors.get(key, 0) + 1

@@ -17,7 +17,20 @@ from prometheus_client.registry import Collector
 
 from fltea import __version__, wire
 from fltea.clock import host_ns
-from fltea.model import AccelEstimate, AccelStats, AxisEstimate, AxisStats, Estimate, Hello, Sample, Stats
+from fltea.model import (
+    AccelEstimate,
+    AccelStats,
+    AxisEstimate,
+    AxisStats,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    DeviceEstimatorStats,
+    DeviceStatus,
+    Estimate,
+    Hello,
+    Sample,
+    Stats,
+)
 from fltea.outlet import LATENCY_BOUNDS_MS, Outlet
 
 FRESH_NS = 5 * 10**9
@@ -31,13 +44,15 @@ _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 @dataclass
 class Newest:
-    """The newest record of each kind of one device. estimate_ns: when the estimate came, monotonic."""
+    """The newest record of each kind of one device. …_ns: when the estimate came, monotonic."""
 
     hello: Hello | None = None
     stats: Stats | None = None
     sample: Sample | None = None
     estimate: Estimate | None = None
     estimate_ns: int = 0
+    device_estimate: DeviceEstimates | None = None
+    device_estimate_ns: int = 0
 
 
 class Families(Collector):
@@ -68,10 +83,18 @@ class Families(Collector):
         yield from _samples(stats)
         yield from _axes_stats(stats)
         yield from _board(stats)
+        yield from _device_estimator([(name, s.device_estimator) for name, s in stats if s.device_estimator])
         yield from _sample([(name, d.sample) for name, d in devices if d.sample is not None])
         oldest_ns = host_ns() - FRESH_NS
         fresh = [(name, d.estimate) for name, d in devices if d.estimate and d.estimate_ns >= oldest_ns]
         yield from _estimates(fresh)
+        yield from _device_estimates(
+            [
+                (name, d.device_estimate)
+                for name, d in devices
+                if d.device_estimate and d.device_estimate_ns >= oldest_ns
+            ]
+        )
         errors: Rows = [(labels, n) for labels, n in self._errors.copy().items()]
         yield _counter("fltea_errors", "Errors told, by kind.", ("device", "kind"), errors)
         yield from _outputs([(device or "", outlet) for device, outlet in self._outlets()])
@@ -174,7 +197,7 @@ def _axes_stats(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
 
 
 def _board(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
-    boards = [(device, s.board) for device, s in stats if s.board is not None]
+    boards: list[tuple[str, DeviceStatus]] = [(device, s.board) for device, s in stats if s.board]
     for name, text in (
         ("i2c_errors", "I2C transfers that failed, since the device's boot."),
         ("bus_recoveries", "Times that a held bus was freed, since the device's boot."),
@@ -184,6 +207,55 @@ def _board(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
     ):
         rows: Rows = [((device,), getattr(board, name)) for device, board in boards]
         yield _counter(f"fltea_board_{name}", text, ("device",), rows)
+
+    shares: Rows = [((device,), _scaled(board.cpu_share_percent, 1e-2)) for device, board in boards]
+    text = "Share of the last second in which the device's processor did not sleep."
+    yield _gauge("fltea_board_cpu_ratio", text, ("device",), shares)
+    steps: Rows = [((device,), _scaled(board.longest_step_us, 1e-6)) for device, board in boards]
+    text = "Longest turn of the device's main loop within the last second."
+    yield _gauge("fltea_board_longest_step_seconds", text, ("device",), steps)
+
+
+def _device_estimator(stats: Sequence[tuple[str, DeviceEstimatorStats]]) -> Iterator[Metric]:
+    for name, key, text in (
+        ("begun", "begun", "Times that the device began to estimate, since its boot."),
+        ("skipped_samples", "skipped", "Samples that the device's estimator could not take, since its boot."),
+        ("estimates", "estimates", "Estimates of an axis that came from the device."),
+        ("estimates_lost", "lost", "Estimates of an axis that the device sent and that did not come."),
+        ("estimates_unplaced", "unplaced", "Estimates of an axis that came and fit no sample."),
+    ):
+        rows: Rows = [((device,), getattr(one, key)) for device, one in stats]
+        yield _counter(f"fltea_device_{name}", text, ("device",), rows)
+    queues: Rows = [((device,), one.queue) for device, one in stats]
+    yield _gauge(
+        "fltea_device_queue_samples", "Samples that wait for the device's estimator.", ("device",), queues
+    )
+    longest: Rows = [((device,), one.longest_axis_us * 1e-6) for device, one in stats]
+    text = "Longest step of one axis on the device, since its boot."
+    yield _gauge("fltea_device_longest_axis_seconds", text, ("device",), longest)
+
+
+def _device_estimates(estimates: Sequence[tuple[str, DeviceEstimates]]) -> Iterator[Metric]:
+    axes: list[tuple[tuple[str, str], DeviceAxisEstimate]] = [
+        ((device, axis), one) for device, e in estimates for axis, one in e.axes.items()
+    ]
+    labels = ("device", "axis")
+    valid: Rows = [(names, float(one.valid)) for names, one in axes]
+    yield _gauge(
+        "fltea_device_axis_valid", "1: the device's own estimate holds; 0: it does not.", labels, valid
+    )
+    for key, text in (
+        ("alpha", "Order of the noise, as the device itself estimates it."),
+        ("f", "Parameter f of the noise, as the device itself estimates it, in s^-alpha."),
+        ("alpha_difference", "Order: the device's estimate minus the host's after the same sample."),
+        ("f_difference", "Parameter f: the device's estimate minus the host's, in s^-alpha."),
+    ):
+        rows: Rows = [(names, getattr(one, key)) for names, one in axes]
+        yield _gauge(f"fltea_device_axis_{key}", text, labels, rows)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
 
 
 def _sample(samples: Sequence[tuple[str, Sample]]) -> Iterator[Metric]:

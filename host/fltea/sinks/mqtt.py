@@ -10,7 +10,7 @@ import msgspec
 
 from fltea.clock import host_ns, unix_offset_ns
 from fltea.config_outputs import MqttConfig
-from fltea.model import AnyRecord, Estimate, Hello, Record, Sample, Stats
+from fltea.model import AnyRecord, DeviceEstimates, Estimate, Hello, Record, Sample, Stats
 from fltea.sinks import Item, Report, Sink
 from fltea.sinks.mqtt_broker import Broker
 from fltea.sinks.mqtt_connection import Acknowledged, Connection, Down, Up
@@ -88,6 +88,7 @@ class MqttSink(Sink):
         self._status: Status | None = None
         self._status_due_ns = 0
         self._sample_ns: int | None = None
+        self._seen: dict[str, int] = {}
         self._client_id = ""
         self._connection: Connection | None = None
         self._began_ns = 0
@@ -121,13 +122,22 @@ class MqttSink(Sink):
             if every and item.seq % every == 0:
                 self._stream("sample", item, self._settings.stream_qos)
         elif isinstance(item, Estimate):
-            if item.seq % self._settings.estimate_every == 0:
+            if self._is_due("estimate", item.seq):
                 self._stream("estimate", item, self._settings.stream_qos)
+        elif isinstance(item, DeviceEstimates):
+            if self._is_due("device_estimate", item.seq):
+                self._stream("device_estimate", item, self._settings.stream_qos)
         elif isinstance(item, Stats):
             self._stream("stats", item, 1)
         else:
             self._keep(_Message(self._topic(type(item).__name__.lower()), self._encode(item), again=True))
             self._send_backlog()
+
+    def _is_due(self, kind: str, seq: int) -> bool:
+        """Whether it is the first in `estimate_every` samples; a device may not send one for each."""
+        before, self._seen[kind] = self._seen.get(kind, seq), seq
+        every = self._settings.estimate_every
+        return seq % every == 0 or seq // every > before // every
 
     def flush(self) -> None:
         """Look after the connection and the status."""
@@ -183,7 +193,7 @@ class MqttSink(Sink):
 
     def _keep_early(self, record: AnyRecord) -> None:
         """Keep what is worth it until the first HELLO says whose it is."""
-        if isinstance(record, Sample | Estimate | Stats):
+        if isinstance(record, Sample | Estimate | DeviceEstimates | Stats):
             return
         self._early.append(record)
         if len(self._early) > BACKLOG:

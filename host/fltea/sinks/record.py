@@ -12,7 +12,18 @@ import msgspec
 from fltea import __version__, clock
 from fltea.config_outputs import RecordConfig
 from fltea.errors import UsageError
-from fltea.model import AnyRecord, Epoch, Error, Estimate, Gap, Hello, LinkDown, Sample, Stats
+from fltea.model import (
+    AnyRecord,
+    DeviceEstimates,
+    Epoch,
+    Error,
+    Estimate,
+    Gap,
+    Hello,
+    LinkDown,
+    Sample,
+    Stats,
+)
 from fltea.recording.part import PartWriter
 from fltea.recording.schema import encode_message
 from fltea.recording.session import LINK, OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage, PartInfo
@@ -37,6 +48,7 @@ KINDS: dict[str, type[AnyRecord]] = {
     "gap": Gap,
     "sample": Sample,
     "estimate": Estimate,
+    "device_estimate": DeviceEstimates,
     "stats": Stats,
     "error": Error,
 }

@@ -9,7 +9,18 @@ from rich.table import Table
 from rich.text import Text
 
 from fltea.estimator.running_null import p_text
-from fltea.model import AccelEstimate, AnyRecord, AxisEstimate, Epoch, Error, Estimate, Gap, Hello, Stats
+from fltea.model import (
+    AccelEstimate,
+    AnyRecord,
+    AxisEstimate,
+    DeviceEstimates,
+    Epoch,
+    Error,
+    Estimate,
+    Gap,
+    Hello,
+    Stats,
+)
 from fltea.sinks import Item, Sink, SinkClosed
 from fltea.transport import Chunk, Failed, Opened
 
@@ -125,6 +136,7 @@ class DeviceView:
         self._hello: Hello | None = None
         self._epoch: Epoch | None = None
         self._estimate: Estimate | None = None
+        self._of_device: DeviceEstimates | None = None
         self._stats: Stats | None = None
         self._events: deque[str] = deque(maxlen=4)
         self._trends: dict[str, tuple[Trend, Trend]] = {}
@@ -135,7 +147,7 @@ class DeviceView:
             case Hello():
                 self._hello = record
             case Epoch():
-                self._epoch, self._estimate = record, None
+                self._epoch, self._estimate, self._of_device = record, None, None
                 self._trends = {}
                 self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
             case Estimate():
@@ -145,6 +157,8 @@ class DeviceView:
                     if axis.alpha is not None and axis.f is not None:
                         alpha.add(axis.alpha, record.host_ns)
                         f.add(axis.f, record.host_ns)
+            case DeviceEstimates():
+                self._of_device = record
             case Gap():
                 self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
             case Error():
@@ -158,6 +172,8 @@ class DeviceView:
         lines: list[RenderableType] = [Text(self._head(), style="bold"), self._table(wide=wide)]
         if not wide and self._estimate is not None:
             lines.append(self._rows_below(self._estimate))
+        if self._of_device is not None:
+            lines.append(_device_rows(self._of_device))
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
@@ -216,6 +232,17 @@ class DeviceView:
             rows.add_row(name, _order(axis), *map(str, self._trends[name]))
         return rows
 
+    @staticmethod
+    def _device_health(stats: Stats) -> str:
+        """How a device that estimates by itself gets on; empty for others."""
+        board, own = stats.board, stats.device_estimator
+        if own is None:
+            return ""
+        share = board.cpu_share_percent if board else None
+        cpu = "" if share is None else f"  CPU {share:.1f} %"
+        step = f"  longest step of an axis {own.longest_axis_us / 1000:.2f} ms"
+        return f"device:{cpu}{step}  skipped {own.skipped}\n"
+
     def _health(self) -> str:
         stats = self._stats
         if stats is None:
@@ -224,10 +251,27 @@ class DeviceView:
         ppm = "" if stats.clock_ppm is None else f"  clock {stats.clock_ppm:+.0f} ppm"
         bad = sum(stats.link.bad_frames.values())
         seq = "" if self._estimate is None else f"  sample {self._estimate.seq}"
-        return (
+        return self._device_health(stats) + (
             f"epoch {stats.epoch}{seq}  delivered {stats.samples.delivered}  lost {stats.samples.lost}\n"
             f"bad frames {bad}  reconnects {stats.link.reconnects}{rate}{ppm}"
         )
+
+
+def _device_rows(record: DeviceEstimates) -> Table:
+    """The device's own α and f, and how far they are from the host's after the same sample."""
+    rows = Table.grid(padding=(0, 2))
+    rows.add_row("", "device's α", "minus the host's", "device's f", "minus the host's")
+    for name, axis in record.axes.items():
+        if not axis.valid:
+            rows.add_row(name, "not valid")
+            continue
+        rows.add_row(name, *_beside(axis.alpha, axis.alpha_difference), *_beside(axis.f, axis.f_difference))
+    return rows
+
+
+def _beside(value: float | None, difference: float | None) -> tuple[str, str]:
+    far = "not comparable" if difference is None else f"{difference:+.1e}"
+    return "" if value is None else number(value, 3), far
 
 
 def _axes(estimate: Estimate) -> dict[str, AxisEstimate | AccelEstimate]:

@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 from fltea import clock, wire
 from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US
+from fltea.device_messages import DeviceAxis, DeviceEstimator
 from fltea.errors import UsageError
 from fltea.messages import encode
 from fltea.model import Break, DeviceStatus, Event, Hello, LinkDown, RawSample, Tick, Trouble
-from fltea.sources.wire_events import hello_event
+from fltea.sources.in_units import hello_event
 from fltea.transport import Chunk, Failed, Opened, TransportEvent
 
 SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")
@@ -50,6 +51,8 @@ class AsWire:
             return found
         if isinstance(event, Break):
             raise _impossible("an epoch that a replay was told to begin cannot be stated in frames")
+        if isinstance(event, DeviceAxis | DeviceEstimator):
+            raise _impossible("only a device on a wire estimates by itself")
         if not self._open:
             self._open = True
             found.append(Opened(self._host_ns, self._unix_offset_ns()))
@@ -151,6 +154,8 @@ def _status(status: DeviceStatus) -> wire.Status:
         status.overruns % U32,
         status.dropped_frames % U32,
         _number(wire.ResetCause, status.reset_cause),
+        cpu_share=0,  # no source without a wire knows them
+        longest_step=0,
     )
 
 

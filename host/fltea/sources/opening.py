@@ -4,7 +4,7 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
-from fltea.config import Config
+from fltea.config import BY_DEVICE, Config
 from fltea.errors import UsageError
 from fltea.sources import Source
 from fltea.sources.replay import FILE_SUFFIXES, ReplaySource
@@ -39,6 +39,8 @@ def open_source(config: Config) -> Source:
     if not colon or of_pyserial or url.startswith("/"):  # a bare path, or pyserial's own URLs
         is_file = Path(url).suffix.lower() in RECORDING_SUFFIXES or Path(url).is_dir()
         scheme, rest = ("replay", url) if is_file else ("serial", url)
+    if scheme in ("i2c", "synthetic"):
+        _need_wire(config, url)
     replay = config.replay
     if scheme != "replay" and replay != type(replay)():
         raise UsageError("--columns, --units, --rate and --shuffle are for recordings (replay:FILE).")
@@ -52,12 +54,15 @@ def open_source(config: Config) -> Source:
 
             return I2cSource(rest)
         case "replay":
+            by_device = config.estimator.engine in BY_DEVICE
+            if Path(rest).suffix.lower() in FILE_SUFFIXES:
+                _need_wire(config, url)
             return ReplaySource(
                 Path(rest),
                 columns=replay.columns,
                 units=replay.units,
                 rate_hz=replay.rate_hz,
-                startup=config.estimator.startup_needed,
+                startup=0 if by_device else config.estimator.startup_needed,
                 shuffle=replay.shuffle,
                 realtime=config.pace == "real",
             )
@@ -67,3 +72,12 @@ def open_source(config: Config) -> Source:
         f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "
         "i2c:///dev/i2c-1?addr=0x68, replay:FILE, synthetic:?KEY=VALUE&…"
     )
+
+
+def _need_wire(config: Config, url: str) -> None:
+    engine = config.estimator.engine
+    if engine in BY_DEVICE:
+        raise UsageError(
+            f"--engine {engine}: {url} gives samples only. An Arduino Due estimates by itself, so this needs "
+            "its port (serial:PORT) or an .mcap recording of it; else --engine compressed."
+        )

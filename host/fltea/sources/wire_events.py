@@ -8,8 +8,9 @@ from collections.abc import Iterator
 from fltea import wire
 from fltea.faults import fault_text
 from fltea.messages import Frame, FrameReader, Refused
-from fltea.model import DeviceStatus, Event, Hello, LinkDown, LinkStats, RawSample, Tick, Trouble
+from fltea.model import Event, LinkDown, LinkStats, RawSample, Tick, Trouble
 from fltea.mpu9250 import NO_SENSOR, RELATIVES, SENSORS, sensor_name
+from fltea.sources.in_units import axis_event, estimator_event, hello_event, name_of, status_event
 from fltea.transport import Chunk, Failed, Opened, TransportEvent
 
 SILENCE_S = 5.0
@@ -129,12 +130,16 @@ class WireEvents:
                     s.flags,
                 )
             case wire.Status() as s:
-                yield DeviceStatus(*s[:5], reset_cause=_name(wire.ResetCause, s.reset_cause))
+                yield status_event(s)
+            case wire.Estimate() as e:
+                yield axis_event(e, frame.sequence, host_ns)
+            case wire.Estimator() as e:
+                yield estimator_event(e, host_ns)
             case wire.Fault(code, detail):
                 told_ns = self._told_faults.get(code)
                 if told_ns is None or host_ns - told_ns > REPEAT_S * 1e9:
                     self._told_faults[code] = host_ns
-                    text = f"the device reports {_name(wire.FaultCode, code)}: {fault_text(code, detail)}"
+                    text = f"the device reports {name_of(wire.FaultCode, code)}: {fault_text(code, detail)}"
                     yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _on_sensor(self, hello: wire.Hello, host_ns: int) -> Iterator[Trouble]:
@@ -198,38 +203,3 @@ def hello_problem(hello: wire.Hello) -> str | None:
             "deg/s; neither can be 0. The firmware's settings are wrong."
         )
     return None
-
-
-def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
-    """HELLO's counts in their units (protocol/README.md)."""
-
-    def scaled(name: str) -> float:
-        return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))  # 164 * 0.1 is 16.4
-
-    return Hello(
-        source=source,
-        host_ns=host_ns,
-        rate_hz=scaled("sample_rate"),
-        sampling_mode=_name(wire.SamplingMode, hello.sampling_mode),
-        protocol=f"{hello.protocol_major}.{hello.protocol_minor}",
-        schema_hash=f"0x{hello.schema_hash:08X}",
-        boot_id=hello.boot_id,
-        device_id=hello.device_id.hex(),
-        firmware_version=hello.firmware_version,
-        who_am_i=hello.who_am_i,
-        sensor=sensor_name(hello.who_am_i),
-        sensor_starts=hello.sensor_starts,
-        gyro_range_dps=scaled("gyro_range"),
-        gyro_lsb_per_dps=scaled("gyro_lsb"),
-        accel_range_g=scaled("accel_range"),
-        accel_lsb_per_g=scaled("accel_lsb"),
-        gyro_dlpf_hz=scaled("gyro_dlpf"),
-    )
-
-
-def _name(enum: type[wire.SamplingMode | wire.ResetCause | wire.FaultCode], value: int) -> str:
-    """Name of an enum's value in lower case; the number itself for one that we do not know."""
-    try:
-        return enum(value).name.lower()
-    except ValueError:
-        return f"unknown ({value})"

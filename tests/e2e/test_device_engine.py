@@ -1,0 +1,32 @@
+"""A device that estimates by itself and the real command, over a pseudo-terminal."""
+
+from pathlib import Path
+
+from support import Processes
+
+
+def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
+    """At 500 Hz the start-up window of 500 samples takes a second."""
+    port = tmp_path / "device"
+    processes.stand_in(port, "--estimate", "--noise", "rate_hz=500")
+    daemon = processes.daemon("--source", f"serial:{port}", "--engine", "both")
+    daemon.wait_for(lambda: len(daemon.of("device_estimate")) > 20, "estimates of the device")
+    code, stderr = daemon.end()
+    assert (code, stderr) == (0, "")
+    compared = daemon.of("device_estimate")
+    assert all(record["comparable"] for record in compared)
+    differences = [abs(axis["alpha_difference"]) for one in compared for axis in one["axes"].values()]
+    assert 0 < max(differences) < 1e-6
+    assert {record["seq"] for record in compared} <= {record["seq"] for record in daemon.of("estimate")}
+
+
+def test_with_once_a_device_that_does_not_estimate_is_a_failure(processes: Processes, tmp_path: Path) -> None:
+    port = tmp_path / "device"
+    processes.stand_in(port)
+    daemon = processes.daemon("--source", f"serial:{port}", "--engine", "device", "--once")
+    code, stderr = daemon.end(None)
+    assert code == 1
+    assert stderr.startswith("fltea: error: the device sends samples, but in 5 s no word of estimates")
+    assert stderr.count("\n") == 1
+    assert daemon.errors() == ["no_device_estimates"]
+    assert not daemon.of("estimate")

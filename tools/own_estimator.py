@@ -1,0 +1,144 @@
+"""A made-up device's own estimator: what the firmware would say of itself, computed by the host's engine.
+
+In double precision; the wire rounds it to single. It begins as the firmware does: bias and R from the
+start-up window, then estimates with unlimited memory.
+"""
+
+from collections.abc import Sequence
+from struct import pack, unpack
+
+import numpy as np
+from fltea import wire
+from fltea.estimator.engine import (
+    Engine,
+    EngineSettings,
+    JointTuning,
+    OrderTuning,
+    ParameterTuning,
+    StateTuning,
+)
+
+
+def f32(value: float) -> float:
+    """The nearest number of single precision."""
+    return float(unpack("<f", pack("<f", value))[0])
+
+
+JOINT = wire.Estimator(
+    variant=wire.EstimatorVariant.JOINT,
+    guard=wire.EstimatorGuard.CONSISTENT,
+    startup=500,
+    max_gap=100,
+    every=1,
+    remaining=500,
+    begun=1,
+    queue=0,
+    skipped=0,
+    longest_axis=2400,
+    restarts_x=0,
+    restarts_y=0,
+    restarts_z=0,
+    bias_x=0.0,
+    bias_y=0.0,
+    bias_z=0.0,
+    r_x=0.0,
+    r_y=0.0,
+    r_z=0.0,
+    state_x0=0.0,
+    state_p0=f32(0.01),
+    state_q=f32(0.15),
+    alpha0=f32(0.5),
+    alpha_p0=f32(0.06),
+    alpha_q0=0.0,
+    alpha_delta=0.0,
+    parameter0=f32(-0.1),
+    parameter_p0=f32(0.06),
+    parameter_q0=0.0,
+    parameter_delta=0.0,
+    gate=10.0,
+)
+"""The default settings of `fltea run` with variant joint."""
+
+TRIPLE = JOINT._replace(
+    variant=wire.EstimatorVariant.TRIPLE,
+    alpha0=1.0,
+    alpha_p0=f32(0.01),
+    alpha_q0=f32(0.1),
+    alpha_delta=0.5,
+    parameter0=0.0,
+    parameter_p0=f32(0.01),
+    parameter_q0=f32(0.1),
+    parameter_delta=0.5,
+)
+"""The same with variant triple."""
+
+
+class OwnEstimator:
+    """Estimates three axes of counts, `lsb` of them to a deg/s, with sampling period h in s.
+
+    stated: the settings; as a message, with bias, R and what remains of the start-up window as of now.
+    """
+
+    def __init__(self, stated: wire.Estimator, lsb: float, h: float) -> None:
+        self.stated = stated
+        self._lsb, self._h = lsb, h
+        self._window: list[Sequence[int]] = []
+        self._engine: Engine | None = None
+        self._live: list[int] = []
+        self._bias = np.zeros(3)
+        self._age = 0
+
+    def step(self, counts: Sequence[int] | None, sample: int) -> list[wire.Estimate]:
+        """Take one sample, None for a missing one; an estimate of each axis, none while the window fills."""
+        if self._engine is None:
+            if counts is not None:
+                self._window.append(counts)
+                self.stated = self.stated._replace(remaining=self.stated.startup - len(self._window))
+            if not self.stated.remaining:
+                self._begin()
+            return []
+        self._age += 1
+        y = (np.zeros(3) if counts is None else np.array(counts) / self._lsb) - self._bias
+        e = self._engine.step(y[self._live], missing=np.full(len(self._live), counts is None))
+        found = []
+        for axis in range(3):
+            numbers, causes, flags = [0.0] * 6, [0] * 9, wire.EstimateFlags.CONSTANT
+            if axis in self._live:
+                i = self._live.index(axis)
+                flags, causes = wire.EstimateFlags.VALID, e.interventions[i].tolist()
+                stds = e.alpha_var[i] ** 0.5, e.f_var[i] ** 0.5
+                numbers = [e.alpha[i], stds[0], e.f[i], stds[1], e.x[i], e.innovation[i]]
+            if counts is None:
+                flags |= wire.EstimateFlags.MISSING
+                numbers[5] = 0.0
+            found.append(wire.Estimate(axis, flags, sample, self._age, *map(float, numbers), *causes))
+        return found
+
+    def _begin(self) -> None:
+        s = self.stated
+        window = np.array(self._window)
+        self._live = [axis for axis in range(3) if np.ptp(window[:, axis])]
+        rates = window / self._lsb
+        self._bias = rates.mean(axis=0)
+        R = np.maximum(rates.var(axis=0, ddof=1), (1 / self._lsb) ** 2 / 12)
+        joint = s.variant == wire.EstimatorVariant.JOINT
+        settings = EngineSettings(
+            h=self._h,
+            window=None,
+            variant="joint" if joint else "triple",
+            guard=("off", "faithful", "consistent")[s.guard],
+            gate=s.gate,
+            state=StateTuning(P0=s.state_p0, Q=s.state_q, x0=s.state_x0, R=R[self._live]),
+            order=OrderTuning(P0=s.alpha_p0, Q0=s.alpha_q0, alpha0=s.alpha0, delta=s.alpha_delta),
+            parameter=ParameterTuning(
+                P0=s.parameter_p0, Q0=s.parameter_q0, f0=s.parameter0, delta=s.parameter_delta
+            ),
+            joint=JointTuning(
+                P0=s.alpha_p0, Q0=s.alpha_q0, alpha0=s.alpha0, beta0=s.parameter0, delta=s.alpha_delta
+            ),
+        )
+        self._engine = Engine(len(self._live), settings)
+        R[[axis for axis in range(3) if axis not in self._live]] = 0.0
+        bias = {f"bias_{axis}": f32(value) for axis, value in zip("xyz", self._bias, strict=True)}
+        variances = {f"r_{axis}": f32(value) for axis, value in zip("xyz", R, strict=True)}
+        self.stated = s._replace(**bias, **variances)
