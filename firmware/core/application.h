@@ -127,14 +127,14 @@ class Application {
             announced_starts_ = health_.sensor_starts();
             estimator_due_ = settings::kEstimate;
         }
-        const uint32_t quiet_us = sampler_.until_next_us(now_us);
-        if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
-        if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
         faults_.send(link_, now_us);
         if (status_.due(now_us) && link_.send(status(now_us), now_us)) {
             status_.done();
             workload_.begin(now_us);
         }
+        const uint32_t quiet_us = sampler_.until_next_us(now_us);
+        if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
+        if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
     }
 
     Hello hello() const {

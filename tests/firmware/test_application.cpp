@@ -142,8 +142,10 @@ TEST_CASE(
     const std::vector<Frame>& frames = rig.sink.receiver.frames;
     size_t first_sample = 0;
     while (frames[first_sample].type != fltea::Sample::type()) ++first_sample;
-    REQUIRE(frames[first_sample - 1].type == fltea::Hello::type());
-    CHECK(message_of<fltea::Hello>(frames[first_sample - 1]).sensor_starts == 1);
+    // HELLO of the start, and with what the device estimates.
+    REQUIRE(frames[first_sample - 2].type == fltea::Hello::type());
+    CHECK(message_of<fltea::Hello>(frames[first_sample - 2]).sensor_starts == 1);
+    CHECK(frames[first_sample - 1].type == fltea::Estimator::type());
 
     const std::vector<Frame> hellos = rig.sink.of<fltea::Hello>();
     REQUIRE(hellos.size() == 12);  // at boot, when the sensor runs, ten more
