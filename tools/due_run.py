@@ -5,9 +5,9 @@ continuity, pipeline. Beside that, the sensor's bus and the board's resets are w
 counts can be held against what was really there.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fltea import wire
 from fltea.config import load_config
@@ -80,7 +80,8 @@ class _FedSource:
 class DueRun:
     """A board with its host. `run_until` may be called again and again.
 
-    faults: as on the command line of tools.due_emulator. baud: what the host listens at.
+    faults: as on the command line of tools.due_emulator. baud: what the host listens at. settings: the
+    host's, by dotted path; without any it makes no estimates.
     """
 
     def __init__(
@@ -93,13 +94,14 @@ class DueRun:
         world: World | None = None,
         baud: float = wire.BAUD,
         strict_baud: bool = True,
+        settings: Mapping[str, Any] = NO_ESTIMATES,
     ) -> None:
         self.wire = bytearray()
         self.arrivals: list[Arrival] = []
         self.records: list[AnyRecord] = []
         self.error: str | None = None
         self._source = _FedSource()
-        self._pipeline = Pipeline(self._source, load_config(None, NO_ESTIMATES))
+        self._pipeline = Pipeline(self._source, load_config(None, settings))
         self._reader = FrameReader()
         self._unsent = bytearray()
         self._feed(Opened(0))

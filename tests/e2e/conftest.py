@@ -1,7 +1,10 @@
+import sys
 from collections.abc import Iterator
 
 import pytest
-from support import Processes
+from support import ROOT, Processes
+
+sys.path.insert(0, str(ROOT / "tests/estimator"))  # for its device_probe
 
 
 @pytest.fixture

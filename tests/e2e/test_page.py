@@ -30,6 +30,9 @@ COLUMNS = """([source, ...names]) => {
   return Object.fromEntries(names.map(name => [name, Array.from(found.data_source.data[name])]))
 }"""
 
+INK = """Bokeh.documents[0].roots().flatMap(plot => plot.renderers)
+  .filter(renderer => renderer.name === "of the device").map(renderer => renderer.glyph.line_color.value)"""
+
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
@@ -67,7 +70,8 @@ class Watched:
 
 def start(processes: Processes, *arguments: str | Path, page: str = "0") -> tuple[Daemon, str]:
     """The daemon and the address of its page."""
-    daemon = processes.daemon(*QUICK, *arguments, "--dashboard", page)
+    settings = [] if "--engine" in arguments else QUICK
+    daemon = processes.daemon(*settings, *arguments, "--dashboard", page)
     assert daemon.process.stderr is not None
     line = daemon.process.stderr.readline().decode()
     found = re.search(r"http://127\.0\.0\.1:\d+/", line)
@@ -95,6 +99,9 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
     words = card.inner_text()
     device = one.page.inner_text("#hardware")
     choice_of_device = one.page.is_visible("#devices")
+    of_device = [
+        place.is_visible() for place in one.page.locator(".of-both, .of-device, #own-part, .why-not").all()
+    ]
     code, stderr = daemon.end()
     assert code == 0, stderr
     estimates = {e["seq"]: e["axes"]["gyro_y"] for e in daemon.of("estimate")}
@@ -118,10 +125,55 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
     assert "what white noise of this power gives" in words
     assert re.search(r"Order unknown: .* 1,000 samples|Order undefined: |Not white \(", words)  # by then
     assert not choice_of_device, "there is but one"
+    assert not any(of_device), "the device does not estimate"
     assert "MPU-9250" in device
     assert "stand-in" in device
     origin = url.removeprefix("http://").rstrip("/")
     assert {request.split("/")[2] for request in one.requests} == {origin}, "nothing comes from elsewhere"
+    assert one.complaints == []
+
+
+def test_estimates_of_device_and_host_stand_side_by_side(
+    processes: Processes, chromium: Browser, tmp_path: Path
+) -> None:
+    """At 500 Hz the device's start-up window of 500 samples takes a second."""
+    processes.stand_in(tmp_path / "due", "--estimate", "--noise", "rate_hz=500")
+    daemon, url = start(processes, "--source", f"serial:{tmp_path / 'due'}", "--engine", "both")
+    one = Watched(chromium, url + "#window=0&axis=gyro_y")
+    one.wait("Number(document.querySelector('[data-axis=gyro_y]')?.dataset.apart || 0) !== 0")
+    one.wait("document.querySelector('#apart .apart').textContent.startsWith('device')")
+    shown = columns(one.page, "apart", "time", "alpha", "f", "apart_low", "apart_high")
+    card = one.page.inner_text("[data-axis=gyro_y]")
+    far = one.page.inner_text("#apart")
+    legend = one.page.inner_text("figure:nth-child(2) figcaption")
+    drawn = one.page.is_visible("#apart .drawn >> nth=1")
+    own = one.page.inner_text("#own")
+    ink = one.page.evaluate(INK)
+    one.page.emulate_media(color_scheme="dark")
+    ink_on_dark = one.page.evaluate(INK)
+    code, stderr = daemon.end()
+    assert (code, stderr) == (0, "")
+    expected = {e["host_ns"] * 1e-6: e["axes"]["gyro_y"] for e in daemon.of("device_estimate")}
+    compared = 0
+    for i, time_ms in enumerate(shown["time"]):
+        if time_ms in expected:
+            e = expected[time_ms]
+            compared += 1
+            assert (shown["alpha"][i], shown["f"][i]) == (e["alpha"], e["f"])
+            assert (
+                shown["apart_low"][i] == shown["apart"][i] == shown["apart_high"][i] == e["alpha_difference"]
+            )
+    assert compared >= 20, (len(shown["time"]), shown["time"][-3:], list(expected)[-3:], len(expected), far)
+    number = r"[+-]\d\.\de-\d+"
+    assert re.search(rf"device: \d\.\d{{3}}; minus host: {number} now, at most \d\.\de-\d+", card)
+    assert re.search(rf"device − host: {number} now, at most \d\.\de-\d+ of what is shown", far)
+    assert "α, host" in legend
+    assert "α, device" in legend
+    assert "the device's own" not in legend
+    assert "skipped samples" in own
+    assert drawn
+    assert len(set(ink)) == 1, "in both figures and that of the difference"
+    assert ink != ink_on_dark
     assert one.complaints == []
 
 
