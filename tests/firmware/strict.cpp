@@ -10,6 +10,12 @@ size_t status(const fltea::Status& message, uint8_t* out) {
     return fltea::encode_message(message, 1, 2, out);
 }
 size_t fault(const fltea::Fault& message, uint8_t* out) { return fltea::encode_message(message, 1, 2, out); }
+size_t estimate(const fltea::Estimate& message, uint8_t* out) {
+    return fltea::encode_message(message, 1, 2, out);
+}
+size_t estimator(const fltea::Estimator& message, uint8_t* out) {
+    return fltea::encode_message(message, 1, 2, out);
+}
 size_t raw(const uint8_t* payload, size_t n, uint8_t* out) {
     return fltea::encode_frame(9, 1, 2, payload, n, out) + fltea::cobs_encode(payload, n, out);
 }

@@ -16,11 +16,22 @@ def main() -> None:
     parser.add_argument(
         "--identify", action="store_true", help="only how far `fltea identify` can be believed: half an hour"
     )
+    parser.add_argument("--device", action="store_true", help="only the device's estimates beside the host's")
     parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
     if arguments.identify:
         tables = identify_tables.measure(arguments.seeds)
         print(json.dumps(tables, ensure_ascii=False) if arguments.json else identify_tables.text(tables))
+        return
+    if arguments.device:
+        from tools.bench import device_difference  # compiles the device's estimator
+
+        differences = device_difference.measure()
+        print(
+            json.dumps(differences, ensure_ascii=False)
+            if arguments.json
+            else device_difference.text(differences)
+        )
         return
     decode, estimator = bench_decode.measure(), bench_estimator.measure()
     daemon = bench_daemon.measure() if arguments.daemon else None
