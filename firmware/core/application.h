@@ -70,6 +70,7 @@ class Application {
             if (health_.set_up(now_us)) {
                 sampler_.sensor_runs(now_us);
                 estimation_.begin();
+                estimate_due_ = false;
             }
         }
         const bool estimated = estimate(clock_.now_us());
@@ -101,11 +102,11 @@ class Application {
         if (settings::kEstimate) estimation_.add(reading.sample, sampler_.instant());
     }
 
-    // Not before the last ESTIMATE is on its way, and not if the next instant would have to wait for it; half
-    // a period is left to it however slow it is.
+    // Not before what it has to tell is on its way, and not if the next instant would have to wait for it;
+    // half a period is left to it however slow it is.
     bool may_estimate(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
-        return estimation_.busy() && !estimate_due_ &&
+        return estimation_.busy() && !estimate_due_ && !estimator_due_ &&
                sampler_.until_next_us(now_us) > (longest_axis_us_ < most_us ? longest_axis_us_ : most_us);
     }
 

@@ -23,6 +23,7 @@ class Estimation {
         axis_ = 0;
         collected_ = 0;
         age_ = 0;
+        skipped_in_row_ = 0;
         skipped_since_ = false;
         going_ = false;
         ++begun_;
@@ -32,10 +33,16 @@ class Estimation {
     void add(const Sample& sample, uint32_t instant) {
         if (going_ && instant - instant_ - 1 > settings::kMaxGap) begin();
         if (waiting_ == kQueue) {
-            ++skipped_;
-            skipped_since_ = true;
-            return;
+            if (skipped_in_row_ <= settings::kMaxGap) {
+                ++skipped_in_row_;
+                ++skipped_;
+                skipped_since_ = true;
+                instant_ = instant;
+                return;
+            }
+            begin();
         }
+        skipped_in_row_ = 0;
         Item& item = queue_[(first_ + waiting_) % kQueue];
         item.count[0] = sample.gyro_x;
         item.count[1] = sample.gyro_y;
@@ -138,6 +145,7 @@ class Estimation {
     uint32_t instant_ = 0;  // of the newest sample taken
     uint32_t age_ = 0;
     uint32_t skipped_ = 0;
+    uint16_t skipped_in_row_ = 0;
     uint16_t collected_ = 0;
     uint16_t begun_ = 0;
     bool going_ = false;  // a sample has come since begin()

@@ -93,7 +93,8 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
     one = Watched(chromium, url + "#window=0&axis=gyro_y")
     one.wait_for_seq(250)
     one.wait("document.querySelector('figure .axis').textContent === 'gyro_y'")
-    shown = columns(one.page, "alpha_low", "seq", "alpha", "alpha_high", "f", "f_low", "f_high", "state", "y")
+    shown = columns(one.page, "alpha_low", "seq", "alpha", "alpha_high", "f", "f_low", "f_high", "state")
+    noise = columns(one.page, "y", "y")["y"][-150:]
     white = columns(one.page, "alpha_mid", "alpha_mid", "f_mid")
     card = one.page.locator("[data-axis=gyro_y]")
     words = card.inner_text()
@@ -117,8 +118,8 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
             )
             assert shown["alpha_low"][i] == e["alpha"] - e["alpha_std"]
             assert shown["f_high"][i] == e["f"] + e["f_std"]
-            assert abs(shown["y"][i]) < 1.4, "the offset of 1.5 deg/s is removed"
     assert compared >= 190
+    assert max(map(abs, noise)) < 1.4, "the offset of 1.5 deg/s is removed"
     assert len(white["alpha_mid"]) >= 7
     assert re.search(r"-?\d\.\d{3} ± \d\.\d{3}", words)
     assert "white noise: " in words
@@ -136,11 +137,13 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
 def test_estimates_of_device_and_host_stand_side_by_side(
     processes: Processes, chromium: Browser, tmp_path: Path
 ) -> None:
-    """At 500 Hz the device's start-up window of 500 samples takes a second."""
-    processes.stand_in(tmp_path / "due", "--estimate", "--noise", "rate_hz=500")
+    """At 250 Hz the device's start-up window of 500 samples takes two seconds."""
+    processes.stand_in(tmp_path / "due", "--estimate", "--noise", "rate_hz=250")
     daemon, url = start(processes, "--source", f"serial:{tmp_path / 'due'}", "--engine", "both")
     one = Watched(chromium, url + "#window=0&axis=gyro_y")
     one.wait("Number(document.querySelector('[data-axis=gyro_y]')?.dataset.apart || 0) !== 0")
+    one.wait("document.querySelector('#windows button').getAttribute('aria-pressed') === 'true'")
+    one.wait("document.querySelector('#apart .axis').textContent === 'gyro_y'")
     one.wait("document.querySelector('#apart .apart').textContent.startsWith('device')")
     shown = columns(one.page, "apart", "time", "alpha", "f", "apart_low", "apart_high")
     card = one.page.inner_text("[data-axis=gyro_y]")
@@ -150,7 +153,7 @@ def test_estimates_of_device_and_host_stand_side_by_side(
     own = one.page.inner_text("#own")
     ink = one.page.evaluate(INK)
     one.page.emulate_media(color_scheme="dark")
-    ink_on_dark = one.page.evaluate(INK)
+    one.wait(f"({INK})[0] !== '{ink[0]}'")
     code, stderr = daemon.end()
     assert (code, stderr) == (0, "")
     expected = {e["host_ns"] * 1e-6: e["axes"]["gyro_y"] for e in daemon.of("device_estimate")}
@@ -163,7 +166,7 @@ def test_estimates_of_device_and_host_stand_side_by_side(
             assert (
                 shown["apart_low"][i] == shown["apart"][i] == shown["apart_high"][i] == e["alpha_difference"]
             )
-    assert compared >= 20, (len(shown["time"]), shown["time"][-3:], list(expected)[-3:], len(expected), far)
+    assert compared >= 20
     number = r"[+-]\d\.\de-\d+"
     assert re.search(rf"device: \d\.\d{{3}}; minus host: {number} now, at most \d\.\de-\d+", card)
     assert re.search(rf"device − host: {number} now, at most \d\.\de-\d+ of what is shown", far)
@@ -173,7 +176,6 @@ def test_estimates_of_device_and_host_stand_side_by_side(
     assert "skipped samples" in own
     assert drawn
     assert len(set(ink)) == 1, "in both figures and that of the difference"
-    assert ink != ink_on_dark
     assert one.complaints == []
 
 
@@ -252,7 +254,7 @@ def test_light_dark_phone_and_choices(processes: Processes, chromium: Browser) -
     )
     assert max(wide) <= 375, wide
     lefts = phone.page.evaluate(
-        "[...document.querySelectorAll('figure:not([hidden]), .card')]"
+        "[...document.querySelectorAll('figure, .card')].filter(one => one.checkVisibility())"
         ".map(one => one.getBoundingClientRect().left)"
     )
     assert len(set(lefts)) == 1, "one column"

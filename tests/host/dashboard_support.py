@@ -1,15 +1,49 @@
 """Records as a running pipeline gives them, for the tests of the page."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
+import msgspec
 from fltea.config import Config, EstimatorConfig
 from fltea.dashboard.history import DeviceHistory
-from fltea.model import AnyRecord, Break, Event, LinkStats, RawSample
+from fltea.model import (
+    AXES,
+    AnyRecord,
+    AxisEstimate,
+    Break,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    DeviceEstimatorStats,
+    DeviceStatus,
+    Epoch,
+    Estimate,
+    EstimatorInfo,
+    Event,
+    LinkStats,
+    RawSample,
+    Stats,
+)
 from fltea.pipeline import Pipeline
 from fltea.sources.synthetic import SyntheticSource
 from host_support import hello
 
 QUICK = EstimatorConfig(startup=50, window=200)
+BOTH = msgspec.structs.replace(QUICK, engine="both")
+ALONE = msgspec.structs.replace(QUICK, engine="device")
+BOARD = DeviceStatus(0, 0, 0, 0, 0, "user", cpu_share_percent=16.75, longest_step_us=8210)
+OWN = DeviceEstimatorStats(
+    begun=1,
+    startup_remaining=0,
+    every=10,
+    queue=0,
+    skipped=0,
+    longest_axis_us=2412,
+    estimates=100,
+    lost=0,
+    unplaced=0,
+    restarts=dict.fromkeys(AXES, 0),
+    interventions={},
+)
 
 
 class Events:
@@ -75,3 +109,65 @@ def told(*groups: list[AnyRecord], config: EstimatorConfig = QUICK) -> DeviceHis
         for record in group:
             history.write(record)
     return history
+
+
+def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:
+    """The same records with every tenth estimate a device's, which comes `late` samples after its sample."""
+    made: list[AnyRecord] = []
+    waiting: list[Estimate] = []
+    for record in found:
+        match record:
+            case Estimate():
+                if record.seq % every == 0:
+                    waiting.append(record)
+                if waiting and waiting[0].seq <= record.seq - late:
+                    made.append(waiting.pop(0))
+            case _:
+                made.append(_with_device(record, "device", {"every": every, **own}))
+    return made
+
+
+def both(
+    found: Iterable[AnyRecord],
+    apart: Callable[[int], float | None] = lambda seq: 1e-7,
+    every: int = 10,
+    older: int = 0,
+    **own: Any,
+) -> list[AnyRecord]:
+    """The same records with a device's own estimates beside, α and f off by `apart` of the sample's number.
+
+    apart: None where they cannot be compared. older: steps that the device had made before the host's first.
+    """
+    made: list[AnyRecord] = []
+    first: int | None = None
+    for record in found:
+        made.append(_with_device(record, "both", {"every": every, **own}))
+        if not isinstance(record, Estimate):
+            continue
+        first = record.seq if first is None else first
+        if record.seq % every == 0:
+            d, age = apart(record.seq), record.seq - first + 1 + older
+            axes = {axis: _of_device(e, age, d) for axis, e in record.axes.items()}
+            place = record.seq, record.epoch, record.device_us, record.host_ns, record.variant
+            made.append(DeviceEstimates(*place, axes, d is not None, device=record.device))
+    return made
+
+
+def _of_device(e: AxisEstimate, age: int, apart: float | None) -> DeviceAxisEstimate:
+    assert e.alpha is not None
+    assert e.f is not None
+    d = apart or 0.0
+    numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state_dps, e.innovation_dps
+    differences = (None,) * 3 if apart is None else (d, -3 * d, d / 2)
+    return DeviceAxisEstimate(*numbers, True, age, *differences)
+
+
+def _with_device(record: AnyRecord, engine: str, own: dict[str, Any]) -> AnyRecord:
+    match record:
+        case Epoch(estimator=EstimatorInfo() as info):
+            info = msgspec.structs.replace(info, engine=engine, window=0)
+            return msgspec.structs.replace(record, estimator=info)
+        case Stats():
+            estimator = msgspec.structs.replace(OWN, **own)
+            return msgspec.structs.replace(record, board=BOARD, device_estimator=estimator)
+    return record

@@ -9,7 +9,8 @@ from dashboard_support import records, told, with_breaks
 from fltea import clock
 from fltea.dashboard import facts
 from fltea.dashboard.history import DeviceHistory
-from fltea.dashboard.verdict import judge, judge_whiteness
+from fltea.dashboard.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
+from fltea.dashboard.words import figure, with_std
 from fltea.estimator.white_band import Quantiles
 from fltea.model import Error, Estimate, LinkStats, Order, OutputStats, Stats
 from host_support import hello
@@ -34,7 +35,8 @@ def test_verdict(alpha: float, f: float, side: str, words: str) -> None:
     assert words in verdict.text
     assert ("not a test" in verdict.text) == (side == "outside")
     assert ("not a test" in verdict.short) == (side == "outside")
-    assert "too wide at first" in judge(alpha, f, WHITE, resumed=True).text
+    for older in (RESUMED, HEARD_LATE):
+        assert judge(alpha, f, WHITE, older=older).text.endswith("too wide at first.")
     assert "too wide" not in verdict.text
 
 
@@ -55,11 +57,11 @@ def test_no_alpha_is_shown_without_what_the_test_of_whiteness_says() -> None:
         (900, "Order unknown", "unknown"),
         (1200, "Order undefined", "undefined"),
     ):
-        for axis in facts.axes(told(records(f"n={samples}"))):
+        for axis in facts.axes(told(records(f"n={samples}")), 0):
             assert axis["alpha"] is not None
             assert axis["whiteness"].startswith(words)
             assert axis["order"] == order
-    counter = facts.axes(told(with_breaks([1200])))[0]  # a counter's last bits are anything but white
+    counter = facts.axes(told(with_breaks([1200])), 0)[0]  # a counter's last bits are anything but white
     assert counter["order"] == "not white"
     assert "run fltea identify" in counter["whiteness"]
 
@@ -123,15 +125,15 @@ def test_status_names_the_axis_that_is_not_valid() -> None:
     history.write(estimate)
     assert later(history, 0)[0] == "bad"
     assert "gyro_x not valid" in later(history, 0)[1]
-    assert facts.axes(history)[0]["alpha_text"] == "–"
-    assert facts.axes(history)[0]["side"] == "unknown"
+    assert facts.axes(history, 0)[0]["alpha_text"] == "–"
+    assert facts.axes(history, 0)[0]["side"] == "unknown"
 
 
 def test_axis_is_what_its_records_say() -> None:
     found = records("n=600&offset_dps=1.5")
     history = told(found)
     last = next(r for r in reversed(found) if isinstance(r, Estimate)).axes["gyro_y"]
-    shown = facts.axes(history)[1]
+    shown = facts.axes(history, 0)[1]
     assert (shown["name"], shown["alpha"], shown["f"]) == ("gyro_y", last.alpha, last.f)
     assert shown["alpha_text"] == f"{last.alpha:.3f} ± {last.alpha_std:.3f}"
     assert " … " in shown["alpha_white"]
@@ -169,7 +171,7 @@ def test_device_is_what_hello_says() -> None:
 def test_everything_is_json_without_nan() -> None:
     history = told(with_breaks([60, 400]))
     told_all = [
-        facts.axes(history),
+        facts.axes(history, 0),
         facts.link(history.stats),
         facts.events(history),
         facts.settings(history),
@@ -182,9 +184,9 @@ def test_everything_is_json_without_nan() -> None:
     ("value", "text"), [(0.12345, "0.123"), (-2.5, "-2.500"), (1.5e139, "1.500e+139"), (-0.0004, "-0.000")]
 )
 def test_figure(value: float, text: str) -> None:
-    assert facts.figure(value, 3) == text
-    assert facts.with_std(value, None) == text
-    assert facts.with_std(None, 1.0) == "–"
+    assert figure(value, 3) == text
+    assert with_std(value, None) == text
+    assert with_std(None, 1.0) == "–"
 
 
 @pytest.mark.parametrize(

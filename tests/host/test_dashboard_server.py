@@ -290,7 +290,7 @@ def test_figures_hold_the_estimates_and_only_the_new_ones_are_sent() -> None:
     found = records("n=400")
     browser = Browser(found[:-1])
     told_first = browser.update()
-    rows = browser.page._figures.rows
+    rows = browser.page._figures.estimates
     last = next(r for r in reversed(found) if isinstance(r, Estimate))
     browser.choose(window=0)
     told_now = browser.update()
@@ -314,7 +314,7 @@ def test_source_of_a_page_does_not_outgrow_its_window() -> None:
         for record in found[k : k + 100]:
             browser.history.write(record)
         browser.update()
-    assert len(browser.page._figures.rows.data["alpha"]) == 30 * 100 + 2
+    assert len(browser.page._figures.estimates.data["alpha"]) == 30 * 100 + 2
 
 
 def test_choices() -> None:

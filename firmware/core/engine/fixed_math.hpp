@@ -24,7 +24,7 @@ inline std::int64_t product30(std::int64_t a, std::int32_t b) {
 }
 
 // No count is larger.
-constexpr std::int32_t kLargest = (1 << 28) - 1;
+constexpr std::int32_t kLargest = (1 << 29) - 1;
 
 // x in 2^exponent, to the nearest count, at most kLargest.
 inline std::int32_t from_float(float x, int exponent) {
@@ -34,7 +34,7 @@ inline std::int32_t from_float(float x, int exponent) {
     const std::int32_t m = static_cast<std::int32_t>((bits & 0x7FFFFF) | 0x800000);
     const int up = biased - 150 - exponent;
     std::int32_t count = 0;
-    if (up >= 5) {
+    if (up >= 6) {
         count = kLargest;
     } else if (up >= 0) {
         count = m << up;

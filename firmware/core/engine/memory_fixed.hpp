@@ -28,8 +28,8 @@ class FixedMemory {
         std::uint32_t bits = 0;
         std::memcpy(&bits, &R, sizeof bits);
         const int exponent = static_cast<int>(bits >> 23 & 255) - 127;
-        x_unit_ = (exponent >> 1) - kUnitBits;
-        P_unit_ = exponent - kUnitBits;
+        x_unit_ = (exponent >> 1) - 18;
+        P_unit_ = exponent - 15;
         reset();
     }
 
@@ -78,7 +78,6 @@ class FixedMemory {
     }
 
   private:
-    static constexpr int kUnitBits = 20;
     static constexpr int kFine = 16;  // the tail's counts are 2^-16 of the head's
 
     // An order in 2^-28, and e^{-order step} in 2^-30: from 0.1 to 1.6.
@@ -134,8 +133,8 @@ class FixedMemory {
             sum[n] = fixed::product30(slower, static_cast<std::int32_t>(series << 15));
         }
         for (std::size_t i = Nodes::count; i > 0; --i) {
-            const std::int32_t mean = static_cast<std::int32_t>(z_[i - 1] >> 28);
-            const std::int64_t mode = (static_cast<std::int64_t>(mean) * Nodes::weight[i - 1]) >> 18;
+            const std::int32_t mean = static_cast<std::int32_t>(z_[i - 1] >> 29);
+            const std::int64_t mode = (static_cast<std::int64_t>(mean) * Nodes::weight[i - 1]) >> 17;
             for (int n = 0; n < N; ++n) {
                 sum[n] = (i == Nodes::count ? sum[n] : fixed::product30(sum[n], at[n].v)) + mode;
             }

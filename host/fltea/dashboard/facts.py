@@ -1,27 +1,16 @@
 """What the page says in words and numbers, as plain data that goes to the browser as JSON (pure)."""
 
 import math
-from typing import Any, Literal
+from typing import Any
 
-from fltea.dashboard.history import EPOCH_WORDS, DeviceHistory, axis_estimates, axis_stats
-from fltea.dashboard.verdict import judge, judge_whiteness
+from fltea.dashboard import facts_of_device
+from fltea.dashboard.history import EPOCH_WORDS, DeviceHistory, axis_stats
+from fltea.dashboard.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
+from fltea.dashboard.words import Level, counted, guard_words, quantity, span, with_std
 from fltea.model import AXES, AccelEstimate, AxisStats, Epoch, EstimatorInfo, Hello, Stats
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
-Level = Literal["good", "wait", "bad", "plain"]
-
-CAUSE_WORDS = {
-    "order_box": "α held inside [0, 2]",
-    "order_sigma": "a sigma point of α held",
-    "order_variance": "the variance of α held",
-    "order_gate": "an outlier softened for α",
-    "parameter_box": "f held inside its bounds",
-    "parameter_variance": "the variance of f held",
-    "parameter_gate": "an outlier softened for f",
-    "state_bound": "the state held near the sample",
-    "memory_order": "an order beyond the memory's range",
-}
 
 
 def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
@@ -53,22 +42,34 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
     reconnects = history.stats.link.reconnects if history.stats else 0
     if epoch.epoch > 1:
         begun = ("reconnected, " if reconnects else "") + begun
-    to_go = max(info.startup_samples for info in infos(epoch)) - history.samples_of_epoch
-    if epoch.reason != "resumed" and to_go > 0:
+    to_go = _startup_to_go(history, epoch)
+    if to_go > 0:
         return "wait", f"start-up: {to_go} samples to go; keep the sensor at rest ({begun})"
-    if history.estimate is not None:
-        lost = [name for name, axis in axis_estimates(history.estimate).items() if not axis.valid]
-        if lost:
-            return "bad", f"{', '.join(lost)} not valid ({begun})"
+    if facts_of_device.silent(history):
+        return "wait", f"no estimate of the device yet ({begun})"
+    lost = [name for name, axis in history.newest.items() if not axis.valid]
+    if lost:
+        return "bad", f"{', '.join(lost)} not valid ({begun})"
     age_ns = history.sample.host_ns - epoch.host_ns if history.sample else 0
     return "good", f"running for {duration(age_ns)} ({begun})"
 
 
-def axes(history: DeviceHistory) -> list[dict[str, Any]]:
-    """Numbers of every axis, with what white noise would give beside them."""
-    estimates = axis_estimates(history.estimate) if history.estimate else {}
+def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
+    """Samples until the last of the start-up windows is full, the device's own among them."""
+    if epoch.reason == "resumed":
+        return 0
+    of_host = max((info.startup_samples for info in infos(epoch) if info.engine != "device"), default=0)
+    return max(of_host - history.samples_of_epoch, facts_of_device.startup_to_go(history))
+
+
+def axes(history: DeviceHistory, window: int) -> list[dict[str, Any]]:
+    """Numbers of every axis, with what white noise would give beside them. window: the one that is shown."""
     stats = axis_stats(history.stats) if history.stats else {}
-    return [_axis(history, name, estimates.get(name), stats.get(name)) for name in history.axes]
+    beside = facts_of_device.beside(history, window)
+    return [
+        _axis(history, name, history.newest.get(name), stats.get(name)) | {"beside": beside.get(name)}
+        for name in history.axes
+    ]
 
 
 def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[str, Any]:
@@ -78,7 +79,8 @@ def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[
     follower = history.followers.get(name)
     white = follower.quantiles if follower else None
     resumed = history.epoch is not None and history.epoch.reason == "resumed"
-    verdict = judge(alpha, f, white, resumed=resumed)
+    late = history.heard_late and history.estimator(name) == "device"
+    verdict = judge(alpha, f, white, older=RESUMED if resumed else HEARD_LATE if late else "")
     known = white is not None and math.isfinite(white.alpha[0])
     state = None
     if valid:
@@ -98,6 +100,7 @@ def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[
     ]
     return {
         "name": name,
+        "estimator": history.estimator(name),
         "alpha": alpha,
         "f": f,
         "alpha_text": with_std(alpha, estimate.alpha_std if valid else None),
@@ -110,10 +113,7 @@ def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[
         "verdict": verdict.text,
         "verdict_short": verdict.short,
         "rows": rows,
-        "guard": [
-            [CAUSE_WORDS.get(cause, cause), str(count)]
-            for cause, count in (stats.interventions if stats else {}).items()
-        ],
+        "guard": guard_words(stats.interventions if stats else {}),
     }
 
 
@@ -137,27 +137,27 @@ def link(stats: Stats | None) -> list[list[str]]:
         ["rate", quantity(stats.rate_hz, "Hz", 3), "plain"],
         ["device clock", "–" if stats.clock_ppm is None else f"{stats.clock_ppm:+.1f} ppm", "plain"],
         ["samples", f"{samples.delivered:,}", "plain"],
-        _count("lost samples", samples.lost),
-        _count("gaps", samples.gaps),
-        _count("duplicates", samples.duplicates),
-        _count("reconnects", wire.reconnects),
-        _count("CRC errors", bad.pop("crc", 0)),
-        _count("other bad frames", sum(bad.values()), ", ".join(f"{r} {n}" for r, n in bad.items())),
-        _count("frames not understood", wire.unknown_type + wire.refused),
-        _count("bytes too many", wire.overflow_bytes),
+        counted("lost samples", samples.lost),
+        counted("gaps", samples.gaps),
+        counted("duplicates", samples.duplicates),
+        counted("reconnects", wire.reconnects),
+        counted("CRC errors", bad.pop("crc", 0)),
+        counted("other bad frames", sum(bad.values()), ", ".join(f"{r} {n}" for r, n in bad.items())),
+        counted("frames not understood", wire.unknown_type + wire.refused),
+        counted("bytes too many", wire.overflow_bytes),
     ]
     if board is not None:
         rows += [
-            _count("I²C errors", board.i2c_errors),
-            _count("I²C bus freed", board.bus_recoveries),
-            _count("sensor set up again", board.sensor_reinits),
-            _count("overruns", board.overruns),
-            _count("frames dropped by the device", board.dropped_frames),
+            counted("I²C errors", board.i2c_errors),
+            counted("I²C bus freed", board.bus_recoveries),
+            counted("sensor set up again", board.sensor_reinits),
+            counted("overruns", board.overruns),
+            counted("frames dropped by the device", board.dropped_frames),
             ["last reset by", board.reset_cause.replace("_", " "), "plain"],
         ]
     for name, output in stats.outputs.items():
         waiting = f"{output.queued:,} waiting" if output.queued > 100 else ""
-        rows.append(_count(f"dropped by output {name}", output.dropped, waiting))
+        rows.append(counted(f"dropped by output {name}", output.dropped, waiting))
     return rows
 
 
@@ -193,32 +193,13 @@ def settings(history: DeviceHistory) -> str:
     """What the epoch is estimated with, in a line."""
     if history.epoch is None:
         return ""
-    e = infos(history.epoch)[0]
-    return f"variant {e.variant}, guard {e.guard}, engine {e.engine}, L = {e.window:,}"
-
-
-def figure(value: float, digits: int, *, significant: bool = False) -> str:
-    """Fixed point, or powers of ten for what a diverging filter can give."""
-    if significant:
-        return f"{value:.{digits}g}"
-    return f"{value:.{digits}f}" if abs(value) < 1e5 else f"{value:.{digits}e}"
-
-
-def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
-    """A number with its unit, a dash for none."""
-    return "–" if value is None else f"{figure(value, digits, significant=significant)} {unit}".rstrip()
-
-
-def with_std(value: float | None, std: float | None) -> str:
-    """A number with its standard deviation, a dash for none."""
-    if value is None:
-        return "–"
-    return figure(value, 3) + ("" if std is None else f" ± {figure(std, 3)}")
-
-
-def span(quantiles: Any) -> str:
-    """The outer two of three quantiles."""
-    return f"{figure(float(quantiles[0]), 3)} … {figure(float(quantiles[2]), 3)}"
+    found = infos(history.epoch)
+    if not found:
+        return ""
+    e = found[0]
+    window = f"{e.window:,}" if e.window else "unlimited"
+    whose = facts_of_device.whose(history, e.engine)
+    return f"variant {e.variant}, guard {e.guard}, engine {e.engine}{whose}, L = {window}"
 
 
 def duration(ns: int) -> str:
@@ -229,11 +210,6 @@ def duration(ns: int) -> str:
     if s < 7200:
         return f"{s // 60} min"
     return f"{s // 3600} h" if s < 48 * 3600 else f"{s // 86400} days"
-
-
-def _count(label: str, count: int, remark: str = "") -> list[str]:
-    value = f"{count:,}" + (f" ({remark})" if remark else "")
-    return [label, value, "bad" if count else "plain"]
 
 
 def _number(value: float | None, form: str) -> str | None:

@@ -1,4 +1,4 @@
-"""The six figures of the page and the columns that they draw; the page's script gives them their theme."""
+"""The figures of the page and the columns that they draw; the page's script gives them their theme."""
 
 import math
 from collections.abc import Sequence
@@ -14,25 +14,20 @@ SAMPLE, STATE, ESTIMATE, WHITE = "#8796ab", "#e07b00", "#2f7de1", "#9aa5b1"
 CHECKED = 1000
 """Innovations over which `stats` judges their whiteness."""
 
-ROWS = (
-    "time",
-    "seq",
-    "temperature",
-    "y_low",
-    "y",
-    "y_high",
-    "state",
-    "alpha",
-    "alpha_low",
-    "alpha_high",
-    "f",
-    "f_low",
-    "f_high",
-)
-"""Columns of the source `rows`; low and high of α and f are one standard deviation away."""
+ROWS = ("time", "temperature", "y_low", "y", "y_high")
+"""Columns of the source `rows`."""
+
+ESTIMATES = ("time", "seq", "state", "alpha", "alpha_low", "alpha_high", "f", "f_low", "f_high")
+"""Columns of the source `estimates`; low and high are one standard deviation away."""
 
 WHITE_COLUMNS = ("time", "alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
 """Columns of the source `white`: 5, 50 and 95 % of what white noise gives."""
+
+BESIDE = ("time", "alpha", "f", "apart_low", "apart", "apart_high")
+"""Columns of the source `beside`: the device's own estimates beside the host's; apart: their difference."""
+
+OF_DEVICE = "of the device"
+"""Name of lines to which the page's script gives its ink, which stands out from `ESTIMATE` on any ground."""
 
 LOCAL_TIME = """
 const date = new Date(tick)
@@ -41,13 +36,16 @@ return String(date.getHours()).padStart(2, "0") + ":" + String(date.getMinutes()
 """
 
 
+POWER_OF_TEN = "return tick ? tick.toExponential(1).replaceAll('-', '\u2212') : '0'"
+
+
 class Figures:
-    """Figures by name, over three sources; `moment` is the time that all of them show, in ms."""
+    """Figures by name, over five sources; `moment` is the time that all of them show, in ms."""
 
     def __init__(self) -> None:
-        self.rows = ColumnDataSource({name: [] for name in ROWS})
-        self.white = ColumnDataSource({name: [] for name in WHITE_COLUMNS})
-        self.checks = ColumnDataSource({name: [] for name in ("time", "lag1", "nis")})
+        self.rows, self.estimates = _source(ROWS), _source(ESTIMATES)
+        self.white, self.checks = _source(WHITE_COLUMNS), _source(("time", "lag1", "nis"))
+        self.beside = _source(BESIDE)
         self.moment = Range1d(start=0, end=1)
         self._heights: list[_Height] = []
         self.noise = self._noise()
@@ -59,11 +57,12 @@ class Figures:
             "temperature", "temperature [°C]", (self.rows, ("temperature",)), least=0.5
         )
         self.temperature.line("time", "temperature", source=self.rows, color=STATE, line_width=1.5)
+        self.apart = self._apart()
 
     @property
     def all(self) -> list[figure]:
         """In the order of the page."""
-        return [self.noise, self.alpha, self.f, self.lag1, self.nis, self.temperature]
+        return [self.noise, self.alpha, self.f, self.lag1, self.nis, self.temperature, self.apart]
 
     def fit(self) -> None:
         """Make every figure as high as what it shows."""
@@ -71,19 +70,22 @@ class Figures:
             height.fit()
 
     def _noise(self) -> figure:
-        plot = self._figure("noise", "deg/s", (self.rows, ("y_low", "y_high", "state")))
+        shown = (self.rows, ("y_low", "y_high")), (self.estimates, ("state",))
+        plot = self._figure("noise", "deg/s", *shown)
         plot.varea("time", "y_low", "y_high", source=self.rows, color=SAMPLE, alpha=0.35)
         plot.line("time", "y", source=self.rows, color=SAMPLE, line_width=1)
-        plot.line("time", "state", source=self.rows, color=STATE, line_width=1.5)
+        plot.line("time", "state", source=self.estimates, color=STATE, line_width=1.5)
         return plot
 
     def _estimate(self, name: str, letter: str, label: str) -> figure:
         low, mid, high = f"{name}_low", f"{name}_mid", f"{name}_high"
-        plot = self._figure(name, label, (self.rows, (low, high)), (self.white, (low, high)))
+        shown = (self.estimates, (low, high)), (self.white, (low, high)), (self.beside, (name,))
+        plot = self._figure(name, label, *shown)
         plot.varea("time", low, high, source=self.white, color=WHITE, alpha=0.4)
         plot.line("time", mid, source=self.white, color=WHITE, line_width=1.5, line_dash="dashed")
-        plot.varea("time", low, high, source=self.rows, color=ESTIMATE, alpha=0.25)
-        line = plot.line("time", name, source=self.rows, color=ESTIMATE, line_width=2)
+        plot.varea("time", low, high, source=self.estimates, color=ESTIMATE, alpha=0.25)
+        line = plot.line("time", name, source=self.estimates, color=ESTIMATE, line_width=2)
+        plot.line("time", name, source=self.beside, line_width=2, line_dash=[7, 7], name=OF_DEVICE)
         tips = [
             ("sample", "@seq{0,0}"),
             (letter, f"@{name}{{0.0000}}"),
@@ -103,6 +105,15 @@ class Figures:
         plot.add_layout(Span(location=reference, dimension="width", line_color=WHITE, line_dash="dashed"))
         plot.line("time", name, source=self.checks, color=ESTIMATE, line_width=2)
         plot.scatter("time", name, source=self.checks, color=ESTIMATE, size=3)
+        return plot
+
+    def _apart(self) -> figure:
+        shown = self.beside, ("apart_low", "apart_high")
+        plot = self._figure("apart", "device − host, α", shown, always=(0.0,), least=1e-9)
+        plot.add_layout(Span(location=0.0, dimension="width", line_color=WHITE, line_dash="dashed"))
+        plot.varea("time", "apart_low", "apart_high", source=self.beside, color=SAMPLE, alpha=0.35)
+        plot.line("time", "apart", source=self.beside, line_width=1.5, name=OF_DEVICE)
+        plot.yaxis.formatter = CustomJSTickFormatter(code=POWER_OF_TEN)
         return plot
 
     def _figure(
@@ -135,6 +146,10 @@ class Figures:
         plot.xaxis.ticker = DatetimeTicker(desired_num_ticks=4)  # what a phone has room for
         plot.min_border_left = 64
         return plot
+
+
+def _source(columns: Sequence[str]) -> ColumnDataSource:
+    return ColumnDataSource({name: [] for name in columns})
 
 
 class _Height:

@@ -3,6 +3,7 @@ window.fltea = (() => {
   "use strict"
   const byId = id => document.getElementById(id)
   const RETRY_MS = 2000
+  const OF_DEVICE = "of the device"  // what figures.py calls it
   let facts, control, plots
   let choice = {device: "", axis: "", window: null}
   let shown = null
@@ -70,6 +71,7 @@ window.fltea = (() => {
     root.dataset.seq = f.seq ?? ""
     root.dataset.epoch = f.epoch ?? ""
     root.dataset.tick = f.tick
+    root.dataset.estimator = f.estimator
     document.title = `fltea ${f.device}`
     byId("status").textContent = f.status.text
     byId("status").dataset.level = f.status.level
@@ -84,6 +86,8 @@ window.fltea = (() => {
     byId("temperature").hidden = !f.hardware.some(([label]) => label === "temperature")
     rows("link", f.link)
     rows("hardware", f.hardware)
+    byId("own-part").hidden = !f.own.length
+    rows("own", f.own)
     events(f.events)
     const label = f.unit ? `${f.axis} [${f.unit}]` : ""
     if (plots[0].left[0].axis_label !== label) plots[0].left[0].setv({axis_label: label}, {sync: false})
@@ -126,14 +130,25 @@ window.fltea = (() => {
       verdict.textContent = chosen ? chosen.verdict_short : ""
       verdict.dataset.side = chosen ? chosen.side : "unknown"
     }
+    const beside = chosen ? chosen.beside : null
+    for (const apart of document.querySelectorAll("figure .apart")) compare(apart, beside, apart.dataset.of)
+    for (const part of document.querySelectorAll("#apart .drawn")) part.hidden = !(beside && beside.drawn)
+  }
+
+  // How far the device's own estimate is from the host's, or why nobody can say.
+  function compare(place, beside, name) {
+    place.textContent = !beside ? "" : beside.why_not || `device − host: ${beside[`${name}_apart`]} of what is shown`
+    place.dataset.compared = beside && beside.why_not ? "no" : "yes"
   }
 
   function card(axis) {
     const made = element("div", {class: "card", role: "button", tabindex: "0", "data-axis": axis.name})
     made.innerHTML = `<h2></h2>
-      <div class="pair"><b>α</b><span class="big alpha"></span><span class="beside alpha-white"></span></div>
-      <div class="pair"><b>f</b><span class="big"><span class="f"></span> <small>s<sup>-α</sup></small></span><span class="beside f-white"></span></div>
-      <p class="whiteness"></p><p class="verdict"></p><p class="guard"></p><details><summary>more</summary><dl></dl></details>`
+      <div class="pair"><b>α</b><span class="big alpha"></span><span class="beside alpha-white"></span>
+        <span class="beside alpha-device"></span></div>
+      <div class="pair"><b>f</b><span class="big"><span class="f"></span> <small>s<sup>-α</sup></small></span><span class="beside f-white"></span>
+        <span class="beside f-device"></span></div>
+      <p class="whiteness"></p><p class="verdict"></p><p class="why-not"></p><p class="guard"></p><p class="guard guard-of-device"></p><details><summary>more</summary><dl></dl></details>`
     made.querySelector("h2").textContent = axis.name
     const pick = () => choose({axis: axis.name})
     made.addEventListener("click", event => { if (!event.target.closest("details")) pick() })
@@ -156,9 +171,24 @@ window.fltea = (() => {
     made.querySelector(".whiteness").dataset.order = axis.order
     set(".verdict", axis.verdict)
     made.querySelector(".verdict").dataset.side = axis.side
-    set(".guard", axis.guard.length
-      ? "guard: " + axis.guard.map(([words, count]) => `${words} (${count})`).join(", ") : "")
-    fillRows(made.querySelector("dl"), axis.rows)
+    set(".guard", guard("guard", axis.guard))
+    const beside = axis.beside
+    made.dataset.apart = beside ? beside.apart ?? "" : ""
+    set(".alpha-device", ofDevice(beside, "alpha"))
+    set(".f-device", ofDevice(beside, "f"))
+    set(".why-not", beside ? beside.why_not : "")
+    set(".guard-of-device", beside ? guard("the device's guard", beside.guard) : "")
+    fillRows(made.querySelector("dl"), beside ? [...axis.rows, ...beside.rows] : axis.rows)
+  }
+
+  function ofDevice(beside, name) {
+    if (!beside) return ""
+    const apart = beside.why_not ? "" : `; minus host: ${beside[`${name}_apart`]}`
+    return `device: ${beside[`${name}_text`]}${apart}`
+  }
+
+  function guard(whose, found) {
+    return found.length ? `${whose}: ` + found.map(([words, count]) => `${words} (${count})`).join(", ") : ""
   }
 
   function rows(id, found) { fillRows(byId(id), found) }
@@ -212,6 +242,8 @@ window.fltea = (() => {
       for (const one of [...plot.below, ...plot.left]) one.setv(axis, {sync: false})
       for (const one of plot.center)
         if (one.type === "Grid") one.setv({grid_line_color: colour("--grid")}, {sync: false})
+      for (const one of plot.renderers)
+        if (one.name === OF_DEVICE) one.glyph.setv({line_color: colour("--ink")}, {sync: false})
     }
   }
   applyTheme()

@@ -11,14 +11,14 @@ from bokeh.models import ColumnDataSource, CustomJS
 from jinja2 import Environment
 
 from fltea import clock
-from fltea.dashboard import facts
+from fltea.dashboard import facts, facts_of_device
 from fltea.dashboard.figures import Figures
-from fltea.dashboard.history import DeviceHistory, Table
+from fltea.dashboard.history import DeviceHistory
+from fltea.dashboard.tables import Table
 from fltea.dashboard.tiers import WINDOWS, Cursor
 
 PERIOD_MS = 300
 FIRST_WINDOW = 1
-TABLES: tuple[Table, ...] = ("rows", "white", "checks")
 
 
 class Page:
@@ -35,7 +35,7 @@ class Page:
         self._window = FIRST_WINDOW
         self._tick = 0
         self._acknowledged = 0
-        self._cursors = dict.fromkeys(TABLES, Cursor())
+        self._cursors: dict[Table, Cursor] = {}
         self._figures = Figures()
         self._facts = ColumnDataSource({"json": [""]}, name="facts")
         self._control = ColumnDataSource(_choice("", "", FIRST_WINDOW, 0), name="control")
@@ -54,29 +54,44 @@ class Page:
         with history.lock:
             if self._axis not in history.axes:
                 self._axis = history.axes[0] if history.axes else ""
-                self._cursors = dict.fromkeys(TABLES, Cursor())
+                self._cursors = {}
             if self._axis:
-                for table in TABLES:
-                    self._send(history, table)
+                for table, sources in self._shown(history).items():
+                    self._send(history, table, sources)
                 self._show_moment(history)
                 self._figures.fit()
             told = self._tell(history, states)
         self._facts.data = {"json": [json.dumps(told, ensure_ascii=False, allow_nan=False)]}
 
-    def _send(self, history: DeviceHistory, table: Table) -> None:
-        new = history.read(table, self._window, self._cursors[table])
+    def _shown(self, history: DeviceHistory) -> dict[Table, list[ColumnDataSource]]:
+        """Which tables the figures draw; what they do not draw is emptied."""
+        f, estimator = self._figures, history.estimator(self._axis)
+        shown: dict[Table, list[ColumnDataSource]] = {"white": [f.white], "checks": [f.checks]}
+        if estimator == "device":
+            shown |= {"rows": [f.rows], "own": [f.estimates]}
+        else:
+            shown |= {"rows": [f.rows, f.estimates]}
+        if estimator == "both":
+            shown |= {"beside": [f.beside]}
+        elif len(f.beside.data["time"]):
+            f.beside.data = {name: [] for name in f.beside.column_names}
+        return shown
+
+    def _send(self, history: DeviceHistory, table: Table, sources: list[ColumnDataSource]) -> None:
+        new = history.read(table, self._window, self._cursors.get(table, Cursor()))
         self._cursors[table] = new.cursor
-        source: ColumnDataSource = getattr(self._figures, table)
         places = history.columns(table, self._axis)
         columns: dict[str, Any] = {name: new.values[:, place] for name, place in places.items()}
-        if table == "rows":
-            for name in ("alpha", "f"):
-                std = columns.pop(f"{name}_std")
+        for name in ("alpha", "f"):
+            if f"{name}_std" in columns:
+                std = columns[f"{name}_std"]
                 columns[f"{name}_low"], columns[f"{name}_high"] = columns[name] - std, columns[name] + std
-        if new.fresh:
-            source.data = columns
-        elif len(new.values):
-            source.stream(columns, rollover=new.capacity)
+        for source in sources:
+            wanted = {name: columns[name] for name in source.column_names}
+            if new.fresh:
+                source.data = wanted
+            elif len(new.values):
+                source.stream(wanted, rollover=new.capacity)
 
     def _show_moment(self, history: DeviceHistory) -> None:
         if history.sample is not None:
@@ -91,6 +106,7 @@ class Page:
             "devices": states,
             "device": self._device,
             "axis": self._axis,
+            "estimator": history.estimator(self._axis),
             "unit": facts.unit_of(self._axis) if self._axis else "",
             "window": self._window,
             "windows": [window.label for window in WINDOWS],
@@ -98,7 +114,8 @@ class Page:
             "seq": estimate.seq if estimate else None,
             "epoch": history.epoch.epoch if history.epoch else None,
             "time_ms": sample.host_ns // 1_000_000 if sample else None,
-            "axes": facts.axes(history),
+            "axes": facts.axes(history, self._window),
+            "own": facts_of_device.own(history),
             "link": facts.link(history.stats),
             "hardware": facts.device(history.hello, sample.temperature_c if sample else None),
             "events": facts.events(history),
@@ -118,7 +135,7 @@ class Page:
         if isinstance(window, int) and 0 <= window < len(WINDOWS):
             self._window = window
         if before != (self._device, self._axis, self._window):
-            self._cursors = dict.fromkeys(TABLES, Cursor())
+            self._cursors = {}
             self.update()
 
     def _lay_out(self, document: Document) -> None:

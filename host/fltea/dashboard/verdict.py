@@ -13,7 +13,7 @@ from fltea.model import Order
 Side = Literal["within", "outside", "unknown"]
 
 RESUMED = " The runs began only when the estimator was resumed, so the band is too wide at first."
-
+HEARD_LATE = " The device estimated before it was heard and the runs began, so the band is too wide at first."
 
 SHORT: dict[Side, str] = {
     "within": "Within what white noise gives: these figures say nothing.",
@@ -34,10 +34,10 @@ class Verdict(NamedTuple):
         return SHORT[self.side]
 
 
-def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, resumed: bool = False) -> Verdict:
+def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, older: str = "") -> Verdict:
     """Compare an estimate with the 5 to 95 % of white noise after as many samples.
 
-    white: None where there is no band for the axis. resumed: the estimator is older than the runs.
+    white: None where there is no band for the axis. older: what to say of runs that began late.
     """
     if alpha is None or f is None:
         return Verdict("unknown", "No valid estimate.")
@@ -48,7 +48,6 @@ def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, resu
         )
     if not math.isfinite(white.alpha[0]):
         return Verdict("unknown", "What white noise would give is not known yet: too few samples.")
-    after = RESUMED if resumed else ""
     places = {
         "α": bool(white.alpha[0] <= alpha <= white.alpha[2]),
         "f": bool(white.f[0] <= f <= white.f[2]),
@@ -58,12 +57,12 @@ def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, resu
         text = (
             "α and f are within what white noise of this power gives after as many samples: they say nothing."
         )
-        return Verdict("within", text + after)
+        return Verdict("within", text + older)
     subject = "α and f are" if len(outside) == 2 else f"{outside[0]} is"
     text = (
         f"{subject} outside what white noise of this power gives after as many samples: a hint, not a test."
     )
-    return Verdict("outside", text + after)
+    return Verdict("outside", text + older)
 
 
 def judge_whiteness(order: Order | None, p: float | None) -> str:

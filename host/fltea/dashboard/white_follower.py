@@ -59,12 +59,12 @@ class WhiteFollower:
         self.mean += step / self._count
         self._squares += step * (y - self.mean)
 
-    def on_estimate(self, valid: bool) -> None:
-        """Take note that there is one more estimate; the runs follow a few at a time."""
+    def on_estimate(self, valid: bool, steps: int = 1) -> None:
+        """Take note of an estimate, `steps` samples after the one before; the runs follow a few at a time."""
         if valid and not self._valid:
             self._runs, self._waiting, self.quantiles = None, 0, NOTHING
         self._valid = valid
-        self._waiting += valid
+        self._waiting += steps * valid
         power = self.power
         if not power or not math.isfinite(power):
             return

@@ -1,0 +1,61 @@
+"""Numbers as the page writes them (pure)."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+Level = Literal["good", "wait", "bad", "plain"]
+
+CAUSE_WORDS = {
+    "order_box": "α held inside [0, 2]",
+    "order_sigma": "a sigma point of α held",
+    "order_variance": "the variance of α held",
+    "order_gate": "an outlier softened for α",
+    "parameter_box": "f held inside its bounds",
+    "parameter_variance": "the variance of f held",
+    "parameter_gate": "an outlier softened for f",
+    "state_bound": "the state held near the sample",
+    "memory_order": "an order beyond the memory's range",
+}
+
+
+def figure(value: float, digits: int, *, significant: bool = False) -> str:
+    """Fixed point, or powers of ten for what a diverging filter can give."""
+    if significant:
+        return f"{value:.{digits}g}"
+    return f"{value:.{digits}f}" if abs(value) < 1e5 else f"{value:.{digits}e}"
+
+
+def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
+    """A number with its unit, a dash for none."""
+    return "–" if value is None else f"{figure(value, digits, significant=significant)} {unit}".rstrip()
+
+
+def with_std(value: float | None, std: float | None) -> str:
+    """A number with its standard deviation, a dash for none."""
+    if value is None:
+        return "–"
+    return figure(value, 3) + ("" if std is None else f" ± {figure(std, 3)}")
+
+
+def span(quantiles: Any) -> str:
+    """The outer two of three quantiles."""
+    return f"{figure(float(quantiles[0]), 3)} … {figure(float(quantiles[2]), 3)}"
+
+
+def apart(value: float) -> str:
+    """A small difference, with its sign and a power of ten."""
+    if not value:
+        return "0"
+    mantissa, _, exponent = f"{value:+.1e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
+    """How often the guard of an axis stepped in: why, how often."""
+    return [[CAUSE_WORDS.get(cause, cause), str(count)] for cause, count in interventions.items()]
+
+
+def counted(label: str, count: int, remark: str = "") -> list[str]:
+    """A count of what should not be, as label, value, level."""
+    value = f"{count:,}" + (f" ({remark})" if remark else "")
+    return [label, value, "bad" if count else "plain"]
