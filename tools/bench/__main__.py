@@ -16,7 +16,9 @@ def main() -> None:
     parser.add_argument(
         "--identify", action="store_true", help="only how far `fltea identify` can be believed: half an hour"
     )
-    parser.add_argument("--device", action="store_true", help="only the device's estimates beside the host's")
+    parser.add_argument(
+        "--device", action="store_true", help="only what the device's estimates cost, and how near they are"
+    )
     parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
     if arguments.identify:
@@ -24,14 +26,13 @@ def main() -> None:
         print(json.dumps(tables, ensure_ascii=False) if arguments.json else identify_tables.text(tables))
         return
     if arguments.device:
-        from tools.bench import device_difference  # compiles the device's estimator
+        from tools.bench import device_cost, device_difference  # both compile the device's estimator
 
-        differences = device_difference.measure()
-        print(
-            json.dumps(differences, ensure_ascii=False)
-            if arguments.json
-            else device_difference.text(differences)
-        )
+        cost, differences = device_cost.measure(), device_difference.measure()
+        if arguments.json:
+            print(json.dumps({"cost": cost, "differences": differences}, ensure_ascii=False))
+        else:
+            print(f"{device_cost.text(cost)}\n\n{device_difference.text(differences)}")
         return
     decode, estimator = bench_decode.measure(), bench_estimator.measure()
     daemon = bench_daemon.measure() if arguments.daemon else None
