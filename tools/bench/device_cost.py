@@ -17,7 +17,7 @@ from tools.due_emulator.noise import fractional_world
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
-from build_firmware import build
+from build_firmware import build  # noqa: E402
 
 CYCLES = 1.4
 """Clock cycles an instruction that are assumed of a Cortex-M3 with flash at four wait states."""
