@@ -256,8 +256,8 @@ class FakeSink final : public fltea::ByteSink {
         receiver.feed(data, n);
         bytes.insert(bytes.end(), data, data + n);
         waiting_ += static_cast<double>(n);
-        // Whole frames only, one at a time, and nothing may take the room of a sample; the device's estimates may
-        // for as long as none is due.
+        // Whole frames only, one at a time, and nothing may take the room of a sample; the device's estimates
+        // may for as long as none is due.
         REQUIRE(receiver.frames.size() == frames + 1);
         REQUIRE(data[n - 1] == 0);
         const uint8_t type = receiver.frames.back().type;
