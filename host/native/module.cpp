@@ -38,7 +38,8 @@ class FieldReader {
         } else if constexpr (std::is_same_v<T, float>) {
             const double value = nb::cast<double>(next(name));
             field = static_cast<float>(value);
-            if (std::isinf(field) && !std::isinf(value)) reject(name, std::to_string(value) + " does not fit");
+            if (std::isinf(field) && !std::isinf(value))
+                reject(name, std::to_string(value) + " does not fit");
         } else {
             field = integer<T>(name);
         }
