@@ -39,8 +39,9 @@ struct FixedNodes {{
     // (1 / ln 2) of the grid's step, and of the log of the fastest node, in 2^-29.
     static constexpr std::int32_t step = {step};
     static constexpr std::int32_t top = {top};
-    static constexpr std::int32_t ratio = {ratio};  // e^-step, in 2^-30
-    static constexpr std::int32_t plain = {plain};  // K of the slowest mode, in 2^-46
+    // e^-step in 2^-30, and K of the slowest mode in 2^-46.
+    static constexpr std::int32_t ratio = {ratio};
+    static constexpr std::int32_t plain = {plain};
 }};
 
 // clang-format off

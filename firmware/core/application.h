@@ -197,8 +197,8 @@ class Application {
     Sampler sampler_;
     EverySecond hello_;
     EverySecond status_;
-    Estimation estimation_;
-    Estimate estimate_;  // the newest, if estimate_due_
+    Estimation estimation_{};
+    Estimate estimate_ = {};  // the newest, if estimate_due_
     Workload workload_;
     uint32_t longest_axis_us_ = 0;
     uint16_t announced_starts_ = 0;

@@ -56,7 +56,7 @@ class AxisEstimator {
     uint16_t restarts_ = 0;
     bool valid_ = false;
     bool missing_ = false;
-    alignas(8) unsigned char storage_[kFilterBytes];
+    alignas(8) unsigned char storage_[kFilterBytes] = {};
 };
 
 }  // namespace fltea

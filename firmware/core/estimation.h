@@ -138,7 +138,7 @@ class Estimation {
     }
 
     AxisEstimator axes_[kAxes];
-    Item queue_[kQueue];
+    Item queue_[kQueue] = {};
     size_t first_ = 0;
     size_t waiting_ = 0;
     size_t axis_ = 0;       // the next to be worked on

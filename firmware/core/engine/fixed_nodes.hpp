@@ -19,8 +19,9 @@ struct FixedNodes {
     // (1 / ln 2) of the grid's step, and of the log of the fastest node, in 2^-29.
     static constexpr std::int32_t step = 662232557;
     static constexpr std::int32_t top = 1324465114;
-    static constexpr std::int32_t ratio = 456644349;  // e^-step, in 2^-30
-    static constexpr std::int32_t plain = -9326651;   // K of the slowest mode, in 2^-46
+    // e^-step in 2^-30, and K of the slowest mode in 2^-46.
+    static constexpr std::int32_t ratio = 456644349;
+    static constexpr std::int32_t plain = -9326651;
 };
 
 // clang-format off
