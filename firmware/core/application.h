@@ -54,7 +54,7 @@ class Application {
     // In the main loop, after every wake-up and at least every 10 ms. Returns within 10 ms, whatever the bus
     // does. True: there is more to do at once.
     bool step() {
-        const uint32_t now_us = clock_.now_us();
+        const uint32_t now_us = clock_.now_us(), transfers = health_.transfers();
         health_.pass_time(now_us);
         const bool due = sampler_.poll(now_us);
         if (health_.running()) {
@@ -76,7 +76,7 @@ class Application {
         const bool estimated = estimate(clock_.now_us());
         const uint32_t done_us = clock_.now_us();
         report(done_us);
-        if (due || estimated || !health_.running()) workload_.add(clock_.now_us() - now_us);
+        if (estimated || health_.transfers() != transfers) workload_.add(clock_.now_us() - now_us);
         return may_estimate(done_us);
     }
 
@@ -84,6 +84,18 @@ class Application {
     void on_data_ready(uint32_t now_us) { sampler_.on_data_ready(now_us); }
 
   private:
+    // Bytes a second on the line, with HELLO, ESTIMATOR, STATUS and a FAULT a second; a tenth is left.
+    static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
+    static constexpr size_t kBytesPerS =
+        kSamplesPerS * wire_size<Sample>() + wire_size<Hello>() + wire_size<Status>() + wire_size<Fault>() +
+        (settings::kEstimate
+             ? kSamplesPerS * Estimation::kAxes * wire_size<Estimate>() / settings::kEstimateEvery +
+                   wire_size<Estimator>()
+             : 0);
+    static_assert(kBytesPerS < kBaud / 10 * 9 / 10, "the line has to take all that is to be said");
+    // Less would leave a small ring no time for ESTIMATOR between two samples (Link::send).
+    static_assert(!settings::kEstimate || settings::kSamplePeriodUs >= 4000, "too fast for estimates");
+
     static constexpr uint32_t kLateUs = settings::kSamplePeriodUs / 10;
     static constexpr uint32_t kMostSilenceUs = 5 * settings::kSamplePeriodUs;
 
@@ -197,7 +209,7 @@ class Application {
     Sampler sampler_;
     EverySecond hello_;
     EverySecond status_;
-    Estimation estimation_{};
+    Estimation estimation_;
     Estimate estimate_ = {};  // the newest, if estimate_due_
     Workload workload_;
     uint32_t longest_axis_us_ = 0;

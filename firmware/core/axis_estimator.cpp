@@ -55,7 +55,8 @@ struct AxisEstimator::Filter {
     float r_dps2;
     Lane lane;
     engine::Estimate<float> estimate = {};
-    float held = 0;  // steps in which the guard held the state
+    // What the lane counts from step to step: a float would stop at 2^24.
+    uint32_t interventions[engine::kCauses] = {};
 };
 
 void AxisEstimator::begin() {
@@ -81,15 +82,18 @@ void AxisEstimator::step(const int16_t* count) {
     if (count != nullptr) sample.y = baseline_.centred(*count) / kLsb;
     engine::Estimate<float>& estimate = filter_->estimate;
     filter_->lane.step(sample, estimate);
-    const float held = filter_->lane.state().counts[engine::kStateBound];
-    const Supervisor::Verdict verdict =
-        supervisor_.judge(estimate.alpha, estimate.f, estimate.x, held > filter_->held);
-    filter_->held = held;
+    float* const acted = filter_->lane.state().counts;
+    const bool held = acted[engine::kStateBound] != 0;
+    for (int i = 0; i < engine::kCauses; ++i) {
+        filter_->interventions[i] += acted[i] != 0 ? 1 : 0;
+        acted[i] = 0;
+    }
+    const Supervisor::Verdict verdict = supervisor_.judge(estimate.alpha, estimate.f, estimate.x, held);
     missing_ = count == nullptr;
     valid_ = verdict.valid;
     if (!verdict.restart) return;
     filter_->lane.reset(true);
-    filter_->held = 0;
+    for (uint32_t& count : filter_->interventions) count = 0;
     begin_watch();
     ++restarts_;
 }
@@ -110,14 +114,13 @@ void AxisEstimator::report(Estimate& message) const {
         message.state = estimate.x;
         if (!missing_) message.innovation = estimate.innovation;
     }
-    const float* const counts = filter_->lane.state().counts;
     uint32_t* const to[] = {
         &message.order_box,      &message.order_sigma,   &message.order_variance,
         &message.order_gate,     &message.parameter_box, &message.parameter_variance,
         &message.parameter_gate, &message.state_bound,   &message.memory_order,
     };
     static_assert(sizeof to / sizeof *to == engine::kCauses, "one field here is one cause there");
-    for (int i = 0; i < engine::kCauses; ++i) *to[i] = static_cast<uint32_t>(counts[i]);
+    for (int i = 0; i < engine::kCauses; ++i) *to[i] = filter_->interventions[i];
 }
 
 float AxisEstimator::bias_dps() const {

@@ -48,7 +48,7 @@ class AxisEstimator {
 
     void begin_watch();
 
-    static constexpr size_t kFilterBytes = 416;
+    static constexpr size_t kFilterBytes = 448;
 
     Baseline baseline_;
     Supervisor supervisor_;

@@ -1,6 +1,6 @@
 // The device's own estimates: samples wait in a queue and are worked off one axis at a time, so that sampling
-// never waits for longer than that. What finds the queue full is skipped and counted; to the filters it is a
-// lost sample.
+// never waits for longer than that. What finds the queue full is skipped and counted, and to the filters it
+// has never been: to bridge it would cost as much as to take it.
 #pragma once
 
 #include <stddef.h>
@@ -117,7 +117,7 @@ class Estimation {
     // A gap of kMaxGap takes a tenth of a second to work off.
     static constexpr size_t kQueue = 32;
     static_assert(settings::kStartup >= 2 && settings::kStartup <= 4096, "the window's sums must fit");
-    static_assert(settings::kEstimateEvery >= 2, "more would not fit the line");
+    static_assert(settings::kEstimateEvery >= 1, "samples from one ESTIMATE to the next");
 
     struct Item {
         int16_t count[kAxes];

@@ -37,6 +37,9 @@ class Health {
 
     bool running() const { return state_ == State::running; }
 
+    // Transfers so far, with those that failed; wraps.
+    uint32_t transfers() const { return transfers_; }
+
     // In every step while the sensor does not run: goes on with the set-up. True when it is complete.
     bool set_up(uint32_t now_us) {
         retried_ = false;
@@ -110,6 +113,7 @@ class Health {
     template <typename Transfer>
     bool transfer(Transfer go) {
         for (;;) {
+            ++transfers_;
             const I2cResult result = go();
             if (result == I2cResult::ok) return true;
             count_error();
@@ -266,6 +270,7 @@ class Health {
     Pause pause_;
     Pause between_;  // probes, and set-ups, begin that far apart
     uint32_t starts_ = 0;
+    uint32_t transfers_ = 0;
     uint32_t i2c_errors_ = 0;
     uint32_t bus_recoveries_ = 0;
     uint32_t errors_in_row_ = 0;

@@ -304,7 +304,7 @@ struct Estimate {
     uint32_t parameter_variance;
     // the innovation of the parameter filter exceeded its gate
     uint32_t parameter_gate;
-    // the innovation of the state exceeded 4 sigma
+    // the innovation of the state exceeded 4 sigma, or a prediction went beyond all that was seen
     uint32_t state_bound;
     // the memory was asked for an order out of its range
     uint32_t memory_order;
@@ -349,7 +349,7 @@ struct Estimator {
     uint16_t startup;
     // longest gap in samples that is bridged by prediction; after a longer one all begins anew
     uint16_t max_gap;
-    // samples from one ESTIMATE of an axis to its next
+    // ESTIMATEs belong to samples whose sequence is a multiple of this
     uint16_t every;
     // samples until the start-up window is full
     uint16_t remaining;

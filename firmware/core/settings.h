@@ -51,7 +51,7 @@ constexpr bool kEstimate = FLTEA_ESTIMATE;
 constexpr EstimatorVariant kVariant = EstimatorVariant::FLTEA_VARIANT;
 // Not off: only within a guard's bounds is the memory of use.
 constexpr EstimatorGuard kGuard = EstimatorGuard::consistent;
-// Samples from one ESTIMATE of an axis to its next; at 2 the line is two thirds full.
+// ESTIMATEs belong to samples whose sequence is a multiple of this; at 2 the line is two thirds full.
 constexpr uint16_t kEstimateEvery = 10;
 // Samples at rest that bias and R are drawn from.
 constexpr uint16_t kStartup = 500;

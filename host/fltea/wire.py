@@ -379,7 +379,7 @@ class _EstimateFields(NamedTuple):
     parameter_gate: int
     """The innovation of the parameter filter exceeded its gate."""
     state_bound: int
-    """The innovation of the state exceeded 4 sigma."""
+    """The innovation of the state exceeded 4 sigma, or a prediction went beyond all that was seen."""
     memory_order: int
     """The memory was asked for an order out of its range."""
 
@@ -415,7 +415,7 @@ class _EstimatorFields(NamedTuple):
     max_gap: int
     """Longest gap in samples that is bridged by prediction; after a longer one all begins anew."""
     every: int
-    """Samples from one ESTIMATE of an axis to its next."""
+    """ESTIMATEs belong to samples whose sequence is a multiple of this."""
     remaining: int
     """Samples until the start-up window is full."""
     begun: int

@@ -77,8 +77,10 @@ def test_status_says_what_it_costs() -> None:
     run = with_faults()
     shares = [arrival.frame.message.cpu_share for arrival in run.of(wire.Status) if 14 < arrival.at_s < 17]
     # The start-up window fills: 6 % for the sensor. Instructions count one cycle each here.
+    assert len(shares) == 3
     assert all(500 < share < 800 for share in shares)
     estimating = [arrival.frame.message for arrival in run.of(wire.Status) if 6.1 < arrival.at_s < 7]
+    assert len(estimating) == 1
     assert all(1200 < status.cpu_share < 1600 for status in estimating)
     assert all(500 < status.longest_step < 2_000 for status in estimating)
     estimator = run.of(wire.Estimator)[-1].frame.message

@@ -84,7 +84,7 @@ def host_run(variant: str, counts: NDArray[np.int16], missing: NDArray[np.bool_]
 
 
 def free(rows: dict[str, Array], host: Estimates, R: float) -> int:
-    """Samples before the guard first steps in, or P outgrows what the device's memory can hold of it."""
+    """Samples before the guard first steps in, or P is too far from constant for the device's memory."""
     parted = (sum(rows[cause] for cause in CAUSES) > 0) | (host.P[:, 0] > 128 * R)
     return int(np.argmax(parted)) if parted.any() else len(parted)
 

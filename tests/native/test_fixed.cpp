@@ -88,7 +88,7 @@ TEST_CASE(
         const double counts = std::ldexp(static_cast<double>(x), -exponent);
         const std::int32_t count = fixed::from_float(x, exponent);
         if (std::fabs(counts) > fixed::kLargest) {
-            // At most half a count beyond what is taken whole: 2^28.
+            // At most half a count beyond what is taken whole: 2^29.
             REQUIRE(std::abs(count) >= fixed::kLargest);
             REQUIRE(std::abs(count) <= fixed::kLargest + 1);
             REQUIRE((count < 0) == (counts < 0));
@@ -179,7 +179,7 @@ TEST_CASE("soft square root: that of IEEE 754, to the bit") {
 TEST_CASE("fixed memory: the weights to a thousandth, at ages up to 100,000") {
     const std::size_t ages[] = {1,  2,  3,   4,   5,    6,    7,     8,     10,    14,
                                 20, 50, 100, 300, 1000, 3000, 10000, 30000, 100000};
-    const float pulse = 200;  // of as many digits as there are, within the cut-off of 2^8
+    const float pulse = 400;  // of as many digits as there are, within the cut-off of 2^9
     std::vector<std::vector<long double>> c;
     for (float order : kOrders) c.push_back(weights(static_cast<long double>(order), 100000));
     FixedMemory memory(1.0f);
@@ -247,18 +247,18 @@ TEST_CASE(
     "fixed memory: what is larger than its largest count is that, and nothing overflows in three hours") {
     for (float R : {1e-6f, 0.9f, 1.0f, 1.9f, 2.0f, 3.9f, 1e6f}) {
         const float unit = std::ldexp(1.0f, static_cast<int>(std::floor(std::ilogb(R) / 2.0))),
-                    most = 256 * unit;
+                    most = 512 * unit;
         FixedMemory cut(R), whole(R);
         for (int k = 0; k < 100; ++k) {
             cut.push(k % 3 == 0 ? 1e30f : most / 2, 1e30f);
-            whole.push(k % 3 == 0 ? most : most / 2, 300 * R);
+            whole.push(k % 3 == 0 ? most : most / 2, 1e30f);
         }
         for (float order : kOrders) {
             CHECK(sum_of(cut, order) == doctest::Approx(sum_of(whole, order)).epsilon(1e-6));
             float S, V;
             cut.sums(order, S, V);
             CHECK(V >= 0);
-            CHECK(V <= 1e4f * R);
+            CHECK(V <= 4e31f);
         }
     }
     // The sanitizer sees an overflow.

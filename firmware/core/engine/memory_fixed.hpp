@@ -1,6 +1,6 @@
 // The memory for a processor without floating point: that of memory_compressed.hpp for an unlimited window,
-// in integers. x and P are kept in units of their own, 2^-20 of what R says is usual, and are cut off at 2^8
-// of it: a state that large is no noise, and the supervisor has withdrawn the estimate by then.
+// in integers. x is kept in units of 2^-21 to 2^-20 of the noise's standard deviation sqrt(R), and cut off at
+// 256 of these or more, where only a knock goes. Of P no more than the exact part is kept, and in float.
 //
 // Against the other memories: orders outside of [-1/2, 5/2] are taken for the nearest of these, which is
 // where the guard keeps them; beyond the slowest mode the past counts by its sum alone; and past variances
@@ -23,19 +23,18 @@ class FixedMemory {
   public:
     static constexpr float kLowest = -0.5f, kHighest = 2.5f;
 
-    // R: the measurement variance of the state, for the units.
+    // R: the measurement variance of the state, for the unit of x.
     explicit FixedMemory(float R) {
         std::uint32_t bits = 0;
         std::memcpy(&bits, &R, sizeof bits);
         const int exponent = static_cast<int>(bits >> 23 & 255) - 127;
-        x_unit_ = (exponent >> 1) - 18;
-        P_unit_ = exponent - 15;
+        x_unit_ = (exponent >> 1) - 20;
         reset();
     }
 
     // Forgets everything.
     void reset() {
-        for (std::size_t i = 0; i < Nodes::head; ++i) x_[i] = P_[i] = 0;
+        for (std::size_t i = 0; i < Nodes::head; ++i) x_[i] = 0, P_[i] = 0;
         for (std::size_t i = 0; i < Nodes::count; ++i) z_[i] = 0;
         plain_ = 0;
     }
@@ -51,7 +50,7 @@ class FixedMemory {
             P_[i] = P_[i - 1];
         }
         x_[0] = fixed::from_float(x, x_unit_);
-        P_[0] = fixed::from_float(P, P_unit_);
+        P_[0] = P;
         // Each mode is a mean that forgets, so that none is larger than what went in.
         for (std::size_t i = 0; i < Nodes::count; ++i) {
             const std::int32_t mean = static_cast<std::int32_t>((z_[i] + (1 << 30)) >> 31);
@@ -78,7 +77,9 @@ class FixedMemory {
     }
 
   private:
-    static constexpr int kFine = 16;  // the tail's counts are 2^-16 of the head's
+    static constexpr int kFine = 16;  // sums are in 2^-16 of x's unit
+
+    static std::int64_t fine(std::int32_t x) { return static_cast<std::int64_t>(x) * (1 << kFine); }
 
     // An order in 2^-28, and e^{-order step} in 2^-30: from 0.1 to 1.6.
     struct Order {
@@ -108,16 +109,16 @@ class FixedMemory {
         std::int64_t tail[N];
         tails(at, tail);
         for (int n = 0; n < N; ++n) {
-            std::int32_t sum = x_[Nodes::head - 1];
+            std::int64_t sum = fine(x_[Nodes::head - 1]);
             for (std::size_t j = Nodes::head - 1; j > 0; --j) {
-                sum = fixed::product30(sum, at[n].next(j)) + x_[j - 1];
+                sum = fixed::product30(sum, at[n].next(j)) + fine(x_[j - 1]);
             }
-            const std::int64_t head = static_cast<std::int64_t>(-at[n].a) * sum;
+            const std::int64_t head = fixed::product30(sum, -at[n].a) * (1 << (30 - kOrderBits));
             // The integral's factors sin(pi a) and the power of the fastest node.
             const fixed::Power lift = fixed::power_of_two(Order::in_steps(at[n].a, Nodes::top));
             std::int64_t rest = fixed::product30(fixed::product30(tail[n], fixed::sin_pi(at[n].a)), lift.m);
             rest = lift.n >= 0 ? rest * (1 << lift.n) : rest >> -lift.n;
-            S[n] = fixed::to_float((head >> (kOrderBits - kFine)) + rest, x_unit_ - kFine);
+            S[n] = fixed::to_float(head + rest, x_unit_ - kFine);
         }
     }
 
@@ -142,24 +143,25 @@ class FixedMemory {
     }
 
     float variance(const Order& at, float order) const {
-        std::int32_t sum = 0, product = 1 << 30;
+        float sum = 0;
+        std::int32_t product = 1 << 30;
         for (std::size_t j = Nodes::head - 1; j > 0; --j) {
             const std::int32_t next = at.next(j);
-            sum = fixed::product30(fixed::product30(next, next), sum + P_[j]);
+            sum = fixed::to_float(fixed::product30(next, next), -30) * (sum + P_[j]);
             product = fixed::product30(product, next);
         }
         const float a = min(max(order, -0.25f), kHighest), beyond = float(Nodes::head + 1);
         // Of c^2 from the first weight beyond the exact part on, by Euler and Maclaurin.
         const float c = a * fixed::to_float(fixed::product30(product, at.next(Nodes::head)), -30);
-        const float rest = fixed::to_float(P_[Nodes::head - 1], P_unit_) * (c * c) *
-                           ((beyond - 0.5f * a) / (1.0f + 2.0f * a) + 0.5f);
-        return a * a * fixed::to_float(sum, P_unit_) + rest;
+        const float rest = P_[Nodes::head - 1] * (c * c) * ((beyond - 0.5f * a) / (1.0f + 2.0f * a) + 0.5f);
+        return a * a * sum + rest;
     }
 
-    std::int32_t x_[Nodes::head], P_[Nodes::head];  // newest first
+    std::int32_t x_[Nodes::head];  // newest first
+    float P_[Nodes::head];
     std::int64_t z_[Nodes::count];  // means in 2^-31 of x's unit, from the fastest to the slowest
     std::int64_t plain_;            // of all x that have left the head
-    int x_unit_, P_unit_;           // exponents of 2
+    int x_unit_;                    // exponent of 2
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -209,7 +209,7 @@ def _board(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
         yield _counter(f"fltea_board_{name}", text, ("device",), rows)
 
     shares: Rows = [((device,), _scaled(board.cpu_share_percent, 1e-2)) for device, board in boards]
-    text = "Share of the last second in which the device's processor did not sleep."
+    text = "Share of the last second that the device's main loop worked."
     yield _gauge("fltea_board_cpu_ratio", text, ("device",), shares)
     steps: Rows = [((device,), _scaled(board.longest_step_us, 1e-6)) for device, board in boards]
     text = "Longest turn of the device's main loop within the last second."
