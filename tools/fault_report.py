@@ -87,6 +87,7 @@ def measure(image: bytes, case: Case) -> tuple[DueRun, Row]:
     arrivals = [sample.at_ps for sample in run.of(wire.Sample)]
     samples = run.stats.samples
     status = run.status._asdict()
+    del status["cpu_share"], status["longest_step"]  # not counts
     status["reset_cause"] = wire.ResetCause(run.status.reset_cause).name.lower()
     row = Row(
         name=case.name,

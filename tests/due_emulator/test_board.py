@@ -156,7 +156,10 @@ def test_our_image_sends_every_sample_at_its_time(ours, tmp_path):
     assert 0 < found["bus_load"] < 0.2
     assert 0.05 < found["uart_load"] < 0.2
     assert 0.5 < found["sleeping"] < 1
-    assert set(found["statuses"][0].values()) == {0}
+    status = found["statuses"][0]
+    assert 400 < status.pop("cpu_share") < 800
+    assert 400 < status.pop("longest_step") < 2_000
+    assert set(status.values()) == {0}
     assert found["ram_touched_bytes"] <= found["ram_bytes"]
 
 

@@ -61,9 +61,9 @@ def test_its_loads() -> None:
     seconds = board.now_s
     # 390 and 190 us at 400 kHz for burst and guard, and what surrounds them.
     assert 0.05 < board.twi.load_ps / 1e12 / seconds < 0.07
-    # 28 bytes a sample, and 115 a second besides, at 25,000 bytes a second.
-    assert 0.11 < board.uart.busy_ps / 1e12 / seconds < 0.13
-    assert board.machine.idle_ps / 1e12 / seconds > 0.85
+    # 28 bytes a sample, 81 an ESTIMATE, and some 240 a second besides, at 25,000 bytes a second.
+    assert 0.2 < board.uart.busy_ps / 1e12 / seconds < 0.23
+    assert board.machine.idle_ps / 1e12 / seconds > 0.83
 
 
 def test_its_hellos_and_statuses_come_every_second() -> None:

@@ -28,7 +28,7 @@ def test_defaults_are_section_7_1() -> None:
         (ParameterSettings, "Q0", -1),
         (ParameterSettings, "f0", math.nan),
         (ParameterSettings, "delta", math.nan),
-        (GyroscopeSettings, "window", 0),
+        (GyroscopeSettings, "window", -1),
     ],
 )
 def test_impossible_values_are_named(kind: type, field: str, value: float) -> None:
@@ -41,7 +41,7 @@ def test_impossible_values_are_named(kind: type, field: str, value: float) -> No
     [
         ({"order": {"delta": 2}}, r"\$\.order"),
         ({"order": {"alfa0": 1}}, r"alfa0.*\$\.order"),
-        ({"window": 0}, "window"),
+        ({"window": -1}, "window"),
         ({"state": {"Q": "much"}}, r"\$\.state\.Q"),
     ],
 )
