@@ -42,7 +42,7 @@ EXPECTED = {
     "`AT\\r` in the stream": Expected(321, 3),
     "another program reads the port too": Expected(380, None),
     "a bit flipped in 1 % of frames": Expected(600, 4),
-    "a bit flipped in 1 % of bytes": Expected(600, 64),
+    "a bit flipped in 1 % of bytes": Expected(600, 65),
     "line stalls 500 ms, then a burst": Expected(350),
     "daemon stopped for 500 ms": Expected(350),
     "daemon stopped until the line is full": Expected(500, None, 0, (), ("gap",)),
