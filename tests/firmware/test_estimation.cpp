@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "estimation.h"
+#include "moments.h"
 #include "mpu9250.h"
 
 using fltea::AxisEstimator;
@@ -17,18 +18,6 @@ namespace {
 constexpr uint32_t kStartup = settings::kStartup, kEvery = settings::kEstimateEvery;
 constexpr uint32_t kMaxGap = settings::kMaxGap, kQueue = 32;
 constexpr float kLsb = static_cast<float>(fltea::kGyroLsbTenths) / 10.0f;
-
-struct Moments {
-    double mean, variance;
-};
-
-Moments in_two_passes(const std::vector<int16_t>& counts) {
-    double sum = 0, squares = 0;
-    for (int16_t count : counts) sum += count;
-    const double n = static_cast<double>(counts.size()), mean = sum / n;
-    for (int16_t count : counts) squares += (count - mean) * (count - mean);
-    return Moments{mean, squares / (n - 1)};
-}
 
 // Noise of every axis at each instant, so that a test can ask for it again.
 int16_t count_at(uint32_t instant, size_t axis) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "baseline.h"
+#include "moments.h"
 #include "supervisor.h"
 #include "workload.h"
 
@@ -26,18 +27,6 @@ class Random {
   private:
     uint64_t state_ = 7;
 };
-
-struct Moments {
-    double mean, variance;
-};
-
-Moments in_two_passes(const std::vector<int16_t>& counts) {
-    double sum = 0, squares = 0;
-    for (int16_t count : counts) sum += count;
-    const double n = static_cast<double>(counts.size()), mean = sum / n;
-    for (int16_t count : counts) squares += (count - mean) * (count - mean);
-    return Moments{mean, squares / (n - 1)};
-}
 
 Baseline baseline_of(const std::vector<int16_t>& counts) {
     Baseline baseline;

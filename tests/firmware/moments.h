@@ -1,0 +1,18 @@
+// Mean and variance of counts, as a text book has them.
+#pragma once
+
+#include <stdint.h>
+
+#include <vector>
+
+struct Moments {
+    double mean, variance;
+};
+
+inline Moments in_two_passes(const std::vector<int16_t>& counts) {
+    double sum = 0, squares = 0;
+    for (int16_t count : counts) sum += count;
+    const double n = static_cast<double>(counts.size()), mean = sum / n;
+    for (int16_t count : counts) squares += (count - mean) * (count - mean);
+    return Moments{mean, squares / (n - 1)};
+}
