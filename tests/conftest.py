@@ -1,11 +1,16 @@
 """What all tests share: hypothesis without chance, and the real recordings where they are at hand."""
 
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-RECORDINGS = Path(__file__).resolve().parents[2] / "shared/recordings"
+ROOT = Path(__file__).resolve().parents[1]
+RECORDINGS = ROOT.parent / "shared/recordings"
+
+# Every test may use the stand-ins of tests/rig, `tools` as a package, and the generators within it.
+sys.path[:0] = [str(ROOT), str(ROOT / "tests/rig"), str(ROOT / "tools")]
 
 # Every run tries the same examples; a slow machine fails nothing.
 settings.register_profile("fixed", derandomize=True, database=None, deadline=None)

@@ -9,13 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from fltea import wire
-from fltea.config import load_config
-from fltea.messages import Frame, FrameReader
-from fltea.model import AnyRecord, Epoch, Error, Event, Gap, Hello, LinkStats, Sample, Stats
-from fltea.pipeline import Pipeline
+from fltea.records.events import Chunk, Event, Opened
+from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, LinkStats, Sample, Stats
+from fltea.settings.config import load_config
 from fltea.sources.wire_events import WireEvents
-from fltea.transport import Chunk, Opened
+from fltea.stream.pipeline import Pipeline
+from fltea.wire import layout as wire
+from fltea.wire.messages import Frame, FrameReader
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.faults import parse_fault, schedule_faults

@@ -16,7 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from fltea import wire
+from fltea.wire import layout as wire
 
 from tools.due_emulator.__main__ import IMAGE
 from tools.due_emulator.image import read_image

@@ -30,7 +30,7 @@ def outputs(protocol: Protocol, root: Path) -> dict[str, str]:
     tables = protocol_markdown.tables(protocol)
     return {
         "firmware/core/messages.h": protocol_cpp.header(protocol),
-        "host/fltea/wire.py": protocol_python.module(protocol),
+        "host/fltea/wire/layout.py": protocol_python.module(protocol),
         "protocol/README.md": f"{before}{BEGIN}\n{tables}{END}{after}",
     }
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from struct import pack, unpack
 
 import numpy as np
-from fltea import wire
 from fltea.estimator.engine import (
     Engine,
     EngineSettings,
@@ -17,6 +16,7 @@ from fltea.estimator.engine import (
     ParameterTuning,
     StateTuning,
 )
+from fltea.wire import layout as wire
 
 
 def f32(value: float) -> float:

@@ -1,4 +1,4 @@
-"""Emits host/fltea/wire.py."""
+"""Emits host/fltea/wire/layout.py."""
 
 from __future__ import annotations
 

@@ -17,10 +17,11 @@ import time
 import tty
 from pathlib import Path
 
-from fltea import __version__, wire
-from fltea.errors import UsageError
-from fltea.messages import encode
+from fltea import __version__
+from fltea.records.errors import UsageError
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
 from own_estimator import JOINT, OwnEstimator
 
 POLL_S = 0.02

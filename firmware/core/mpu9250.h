@@ -12,7 +12,7 @@
 
 namespace fltea {
 
-// A chip that the driver can run. host/fltea/mpu9250.py has the names.
+// A chip that the driver can run. host/fltea/wire/sensors.py has the names.
 struct SensorKind {
     uint8_t who_am_i;
     bool has_accel_config_2;

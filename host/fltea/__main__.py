@@ -1,5 +1,5 @@
 """`python -m fltea` is `fltea`."""
 
-from fltea.cli import main
+from fltea.cli.app import main
 
 main()

@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from fltea.errors import UsageError
+from fltea.records.errors import UsageError
 from machine_support import COUNT, TICK_EACH_MS, Bench, fault_of, program, run
 
 from tools.due_emulator import instruction_count

@@ -1,7 +1,7 @@
 """Fault scripts: what may stand in them, what is said of mistakes, and what each fault does to the board."""
 
 import pytest
-from fltea.errors import UsageError
+from fltea.records.errors import UsageError
 from sensor_support import RXRDY, SmallBoard
 
 from tools.due_emulator.faults import (

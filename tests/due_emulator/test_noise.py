@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from fltea.errors import UsageError
-from fltea.simulate import quantise
+from fltea.noise.simulation import quantise
+from fltea.records.errors import UsageError
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
 
 from tools.due_emulator.mpu9250 import Mpu9250

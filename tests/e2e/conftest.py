@@ -1,10 +1,7 @@
-import sys
 from collections.abc import Iterator
 
 import pytest
-from support import ROOT, Processes
-
-sys.path.insert(0, str(ROOT / "tests/estimator"))  # for its device_probe
+from support import Processes
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ import sys
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "host"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "rig"))
 
 from fake_smbus import FakeBus
-from fltea import clock
-from fltea.cli import main
-from fltea.i2c import bus as i2c_bus
+from fltea.cli.app import main
+from fltea.records import clock
+from fltea.sources.i2c import bus as i2c_bus
 
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world

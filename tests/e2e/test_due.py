@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 from due_support import NOISE, DueRun, build, image, one_minute
-from fltea import wire
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
+from fltea.wire import layout as wire
 
 PERIOD_US = 10_000
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from device_probe import FIELDS, STARTUP, Device
 from due_support import NOISE, DueRun, image
-from fltea import wire
-from fltea.model import AXES, DeviceEstimates, Estimate
+from fltea.records.records import AXES, DeviceEstimates, Estimate
+from fltea.wire import layout as wire
 
 from tools.due_emulator.noise import recorded_world
 

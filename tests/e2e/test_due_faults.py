@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pytest
 from due_support import CASES, ROOT, DueRun, Row, image, with_fault
-from fltea import wire
+from fltea.wire import layout as wire
 
 from tools.fault_report import markdown
 

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 from due_support import ROOT
-from fltea.config import load_config
 from fltea.estimator.online import OnlineEstimator
+from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from support import PATIENCE_S, QUICK, Processes
 

@@ -17,11 +17,11 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from fltea import wire
-from fltea.config import load_config
 from fltea.estimator.online import OnlineEstimator
-from fltea.messages import encode
+from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
 from support import PATIENCE_S, QUICK, ROOT, Processes, wait_until
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from fltea.model import Gap
-from fltea.sinks import mqtt
+from fltea.records.records import Gap
+from fltea.sinks.mqtt import sink as mqtt
 from mosquitto_support import DAEMON, HELLO, WATCHER, Stage, free_port, last_status, make_authority, sample
 from support import Processes, wait_until
 

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fltea.config_outputs import MqttConfig
-from fltea.model import Gap
-from fltea.sinks.mqtt import MqttSink
+from fltea.records.records import Gap
+from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt.sink import MqttSink
 from mosquitto_support import DAEMON, HELLO, STRANGER, Stage, last_status, make_authority
 from support import wait_until
 

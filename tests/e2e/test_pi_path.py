@@ -12,17 +12,14 @@ from pathlib import Path
 import msgspec
 import pytest
 from due_support import image
-from support import QUICK, ROOT
-
-sys.path.insert(0, str(ROOT / "tests/host"))
-
 from fake_smbus import MS, Pi, S
-from fltea.config import load_config
-from fltea.model import AnyRecord, Estimate, Hello, RawSample, Sample
-from fltea.pipeline import Pipeline
+from fltea.records.events import Chunk, Opened, RawSample, TransportEvent
+from fltea.records.records import AnyRecord, Estimate, Hello, Sample
+from fltea.settings.config import load_config
 from fltea.sources.as_wire import AsWire
 from fltea.sources.wire_events import WireEvents
-from fltea.transport import Chunk, Opened, TransportEvent
+from fltea.stream.pipeline import Pipeline
+from support import QUICK
 
 from tools.due_emulator.noise import fractional_world
 from tools.due_run import DueRun

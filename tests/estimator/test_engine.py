@@ -17,13 +17,7 @@ from engine_cases import (
     white,
     with_,
 )
-from fltea.estimator.engine import (
-    CAUSES,
-    Engine,
-    EngineSettings,
-    StateTuning,
-    instruction_sets,
-)
+from fltea.estimator.engine import CAUSES, Engine, EngineSettings, StateTuning, instruction_sets
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

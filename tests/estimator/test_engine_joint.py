@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from engine_cases import GYROSCOPE, Array, run, white, with_
 from fltea.estimator.engine import CAUSES, Engine, JointTuning, OrderTuning, ParameterTuning, StateTuning
-from fltea.estimator.gl import weights
-from fltea.simulate import FractionalNoise
+from fltea.noise.simulation import FractionalNoise
+from fltea.noise.weights import weights
 
 
 def straight_loop(

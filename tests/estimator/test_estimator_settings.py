@@ -2,7 +2,7 @@ import math
 
 import msgspec
 import pytest
-from fltea.estimator.settings import GyroscopeSettings, OrderSettings, ParameterSettings, StateSettings
+from fltea.settings.estimator import GyroscopeSettings, OrderSettings, ParameterSettings, StateSettings
 
 
 def test_defaults_are_section_7_1() -> None:

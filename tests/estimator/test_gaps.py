@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fltea.estimator.engine import Engine, EngineSettings, StateTuning
-from fltea.simulate import FractionalNoise
+from fltea.noise.simulation import FractionalNoise
 
 N, LANES, H = 4000, 16, 0.01
 

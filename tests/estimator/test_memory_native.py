@@ -7,7 +7,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from fltea.estimator.gl import weights
+from fltea.noise.weights import weights
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from memory_probe import DIRECT, SETS, Memory, fused, math

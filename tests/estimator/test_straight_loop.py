@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import pytest
-from fltea.estimator.reference import Fltea, OrderSettings, ParameterSettings, StateSettings, System
+from fltea.lab.reference.filters import Fltea, OrderSettings, ParameterSettings, StateSettings, System
 
 
 class Walk(NamedTuple):

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from fltea.config import EstimatorConfig
 from fltea.estimator.native_gyroscope import NativeGyroscope
 from fltea.estimator.supervisor import (
     BOUND_SAMPLES,
@@ -15,6 +14,7 @@ from fltea.estimator.supervisor import (
     Verdict,
     ran_away,
 )
+from fltea.settings.config import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
 

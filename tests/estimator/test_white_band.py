@@ -4,10 +4,10 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from fltea.config import EstimatorConfig
 from fltea.estimator.online import OnlineEstimator
 from fltea.estimator.white_band import WhiteBand, _quantiles
-from fltea.simulate import FractionalNoise
+from fltea.noise.simulation import FractionalNoise
+from fltea.settings.config import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
 

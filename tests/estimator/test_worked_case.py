@@ -4,7 +4,7 @@ from fractions import Fraction as F
 
 import numpy as np
 import pytest
-from fltea.estimator.reference import Fltea, OrderSettings, ParameterSettings, StateSettings, System
+from fltea.lab.reference.filters import Fltea, OrderSettings, ParameterSettings, StateSettings, System
 
 
 def near(*values: F | int) -> object:

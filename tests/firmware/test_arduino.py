@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from fltea import wire
-from fltea.continuity import Continuity
-from fltea.messages import Frame, FrameReader
-from fltea.model import RawSample
+from fltea.records.events import RawSample
 from fltea.sources.wire_events import hello_event
+from fltea.stream.place import Continuity
+from fltea.wire import layout as wire
+from fltea.wire.messages import Frame, FrameReader
 from toolchain import missing
 
 FOLDER = Path(__file__).parent

@@ -3,11 +3,11 @@
 import allantools
 import numpy as np
 import pytest
-from fltea.errors import UsageError
 from fltea.identify import allan as allan_module
 from fltea.identify.allan import allan, averaging_factors, overlapping
 from fltea.identify.noise_model import AR1, AxisModel, Fractional, Resonance, White, draw
 from fltea.identify.reproduction import reproduction
+from fltea.records.errors import UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, white

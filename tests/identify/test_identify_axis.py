@@ -5,13 +5,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from fltea.config import EstimatorConfig
 from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
-from fltea.identify.lines import Peak
-from fltea.identify.periodogram import FEWEST
 from fltea.identify.shuffled import estimate
-from fltea.identify.spectral import examine
-from fltea.identify.verdict import decide
+from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.lines import Peak
+from fltea.spectrum.periodogram import FEWEST
+from fltea.spectrum.spectral import examine
+from fltea.spectrum.verdict import decide
 from identify_support import H, ar, long_recursion, white
 
 QUICK = IdentifyOptions(shuffles=20)
@@ -118,7 +118,7 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
     """The weakest stay in, and no more of them than need be."""
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
-    monkeypatch.setattr("fltea.identify.spectral.find_peaks", lambda p: found)
+    monkeypatch.setattr("fltea.spectrum.spectral.find_peaks", lambda p: found)
     seen = examine(y, H)
     assert seen.evidence.peaks == found[:3]
     assert seen.band.notch_hz == tuple(peak.notch_hz for peak in found[:3])
@@ -127,7 +127,7 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
 
 def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     """More than half of them would be left, but fewer than a periodogram may have."""
-    monkeypatch.setattr("fltea.identify.spectral.find_peaks", lambda p: peaks((10, 25)))
+    monkeypatch.setattr("fltea.spectrum.spectral.find_peaks", lambda p: peaks((10, 25)))
     seen = examine(white(180, 1, 2)[0], H)
     assert FEWEST <= seen.band.ordinates == seen.ordinates
     assert seen.evidence.peaks == ()

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea import cli
-from fltea.cli_identify import parse_notch
-from fltea.errors import UsageError
+from fltea.cli import app as cli
+from fltea.cli.identify import parse_notch
 from fltea.identify.model_file import read_models
+from fltea.records.errors import UsageError
 from host_support import fltea
 from hypothesis import given
 from hypothesis import strategies as st

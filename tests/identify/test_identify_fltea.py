@@ -5,7 +5,6 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
-from fltea.config import EstimatorConfig
 from fltea.estimator.online import OnlineEstimator
 from fltea.identify.fltea_fit import fltea_fit
 from fltea.identify.shuffled import (
@@ -17,7 +16,8 @@ from fltea.identify.shuffled import (
     groups,
     shuffled_band,
 )
-from fltea.identify.whiteness_test import chi2_tail, innovations
+from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.whiteness_test import chi2_tail, innovations
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white

@@ -6,10 +6,10 @@ import mcap_support
 import msgspec
 import numpy as np
 import pytest
-from fltea.errors import UsageError
 from fltea.identify.load import Request, Unreadable, load, recordings
-from fltea.model import Epoch, Sample
-from fltea.units import STANDARD_GRAVITY_MS2
+from fltea.records.errors import UsageError
+from fltea.records.records import Epoch, Sample
+from fltea.wire.units import STANDARD_GRAVITY_MS2
 from host_support import hello
 from identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
 

@@ -7,9 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 import yaml
-from fltea.errors import FlteaError, UsageError
 from fltea.identify.allan import allan
-from fltea.identify.lines import Peak
 from fltea.identify.model_file import NoiseModels, imu_yaml, read_models, write_models
 from fltea.identify.noise_model import (
     AR1,
@@ -23,11 +21,13 @@ from fltea.identify.noise_model import (
     identified,
     model_spectrum,
 )
-from fltea.identify.periodogram import binned, periodogram
-from fltea.identify.rivals import contest, fit_all
-from fltea.identify.verdict import Kind
-from fltea.simulation_file import write_model_simulation
-from fltea.sources.recording import read_csv, read_npz
+from fltea.identify.simulation_file import write_model_simulation
+from fltea.recording.files import read_csv, read_npz
+from fltea.records.errors import FlteaError, UsageError
+from fltea.spectrum.lines import Peak
+from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.rivals import contest, fit_all
+from fltea.spectrum.verdict import Kind
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, recursion, white

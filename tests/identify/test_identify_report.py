@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.errors import UsageError
 from fltea.identify import figures, report
 from fltea.identify.axis import IdentifyOptions, identify_axis, with_copies
 from fltea.identify.curves import curves
@@ -15,6 +14,7 @@ from fltea.identify.load import Request, Unreadable
 from fltea.identify.run import AxisReport, FileReport, Settings, identify_all
 from fltea.identify.shuffled import estimate
 from fltea.identify.workers import Here
+from fltea.records.errors import UsageError
 from identify_files import QUICK, counts, npz
 from identify_support import H, long_recursion
 from toolchain import missing

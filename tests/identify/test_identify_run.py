@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fltea.config import EstimatorConfig
-from fltea.errors import FlteaError, UsageError
 from fltea.identify.load import Request, Unreadable, load
 from fltea.identify.run import AxisReport, Failure, FileReport, Settings, identify_all
 from fltea.identify.tables import document
 from fltea.identify.workers import Here, Processes, Workers, open_local
-from fltea.model import ACCEL_AXES
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.records import ACCEL_AXES
+from fltea.settings.config import EstimatorConfig
 from identify_files import Deadly, counts, npz, settings
 from identify_support import long_recursion
 from toolchain import missing

@@ -4,9 +4,9 @@ import functools
 
 import numpy as np
 import pytest
-from fltea.identify.lines import find_peaks
-from fltea.identify.periodogram import periodogram
 from fltea.identify.traps import axis_traps, sensor_traps, timing_traps
+from fltea.spectrum.lines import find_peaks
+from fltea.spectrum.periodogram import periodogram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white

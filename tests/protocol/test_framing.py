@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import pytest
 from cobs import cobs
-from fltea import wire
-from fltea.framing import BadFrame, Deframer, encode_frame
-from fltea.messages import REASONS, Frame, FrameReader, encode
+from fltea.wire import layout as wire
+from fltea.wire.framing import BadFrame, Deframer, encode_frame
+from fltea.wire.messages import REASONS, Frame, FrameReader, encode
 from hypothesis import given
 from hypothesis import strategies as st
 from protocol_support import fixed, messages, sequences, times

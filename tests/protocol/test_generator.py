@@ -7,11 +7,11 @@ import zlib
 from pathlib import Path
 
 import pytest
-from fltea import wire
+from fltea.wire import layout as wire
 from protocol_definition import DefinitionError, load
 from protocol_support import DEFINITION, PROTOCOL, ROOT, TOOLS
 
-FILES = ["firmware/core/messages.h", "host/fltea/wire.py", "protocol/README.md"]
+FILES = ["firmware/core/messages.h", "host/fltea/wire/layout.py", "protocol/README.md"]
 
 
 def generate(root: Path, *options: str) -> subprocess.CompletedProcess[str]:

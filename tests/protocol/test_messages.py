@@ -5,9 +5,9 @@ import struct
 
 import pytest
 from cobs import cobs
-from fltea import wire
-from fltea.framing import encode_frame
-from fltea.messages import (
+from fltea.wire import layout as wire
+from fltea.wire.framing import encode_frame
+from fltea.wire.messages import (
     Frame,
     FrameError,
     FrameReader,

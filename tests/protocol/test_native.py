@@ -4,9 +4,10 @@ import zlib
 
 import pytest
 from cobs import cobs
-from fltea import _native, wire
-from fltea.framing import encode_frame
-from fltea.messages import encode
+from fltea import _native
+from fltea.wire import layout as wire
+from fltea.wire.framing import encode_frame
+from fltea.wire.messages import encode
 from hypothesis import given
 from hypothesis import strategies as st
 from protocol_support import fixed, messages, sequences, times

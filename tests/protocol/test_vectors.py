@@ -11,9 +11,10 @@ from struct import pack
 
 import pytest
 from cobs import cobs
-from fltea import _native, wire
-from fltea.framing import BadFrame, encode_frame
-from fltea.messages import Frame, FrameReader, Refused, decode, encode
+from fltea import _native
+from fltea.wire import layout as wire
+from fltea.wire.framing import BadFrame, encode_frame
+from fltea.wire.messages import Frame, FrameReader, Refused, decode, encode
 from protocol_support import ROOT, names, records, run, table
 
 GOOD, BAD, STREAMS = records("good.txt"), records("bad.txt"), records("streams.txt")
@@ -89,7 +90,7 @@ def test_stream(record: list[tuple[str, str]], step: int) -> None:
 
 
 def test_every_reason_has_a_vector() -> None:
-    from fltea.messages import REASONS
+    from fltea.wire.messages import REASONS
 
     assert {value for record in BAD for key, value in record if key == "bad"} == set(REASONS)
 

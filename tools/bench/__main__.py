@@ -3,7 +3,7 @@
 import argparse
 import json
 
-from fltea import bench_estimator
+from fltea.lab import bench as bench_estimator
 
 from tools.bench import bench_daemon, bench_decode, identify_tables
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from cobs import cobs
-from fltea import wire
-from fltea.messages import FrameReader, encode
+from fltea.wire import layout as wire
+from fltea.wire.messages import FrameReader, encode
 
 FRAMES = 20_000
 CHUNK = 4096

@@ -14,7 +14,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/estimator"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/rig"))
 from memory_probe import DIRECT, SETS, Memory
 
 DIGITS = (3, 4, 5, 6, 7, 8, 9, 10, 11)

@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fltea.simulate import quantise
+from fltea.noise.simulation import quantise
 from numpy.typing import NDArray
 
 from tools.bench.identify_tables import fractional_state
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/estimator"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/rig"))
 from device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
 
 Counts = NDArray[np.int16]

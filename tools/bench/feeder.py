@@ -13,8 +13,8 @@ import tty
 from pathlib import Path
 
 import numpy as np
-from fltea import wire
-from fltea.messages import encode
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
 
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ

@@ -23,14 +23,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fltea.estimator.gl import weights
-from fltea.identify.lines import find_peaks
-from fltea.identify.null_test import null_fits, p_value
-from fltea.identify.periodogram import binned, periodogram
-from fltea.identify.profile import fractional_fit
-from fltea.identify.rivals import fit_all
-from fltea.identify.spectral import examine
-from fltea.identify.verdict import decide
+from fltea.noise.weights import weights
+from fltea.spectrum.lines import find_peaks
+from fltea.spectrum.null_test import null_fits, p_value
+from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.profile import fractional_fit
+from fltea.spectrum.rivals import fit_all
+from fltea.spectrum.spectral import examine
+from fltea.spectrum.verdict import decide
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]

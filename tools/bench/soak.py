@@ -18,15 +18,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from fltea import wire
-from fltea.config import load_config
-from fltea.hub import Hub
-from fltea.messages import encode
-from fltea.model import Epoch, Event, Gap, LinkStats, Sample, Stats
-from fltea.pipeline import Pipeline
+from fltea.records.events import Chunk, Event, Opened
+from fltea.records.records import Epoch, Gap, LinkStats, Sample, Stats
+from fltea.service.hub import Hub
+from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.sources.wire_events import WireEvents
-from fltea.transport import Chunk, Opened
+from fltea.stream.pipeline import Pipeline
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
 
 from tools.bench.feeder import hello
 

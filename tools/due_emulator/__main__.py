@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from fltea.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError, UsageError
 from fltea.sources.synthetic import parse_noise
 
 from tools.due_emulator.board import Board

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, get_args
 
 import msgspec
-from fltea.errors import UsageError
+from fltea.records.errors import UsageError
 
 from tools.due_emulator.i2c_lines import I2cLines
 from tools.due_emulator.machine import PS_PER_S, Machine

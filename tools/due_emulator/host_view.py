@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from fltea import wire
-from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US, Continuity, Placed
-from fltea.messages import Frame, FrameReader, Refused
-from fltea.model import RawSample
+from fltea.records.events import RawSample
 from fltea.sources.wire_events import hello_event
+from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US, Continuity, Placed
+from fltea.wire import layout as wire
+from fltea.wire.messages import Frame, FrameReader, Refused
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.instants import Instants

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import NamedTuple
 
-from fltea.errors import UsageError
+from fltea.records.errors import UsageError
 
 from tools.due_emulator.memory_map import FLASH_BYTES
 

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import unicorn
-from fltea.errors import UsageError
+from fltea.records.errors import UsageError
 from unicorn.unicorn_py3.unicorn import uclib
 
 from tools.due_emulator.memory_map import FLASH_BASE, FLASH_BYTES

@@ -1,6 +1,6 @@
 """From what the sensor feels to the counts in its output registers, at the ranges that are configured."""
 
-from fltea.mpu9250 import temperature_counts
+from fltea.wire.sensors import temperature_counts
 
 from tools.due_emulator.noise import Motion
 

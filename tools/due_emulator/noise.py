@@ -10,9 +10,9 @@ from urllib.parse import parse_qsl
 
 import msgspec
 import numpy as np
-from fltea.errors import UsageError
-from fltea.model import AXES
-from fltea.sources.recording import Recording, read_csv, read_npz
+from fltea.recording.files import Recording, read_csv, read_npz
+from fltea.records.errors import UsageError
+from fltea.records.records import AXES
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 
 Vector = tuple[float, float, float]

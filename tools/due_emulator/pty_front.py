@@ -15,7 +15,7 @@ import tty
 from pathlib import Path
 from typing import NoReturn
 
-from fltea.errors import UsageError
+from fltea.records.errors import UsageError
 
 from tools.due_emulator.board import Board
 

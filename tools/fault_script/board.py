@@ -9,8 +9,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from fltea import wire
-from fltea.messages import encode
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
 
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ

@@ -11,7 +11,7 @@ import struct
 import time
 from pathlib import Path
 
-from fltea.cli import main
+from fltea.cli.app import main
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fltea.recording.session import LINK, WIRE, Entry, LinkMessage
-from fltea.sources.recording_mcap import find_parts, read_entries
+from fltea.sources.mcap import find_parts, read_entries
 from msgspec import json
 
 from tools.fault_script.account import Account, account, check_totals

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-from fltea import wire
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
+from fltea.wire import layout as wire
 
 from tools.due_emulator import mpu9250_registers as reg
 from tools.due_run import PERIOD_PS, DueRun

@@ -5,7 +5,7 @@
 //     y_k = x_k + noise of variance R
 //
 // T is float, double or a pack of lanes; every lane takes the same path, so lanes cannot influence each
-// other. Order of operations as in host/fltea/estimator/reference.py, so that results agree to rounding.
+// other. Order of operations as in host/fltea/lab/reference/filters.py, so that results agree to rounding.
 // Compile with -ffp-contract=off: a fused multiply-add here and not there would make guarded and printed
 // results differ.
 #pragma once

@@ -1,1 +1,1 @@
-"""Identification of fractional noise: weights, memory, three filters, the gyroscope case, start-up window."""
+"""FLTEA on blocks of samples: start-up window, filters, supervisor."""

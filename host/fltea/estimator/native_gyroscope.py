@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fltea.config import EstimatorConfig
 from fltea.estimator.engine import (
     CAUSES,
     Engine,
@@ -18,8 +17,9 @@ from fltea.estimator.engine import (
     ParameterTuning,
     StateTuning,
 )
-from fltea.estimator.gyroscope import INVALID, AxisEstimate
 from fltea.estimator.supervisor import Reason, Supervisor
+from fltea.lab.reference.gyroscope import INVALID, AxisEstimate
+from fltea.settings.config import EstimatorConfig
 
 STATE_BOUND = CAUSES.index("state_bound")
 

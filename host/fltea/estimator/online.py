@@ -2,11 +2,11 @@
 
 import msgspec
 
-from fltea.config import EstimatorConfig
 from fltea.estimator.bias import Baseline, Startup
-from fltea.estimator.gyroscope import INVALID, AxisEstimate, GyroscopeEstimator
 from fltea.estimator.native_gyroscope import NativeGyroscope
 from fltea.estimator.supervisor import Reason
+from fltea.lab.reference.gyroscope import INVALID, AxisEstimate, GyroscopeEstimator
+from fltea.settings.config import EstimatorConfig
 
 
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

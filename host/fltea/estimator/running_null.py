@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.model import Order
+from fltea.records.records import Order
 
 Array = NDArray[np.float64]
 

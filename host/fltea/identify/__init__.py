@@ -1,1 +1,1 @@
-"""Identification of a recording: α and f with what they are worth, against the rivals that they have."""
+"""What the noise of a whole recording is."""

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.errors import UsageError
+from fltea.records.errors import UsageError
 
 Array = NDArray[np.float64]
 

@@ -8,17 +8,17 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fltea.config import EstimatorConfig
 from fltea.identify.fltea_fit import FlteaFit, fltea_fit
-from fltea.identify.lines import Peak
-from fltea.identify.null_constants import PROBABILITIES
-from fltea.identify.null_test import critical_values
-from fltea.identify.profile import FractionalFit, fractional_fit
-from fltea.identify.rivals import Contest
 from fltea.identify.shuffled import Copies, ShuffledBand, shuffled_band
-from fltea.identify.spectral import Band, examine
-from fltea.identify.verdict import LEVEL, Verdict, decide
-from fltea.identify.whiteness_test import Innovations
+from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.lines import Peak
+from fltea.spectrum.null_constants import PROBABILITIES
+from fltea.spectrum.null_test import critical_values
+from fltea.spectrum.profile import FractionalFit, fractional_fit
+from fltea.spectrum.rivals import Contest
+from fltea.spectrum.spectral import Band, examine
+from fltea.spectrum.verdict import LEVEL, Verdict, decide
+from fltea.spectrum.whiteness_test import Innovations
 
 Variant = Literal["triple", "joint"]
 

@@ -6,17 +6,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.config import EstimatorConfig
 from fltea.estimator.engine import Engine
 from fltea.estimator.native_gyroscope import lane_settings
 from fltea.estimator.supervisor import LOST_ORDER
 from fltea.identify.axis import AxisResult, IdentifyOptions
 from fltea.identify.fltea_fit import baseline
-from fltea.identify.models import FULL
-from fltea.identify.periodogram import binned, periodogram
 from fltea.identify.shuffled import ACCURACY, BLOCK, PROBABILITIES
-from fltea.identify.spectrum import HIGHEST_ORDER
-from fltea.identify.whittle import Model, fit
+from fltea.noise.spectra import HIGHEST_ORDER
+from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.models import FULL
+from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.whittle import Model, fit
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from distributed import Client
 
 from fltea import __version__
-from fltea.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError, UsageError
 
 T = TypeVar("T")
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.errors import UsageError
 from fltea.identify.allan import FLICKER
 from fltea.identify.curves import Curves
 from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
-from fltea.identify.profile import CRITICAL
 from fltea.identify.run import AxisReport
 from fltea.identify.tables import MODELS, model_name
-from fltea.identify.verdict import LEVEL
+from fltea.records.errors import UsageError
+from fltea.spectrum.profile import CRITICAL
+from fltea.spectrum.verdict import LEVEL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

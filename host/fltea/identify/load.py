@@ -12,14 +12,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.decode import Decoded, Decoder
-from fltea.errors import FlteaError, UsageError
+from fltea.archive.info import sessions
 from fltea.identify.traps import Trap, sensor_traps, timing_traps
-from fltea.model import ACCEL_AXES, AXES, Hello
-from fltea.recording.info import sessions
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.records import ACCEL_AXES, AXES, Hello
 from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
-from fltea.units import accel_resolution_ms2, resolution_dps
-from fltea.wire import SampleFlags
+from fltea.stream.decode import Decoded, Decoder
+from fltea.wire.layout import SampleFlags
+from fltea.wire.units import accel_resolution_ms2, resolution_dps
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import msgspec
 
 from fltea import __version__
-from fltea.errors import FlteaError, UsageError
 from fltea.identify.allan import Allan, Coefficient
 from fltea.identify.noise_model import AxisModel, check_stationary
-from fltea.model import AXES
-from fltea.whole_file import whole_file
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.records import AXES
+from fltea.records.whole_file import whole_file
 
 FORMAT = "fltea-noise-model"
 VERSION = 1

@@ -11,10 +11,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.identify import spectrum
-from fltea.identify.lines import Peak
-from fltea.identify.rivals import Contest
-from fltea.identify.verdict import Kind
+from fltea.noise import spectra as spectrum
+from fltea.spectrum.lines import Peak
+from fltea.spectrum.rivals import Contest
+from fltea.spectrum.verdict import Kind
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ class TwoAR1(Noise, frozen=True, tag="two_ar1"):
 
 
 class Fractional(Noise, frozen=True, tag="fractional"):
-    """D^α x = f x + ω, as in `fltea.simulate`: f in s^-α, var ω = Q in (deg/s)² s^-2α."""
+    """D^α x = f x + ω, as in `fltea.noise.simulation`: f in s^-α, var ω = Q in (deg/s)² s^-2α."""
 
     alpha: float
     f: float

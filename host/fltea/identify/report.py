@@ -7,10 +7,10 @@ from html import escape
 from pathlib import Path
 
 from fltea import __version__
-from fltea.errors import FlteaError, UsageError
 from fltea.identify import figures, tables
 from fltea.identify.axis import AxisResult
 from fltea.identify.run import AxisReport, FileReport
+from fltea.records.errors import FlteaError, UsageError
 
 PAGE = "report.html"
 

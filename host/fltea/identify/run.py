@@ -12,8 +12,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from fltea.config import AccelConfig, EstimatorConfig
-from fltea.errors import FlteaError, UsageError
 from fltea.identify.allan import Allan, allan
 from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
 from fltea.identify.curves import Curves, curves
@@ -23,7 +21,9 @@ from fltea.identify.reproduction import Reproduction, reproduction
 from fltea.identify.shuffled import Copies, estimate, groups
 from fltea.identify.traps import Trap, axis_traps
 from fltea.identify.workers import Workers
-from fltea.model import ACCEL_AXES, AXES
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.records import ACCEL_AXES, AXES
+from fltea.settings.config import AccelConfig, EstimatorConfig
 
 CHECK_S = 5.0
 """Between two looks at whether the workers are still there."""

@@ -12,10 +12,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.config import EstimatorConfig
 from fltea.estimator.engine import Engine
 from fltea.estimator.native_gyroscope import lane_settings
 from fltea.estimator.supervisor import LOST_ORDER
+from fltea.settings.config import EstimatorConfig
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import msgspec
 from fltea.identify.allan import Coefficient
 from fltea.identify.axis import AxisResult
 from fltea.identify.fltea_fit import FlteaFit
-from fltea.identify.profile import Parameter
 from fltea.identify.run import AxisReport, Failure, FileReport
 from fltea.identify.traps import Trap
+from fltea.spectrum.profile import Parameter
 
 MODELS = {
     "white": "white",

@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.identify.lines import Peak
-from fltea.identify.verdict import LEAST_S, LEAST_SAMPLES
+from fltea.spectrum.lines import Peak
+from fltea.spectrum.verdict import LEAST_S, LEAST_SAMPLES
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""Recordings in MCAP files: what is in them, written, read back, recovered, summed up and exported."""
+"""Recordings: the MCAP format, readers of other files, recovery."""

@@ -12,9 +12,9 @@ import msgspec
 from mcap.writer import CompressionType, Writer
 
 from fltea import __version__
-from fltea.model import Hello
 from fltea.recording.schema import record_schema
 from fltea.recording.session import HELLO, LINK, SESSION, WIRE, Entry, LinkMessage, PartInfo
+from fltea.records.records import Hello
 
 CHUNK_BYTES = 1 << 20
 NO_RESERVING = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)

@@ -8,9 +8,9 @@ from mcap.records import Channel, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from fltea import __version__
-from fltea.errors import UsageError
 from fltea.recording.scan import ChunkEnd, Damage, Message, Scan
-from fltea.whole_file import whole_file
+from fltea.records.errors import UsageError
+from fltea.records.whole_file import whole_file
 
 
 class Recovered(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from fltea.model import ACCEL_AXES, AXES
+from fltea.records.records import ACCEL_AXES, AXES
 
 NAMED = {"axes": AXES, "accel_axes": ACCEL_AXES}
 """Objects by axis: their keys are known, and a plot needs them."""

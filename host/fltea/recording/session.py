@@ -4,7 +4,7 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
-from fltea.model import Hello
+from fltea.records.records import Hello
 
 SESSION, HELLO = "fltea.session", "fltea.hello"
 """Names of the metadata: one SESSION at the head of each file, a HELLO whenever a new one was heard."""

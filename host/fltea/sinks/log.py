@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from fltea.clock import host_ns
-from fltea.model import Error
-from fltea.sinks import Item, Sink
+from fltea.records.clock import host_ns
+from fltea.records.ports import Item, Sink
+from fltea.records.records import Error
 
 BURST = 5
 PERIOD_NS = 60 * 10**9

@@ -5,8 +5,8 @@ from typing import BinaryIO
 
 import msgspec
 
-from fltea.model import Sample
-from fltea.sinks import Item, Sink, SinkClosed
+from fltea.records.ports import Item, Sink, SinkClosed
+from fltea.records.records import Sample
 
 BLOCK = 1 << 16
 FULL_S = 0.005

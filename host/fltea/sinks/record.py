@@ -9,10 +9,15 @@ from pathlib import Path
 
 import msgspec
 
-from fltea import __version__, clock
-from fltea.config_outputs import RecordConfig
-from fltea.errors import UsageError
-from fltea.model import (
+from fltea import __version__
+from fltea.recording.part import PartWriter
+from fltea.recording.schema import encode_message
+from fltea.recording.session import LINK, OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage, PartInfo
+from fltea.records import clock
+from fltea.records.errors import UsageError
+from fltea.records.events import Chunk, Failed, LinkDown, Opened, TransportEvent
+from fltea.records.ports import Item, Report, Sink
+from fltea.records.records import (
     AnyRecord,
     DeviceEstimates,
     Epoch,
@@ -20,16 +25,11 @@ from fltea.model import (
     Estimate,
     Gap,
     Hello,
-    LinkDown,
     Sample,
     Stats,
 )
-from fltea.recording.part import PartWriter
-from fltea.recording.schema import encode_message
-from fltea.recording.session import LINK, OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage, PartInfo
-from fltea.sinks import Item, Report, Sink
+from fltea.settings.outputs import RecordConfig
 from fltea.sources.wire_events import WireEvents
-from fltea.transport import Chunk, Failed, Opened, TransportEvent
 
 FLUSH_NS = 500_000_000
 """What a killed program loses is at most this and the pause between two calls of `flush`."""

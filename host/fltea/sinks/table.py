@@ -9,7 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fltea.estimator.running_null import p_text
-from fltea.model import (
+from fltea.records.events import Chunk, Failed, Opened
+from fltea.records.ports import Item, Sink, SinkClosed
+from fltea.records.records import (
     AccelEstimate,
     AnyRecord,
     AxisEstimate,
@@ -21,8 +23,6 @@ from fltea.model import (
     Hello,
     Stats,
 )
-from fltea.sinks import Item, Sink, SinkClosed
-from fltea.transport import Chunk, Failed, Opened
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24

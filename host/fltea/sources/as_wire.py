@@ -4,14 +4,27 @@ import hashlib
 import struct
 from collections.abc import Callable
 
-from fltea import clock, wire
-from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US
-from fltea.device_messages import DeviceAxis, DeviceEstimator
-from fltea.errors import UsageError
-from fltea.messages import encode
-from fltea.model import Break, DeviceStatus, Event, Hello, LinkDown, RawSample, Tick, Trouble
-from fltea.sources.in_units import hello_event
-from fltea.transport import Chunk, Failed, Opened, TransportEvent
+from fltea.records import clock
+from fltea.records.errors import UsageError
+from fltea.records.events import (
+    Break,
+    Chunk,
+    DeviceAxis,
+    DeviceEstimator,
+    Event,
+    Failed,
+    LinkDown,
+    Opened,
+    RawSample,
+    Tick,
+    TransportEvent,
+    Trouble,
+)
+from fltea.records.records import DeviceStatus, Hello
+from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
+from fltea.wire import layout as wire
+from fltea.wire.in_units import hello_event
+from fltea.wire.messages import encode
 
 SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")
 """What estimates depend on, and so has to survive exactly."""

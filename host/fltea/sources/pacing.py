@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 
-from fltea.clock import host_ns
+from fltea.records.clock import host_ns
 
 SLICE_S = 0.1
 

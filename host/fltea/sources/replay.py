@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea import clock
-from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US
-from fltea.errors import UsageError
-from fltea.extras import load
-from fltea.model import Break, DeviceStatus, Epoch, Event, Hello, LinkStats, RawSample, Sample, Trouble
+from fltea.recording.files import Recording, read_csv, read_npz
+from fltea.recording.ndjson import read_ndjson
+from fltea.records import clock
+from fltea.records.errors import UsageError
+from fltea.records.events import Break, Event, RawSample, Trouble
+from fltea.records.records import DeviceStatus, Epoch, Hello, LinkStats, Sample
+from fltea.settings.extras import load
 from fltea.sources.pacing import sleep_until
-from fltea.sources.recording import Recording, read_csv, read_npz
-from fltea.sources.recording_ndjson import read_ndjson
-from fltea.units import to_counts
+from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
+from fltea.wire.units import to_counts
 
 if TYPE_CHECKING:
-    from fltea.sources.recording_mcap import McapRecording, Part
+    from fltea.sources.mcap import McapRecording, Part
 
 FILE_SUFFIXES = (".npz", ".csv", ".txt", ".ndjson", ".jsonl")
 """Recordings that are one file, read whole; all else is MCAP: a file, a folder, or the name of a session."""
@@ -133,7 +134,7 @@ def find_mcap_sessions(paths: Sequence[Path]) -> "list[list[Part]]":
 
 
 def _mcap_library() -> ModuleType:
-    return load("fltea.sources.recording_mcap", "mcap", "record", "MCAP recordings need")
+    return load("fltea.sources.mcap", "mcap", "record", "MCAP recordings need")
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> int:

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Iterator
 
-from fltea import clock
-from fltea.model import Event, LinkStats
+from fltea.records import clock
+from fltea.records.events import Event, TransportEvent
+from fltea.records.records import LinkStats
 from fltea.sources.wire_events import WireEvents
-from fltea.transport import Reader, TransportEvent
+from fltea.wire.transport import Reader
 
 TICK_S = 0.5
 

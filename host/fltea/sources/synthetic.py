@@ -7,19 +7,20 @@ from urllib.parse import parse_qsl
 import msgspec
 import numpy as np
 
-from fltea import clock
-from fltea.continuity import SEQUENCE_WRAP, TIME_WRAP_US
-from fltea.errors import FlteaError, UsageError
-from fltea.estimator.settings import LONGEST_WINDOW
-from fltea.model import AXES, Event, Hello, LinkStats, RawSample
-from fltea.simulate import FractionalNoise, quantise
+from fltea.noise.simulation import FractionalNoise, quantise
+from fltea.records import clock
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.events import Event, RawSample
+from fltea.records.records import AXES, Hello, LinkStats
+from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
+from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
 
 
 class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a made-up gyroscope gives; the defaults look like an MPU-9250 at ±2000 deg/s.
 
-    alpha, f (s^-α), Q ((deg/s)² s^-2α), R ((deg/s)²): the model of `fltea.simulate`.
+    alpha, f (s^-α), Q ((deg/s)² s^-2α), R ((deg/s)²): the model of `fltea.noise.simulation`.
     lsb_per_dps: 0 leaves the samples unquantised. n: number of samples, 0 for no end.
     """
 

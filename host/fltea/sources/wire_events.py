@@ -5,13 +5,23 @@ It does not know where the bytes come from: a port (`fltea.sources.serial`) or a
 
 from collections.abc import Iterator
 
-from fltea import wire
-from fltea.faults import fault_text
-from fltea.messages import Frame, FrameReader, Refused
-from fltea.model import Event, LinkDown, LinkStats, RawSample, Tick, Trouble
-from fltea.mpu9250 import NO_SENSOR, RELATIVES, SENSORS, sensor_name
-from fltea.sources.in_units import axis_event, estimator_event, hello_event, name_of, status_event
-from fltea.transport import Chunk, Failed, Opened, TransportEvent
+from fltea.records.events import (
+    Chunk,
+    Event,
+    Failed,
+    LinkDown,
+    Opened,
+    RawSample,
+    Tick,
+    TransportEvent,
+    Trouble,
+)
+from fltea.records.records import LinkStats
+from fltea.wire import layout as wire
+from fltea.wire.faults import fault_text
+from fltea.wire.in_units import axis_event, estimator_event, hello_event, name_of, status_event
+from fltea.wire.messages import Frame, FrameReader, Refused
+from fltea.wire.sensors import NO_SENSOR, RELATIVES, SENSORS, sensor_name
 
 SILENCE_S = 5.0
 """A device that says nothing, or nothing that can be read, for this long is reported."""

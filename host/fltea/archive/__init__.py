@@ -1,0 +1,1 @@
+"""Recordings as a whole: made, summed up, exported."""

@@ -1,0 +1,264 @@
+"""A recording as a table: CSV, or arrays in an npz file, with the units in the names.
+
+Samples are decoded anew from the raw bytes, which are always there and lose nothing. Estimates are taken from
+their JSON channel as they were published, since they depend on the settings of that run; `fltea run` on the
+recording makes others.
+"""
+
+import csv
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fltea.recording.session import Entry
+from fltea.records.errors import UsageError
+from fltea.records.records import ACCEL_AXES, AXES, AccelEstimate, AxisEstimate, DeviceAxisEstimate
+from fltea.records.whole_file import whole_file
+from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
+from fltea.stream.decode import Decoded, Decoder
+
+What = Literal["samples", "estimates", "device_estimates"]
+OF_AN_AXIS = {
+    "alpha": "alpha_{}",
+    "alpha_std": "alpha_std_{}",
+    "f": "f_{}_s^-alpha",
+    "f_std": "f_std_{}_s^-alpha",
+    "state_dps": "state_{}_dps",
+    "innovation_dps": "innovation_{}_dps",
+    "state_ms2": "state_{}_ms2",
+    "innovation_ms2": "innovation_{}_ms2",
+    "valid": "valid_{}",
+    "null_p": "null_p_{}",
+    "order": "not_white_{}",
+    "age": "age_{}",
+    "alpha_difference": "alpha_difference_{}",
+    "f_difference": "f_difference_{}_s^-alpha",
+    "state_difference_dps": "state_difference_{}_dps",
+}
+"""Fields of an axis in an estimate, and the columns that they become."""
+
+OF_ALL = ("epoch", "seq", "device_us", "host_ns")
+
+
+class Table(NamedTuple):
+    """Columns and rows, as they come."""
+
+    columns: list[str]
+    rows: Iterator[list[Any]]
+
+
+def export(paths: Sequence[Path], out: Path, what: What, max_gap: int) -> int:
+    """Write samples or estimates of one recording; the file appears whole or not at all. Returns the rows.
+
+    Raises:
+        UsageError: no recording, nothing of what was asked for in it, or another ending than .csv and .npz.
+        FlteaError: the file cannot be written.
+    """
+    suffix = out.suffix.lower()
+    if suffix not in (".csv", ".npz"):
+        raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
+    with whole_file(out) as part:
+        if suffix == ".csv":
+            table = sample_table(decode(paths, max_gap)) if what == "samples" else estimate_table(paths, what)
+            rows = _write_csv(part, table)
+        else:
+            arrays, rows = (
+                sample_arrays(decode(paths, max_gap)) if what == "samples" else estimate_arrays(paths, what)
+            )
+            with part.open("wb") as file:
+                np.savez_compressed(file, allow_pickle=False, **arrays)
+        if not rows:
+            raise UsageError(f"{paths[0]}: holds no samples that can be used.")
+    return rows
+
+
+def decode(paths: Sequence[Path], max_gap: int) -> Iterator[Decoded]:
+    """The samples of a recording of any kind."""
+    if len(paths) == 1 and paths[0].suffix.lower() in FILE_SUFFIXES:
+        source: Any = ReplaySource(paths[0])
+    else:
+        source = open_mcap(paths, f"replay:{paths[0]}")()
+    decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
+    for event in source.events():
+        found = decoder.feed(event)
+        if isinstance(found, Decoded):
+            yield found
+
+
+class DeviceTime:
+    """Seconds since the first sample by the device's clock; where it began anew, the host's is the bridge."""
+
+    def __init__(self) -> None:
+        self._origin_us: int | None = None
+        self._base_s = 0.0
+        self._first_ns = 0
+        self._last: tuple[int, int, float] = (0, 0, 0.0)
+
+    def add(self, found: Decoded) -> float:
+        """Time of the next sample [s]; it always increases."""
+        sample = found.sample
+        seq, device_us, time_s = self._last
+        if self._origin_us is None:
+            self._origin_us, self._first_ns = sample.device_us, sample.host_ns
+        elif found.new_epoch is not None and (sample.seq <= seq or sample.device_us <= device_us):
+            self._base_s = max((sample.host_ns - self._first_ns) * 1e-9, time_s + 1.0 / found.hello.rate_hz)
+            self._origin_us = sample.device_us
+        time_s = self._base_s + (sample.device_us - self._origin_us) * 1e-6
+        self._last = sample.seq, sample.device_us, time_s
+        return time_s
+
+
+def sample_table(decoded: Iterable[Decoded]) -> Table:
+    """One row a sample; what a recording does not have stays empty."""
+    columns = ["time_s", *(f"{axis}_dps" for axis in AXES), *(f"{axis}_ms2" for axis in ACCEL_AXES)]
+    columns += ["temperature_c", "epoch", "seq", "device_us", "host_ns", "flags"]
+
+    def rows() -> Iterator[list[Any]]:
+        clock = DeviceTime()
+        for found in decoded:
+            s = found.sample
+            gyro = [*s.gyro_dps, *([None] * (len(AXES) - len(s.gyro_dps)))]
+            accel = s.accel_ms2 or (None,) * len(ACCEL_AXES)
+            yield [
+                round(clock.add(found), 6),
+                *gyro,
+                *accel,
+                s.temperature_c,
+                s.epoch,
+                s.seq,
+                s.device_us,
+                s.host_ns,
+                s.flags,
+            ]
+
+    return Table(columns, rows())
+
+
+def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int]:
+    """Arrays that `replay:` reads (host/README.md, Recordings), and their length.
+
+    Raises:
+        UsageError: rate or scale change within the recording; an npz file has one of each.
+    """
+    clock = DeviceTime()
+    gyro, accel, temperature = array("d"), array("d"), array("d")
+    time_s, host_s = array("d"), array("d")
+    whole = {name: array("q") for name in ("epoch", "seq", "device_us", "host_ns", "flags")}
+    settings: tuple[float, float | None, float | None, int] | None = None
+    first_ns = 0
+    for found in decoded:
+        hello, sample, raw = found.hello, found.sample, found.raw
+        of_now = hello.rate_hz, hello.gyro_lsb_per_dps, hello.accel_lsb_per_g, len(raw.gyro)
+        if settings is None:
+            settings, first_ns = of_now, raw.host_ns
+        if of_now != settings:
+            raise UsageError(
+                "rate or scale change within this recording; export it as .csv, in physical units."
+            )
+        gyro.extend(raw.gyro)
+        accel.extend(raw.accel or ())
+        temperature.append(np.nan if sample.temperature_c is None else sample.temperature_c)
+        time_s.append(clock.add(found))
+        host_s.append((raw.host_ns - first_ns) * 1e-9)
+        for name, values in whole.items():
+            values.append(getattr(sample, name))
+    if settings is None:
+        return {}, 0
+    rate_hz, lsb, accel_lsb, axes = settings
+    arrays: dict[str, ArrayLike] = {
+        "fs_hz": rate_hz,
+        "time_s": np.round(time_s, 6),
+        "t_host_s": np.array(host_s),
+    }
+    rates = np.array(gyro).reshape(-1, axes)
+    if lsb is None:
+        arrays["gyro_dps"] = rates
+    else:
+        arrays |= {"gyro_raw": rates.astype(np.int32), "lsb_per_dps": lsb}
+    if accel_lsb and len(accel) == 3 * len(time_s):
+        arrays |= {"accel_raw": np.array(accel).reshape(-1, 3).astype(np.int32), "accel_lsb_per_g": accel_lsb}
+    if not np.isnan(temperature).all():
+        arrays["temperature_c"] = np.array(temperature)
+    return arrays | {name: np.array(values) for name, values in whole.items()}, len(time_s)
+
+
+def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
+    """One row an estimate, as it was published; what was not valid stays empty.
+
+    what: "estimates", or "device_estimates" for those that the device made beside the host's.
+
+    Raises:
+        UsageError: no recording, or one without estimates.
+    """
+    records = _estimates(paths, what.removesuffix("s"))
+    first = next(records, None)
+    if first is None and what == "device_estimates":
+        raise UsageError(f"{paths[0]}: holds no estimates of a device beside the host's (--engine both).")
+    if first is None:
+        raise UsageError(
+            f"{paths[0]}: holds no estimates. Make them of its samples: fltea run -s replay:{paths[0]}"
+        )
+    kinds: dict[str, type[msgspec.Struct]] = {"axes": AxisEstimate, "accel_axes": AccelEstimate}
+    if what == "device_estimates":
+        kinds = {"axes": DeviceAxisEstimate}
+    places = [
+        (part, axis, field)
+        for part, kind in kinds.items()
+        for axis in first.get(part, {})
+        for field in kind.__struct_fields__
+    ]
+    columns = ["time_s", *OF_ALL, *(OF_AN_AXIS[field].format(axis) for _, axis, field in places)]
+
+    def rows() -> Iterator[list[Any]]:
+        for record in chain([first], records):
+            time_s = round((record["host_ns"] - first["host_ns"]) * 1e-9, 9)
+            values = (record.get(part, {}).get(axis, {}).get(field) for part, axis, field in places)
+            yield [time_s, *(record[name] for name in OF_ALL), *(_number(value) for value in values)]
+
+    return Table(columns, rows())
+
+
+def estimate_arrays(paths: Sequence[Path], what: What = "estimates") -> tuple[dict[str, ArrayLike], int]:
+    """The same as arrays; NaN for what was not valid."""
+    columns, rows = estimate_table(paths, what)
+    arrays: list[Any] = [array("q" if column in OF_ALL else "d") for column in columns]
+    for row in rows:
+        for values, value in zip(arrays, row, strict=True):
+            values.append(np.nan if value is None else value)
+    return {name: np.array(a) for name, a in zip(columns, arrays, strict=True)}, len(arrays[0])
+
+
+def _estimates(paths: Sequence[Path], topic: str) -> Iterator[dict[str, Any]]:
+    """The estimates of a recording as they were published, null fields left out."""
+    if paths[0].suffix.lower() in FILE_SUFFIXES:
+        return
+    from fltea.sources.mcap import read_entries
+
+    for part in open_mcap(paths, "")().parts:
+        for entry in read_entries(part):
+            if isinstance(entry, Entry) and entry.topic == topic:
+                yield msgspec.json.decode(entry.data)
+
+
+def _number(value: float | bool | str | None) -> float | None:
+    """Truths as 1 and 0; so is whether an order is that of something not white."""
+    if isinstance(value, str):
+        value = value == "not white"
+    return int(value) if isinstance(value, bool) else value
+
+
+def _write_csv(path: Path, table: Table) -> int:
+    count = 0
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(table.columns)
+        for row in table.rows:
+            writer.writerow(row)
+            count += 1
+    return count

@@ -1,0 +1,178 @@
+"""What a recording holds, summed up: who was recorded, for how long, and what is missing."""
+
+from collections import Counter
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from fltea.records.records import Hello, LinkStats
+from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, find_mcap_sessions, open_mcap
+from fltea.stream.decode import Decoded, Decoder
+
+if TYPE_CHECKING:
+    from fltea.sources.mcap import McapRecording
+
+
+class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
+    """One recording.
+
+    whole: its files were finished in an orderly way. breaks: places where the recorder missed something.
+    epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as in `stats`.
+    resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch.
+    """
+
+    name: str
+    device: str | None
+    session: str | None
+    hello: Hello | None
+    files: int
+    size_bytes: int
+    whole: bool
+    breaks: int
+    start_unix_ns: int | None
+    duration_s: float
+    samples: int
+    lost: int
+    gaps: int
+    duplicates: int
+    before_hello: int
+    resets: int
+    epochs: dict[str, int]
+    rate_hz: float | None
+    clock_ppm: float | None
+    link: LinkStats
+
+
+def sessions(paths: Sequence[Path]) -> list[list[Path]]:
+    """The recordings in these files and folders, each as the files it is made of.
+
+    Raises:
+        UsageError: there is none.
+    """
+    single = [[path] for path in paths if path.suffix.lower() in FILE_SUFFIXES]
+    others = [path for path in paths if path.suffix.lower() not in FILE_SUFFIXES]
+    found = find_mcap_sessions(others) if others else []
+    return single + [[part.path for part in parts] for parts in found]
+
+
+def summarise(paths: Sequence[Path], max_gap: int) -> Summary:
+    """Read a recording once, from its raw bytes.
+
+    Raises:
+        UsageError: it cannot be read, or is none.
+    """
+    name = str(paths[0])
+    files = list(paths)
+    source: McapRecording | ReplaySource
+    mcap: McapRecording | None = None
+    device = session = None
+    if len(paths) == 1 and paths[0].suffix.lower() in FILE_SUFFIXES:
+        source = ReplaySource(paths[0])
+    else:
+        source = mcap = open_mcap(paths, name)()
+        files = [part.path for part in source.parts]
+        if len(files) > 1:
+            from fltea.sources.mcap import session_name
+
+            name = str(session_name(source.parts))
+        device, session = source.parts[0].info.device, source.parts[0].info.session
+    decoder = Decoder(lambda: source.unix_offset_ns, max_gap)
+    hello, boots, first_ns, last_ns = None, set(), None, 0
+    epochs: Counter[str] = Counter()
+    longest: tuple[int, float | None, float | None] = (0, None, None)
+    of_epoch = 0
+    for event in source.events():
+        if isinstance(event, Hello):
+            unix_ns = event.host_ns + source.unix_offset_ns
+            hello = msgspec.structs.replace(event, host_ns=unix_ns, device=device)
+            boots.add((event.boot_id, event.device_id))
+        found = decoder.feed(event)
+        if not isinstance(found, Decoded) or decoder.timebase is None:
+            continue
+        if found.new_epoch is not None:
+            epochs[found.new_epoch] += 1
+            of_epoch = 0
+        of_epoch += 1
+        if of_epoch >= longest[0]:
+            longest = of_epoch, decoder.timebase.rate_hz, decoder.timebase.clock_ppm
+        first_ns = found.sample.host_ns if first_ns is None else first_ns
+        last_ns = found.sample.host_ns
+    count = decoder.continuity
+    return Summary(
+        name=name,
+        device=device,
+        session=session,
+        hello=hello,
+        files=len(files),
+        size_bytes=sum(file.stat().st_size for file in files),
+        whole=not (mcap and mcap.torn),
+        breaks=mcap.breaks if mcap else 0,
+        start_unix_ns=first_ns if source.unix_offset_ns else None,
+        duration_s=0.0 if first_ns is None else (last_ns - first_ns) * 1e-9,
+        samples=count.delivered,
+        lost=count.lost,
+        gaps=count.gaps,
+        duplicates=count.duplicates,
+        before_hello=count.before_hello,
+        resets=max(0, len(boots) - 1),
+        epochs=dict(epochs),
+        rate_hz=longest[1],
+        clock_ppm=longest[2],
+        link=source.link_stats(),
+    )
+
+
+def as_text(s: Summary) -> str:
+    """The summary for a person, a line a fact."""
+    lines: list[tuple[str, Any]] = [("recording", s.name)]
+    if s.session is not None:
+        lines.append(("device", f"{s.device}, session {s.session}"))
+    if s.hello is not None:
+        lines += _hello_lines(s.hello)
+    state = "whole" if s.whole else "not finished: killed, cut or still being written (fltea recover)"
+    lines.append(("files", f"{s.files}, {s.size_bytes / 1e6:.1f} MB, {state}"))
+    if s.start_unix_ns is not None:
+        start = datetime.fromtimestamp(s.start_unix_ns * 1e-9, UTC)
+        lines.append(("start", f"{start:%Y-%m-%d %H:%M:%S} UTC"))
+    lines.append(("duration", _duration(s.duration_s)))
+    lines.append(("samples", f"{s.samples}, {s.lost} lost in {s.gaps} gaps, {s.before_hello} before a HELLO"))
+    reasons = ", ".join(f"{count} x {reason}" for reason, count in s.epochs.items()) or "none"
+    lines.append(("epochs", reasons))
+    lines.append(("resets", f"{s.resets} of the device, {s.link.reconnects} times reconnected"))
+    lines.append(("breaks", f"{s.breaks} in the recording itself"))
+    if s.link.frames:
+        bad = ", ".join(f"{count} {reason}" for reason, count in s.link.bad_frames.items()) or "no bad one"
+        lines.append(("frames", f"{s.link.frames}, {bad}; {s.link.bytes / 1e6:.1f} MB from the wire"))
+    if s.rate_hz is not None:
+        ppm = "" if s.clock_ppm is None else f", device clock {s.clock_ppm:+.1f} ppm against the host's"
+        lines.append(("rate", f"{s.rate_hz:.4f} Hz{ppm}"))
+    return "\n".join(f"{name:<10} {text}" for name, text in lines)
+
+
+def _hello_lines(h: Hello) -> list[tuple[str, str]]:
+    lines = []
+    if h.device_id is not None:
+        lines.append(("firmware", f"{h.firmware_version or 'not told'}, device id {h.device_id}"))
+    sensor = h.sensor or "sensor not told"
+    if h.gyro_range_dps:
+        sensor += f", ±{h.gyro_range_dps:g} deg/s"
+    if h.gyro_lsb_per_dps:
+        sensor += f" ({h.gyro_lsb_per_dps:g} LSB per deg/s)"
+    if h.gyro_dlpf_hz:
+        sensor += f", low-pass {h.gyro_dlpf_hz:g} Hz"
+    return [
+        *lines,
+        ("sensor", sensor),
+        ("settings", f"{h.rate_hz:g} Hz nominal, sampled by {h.sampling_mode}"),
+    ]
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min {rest:02d} s"

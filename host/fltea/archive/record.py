@@ -1,0 +1,135 @@
+"""`fltea record`: from a source to MCAP files, without estimating anything."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from fltea.records import clock
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.events import Event, Trouble
+from fltea.records.ports import Source
+from fltea.records.records import AnyRecord, Error, Gap, Hello
+from fltea.service.daemon import StopOnSignal
+from fltea.service.open_source import open_source
+from fltea.settings.config import Config
+from fltea.sinks.record import RecordSink
+from fltea.sources.as_wire import AsWire
+from fltea.sources.replay import ReplaySource
+from fltea.sources.serial import SerialSource
+from fltea.stream.decode import Decoded, Decoder
+
+STATUS_NS = 10**9
+STATUS_QUIET_NS = 60 * 10**9
+"""How often the line of status comes: on a terminal, where it is overwritten, and elsewhere."""
+
+
+def record(config: Config, seconds: float | None) -> str:
+    """Record until the source ends, a signal arrives or the time is over. Returns what was recorded.
+
+    Raises:
+        UsageError: the source or the folder is wrong, or the source cannot be recorded.
+        FlteaError: not everything could be written.
+    """
+    with StopOnSignal() as stop:
+        source = open_source(config)
+        if isinstance(source, ReplaySource):
+            raise UsageError(
+                "a recording is one already; 'fltea export' and 'fltea recover' make others of it."
+            )
+        run = _Recorder(source, config)
+        stop.armed = True
+        end_ns = None if seconds is None else clock.host_ns() + int(seconds * 1e9)
+        try:
+            for event in source.events():
+                run.take(event)
+                if stop.asked.is_set() or (end_ns is not None and clock.host_ns() >= end_ns):
+                    break
+        finally:
+            source.close()
+            run.close()
+        if run.lost:
+            raise FlteaError(run.summary())
+        return run.summary()
+
+
+class _Recorder:
+    """The sink, and what is decoded beside it for its JSON channels."""
+
+    def __init__(self, source: Source, config: Config) -> None:
+        self._source, self._name = source, config.name or "device"
+        self._sink = RecordSink(config.record, self._name, self._tell)
+        self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, self._name)
+        self._as_wire: AsWire | None = None
+        if isinstance(source, SerialSource):
+            source.tap = self._sink.write
+        else:
+            self._as_wire = AsWire(lambda: source.unix_offset_ns)
+        self._folder = Path(config.record.folder or ".")
+        self._live = sys.stderr.isatty()
+        self._status_ns = clock.host_ns()
+
+    def take(self, event: Event) -> None:
+        """Record one event: its bytes first, unless the source has handed them over already."""
+        if self._as_wire is not None:
+            for item in self._as_wire.encode(event):
+                self._sink.write(item)
+        for record in self._records(event):
+            self._sink.write(record)
+        self._sink.flush()
+        now_ns = clock.host_ns()
+        if now_ns - self._status_ns >= (STATUS_NS if self._live else STATUS_QUIET_NS):
+            self._status_ns = now_ns
+            self._say(self.summary(), passing=True)
+
+    @property
+    def lost(self) -> int:
+        """Items that no file took, and bytes that had to be thrown away before they could be given to one."""
+        return self._sink.lost + self._source.link_stats().overflow_bytes
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._sink.close()
+        if self._live:
+            self._say("")
+
+    def summary(self) -> str:
+        """One line: how much there is, and what is missing."""
+        count, rate_hz = self._decoder.continuity, None
+        if self._decoder.timebase is not None:
+            rate_hz = self._decoder.timebase.rate_hz
+        at = "" if rate_hz is None else f" at {rate_hz:.2f} Hz"
+        lost = f"{count.lost} lost in {count.gaps} gaps"
+        stopped = f", {self._sink.lost} items NOT recorded" if self._sink.lost else ""
+        if unread := self._source.link_stats().overflow_bytes:
+            stopped += f", {unread} bytes thrown away while the disk was too slow"
+        return (
+            f"{self._name}: {count.delivered} samples{at}, {lost}; "
+            f"{self._sink.parts} file{'' if self._sink.parts == 1 else 's'} in {self._folder}{stopped}"
+        )
+
+    def _records(self, event: Event) -> Iterator[AnyRecord]:
+        if isinstance(event, Trouble):
+            self._say(f"{event.kind}: {event.message}")
+            unix_ns = event.host_ns + self._source.unix_offset_ns
+            yield Error(event.kind, event.message, unix_ns, device=self._name)
+        match self._decoder.feed(event):
+            case Hello() as hello:
+                unix_ns = hello.host_ns + self._source.unix_offset_ns
+                yield msgspec.structs.replace(hello, host_ns=unix_ns, device=self._name)
+            case Decoded(sample=s, missing=missing):
+                if missing:
+                    yield Gap(s.seq - missing, missing, s.epoch, s.host_ns, device=self._name)
+                yield s
+
+    def _tell(self, kind: str, message: str) -> None:
+        self._say(f"{kind}: {message}")
+
+    def _say(self, text: str, passing: bool = False) -> None:
+        """A line on stderr; on a terminal one that is `passing` gives way to the next."""
+        if self._live:
+            sys.stderr.write(f"\r\x1b[K{text}" + ("" if passing or not text else "\n"))
+        else:
+            sys.stderr.write(f"fltea: {text}\n")
+        sys.stderr.flush()

@@ -1,0 +1,267 @@
+"""The command line: every command of `fltea`, and how each ends."""
+
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fltea import __version__
+from fltea.cli import (
+    devices as cli_devices,
+)
+from fltea.cli import (
+    evaluate as cli_evaluate,
+)
+from fltea.cli import (
+    flash as cli_flash,
+)
+from fltea.cli import (
+    identify as cli_identify,
+)
+from fltea.cli import (
+    record as cli_record,
+)
+from fltea.cli import (
+    reproduce as cli_reproduce,
+)
+from fltea.cli import (
+    run as cli_run,
+)
+from fltea.records.errors import FlteaError, UsageError
+from fltea.wire import layout as wire
+
+EXIT_CODES = """
+Exit codes: 0 ended as asked (end of a recording, Ctrl-C, SIGTERM, or the reader of the output left);
+1 failed while running; 2 the command line, the configuration or an input file is wrong.
+"""
+
+app = typer.Typer(
+    name="fltea",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    help="Identify the fractional noise of a MEMS gyroscope online: state, order α and parameter f, live.",
+    epilog=EXIT_CODES,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def main() -> None:
+    """Entry point: every expected failure is one line on stderr and an exit code."""
+    try:
+        if sys.stdout is None:
+            raise UsageError("standard output is closed; give it a file, a pipe or /dev/null.")
+        app()
+    except FlteaError as error:
+        print(f"fltea: error: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"fltea {__version__}, protocol {wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    pass
+
+
+def inspect(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|PORT|-", help="Raw frames: a file, a serial port or URL, or - for stdin."
+        ),
+    ],
+    baud: Annotated[int, typer.Option(help="Serial speed.")] = wire.BAUD,
+    limit: Annotated[int, typer.Option(metavar="N", help="Stop after N lines; 0 for no end.")] = 0,
+) -> None:
+    """Decode raw frames for a person, one line each, damaged ones with the reason.
+
+    For example:
+
+        fltea inspect /dev/ttyACM0 --limit 20
+
+        fltea inspect capture.bin
+    """
+    from fltea.wire.inspection import inspect as inspect_frames
+    from fltea.wire.inspection import summary
+    from fltea.wire.messages import FrameReader
+
+    reader = FrameReader()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            for number, line in enumerate(inspect_frames(_chunks(source, baud), reader), 1):
+                print(line, flush=True)
+                if number == limit:
+                    break
+        print(summary(reader), flush=True)
+    except OSError as error:
+        from fltea.service.daemon import silence_stdout
+
+        silence_stdout()
+        if isinstance(error, BrokenPipeError):
+            return
+        raise FlteaError(f"cannot write the output: {error}.") from error
+    if not reader.counts["frames"]:
+        raise FlteaError(
+            f"{source}: not one valid frame. Is it raw output of the firmware, at the right baud rate?"
+        )
+
+
+def _chunks(source: str, baud: int) -> Iterator[bytes]:
+    if source == "-":
+        while chunk := os.read(sys.stdin.fileno(), 1 << 16):
+            yield chunk
+        return
+    path = Path(source)
+    if path.is_dir():
+        raise UsageError(f"{source}: is a directory.")
+    if path.is_file():
+        try:
+            with path.open("rb") as file:
+                while chunk := file.read(1 << 16):
+                    yield chunk
+        except OSError as error:
+            raise UsageError(f"{source}: cannot be read ({error}).") from error
+        return
+    if "://" not in source and not path.exists() and not source.startswith("/dev/"):
+        raise UsageError(f"{source}: there is no such file or port.")
+    yield from _serial_chunks(source, baud)
+
+
+def _serial_chunks(source: str, baud: int) -> Iterator[bytes]:
+    from fltea.records.events import Chunk, Failed
+    from fltea.wire.transport import Reader
+
+    port = Reader(source.removeprefix("serial:"), baud)
+    port.start()
+    try:
+        for event in port.events(0.5):
+            if isinstance(event, Failed):
+                raise FlteaError(event.message)
+            if isinstance(event, Chunk):
+                yield event.data
+    finally:
+        port.close()
+
+
+SAID_BY_MODEL = ("alpha", "alpha_end", "f", "q", "r", "rate", "axes", "window")
+"""Flags of `simulate` that --model takes the place of."""
+
+
+def simulate(
+    context: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="FILE.csv|FILE.npz", help="What to write.")],
+    alpha: Annotated[float, typer.Option(help="Order α; at the first sample if --alpha-end is given.")] = 0.3,
+    alpha_end: Annotated[
+        float | None, typer.Option(help="Order at the last sample: it varies linearly between.")
+    ] = None,
+    f: Annotated[float, typer.Option("--f", help="Parameter f in s^-α.")] = -1.5,
+    q: Annotated[
+        float, typer.Option("--q", help="Variance of ω, (deg/s)² s^-2α; 0 gives white noise.")
+    ] = 0.15,
+    r: Annotated[float, typer.Option("--r", help="Variance of the white noise v, (deg/s)².")] = 0.02,
+    n: Annotated[int, typer.Option("--samples", "-n", help="Number of samples.")] = 6000,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second.")] = 100.0,
+    axes: Annotated[int, typer.Option(help="Number of axes, 1 to 3, independent of each other.")] = 3,
+    lsb: Annotated[
+        float | None, typer.Option(metavar="N", help="Quantise with N LSB per deg/s (16.4 at ±2000 deg/s).")
+    ] = None,
+    full_scale: Annotated[
+        float, typer.Option("--range", help="Full scale in deg/s when quantising.")
+    ] = 2000.0,
+    offset: Annotated[float, typer.Option(help="Offset in deg/s added to every axis.")] = 0.0,
+    window: Annotated[int, typer.Option(help="Length L of the generator's memory in samples.")] = 3000,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same file.")] = 1,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Noise of identified models, one for each axis: a file of `fltea identify --export-model`.",
+        ),
+    ] = None,
+) -> None:
+    """Write fractional noise of known order, constant or varying: y = x + v, D^α x = f x + ω.
+
+    The file holds the measurement of each axis and, beside it, the true state and order; `fltea run
+    -s replay:FILE` reads it.
+
+    For example:
+
+        fltea simulate noise.csv --alpha 0.5 --f -1 -n 60000
+
+        fltea simulate varying.npz --alpha 0.2 --alpha-end 0.6 --lsb 16.4
+
+        fltea simulate twin.npz --model sensor.json -n 60000
+    """
+    from fltea.identify.simulation_file import write_model_simulation, write_simulation
+
+    if model is not None:
+        sources = {name: context.get_parameter_source(name) for name in SAID_BY_MODEL}
+        said = [name for name, source in sources.items() if source and source.name == "COMMANDLINE"]
+        if said:
+            flags = ", ".join("--" + name.replace("_", "-") for name in said)
+            raise UsageError(f"--model says what the noise is, so leave out {flags}.")
+        write_model_simulation(
+            out,
+            model,
+            n=n,
+            lsb_per_dps=lsb,
+            range_dps=full_scale,
+            offset_dps=offset,
+            seed=seed,
+        )
+        return
+    write_simulation(
+        out,
+        alpha=alpha,
+        alpha_end=alpha if alpha_end is None else alpha_end,
+        f=f,
+        Q=q,
+        R=r,
+        n=n,
+        rate_hz=rate,
+        axes=axes,
+        lsb_per_dps=lsb,
+        range_dps=full_scale,
+        offset_dps=offset,
+        window=window,
+        seed=seed,
+    )
+
+
+COMMANDS = (
+    cli_run.run,
+    cli_identify.identify,
+    cli_record.record,
+    cli_record.info,
+    cli_record.export,
+    cli_record.recover,
+    cli_devices.devices,
+    cli_devices.doctor,
+    cli_flash.flash,
+    inspect,
+    simulate,
+    cli_reproduce.reproduce,
+    cli_reproduce.bench,
+    cli_evaluate.evaluate,
+)
+for command in COMMANDS:
+    app.command(epilog=EXIT_CODES)(command)

@@ -1,0 +1,164 @@
+"""The commands `fltea devices` and `fltea doctor`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import typer
+
+if TYPE_CHECKING:
+    from fltea.machine.devices import Bus, Port
+    from fltea.machine.doctor.finding import Finding
+
+COLOURS = {"ok": typer.colors.GREEN, "warning": typer.colors.YELLOW, "problem": typer.colors.RED}
+INDENT = " " * 4
+CHECK_WIDTH = 13
+
+
+def devices(
+    probe: Annotated[
+        bool,
+        typer.Option(
+            "--probe",
+            help="Ask each Due that nobody uses who it is. Opening its port resets the board, so this is "
+            "not done unasked.",
+        ),
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+) -> None:
+    """List boards, other serial ports and I²C buses, by names that stay, and say who uses them or may not.
+
+    For example:
+
+        fltea devices
+
+        fltea devices --probe --json
+    """
+    from fltea.machine import devices as found
+    from fltea.machine.host_system import System
+
+    system = System()
+    ports, buses = found.find_ports(system), found.find_buses(system)
+    if probe:
+        ports = [_probed(port) for port in ports]
+    if json:
+        for entry in [*ports, *buses]:
+            print(msgspec.json.encode(entry).decode())
+        return
+    for port in ports:
+        print("\n".join(_port_lines(port)))
+    for bus in buses:
+        print("\n".join(_bus_lines(bus)))
+    if not any(port.is_board for port in ports):
+        print(
+            "No Arduino Due on its programming port (the one beside the power socket). Is the cable in, and "
+            "does it carry data?\n"
+            "'lsusb' and 'dmesg' tell what the machine sees; 'fltea doctor' looks further."
+        )
+
+
+def _probed(port: "Port") -> "Port":
+    from fltea.machine.doctor.hearing import hear
+
+    if not port.is_board or port.holders or port.remedy is not None:
+        return port
+    heard = hear(port.device, hear_s=0.0)
+    failure = heard.failure
+    return msgspec.structs.replace(port, hello=heard.hello, trouble=failure.message if failure else None)
+
+
+def _port_lines(port: "Port") -> list[str]:
+    facts = [port.kind]
+    facts += [port.device] if port.device != port.path else []
+    facts += [f"USB {port.usb_id}"] if port.usb_id else []
+    facts += [f"serial number {port.serial_number}"] if port.serial_number else []
+    lines = [port.path, INDENT + ", ".join(facts)]
+    if port.remedy is not None:
+        lines.append(f"{INDENT}no permission: {port.remedy}")
+    if port.holders:
+        lines.append(f"{INDENT}in use by {', '.join(map(str, port.holders))}")
+    if port.hello is not None:
+        hello = port.hello
+        lines.append(f"{INDENT}says HELLO: {hello.firmware_version}, {hello.sensor}, {hello.rate_hz:g} Hz")
+    if port.trouble is not None:
+        lines.append(f"{INDENT}{port.trouble}")
+    if port.is_board and port.remedy is None and not port.holders:
+        lines.append(f"{INDENT}fltea run --source serial:{port.path}")
+    return lines
+
+
+def _bus_lines(bus: "Bus") -> list[str]:
+    lines = [bus.path, f"{INDENT}I²C bus{f', {bus.driver}' if bus.driver else ''}"]
+    if bus.remedy is not None:
+        lines.append(f"{INDENT}no permission: {bus.remedy}")
+    return lines
+
+
+def doctor(
+    source: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--source", "-s", metavar="URL", help="What to look at, as for `fltea run`; may be repeated."
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", "-c", metavar="FILE", help="The TOML file of `fltea run`.")
+    ] = None,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="DIR", help="Folder that recordings will go to.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Any setting, as for `fltea run`.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+) -> None:
+    """Look at all that lies between the sensor and the records, and say what to do about each problem.
+
+    A port that nobody uses is opened and listened to for some seconds, which resets a Due. Exit code 0 if
+    there is no problem (warnings may remain), 1 if there is one.
+
+    For example:
+
+        fltea doctor
+
+        fltea doctor --source serial:/dev/ttyACM0 --record recordings
+
+        fltea doctor --config /etc/fltea/fltea.toml
+    """
+    from fltea.machine.doctor.diagnosis import examine
+    from fltea.machine.host_system import System
+    from fltea.settings.config import load_configs, parse_setting
+
+    overrides = dict(parse_setting(text) for text in set_ or [])
+    if record is not None:
+        overrides["record.folder"] = str(record)
+    configs = load_configs(config, overrides, source or ())
+    problems = warnings = 0
+    for finding in examine(configs, System()):
+        problems += finding.level == "problem"
+        warnings += finding.level == "warning"
+        if json:
+            print(msgspec.json.encode(finding).decode(), flush=True)
+        else:
+            _show(finding, several=len(configs) > 1)
+    if not json:
+        typer.echo(_summary(problems, warnings))
+    if problems:
+        raise typer.Exit(1)
+
+
+def _show(finding: "Finding", several: bool) -> None:
+    level = typer.style(f"{finding.level:8}", fg=COLOURS[finding.level], bold=finding.level != "ok")
+    name = f"{finding.device}: " if several and finding.device else ""
+    typer.echo(f"{level} {finding.check:{CHECK_WIDTH}} {name}{finding.message}")
+    if finding.remedy is not None:
+        typer.echo(f"{'':8} {'→':>{CHECK_WIDTH}} {finding.remedy}")
+
+
+def _summary(problems: int, warnings: int) -> str:
+    if not problems and not warnings:
+        return "All is well."
+    parts = [
+        f"{n} {what}{'s' if n > 1 else ''}" for n, what in ((problems, "problem"), (warnings, "warning")) if n
+    ]
+    return ", ".join(parts) + "."

@@ -1,0 +1,146 @@
+"""The command `fltea evaluate`."""
+
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fltea.cli.output import print_result, progress_bar
+
+if TYPE_CHECKING:
+    from fltea.lab.evaluate.run import Plan, Result
+
+DEFAULT_SEEDS = 20
+QUICK_SEEDS = 10
+"""Of fewer, all intervals have to hold the truth for it to be called right: 95 % of them rarely do."""
+DEFAULT_OUT = Path("build/evaluate")
+
+
+def evaluate(
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=2,
+            help=f"Series of each noise: {DEFAULT_SEEDS}, with --quick {QUICK_SEEDS}, if not given.",
+            show_default=False,
+        ),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Five noises of 3,000 and 20,000 samples: seconds.")
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Processes; the default is one a processor.", show_default=False
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="For evaluation.json, evaluation.csv and the heat maps.")
+    ] = DEFAULT_OUT,
+    no_figures: Annotated[
+        bool, typer.Option("--no-figures", help="No heat maps; then matplotlib is not needed.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print evaluation.json, and nothing else, on stdout.")
+    ] = False,
+) -> None:
+    """Judge the online filters on noises whose α and f are known.
+
+    Every noise is y = x + v with D^α x = f x + ω, stationary, with unlimited memory, at 100 Hz and with the
+    variance of the paper's gyroscope. `triple` and `joint` run as the daemon runs them: start-up window, its
+    bias and R, Q = 0.15, guard consistent; and again with what is true. Beside them are the Whittle fit of
+    `fltea identify` and the Cramér–Rao bound, the least spread of any estimator without bias. White noise is
+    one of the noises. A second, smaller table has one setting changed at a time.
+
+    Of each: bias, spread, root mean square error, the estimator's own σ, the share of its 95 % intervals that
+    hold the truth, and how often there is no value. A figure is *right* where the error of α is up to 0.1,
+    90 % of the intervals hold it (then σ is *honest*), and 90 % of the series have a value. Whittle's α has
+    none where the null test does not reject white noise. In a heat map grey is none in half of them or more.
+
+    The same arguments give the same files. All of it takes some four minutes on two processors, twice the
+    seeds twice as long. What came out, and what to make of it: host/evaluation.md.
+
+    For example:
+
+        fltea evaluate --quick
+
+        fltea evaluate --seeds 100 --out build/evaluate-100
+
+        fltea evaluate --quick --no-figures --json > quick.json
+    """
+    from fltea.lab.evaluate.figures import check_matplotlib
+    from fltea.lab.evaluate.run import full_plan, quick_plan
+    from fltea.lab.reproduce.request import prepare_folder
+
+    if not no_figures:
+        check_matplotlib()
+    prepare_folder(out)
+    plan = quick_plan(seeds or QUICK_SEEDS) if quick else full_plan(seeds or DEFAULT_SEEDS)
+    result = _run(plan, jobs)
+    files = _write(result, out, figures=not no_figures)
+    if as_json:
+        from fltea.lab.evaluate.tables import to_json
+
+        print_result(to_json(result).decode())
+    else:
+        _show(result)
+    print(f"fltea: {len(files)} files in {out}", file=sys.stderr)
+
+
+def _run(plan: "Plan", jobs: int | None) -> "Result":
+    from fltea.identify.workers import open_local
+    from fltea.lab.evaluate.run import evaluate as run
+    from fltea.lab.evaluate.run import steps
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    workers = open_local(jobs)
+    try:
+        with progress_bar(steps(plan)) as advance:
+            return run(plan, workers, lambda text: advance(text, 1))
+    finally:
+        workers.close()
+
+
+def _write(result: "Result", folder: Path, *, figures: bool) -> list[Path]:
+    """Everything is made before the first file is written; each is written whole or not at all."""
+    from fltea.lab.evaluate.figures import draw
+    from fltea.lab.evaluate.tables import to_csv, to_json
+    from fltea.records.whole_file import whole_file
+
+    contents = {"evaluation.json": to_json(result), "evaluation.csv": to_csv(result).encode()}
+    if figures:
+        contents |= {f"evaluation_{name}.png": data for name, data in draw(result).items()}
+    for name, data in contents.items():
+        with whole_file(folder / name) as part:
+            part.write_bytes(data)
+    return [folder / name for name in contents]
+
+
+def _show(result: "Result") -> None:
+    """Tables and the conclusion on stdout."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    from fltea.lab.evaluate import tables
+
+    console = Console()
+    with console.capture() as shown:  # rich itself ends the program if the reader has left
+        for headings, rows in (
+            (tables.SUMMARY_HEADINGS, tables.summary(result)),
+            (tables.WHITE_HEADINGS, tables.white(result)),
+            (tables.CHANGE_HEADINGS, tables.changes(result)),
+        ):
+            table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+            table.add_column(headings[0], no_wrap=True)
+            for heading in headings[1:]:
+                table.add_column(heading, justify="right")
+            for row in rows:
+                table.add_row(*row)
+            console.print(table)
+        console.print(Text(tables.conclusion(result)))
+    print_result(shown.get())

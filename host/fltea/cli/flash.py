@@ -1,0 +1,62 @@
+"""The command `fltea flash`."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from fltea.records.errors import UsageError
+
+if TYPE_CHECKING:
+    from fltea.machine.flash import Plan
+
+
+def flash(
+    port: Annotated[
+        str | None, typer.Option(metavar="PORT", help="Programming port; default: the only Due plugged in.")
+    ] = None,
+    image: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Image for bossac; default: the committed one of the clone."),
+    ] = None,
+    method: Annotated[
+        Literal["auto", "arduino-cli", "platformio", "bossac"],
+        typer.Option(
+            help="`arduino-cli` and `platformio` build and upload the Arduino port; `bossac` writes the "
+            "bare-metal image. `auto`: the first of them that is installed."
+        ),
+    ] = "auto",
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the commands and do nothing.")] = False,
+) -> None:
+    """Write the firmware to an Arduino Due, and wait until it says HELLO with the build that was written.
+
+    What was on the board is erased. Wiring and both ports of the firmware: firmware/README.md.
+
+    For example:
+
+        fltea flash
+
+        fltea flash --port /dev/ttyACM0 --method bossac --yes
+    """
+    from fltea.machine import flash as flashing
+
+    plan = flashing.make_plan(method, flashing.find_port(port), image, flashing.clone_root())
+    if plan.warning:
+        print(f"fltea: warning: {plan.warning}", file=sys.stderr)
+    if dry_run:
+        print("\n".join(plan.lines()))
+        return
+    if not yes:
+        _ask(plan)
+    flashing.carry_out(plan)
+    hello = flashing.wait_for_hello(plan.port, plan.build_id)
+    checked = "" if plan.build_id else " (nothing beside the image says which build it is)"
+    print(f"{plan.port}: runs '{hello.firmware_version}'{checked}. Next: fltea run")
+
+
+def _ask(plan: "Plan") -> None:
+    if not sys.stdin.isatty():
+        raise UsageError("flashing erases what is on the board; give --yes if that is meant.")
+    typer.confirm(f"Erase the Due at {plan.port} and write fltea's firmware with {plan.method}?", abort=True)

@@ -1,0 +1,308 @@
+"""The command `fltea identify`: flags to requests, and results to a terminal."""
+
+import contextlib
+import io
+import json as json_module
+import re
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fltea.cli.output import print_result
+from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.extras import load
+
+if TYPE_CHECKING:
+    from fltea.identify.run import FileReport, Progress
+    from fltea.identify.workers import Workers
+
+
+def identify(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE…",
+            help="Recordings: .mcap, a folder of them, the name of a session, .npz, .csv or .ndjson.",
+            show_default=False,
+        ),
+    ],
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")
+    ] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write report.html, complete in itself, and its figures as PNG."),
+    ] = None,
+    channels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B,…", help="Axes: gyro_x … (all of them is the default), accel_x, accel_y, accel_z."
+        ),
+    ] = None,
+    variant: Annotated[
+        str | None,
+        typer.Option(help="FLTEA: `joint` (default) or `triple` (the paper's); the other is run too."),
+    ] = None,
+    guard: Annotated[
+        str | None, typer.Option(help="FLTEA: `off`, `faithful` or `consistent` (default).")
+    ] = None,
+    window: Annotated[
+        int | None, typer.Option("--window", "-L", help="FLTEA: length L of the memory in samples.")
+    ] = None,
+    startup: Annotated[
+        int | None, typer.Option(metavar="N", help="FLTEA: samples of the start-up window.")
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML file, as of `fltea run`.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Any setting of the estimator, as in `fltea run`."),
+    ] = None,
+    shuffles: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Shuffled copies that are estimated beside the data.")
+    ] = 200,
+    notch: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HZ±HZ|LO-HI", help="Leave out a band, such as 31.4±0.5 or 30.9-31.9; repeatable."
+        ),
+    ] = None,
+    from_hz: Annotated[
+        float, typer.Option("--from-hz", metavar="HZ", help="Leave out all below, such as drift.")
+    ] = 0.0,
+    columns: Annotated[
+        str | None, typer.Option(metavar="A,B,C", help="CSV: the columns of the axes x, y, z.")
+    ] = None,
+    units: Annotated[str | None, typer.Option(help="CSV: dps, mdps, rad/s, or lsb:N.")] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="CSV: samples per second.")] = None,
+    export_model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write the models of one recording; `fltea simulate --model` reads them."
+        ),
+    ] = None,
+    imu_yaml: Annotated[
+        Path | None,
+        typer.Option("--imu-yaml", metavar="FILE", help="Write imu.yaml of one recording, as for Kalibr."),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", "-j", metavar="N", min=1, help="Processes; default: all cores.")
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="An existing Dask cluster instead, tcp://HOST:8786.")
+    ] = None,
+) -> None:
+    """Identify the noise of recordings, and say what the figures are worth: one verdict an axis.
+
+    FLTEA beside what white noise gives, a null test, a Whittle fit with intervals and its rivals, the Allan
+    deviation, and what in the data can mislead. host/identify.md explains every figure.
+
+    For example:
+
+        fltea identify rest.npz
+
+        fltea identify recordings --report report --notch 31.4±0.5
+
+        fltea identify *.npz --json --jobs 4 > verdicts.json
+    """
+    from fltea.identify import load as reading
+    from fltea.identify import run, tables
+    from fltea.identify.axis import IdentifyOptions
+
+    flags = {
+        "estimator.variant": variant,
+        "estimator.guard": guard,
+        "estimator.window": window,
+        "estimator.startup": startup,
+        "accel.variant": variant,
+        "accel.guard": guard,
+        "accel.window": window,
+        "accel.startup": startup,
+        "channels": _list(channels),
+        "replay.columns": _list(columns),
+        "replay.units": units,
+        "replay.rate_hz": rate,
+    }
+    chosen = _config(config, flags, set_ or [])
+    try:
+        options = IdentifyOptions(
+            shuffles=shuffles, from_hz=from_hz, notch_hz=tuple(parse_notch(text) for text in notch or [])
+        )
+    except ValueError as error:
+        raise UsageError(f"command line: {error}.") from error
+    if report is not None:
+        from fltea.identify import report as page
+
+        page.prepare_folder(report)
+    replay = chosen.replay
+    found = reading.recordings(files)
+    requests: list[reading.Request | reading.Unreadable] = [
+        one
+        if isinstance(one, reading.Unreadable)
+        else reading.Request(
+            one,
+            tuple(chosen.channels) if chosen.channels else None,
+            replay.columns,
+            replay.units,
+            replay.rate_hz,
+        )
+        for one in found
+    ]
+    if len(requests) > 1 and (export_model or imu_yaml):
+        raise UsageError("--export-model and --imu-yaml are for one recording.")
+    settings = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None)
+    reports = _run(requests, settings, jobs, dask)
+    # First of all, lest a file that cannot be written costs what took minutes to compute.
+    if as_json:
+        print_result(json_module.dumps(tables.document(reports), ensure_ascii=False, allow_nan=False) + "\n")
+    else:
+        _show(reports)
+    if report is not None:
+        written = page.write(report, reports)
+        print(f"fltea: {written[0]}, and {len(written) - 1} figures", file=sys.stderr)
+    _export(reports[0], export_model, imu_yaml)
+    _fail(reports)
+
+
+def parse_notch(text: str) -> tuple[float, float]:
+    """The band of `31.4±0.5`, `31.4+-0.5` or `30.9-31.9` in Hz.
+
+    Raises:
+        UsageError: it is none.
+    """
+    number = r"\s*(\d+\.?\d*|\.\d+)\s*"
+    around = re.fullmatch(rf"{number}(?:±|\+-|\+/-){number}", text)
+    between = re.fullmatch(rf"{number}(?:-|–|…|\.\.){number}", text)
+    if around:
+        middle, half = map(float, around.groups())
+        low, high = max(middle - half, 0.0), middle + half
+    elif between:
+        low, high = map(float, between.groups())
+    else:
+        raise UsageError(f"--notch {text}: give a band in Hz, such as 31.4±0.5 or 30.9-31.9.")
+    if not low < high:
+        raise UsageError(f"--notch {text}: has no width; give a band in Hz, such as 31.4±0.5 or 30.9-31.9.")
+    return low, high
+
+
+def _list(text: str | None) -> list[str] | None:
+    return [part.strip() for part in text.split(",")] if text else None
+
+
+def _config(file: Path | None, flags: dict[str, Any], settings: Sequence[str]) -> Any:
+    from fltea.settings.config import load_configs, parse_setting
+
+    overrides = {path: value for path, value in flags.items() if value is not None}
+    overrides.update(parse_setting(text) for text in settings)
+    configs = load_configs(file, overrides)
+    if len(configs) > 1:
+        raise UsageError(f"{file}: sets up several devices; give one that sets up none, or --set.")
+    return configs[0]
+
+
+def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "list[FileReport]":
+    from fltea.identify.run import identify_all
+    from fltea.identify.workers import Here
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    workers = _workers(jobs, dask)
+    # A cluster may not see the files; and one recording is read here while the processes start.
+    readers = Here() if dask or len(requests) == 1 else None
+    try:
+        with _bar() as progress:
+            return identify_all(requests, settings, workers, readers, progress)
+    finally:
+        workers.close()
+
+
+def _workers(jobs: int | None, dask: str | None) -> "Workers":
+    if dask is None:
+        from fltea.identify.workers import open_local
+
+        return open_local(jobs)
+    if jobs is not None:
+        raise UsageError("--jobs is for this machine, --dask for a cluster: give one of them.")
+    workers: Workers = load("fltea.identify.dask_workers", "distributed", "dask", "--dask needs").DaskWorkers(
+        dask
+    )
+    return workers
+
+
+@contextlib.contextmanager
+def _bar() -> "Iterator[Progress]":
+    """Show a bar on stderr, if that is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("reading", total=None)
+        yield lambda text, done, total: bar.update(task, completed=done, total=total, description=text)
+
+
+def _export(report: "FileReport", model: Path | None, yaml: Path | None) -> None:
+    from fltea.identify import model_file
+    from fltea.identify.run import AxisReport
+
+    if report.recording is None or not (model or yaml):
+        return
+    axes = {
+        name: axis
+        for name, axis in report.axes.items()
+        if isinstance(axis, AxisReport) and name.startswith("gyro_")
+    }
+    rate_hz = report.recording.hello.rate_hz
+    if model is not None:
+        try:
+            models = model_file.NoiseModels(
+                rate_hz, 1 / rate_hz, report.name, {name: axis.model for name, axis in axes.items()}
+            )
+        except ValueError as error:
+            raise FlteaError(f"--export-model: {error}.") from error
+        model_file.write_models(model, models)
+    if yaml is not None:
+        curves = {name: axis.allan for name, axis in axes.items() if axis.allan is not None}
+        if not curves:
+            reasons = {axis.allan_reason for axis in axes.values()} or {"no axis of a gyroscope"}
+            raise FlteaError(f"--imu-yaml: there is no Allan deviation ({'; '.join(reasons)}).")
+        model_file.write_text(yaml, model_file.imu_yaml(curves, rate_hz, report.name))
+
+
+def _show(reports: "Sequence[FileReport]") -> None:
+    """Tables on stdout."""
+    from rich.console import Console
+
+    from fltea.identify.terminal import show, summary
+
+    text = io.StringIO()  # rich itself ends the program if stdout cannot be written
+    console = Console(file=text, force_terminal=sys.stdout.isatty() or None)
+    for number, one in enumerate(reports):
+        show(console, one, first=number == 0)
+    if len(reports) > 1:
+        summary(console, reports)
+    print_result(text.getvalue())
+
+
+def _fail(reports: "Sequence[FileReport]") -> None:
+    """End with the first failure, if there was one; the others are told before."""
+    from fltea.identify.run import Failure
+
+    failures = []
+    for report in reports:
+        if report.failure is not None:
+            failures.append(report.failure)
+        failures += [
+            UsageError(f"{report.name}: {name}: {axis.error}")
+            for name, axis in report.axes.items()
+            if isinstance(axis, Failure)
+        ]
+    for failure in failures[1:]:
+        print(f"fltea: error: {failure}", file=sys.stderr)
+    if failures:
+        raise failures[0]

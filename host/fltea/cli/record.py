@@ -1,0 +1,172 @@
+"""The commands `fltea record`, `info`, `export` and `recover`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.extras import load
+from fltea.wire import layout as wire
+
+MAX_GAP = 100
+
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="FILE|DIR…",
+        help="Files of a recording, a folder, or the name of a session (without _000.mcap).",
+        show_default=False,
+    ),
+]
+
+
+def record(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help="Where the files go.")] = "recordings",
+    source: Annotated[
+        str | None,
+        typer.Option("--source", "-s", metavar="URL", help="As of `fltea run`; default: the Arduino Due."),
+    ] = None,
+    rotate_mb: Annotated[
+        float | None, typer.Option(metavar="MB", help="A new file beyond this size (default 256).")
+    ] = None,
+    rotate_s: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="A new file beyond this age (default 3600).")
+    ] = None,
+    for_: Annotated[
+        float | None, typer.Option("--for", metavar="SECONDS", help="Stop after this time.")
+    ] = None,
+    raw: Annotated[
+        bool, typer.Option("--raw", help="The bytes from the wire only, no decoded samples: half the size.")
+    ] = False,
+    baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
+) -> None:
+    """Record a device without estimating anything: raw bytes and samples, in MCAP files.
+
+    Ctrl-C ends it. `fltea run -s replay:DIR` estimates later; `fltea run --record DIR` does both at once.
+
+    For example:
+
+        fltea record --for 3600
+
+        fltea record -s serial:/dev/ttyACM0 night --rotate-s 600
+    """
+    from fltea.settings.config import load_config
+
+    if for_ is not None and not for_ > 0:
+        raise UsageError("--for takes a positive number of seconds.")
+    channels = () if raw else ("hello", "gap", "sample", "error")
+    flags = {
+        "source": source,
+        "record.folder": folder,
+        "record.rotate_mb": rotate_mb,
+        "record.rotate_s": rotate_s,
+        "record.channels": list(channels),
+        "link.baud": baud,
+    }
+    config = load_config(None, {path: value for path, value in flags.items() if value is not None})
+    run = load("fltea.archive.record", "mcap", "record", "MCAP files need")
+    print(run.record(config, for_), file=sys.stderr)
+
+
+def info(
+    paths: Recordings,
+    json: Annotated[
+        bool, typer.Option("--json", help="One JSON object a recording, each on a line.")
+    ] = False,
+    max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+) -> None:
+    """Sum recordings up: device, settings, duration, samples, gaps, resets, rate, and what is missing.
+
+    Everything is counted anew from the raw bytes, which takes some minutes for a day at 100 Hz.
+
+    For example:
+
+        fltea info recordings
+
+        fltea info --json recordings/due_20270801T120000Z_1f0c2b3a
+    """
+    import msgspec
+
+    from fltea.archive.info import as_text, sessions, summarise
+
+    for number, files in enumerate(sessions(paths)):
+        summary = summarise(files, max_gap)
+        if json:
+            print(msgspec.json.encode(summary).decode())
+        else:
+            print(("\n" if number else "") + as_text(summary))
+
+
+def export(
+    paths: Recordings,
+    to: Annotated[Path, typer.Option("--to", metavar="OUT.csv|OUT.npz", help="What to write.")],
+    what: Annotated[
+        Literal["samples", "estimates", "device_estimates"],
+        typer.Option(
+            help="`samples`, decoded anew; `estimates` as they were published; `device_estimates`: those "
+            "that the device made beside the host's."
+        ),
+    ] = "samples",
+    max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+) -> None:
+    """Write one recording as a table, with the units in the headers.
+
+    `fltea run -s replay:OUT.npz` gives the same estimates as the recording; a CSV file has no scale and no
+    epochs, so it does so only for a recording without gaps, with `--rate`.
+
+    For example:
+
+        fltea export recordings/due_20270801T120000Z_1f0c2b3a --to rest.npz
+
+        fltea export night --to night.csv --what estimates
+    """
+    from fltea.archive.export import export as write_export
+
+    rows = write_export(paths, to, what, max_gap)
+    print(f"{to}: {rows} {what}", file=sys.stderr)
+
+
+def recover(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE…", help="MCAP files, or folders of them.", show_default=False),
+    ],
+    in_place: Annotated[
+        bool,
+        typer.Option("--in-place", help="Replace the file; else NAME.recovered.mcap is written beside it."),
+    ] = False,
+) -> None:
+    """Make whole files of those that a killed program or a full disk left: with summary and indexes.
+
+    fltea itself reads such files as they are; other programs want them whole.
+
+    For example:
+
+        fltea recover recordings
+    """
+    recovery = load("fltea.recording.recovery", "mcap", "record", "MCAP files need")
+    failures = []
+    for path in paths:
+        files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+        if not files:
+            raise UsageError(f"{path}: no .mcap file in this folder.")
+        for file in files:
+            try:
+                found = recovery.recover(file, in_place=in_place)
+            except FlteaError as error:  # the others can still be saved
+                failures.append(error)
+                continue
+            if found.out is None:
+                print(f"{file}: is whole")
+                continue
+            damaged = f", {found.damaged_chunks} chunks were damaged" if found.damaged_chunks else ""
+            print(
+                f"{found.out}: {found.messages} messages over {found.seconds:.1f} s saved; "
+                f"{found.lost_bytes} bytes at the end could not be read{damaged}"
+            )
+    for failure in failures[1:]:
+        print(f"fltea: error: {failure}", file=sys.stderr)
+    if failures:
+        raise failures[0]

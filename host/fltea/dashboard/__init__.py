@@ -1,1 +1,0 @@
-"""The live page: what it remembers (`history`), says (`facts`) and draws (`figures`, `page`)."""

@@ -1,0 +1,1 @@
+"""Experiments: the paper reproduced, noises of known order, the reference."""

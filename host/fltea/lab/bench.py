@@ -1,0 +1,222 @@
+"""Speed of the estimator: the engine, the numpy reference and filterpy's unscented filter side by side.
+
+One core, one run of the program: every repetition measures all contenders one after the other, so that a
+change of the machine's clock hits all of them; medians of the repetitions. The time is the processor's (user
+and system) and not the wall clock's, so that other programs count less. Memories are full before the first
+measurement.
+"""
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.estimator.engine import Engine, instruction_sets
+from fltea.lab.reproduce.paper import SAMPLES_PER_SECOND
+from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS
+from fltea.lab.reproduce.timing import reference_filters
+from fltea.records.errors import FlteaError
+
+WINDOW = 3000
+WINDOWS: tuple[int | None, ...] = (1_000, 10_000, 100_000, 1_000_000, None)
+LANES = tuple(2**i for i in range(11))
+
+# Axis-steps of one measurement: about a tenth of a second for the fast, enough to be repeatable for the slow.
+STEPS = {"engine_compressed": 200_000, "engine_direct": 20_000, "reference": 500, "filterpy_ukf": 2_000}
+LANE_STEPS = 400_000
+
+TARGETS = {
+    "compressed_over_direct": 8.0,
+    "compressed_over_filterpy": 100.0,
+    "window_1e6_over_1e3": 1.15,
+    "engine_compressed": 3e6,
+    "engine_compressed_lanes": 12e6,
+}
+"""What to reach: ratios of speed, one of cost (window_1e6_over_1e3, at most), axis-steps a second."""
+
+Work = Callable[[], int]
+"""Does some axis-steps and returns how many."""
+
+
+def measure(repetitions: int = 5, scale: float = 1.0) -> dict[str, Any]:
+    """Measure everything; speeds in axis-steps per second, None for filterpy where it is not installed.
+
+    repetitions: of every measurement, all contenders in turns. scale: shortens every measurement (tests).
+
+    Raises:
+        FlteaError: estimates of the engine were not finite, so that its figures are void.
+    """
+    single = round(STEPS["engine_compressed"] * scale)
+    contenders: dict[str, Work] = {
+        "engine_compressed": _engine(1, WINDOW, "compressed", single, scale),
+        "engine_direct": _engine(1, WINDOW, "direct", round(STEPS["engine_direct"] * scale), scale),
+        "reference": _reference(round(STEPS["reference"] * scale), scale),
+    }
+    if (peer := _filterpy(round(STEPS["filterpy_ukf"] * scale))) is not None:
+        contenders["filterpy_ukf"] = peer
+    speed: dict[str, Any] = {"filterpy_ukf": None} | _in_turns(contenders, repetitions)
+    lanes = {
+        str(n): _engine(n, WINDOW, "compressed", max(1, round(LANE_STEPS * scale) // n), scale) for n in LANES
+    }
+    speed["engine_compressed_lanes"] = _in_turns(lanes, repetitions)
+    windows = {
+        "unlimited" if w is None else str(w): _engine(1, w, "compressed", single, scale) for w in WINDOWS
+    }
+    per_step = {name: 1e9 / rate for name, rate in _in_turns(windows, repetitions).items()}
+    return {
+        "axis_steps_per_s": speed,
+        "ns_per_step_by_window": per_step,
+        "bytes_per_lane": _bytes_per_lane(),
+        "ratios": _ratios(speed, per_step),
+        "paper_samples_per_s": SAMPLES_PER_SECOND,
+        "window": WINDOW,
+        "repetitions": repetitions,
+        "instruction_set": instruction_sets()[0],
+    }
+
+
+def text(result: dict[str, Any]) -> str:
+    """The figures of `measure` as tables for a person, beside what is to be reached."""
+    speed, per_step, ratios = (result[key] for key in ("axis_steps_per_s", "ns_per_step_by_window", "ratios"))
+    lines = [
+        f"Axis-steps per second, one core, L = {WINDOW:,}, medians of {result['repetitions']}, "
+        f"instruction set {result['instruction_set']}",
+        "",
+        "| | axis-steps/s | times the paper |",
+        "|---|---|---|",
+    ]
+    names = {
+        "engine_compressed": "engine, compressed memory, one lane",
+        "engine_direct": "engine, direct memory, one lane",
+        "reference": "numpy reference",
+        "filterpy_ukf": "filterpy UnscentedKalmanFilter, no memory",
+    }
+    for key, name in names.items():
+        rate = speed[key]
+        shown = "not installed (pip install 'fltea[bench]') | –"
+        if rate is not None:
+            shown = f"{rate:,.0f} | {rate / result['paper_samples_per_s']:,.0f}"
+        lines.append(f"| {name} | {shown} |")
+    lines += [f"| paper (MATLAB, table 1, L = 4,000) | {result['paper_samples_per_s']:.1f} | 1 |", ""]
+    lines += ["| lanes | axis-steps/s | ns a lane-step |", "|---|---|---|"]
+    lines += [
+        f"| {int(n):,} | {rate:,.0f} | {1e9 / rate:.1f} |"
+        for n, rate in speed["engine_compressed_lanes"].items()
+    ]
+    lines += ["", "| L | ns a step | bytes a lane |", "|---|---|---|"]
+    for key, ns in per_step.items():
+        shown = key if key == "unlimited" else f"{int(key):,}"
+        lines.append(f"| {shown} | {ns:.0f} | {result['bytes_per_lane'][key]:,.0f} |")
+    lines += ["", "| | measured | to reach |", "|---|---|---|"]
+    for key, name in _RATIO_NAMES.items():
+        bound = "at most" if key == "window_1e6_over_1e3" else "at least"
+        measured = "–" if ratios[key] is None else f"{ratios[key]:,.4g}"
+        lines.append(f"| {name} | {measured} | {bound} {TARGETS[key]:,g} |")
+    return "\n".join(lines)
+
+
+_RATIO_NAMES = {
+    "compressed_over_direct": "speed, compressed : direct",
+    "compressed_over_filterpy": "speed, compressed : filterpy",
+    "window_1e6_over_1e3": "cost, L = 1,000,000 : L = 1,000",
+    "engine_compressed": "axis-steps/s, one lane",
+    "engine_compressed_lanes": "axis-steps/s, many lanes",
+}
+
+
+def _ratios(speed: dict[str, Any], per_step: dict[str, float]) -> dict[str, float | None]:
+    """What the targets are about, by the same names."""
+    compressed, peer = speed["engine_compressed"], speed["filterpy_ukf"]
+    return {
+        "compressed_over_direct": compressed / speed["engine_direct"],
+        "compressed_over_filterpy": None if peer is None else compressed / peer,
+        "window_1e6_over_1e3": per_step["1000000"] / per_step["1000"],
+        "engine_compressed": compressed,
+        "engine_compressed_lanes": max(speed["engine_compressed_lanes"].values()),
+    }
+
+
+def _in_turns(contenders: dict[str, Work], repetitions: int) -> dict[str, float]:
+    """Median axis-steps per second of each, measured in turns after one round that does not count."""
+    rates: dict[str, list[float]] = {name: [] for name in contenders}
+    for turn in range(repetitions + 1):
+        for name, work in contenders.items():
+            start = time.process_time()
+            steps = work()
+            seconds = time.process_time() - start
+            if turn:
+                rates[name].append(steps / max(seconds, 1e-9))
+    return {name: statistics.median(values) for name, values in rates.items()}
+
+
+def _noise(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    R = np.asarray(GYROSCOPE_FILTERS.state.R)
+    return np.random.default_rng(1).normal(0, float(np.sqrt(R)), shape)
+
+
+def _engine(
+    lanes: int, window: int | None, memory: Literal["direct", "compressed"], steps: int, scale: float
+) -> Work:
+    """The engine with the paper's gyroscope settings, its memory full (to the part `scale` of it)."""
+    engine = Engine(lanes, replace(GYROSCOPE_FILTERS, window=window, memory=memory))
+    y = _noise((max(1, steps), lanes))
+    fill = round((window or WINDOW) * min(scale, 1.0))
+    for begin in range(0, fill, len(y)):
+        engine.run(y[: fill - begin])
+
+    def work() -> int:
+        if not np.isfinite(engine.run(y).x[-1]).all():
+            raise FlteaError("the estimates of the benchmark are not finite: its figures are void.")
+        return y.size
+
+    return work
+
+
+def _reference(steps: int, scale: float) -> Work:
+    filters = reference_filters(GYROSCOPE_FILTERS, WINDOW)
+    y = _noise((max(1, steps),)).tolist()
+    for sample in _noise((round(WINDOW * min(scale, 1.0)),)).tolist():
+        filters.step(sample)
+
+    def work() -> int:
+        for sample in y:
+            filters.step(sample)
+        return len(y)
+
+    return work
+
+
+def _filterpy(steps: int) -> Work | None:
+    """Filterpy's unscented filter with one state and one measurement; None where it is not installed."""
+    try:
+        from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+    except ImportError:
+        return None
+    points = MerweScaledSigmaPoints(1, alpha=1.0, beta=2.0, kappa=2.0)  # the paper's sigma points
+    peer = UnscentedKalmanFilter(
+        dim_x=1, dim_z=1, dt=0.01, hx=lambda x: x, fx=lambda x, dt: 0.9 * x, points=points
+    )
+    peer.x = np.zeros(1)
+    peer.P, peer.Q, peer.R = np.array([[0.01]]), np.array([[0.15]]), np.array([[0.0235]])
+    y = _noise((max(1, steps), 1))
+
+    def work() -> int:
+        for sample in y:
+            peer.predict()
+            peer.update(sample)
+        return len(y)
+
+    return work
+
+
+def _bytes_per_lane() -> dict[str, float]:
+    """Bytes of an engine of 8 lanes (one pack of the widest instruction set), a lane, by window."""
+    return {
+        "unlimited" if w is None else str(w): Engine(8, replace(GYROSCOPE_FILTERS, window=w)).storage_bytes
+        / 8
+        for w in WINDOWS
+    }

@@ -1,0 +1,57 @@
+"""How well α and f can be known at best: the Cramér–Rao bound of y = x + v (pure).
+
+For long records the Fisher information of Gaussian noise with the spectrum S is (Whittle, *Ark. Mat.* 2,
+1953)
+
+    I = n / (4π) ∫ (∂ log S) (∂ log S)ᵀ dλ,    -π < λ < π
+
+here for α, g = h^α f, log s2 and log R. None of them is taken to be known. The bound holds for estimators
+without bias: where it is as wide as what is possible, one that returns its start value has less spread.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.lab.evaluate.frequencies import LAM, mean
+
+Array = NDArray[np.float64]
+
+
+class Bound(NamedTuple):
+    """Least standard deviations."""
+
+    alpha: float
+    f: float
+    """in s^-α"""
+
+
+def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
+    """The information on α, g, log s2 and log R in n samples, (4, 4); without log R, (3, 3), if R = 0."""
+    slopes = _slopes(alpha, g, s2, R)
+    if R == 0:
+        slopes = slopes[:3]
+    return np.asarray(n / 2 * mean(slopes[:, np.newaxis] * slopes))
+
+
+def bound(alpha: float, g: float, s2: float, R: float, n: int, h: float) -> Bound:
+    """The bound for n samples at a sampling period of h s."""
+    covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))[:2, :2]
+    # f = h^-α g
+    slope = np.array([-math.log(h) * g, 1.0]) * h**-alpha
+    return Bound(math.sqrt(covariance[0, 0]), math.sqrt(slope @ covariance @ slope))
+
+
+def _slopes(alpha: float, g: float, s2: float, R: float) -> Array:
+    """∂ log S by α, g, log s2 and log R, (4, frequencies)."""
+    z = np.exp(-1j * LAM)
+    difference = -np.expm1(-1j * LAM)  # 1 - z, without its rounding near λ = 0
+    order = difference**alpha
+    inverse = 1 / (order - g * z)
+    x = s2 * np.abs(inverse) ** 2
+    share = x / (x + R)
+    by_alpha = -2 * (np.log(difference) * order * inverse).real
+    by_g = 2 * (z * inverse).real
+    return np.stack([share * by_alpha, share * by_g, share, 1 - share])

@@ -1,0 +1,1 @@
+"""The printed algorithm in numpy, for any number of states: the oracle."""

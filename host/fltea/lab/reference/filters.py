@@ -1,0 +1,364 @@
+"""Reference FLTEA: state, order and parameters of a fractional system, sample by sample, in plain numpy.
+
+The equations of Macias & Sierociuk 2023, section 5, one function a filter. It favours plainness over speed
+and is what faster implementations are compared with. N states, d inputs, p outputs, n_w parameters:
+
+    x_{k+1} = h^α_{k+1} (A(w) x_k + B u_k) - sum_{j=1}^{L(k+1)} c_j(α_{k+1}) x_{k+1-j} + noise of variance Q
+    y_k     = C x_k + noise of variance R
+
+c_j(a) = (-1)^j binom(a, j), so c_1 = -a and x_k itself passes on with the factor F = h^α A(w) + α I. h is in
+s and A in s^-α; a stable scalar system has A < 0. With y in deg/s, x is in deg/s as well.
+
+One step runs KFo (order), KFw (parameters), KFx (state), in this order; KFw sees the new order, KFx the new
+order and the *old* parameters. Where the printed indices contradict each other, this is the reading chosen
+here. The covariance sums of KFo and KFw start at i = 0, as is usual (printed: i = 1).
+
+The printed algorithm can diverge. Then results are not finite and `Step.finite` is False; nothing is raised.
+"""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fltea.lab.reference.system import OrderSettings, ParameterSettings, StateSettings, System, covariance
+from fltea.noise.memory import DirectMemory
+from fltea.noise.weights import weights
+
+Array = NDArray[np.float64]
+
+__all__ = ["Array", "Fltea", "OrderSettings", "ParameterSettings", "StateSettings", "Step", "System"]
+
+# Constants of the unscented transformation (section 5.1): the width of the points and the knowledge about the
+# distribution (2 for Gaussian); kappa = 3 - n makes n + lambda = 3 for every dimension n.
+SPREAD = 1.0
+GAUSSIAN = 2.0
+
+
+class Belief(NamedTuple):
+    """Estimate of a quantity that walks at random: KFo's order (n = 1) or KFw's parameters (n = n_w)."""
+
+    mean: Array
+    """(n,)"""
+    P: Array
+    """(n, n) covariance of the estimate"""
+    Q: Array
+    """(n, n) covariance of one step of the walk, adapted at every sample"""
+
+
+class Step(NamedTuple):
+    """Everything known after one sample; arrays are new at every step."""
+
+    x: Array
+    """(N,) posterior state"""
+    P: Array
+    """(N, N) its covariance"""
+    order: float
+    order_variance: float
+    w: Array
+    """(n_w,) parameters"""
+    Pw: Array
+    """(n_w, n_w) their covariance"""
+    innovation: Array
+    """(p,) of KFx, y - C x̃; NaN without a measurement"""
+    innovation_variance: Array
+    """(p, p) of KFx, C P̃ C' + R"""
+    finite: bool
+    """False if any estimate or covariance is infinite or NaN: the filter has diverged and stays so"""
+
+
+class Difference(NamedTuple):
+    """The fractional difference of the history at one order α; KFw and KFx share that of α̂_k."""
+
+    order: np.float64
+    gain: np.float64
+    """h^α"""
+    c: Array
+    """c_0 .. c_L(k) of α, (L(k)+1,)"""
+    past: Array
+    """sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)"""
+
+
+def difference(order: np.float64, h: float, memory: DirectMemory) -> Difference:
+    """Weigh the history by `order`; `h` in s (section 4)."""
+    c = weights(order, len(memory))
+    return Difference(order, np.power(h, order), c, c[1:] @ memory.states)
+
+
+def order_filter(
+    prior: Belief, y: Array, rate: Array, memory: DirectMemory, system: System, R: Array, delta: float
+) -> Belief:
+    """KFo, section 5.1: the order, by the model's answer to three sigma points.
+
+    `rate` is A(ŵ_{k-1}) x̂_{k-1} + B u_{k-1}, shape (N,); `y` and `R` have shapes (p,) and (p, p).
+    """
+    points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃o_k
+    orders = points[:, 0]
+    c = weights(orders, len(memory))
+    # χ_i = h^α_i rate - sum_{j=1}^{L(k)} c_j(α_i) x̂_{k-j}
+    chi = np.power(system.h, orders)[:, np.newaxis] * rate - c[:, 1:] @ memory.states
+    return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
+
+
+def parameter_filter(
+    prior: Belief,
+    y: Array,
+    x: Array,
+    drive: Array,
+    at: Difference,
+    system: System,
+    R: Array,
+    delta: float,
+) -> Belief:
+    """KFw, section 5.3: the parameters, by the model's answer to 2 n_w + 1 sigma points at the new order α̂_k.
+
+    `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}; the past in `at` does not depend on the parameters.
+    """
+    points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃w_k
+    # χ_i = h^α̂_k (A(w_i) x̂_{k-1} + B u_{k-1}) - past
+    chi = at.gain * (np.array([system.A(w) @ x for w in points]) + drive) - at.past
+    return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
+
+
+def predict_state(
+    A: Array, rate: Array, at: Difference, memory: DirectMemory, Q: Array
+) -> tuple[Array, Array]:
+    """KFx, section 5.2, time update: x̃_k (N,) and P̃_k (N, N).
+
+    `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}, `at` the difference of order α̂_k.
+    """
+    N, L = memory.N, len(memory)
+    covariances = memory.covariances
+    x = at.gain * rate - at.past
+    F = at.gain * A + at.order * np.eye(N)
+    # F holds j = 1 of the history together with A; the rest of the past adds sum_{j=2}^{L(k)} c_j² P_{k-j}.
+    V = ((at.c[2:] * at.c[2:]) @ covariances[1:].reshape(L - 1, N * N)).reshape(N, N)
+    P = F @ covariances[0] @ F.T + Q + V
+    return x, symmetric(P)
+
+
+def state_filter(x: Array, P: Array, y: Array, C: Array, R: Array) -> tuple[Array, Array, Array, Array]:
+    """KFx, section 5.2, measurement update of x̃ (N,), P̃ (N, N): x̂, P, innovation (p,) and its variance.
+
+    P in Joseph form, equal to the printed (I - K C) P̃ in exact arithmetic, stays symmetric and
+    non-negative in ours.
+    """
+    innovation = y - C @ x
+    S = symmetric(C @ P @ C.T + R)
+    K = kalman_gain(P @ C.T, S)
+    kept = np.eye(len(x)) - K @ C
+    return x + K @ innovation, symmetric(kept @ P @ kept.T + K @ R @ K.T), innovation, S
+
+
+def unscented_update(prior: Belief, points: Array, Y: Array, y: Array, R: Array, delta: float) -> Belief:
+    """Measurement update common to KFo and KFw, sections 5.1 and 5.3.
+
+    `points` (2n+1, n) are the sigma points of the predicted covariance P̃, `Y` (2n+1, p) the outputs that
+    the model predicts at them, `delta` the forgetting factor with which Q follows the corrections
+    (Robbins-Monro).
+    """
+    Wm, Wc = unscented_weights(len(prior.mean))
+    y_mean = Wm @ Y
+    dx, dy = points - prior.mean, Y - y_mean
+    weighted = Wc[:, np.newaxis] * dy
+    Pyy = dy.T @ weighted + R
+    K = kalman_gain(dx.T @ weighted, Pyy)
+    correction = K @ (y - y_mean)
+    # Equal to the printed P̃ - K Pyy K', as the weighted dx dx' add up to P̃; but rounding cannot make it
+    # negative.
+    left = dx - dy @ K.T
+    return Belief(
+        mean=prior.mean + correction,
+        P=symmetric(left.T @ (Wc[:, np.newaxis] * left) + K @ R @ K.T),
+        Q=(1 - delta) * prior.Q + delta * (correction[:, np.newaxis] * correction),
+    )
+
+
+def sigma_points(mean: Array, P: Array) -> Array:
+    """Return mean and mean ± columns of sqrt((n + λ) P), n + λ = 3: shape (2n+1, n) (section 5.1)."""
+    root = cholesky(P) * np.sqrt(SPREAD**2 * 3)
+    return np.concatenate((mean[np.newaxis], mean + root.T, mean - root.T))
+
+
+@lru_cache(maxsize=8)
+def unscented_weights(n: int) -> tuple[Array, Array]:
+    """Weights of means and of covariances, each (2n+1,), for n dimensions (section 5.1)."""
+    scale = SPREAD**2 * 3  # n + λ, with κ = 3 - n
+    Wm = np.full(2 * n + 1, 1 / (2 * scale))
+    Wm[0] = (scale - n) / scale
+    Wc = Wm.copy()
+    Wc[0] += 1 - SPREAD**2 + GAUSSIAN
+    for weight in (Wm, Wc):
+        weight.flags.writeable = False
+    return Wm, Wc
+
+
+def kalman_gain(Pxy: Array, Pyy: Array) -> Array:
+    """Return Pxy Pyy^-1 of shape (n, p); NaN where Pyy has no inverse."""
+    if Pyy.shape == (1, 1):
+        return Pxy / Pyy
+    try:
+        # The transposed equation, since Pyy is symmetric: Pyy K' = Pxy'.
+        return np.asarray(np.linalg.solve(Pyy, Pxy.T).T, dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.full_like(Pxy, np.nan)
+
+
+def cholesky(P: Array) -> Array:
+    """Return the lower triangular root of P (n, n), NaN if P is indefinite or not finite.
+
+    Unlike LAPACK's it takes semidefinite matrices: P = 0 is how a parameter is held fixed.
+    """
+    n = len(P)
+    root = np.zeros_like(P)
+    tolerance = 1e-12 * P.diagonal().max()
+    for j in range(n):
+        pivot = P[j, j] - root[j, :j] @ root[j, :j]
+        if pivot > 0:
+            root[j, j] = np.sqrt(pivot)
+            if j + 1 < n:
+                root[j + 1 :, j] = (P[j + 1 :, j] - root[j + 1 :, :j] @ root[j, :j]) / root[j, j]
+        elif not pivot >= -tolerance:
+            return np.full_like(P, np.nan)
+    return root
+
+
+def symmetric(P: Array) -> Array:
+    """Return the symmetric part of P, which rounding would otherwise lose over thousands of steps."""
+    return P if P.shape == (1, 1) else (P + P.T) / 2
+
+
+class Fltea:
+    """The finite length triple estimation algorithm, section 5: feed it samples with `step`.
+
+    `window` is the implementation length L in samples; a window at least as long as the data is the full
+    memory. Settings whose shapes do not fit the system raise ValueError. The memory starts with x0 and P0.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        order: OrderSettings,
+        parameter: ParameterSettings,
+        state: StateSettings,
+        window: int = 3000,
+    ) -> None:
+        x0 = np.atleast_1d(np.asarray(state.x0, dtype=np.float64))
+        w0 = np.atleast_1d(np.asarray(parameter.w0, dtype=np.float64))
+        system.check(len(x0), w0)
+        p, n_w = len(system.C), len(w0)
+        self.system = system
+        self.order = Belief(
+            np.array([order.alpha0], dtype=np.float64), np.array([[order.P0]]), np.array([[order.Q0]])
+        )
+        self.parameter = Belief(
+            w0.copy(),
+            covariance("parameter P0", parameter.P0, n_w),
+            covariance("parameter Q0", parameter.Q0, n_w),
+        )
+        self._order_R = covariance("order R", order.R, p, definite=True)
+        self._parameter_R = covariance("parameter R", parameter.R, p, definite=True)
+        self._R = covariance("state R", state.R, p, definite=True)
+        self._Q = covariance("state Q", state.Q, len(x0))
+        self._order_delta, self._parameter_delta = order.delta, parameter.delta
+        self.memory = DirectMemory(window, len(x0))
+        self.memory.push(x0, covariance("state P0", state.P0, len(x0)))
+
+    def step(self, y: ArrayLike | None, u: ArrayLike | None = None) -> Step:
+        """Take measurement y_k (p,) and the input u_{k-1} (d,) that led to it; None is a zero input.
+
+        Without a measurement (y is None) this is `predict`. Wrong shapes and numbers that are not finite
+        raise ValueError and change nothing.
+        """
+        if y is None:
+            return self.predict(u)
+        measured = _vector("y", y, len(self.system.C))
+        drive = self._drive(u)
+        with np.errstate(all="ignore"):
+            x = self.memory.states[0]
+            A = self.system.A(self.parameter.mean)
+            rate = A @ x + drive
+            self.order = order_filter(
+                self.order, measured, rate, self.memory, self.system, self._order_R, self._order_delta
+            )
+            at = difference(self.order.mean[0], self.system.h, self.memory)
+            self.parameter = parameter_filter(
+                self.parameter,
+                measured,
+                x,
+                drive,
+                at,
+                self.system,
+                self._parameter_R,
+                self._parameter_delta,
+            )
+            # `A` and `rate` still hold the parameters from before this sample.
+            predicted = predict_state(A, rate, at, self.memory, self._Q)
+            return self._finish(*state_filter(*predicted, measured, self.system.C, self._R))
+
+    def predict(self, u: ArrayLike | None = None) -> Step:
+        """Pass over a sample whose measurement is missing; `u` as in `step`.
+
+        The state moves on by the model alone and enters the memory with its predicted covariance, so that
+        the history keeps one entry a sample time: that is the fractional Kalman filter over a lossy link
+        (the paper's references 18 and 20). The filters of order and parameters stand still: their Q is
+        adapted to what a measurement moves them by, so it is a walk a measurement, not a sample time. (If
+        their covariances grew in a gap, a loss of 20 % of the samples would move α on white noise from 0.39
+        to 0.60.)
+        """
+        drive = self._drive(u)
+        with np.errstate(all="ignore"):
+            A = self.system.A(self.parameter.mean)
+            rate = A @ self.memory.states[0] + drive
+            at = difference(self.order.mean[0], self.system.h, self.memory)
+            x, P = predict_state(A, rate, at, self.memory, self._Q)
+            C = self.system.C
+            return self._finish(x, P, np.full(len(C), np.nan), symmetric(C @ P @ C.T + self._R))
+
+    def run(self, ys: Iterable[ArrayLike | None], us: Iterable[ArrayLike | None] | None = None) -> list[Step]:
+        """Step through a record, None standing for a missing sample; us[k] is the input that led to ys[k].
+
+        Raises ValueError, besides `step`'s, if the two differ in length (after the steps they have in
+        common).
+        """
+        if us is None:
+            return [self.step(y) for y in ys]
+        return [self.step(y, u) for y, u in zip(ys, us, strict=True)]
+
+    def _drive(self, u: ArrayLike | None) -> Array:
+        """B u (N,)."""
+        B = self.system.B
+        if u is None:
+            return np.zeros(self.memory.N)
+        if B is None:
+            raise ValueError("this system has no input: give System a matrix B or leave u out")
+        return B @ _vector("u", u, B.shape[1])
+
+    def _finish(self, x: Array, P: Array, innovation: Array, innovation_variance: Array) -> Step:
+        """Remember the state and report."""
+        self.memory.push(x, P)
+        order, parameter = self.order, self.parameter
+        estimates = (x, P, order.mean, order.P, parameter.mean, parameter.P)
+        return Step(
+            x=x,
+            P=P,
+            order=float(order.mean[0]),
+            order_variance=float(order.P[0, 0]),
+            w=parameter.mean,
+            Pw=parameter.P,
+            innovation=innovation,
+            innovation_variance=innovation_variance,
+            finite=all(np.isfinite(estimate).all() for estimate in estimates),
+        )
+
+
+def _vector(name: str, value: ArrayLike, size: int) -> Array:
+    """Return `value` as a finite vector (size,); a plain number passes for size 1."""
+    vector = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if vector.shape != (size,):
+        raise ValueError(f"{name} must have shape ({size},), got {vector.shape}")
+    if not np.isfinite(vector).all():
+        raise ValueError(f"{name} must be finite, got {vector}; pass y=None for a missing measurement")
+    return vector

@@ -1,0 +1,179 @@
+"""Tables and figures of the paper in its order: each scenario is run once, however much is made of it."""
+
+import csv
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from fltea.estimator.engine import Estimates
+from fltea.lab.reproduce import figures, gyroscope, paper, tables, timing
+from fltea.lab.reproduce.request import Request, prepare_folder
+from fltea.lab.reproduce.runs import Outcome, estimate, outcomes
+from fltea.lab.reproduce.scenarios import Data, Scenario, example, unknown_input
+from fltea.lab.reproduce.tables import Row
+from fltea.records.errors import FlteaError, UsageError
+
+Progress = Callable[[str, int], None]
+"""Is told what is being done and how many steps have just been finished."""
+
+UNKNOWN = {"white": "white source noise", "fractional": "fractional source noise"}
+
+
+class Report:
+    """Runs what a `Request` asks for.
+
+    Raises:
+        UsageError: at once, for a bad recording, a folder that cannot be written to, or figures without
+            matplotlib.
+    """
+
+    def __init__(self, request: Request, progress: Progress = lambda text, steps: None) -> None:
+        self.request = request
+        self.progress = progress
+        if request.figures:
+            figures.check_matplotlib()
+        if request.folder is not None:
+            prepare_folder(request.folder)
+        self._scenarios = self._choose_scenarios()
+        self._results: dict[str, Mapping[int, Outcome]] = {}
+        self.files: list[Path] = []
+
+    @property
+    def steps(self) -> int:
+        """Progress steps of the whole: one a run, and one for every line of table 1 and every figure."""
+        runs = sum((1 if s.single else self.request.seeds) * len(s.lengths) for s in self._scenarios.values())
+        return runs + len(self._figures()) + (len(paper.TABLE_1) if "1" in self.request.tables else 0)
+
+    def run(self) -> dict[str, list[Row]]:
+        """Make every table and figure; return the rows by table."""
+        rows = {table: self._table(table) for table in self.request.tables}
+        if rows and self.request.folder is not None:
+            self._write_text(self.request.folder / "tables.md", rows)
+        for figure in self._figures():
+            self._figure(figure)
+        return rows
+
+    def _choose_scenarios(self) -> dict[str, Scenario]:
+        """Scenarios by name, in the paper's order, of all that is asked for."""
+        request = self.request
+        named = [key for table in request.tables for key in _of_table(table)]
+        named += [_of_figure(figure)[0] for figure in request.figures if figure != "6.2"]
+        named += list(UNKNOWN) if "6.2" in request.figures else []
+        scenarios = {str(n): example(n, request.sawtooth) for n in (1, 2, 3)}
+        scenarios |= {kind: unknown_input(fractional=kind == "fractional") for kind in UNKNOWN}
+        if any(name in paper.GYRO_R for name in named):
+            recording = request.recording
+            scenarios |= gyroscope.white_noise() if recording is None else gyroscope.recorded(recording)
+        elif request.recording is not None:
+            raise UsageError("--recording is for table 5 and figures 12 to 20; none of them is asked for.")
+        for figure in request.figures:
+            name = "white" if figure == "6.2" else _of_figure(figure)[0]
+            if name not in scenarios and not request.everything:
+                path = None if request.recording is None else request.recording.path
+                raise UsageError(f"--figure {figure}: {path} has no {name} axis.")
+        return {name: scenario for name, scenario in scenarios.items() if name in named}
+
+    def _figures(self) -> list[str]:
+        return [f for f in self.request.figures if f == "6.2" or _of_figure(f)[0] in self._scenarios]
+
+    def _outcomes(self, name: str) -> Mapping[int, Outcome]:
+        scenario = self._scenarios[name]
+        if name not in self._results:
+            self.progress(scenario.title, 0)
+            self._results[name] = outcomes(
+                scenario,
+                range(self.request.seeds),
+                self.request.options,
+                lambda steps: self.progress(scenario.title, steps),
+            )
+        return self._results[name]
+
+    def _table(self, table: str) -> list[Row]:
+        request = self.request
+        if table == "1":
+            self.progress("Table 1", 0)
+            times = timing.measure(
+                request.sawtooth, request.options, lambda steps: self.progress("Table 1", steps)
+            )
+            return tables.time_rows(dict(times))
+        rows: list[Row] = []
+        for name in _of_table(table):
+            if name not in self._scenarios:  # an axis that the recording does not have
+                continue
+            scenario, results = self._scenarios[name], self._outcomes(name)
+            if table == "6.2":
+                rows += tables.unknown_rows(scenario, results, request.options)
+            elif table == "5":
+                rows += tables.gyroscope_rows(name, scenario, results, request.options)
+            else:
+                rows += tables.example_rows(int(table), scenario, results, request.options)
+            if request.folder is not None:
+                self._write_seeds(request.folder / f"{_file_name('table', table)}.csv", name, results)
+        return rows
+
+    def _write_text(self, path: Path, rows: Mapping[str, list[Row]]) -> None:
+        try:
+            path.write_text(tables.document(rows), encoding="utf-8")
+        except OSError as error:
+            raise FlteaError(f"{path}: cannot be written ({error}).") from error
+        self.files.append(path)
+
+    def _write_seeds(self, path: Path, name: str, results: Mapping[int, Outcome]) -> None:
+        """One line a seed and length; the first scenario of a table begins its file."""
+        try:
+            with path.open("a" if path in self.files else "w", newline="", encoding="utf-8") as file:
+                lines = csv.writer(file)
+                if path not in self.files:
+                    lines.writerow(["run", "L", "seed", *Outcome._fields])
+                    self.files.append(path)
+                for length, outcome in results.items():
+                    for seed, numbers in enumerate(zip(*(a.tolist() for a in outcome), strict=True)):
+                        lines.writerow([name, length, seed, *numbers])
+        except OSError as error:
+            raise FlteaError(f"{path}: cannot be written ({error}).") from error
+
+    def _figure(self, figure: str) -> None:
+        assert self.request.folder is not None
+        path = self.request.folder / f"{_file_name('figure', figure)}.png"
+        options = self.request.options
+        engine = f"variant {options.variant}, guard {options.guard}"
+        if figure == "6.2":
+            cases, notes = {}, []
+            for kind, title in UNKNOWN.items():
+                scenario, data, estimates, why = self._one_run(kind)
+                cases[title] = (scenario, data, estimates)
+                notes.append(why)
+            figures.draw_unknown(path, cases, f"{'; '.join(notes)}; {engine}")
+        else:
+            name, quantity = _of_figure(figure)
+            scenario, data, estimates, why = self._one_run(name)
+            caption = f"Figure {figure}. {scenario.title}: {quantity}"
+            figures.draw(
+                path, caption, quantity, scenario, data, estimates, f"{scenario.source}; {why}; {engine}"
+            )
+        self.files.append(path)
+        self.progress(f"Figure {figure}", 1)
+
+    def _one_run(self, name: str) -> tuple[Scenario, Data, dict[int, Estimates], str]:
+        """The run to draw: its data, its estimates by length, and which it is."""
+        scenario = self._scenarios[name]
+        seed, why = figures.median_seed(scenario, self._outcomes(name))
+        data = scenario.make([seed])
+        estimates = {L: estimate(scenario, data, L, self.request.options) for L in scenario.lengths}
+        return scenario, data, estimates, why if scenario.single else f"seed {seed} ({why})"
+
+
+def _of_table(table: str) -> tuple[str, ...]:
+    """Names of the scenarios of a table."""
+    named = {"2": ("1",), "3": ("2",), "4": ("3",), "5": tuple(paper.GYRO_R), "6.2": tuple(UNKNOWN)}
+    return named.get(table, ())
+
+
+def _of_figure(figure: str) -> tuple[str, str]:
+    """Scenario and quantity of a figure: three in a row for each example, then for each axis."""
+    number = int(figure)
+    first, names = (2, ("1", "2", "3")) if number <= 10 else (12, tuple(paper.GYRO_R))
+    return names[(number - first) // 3], figures.QUANTITIES[(number - first) % 3]
+
+
+def _file_name(kind: str, number: str) -> str:
+    return "section-6.2" if number == "6.2" else f"{kind}-{int(number):02d}"

@@ -1,0 +1,77 @@
+"""What of the paper is asked for: table and figure numbers, checked before anything is computed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fltea.lab.reproduce.gyroscope import RecordingFile
+from fltea.lab.reproduce.runs import Options
+from fltea.lab.reproduce.scenarios import SawTooth
+from fltea.records.errors import UsageError
+
+TABLES = ("1", "2", "3", "4", "5", "6.2")
+FIGURES = (*(str(n) for n in range(2, 11)), "6.2", *(str(n) for n in range(12, 21)))
+DEFAULT_OUT = Path("fltea-reproduce")
+
+
+@dataclass(frozen=True)
+class Request:
+    """Tables and figures in the order of the paper, and how to make them."""
+
+    tables: tuple[str, ...]
+    figures: tuple[str, ...]
+    seeds: int
+    options: Options = field(default_factory=Options)
+    sawtooth: SawTooth = field(default_factory=SawTooth)
+    recording: RecordingFile | None = None
+    out: Path | None = None
+    """where figures and, for each table, one line a seed go; None: DEFAULT_OUT if there are figures"""
+    everything: bool = False
+    """nothing was named, so what a recording has no axis for may be left out"""
+
+    @property
+    def folder(self) -> Path | None:
+        """Where files go, if there are any."""
+        return self.out or (DEFAULT_OUT if self.figures else None)
+
+
+def select(tables: Sequence[str], figures: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
+    """Tables and figures to make, in the paper's order and each once, and whether that is everything.
+
+    Raises:
+        UsageError: a number that the paper does not have, or that cannot be computed.
+    """
+    for table in tables:
+        if table not in TABLES:
+            raise UsageError(
+                f"--table {table}: the paper has tables 1 to 5; 6.2 stands for the example of section 6.2."
+            )
+    for figure in figures:
+        if figure == "1":
+            raise UsageError(
+                "--figure 1: is the block diagram of the algorithm; there is nothing to compute."
+            )
+        if figure == "11":
+            raise UsageError("--figure 11: is a photograph of the set-up; there is nothing to compute.")
+        if figure not in FIGURES:
+            raise UsageError(
+                f"--figure {figure}: figures 2 to 10 and 12 to 20 can be drawn; 6.2 stands for section 6.2."
+            )
+    if not tables and not figures:
+        return TABLES, FIGURES, True
+    return tuple(t for t in TABLES if t in tables), tuple(f for f in FIGURES if f in figures), False
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make `folder` and try whether it can be written to, before minutes are spent.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    probe = folder / ".writable"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise UsageError(f"--out {folder}: cannot be written to ({error}).") from error

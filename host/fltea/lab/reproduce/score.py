@@ -1,0 +1,181 @@
+"""The guards' score: does any input make the estimates diverge, and what does the guard cost where none does?
+
+Driven cases are examples 1–3 with other inputs; resting ones are the gyroscope of section 7 on white noise
+with a wrong R, unremoved offsets, and inputs that are no noise at all. A run has diverged by the rule of
+`runs`; at rest the state is held against the measurement.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.estimator.engine import Engine
+from fltea.lab.reproduce import paper
+from fltea.lab.reproduce.runs import Options, Outcome, engine_settings, has_diverged, outcomes
+from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, SawTooth, Scenario, example
+from fltea.lab.reproduce.simulate import WIDTH, Array
+
+GUARDS: tuple[Literal["off", "faithful", "consistent"], ...] = ("off", "faithful", "consistent")
+SAWTEETH = (
+    *(SawTooth(amplitude) for amplitude in (0.5, 1.0, 5.0, 20.0)),
+    *(SawTooth(amplitude, unipolar=True) for amplitude in (1.0, 5.0, 20.0)),
+)
+SPIKE_DPS = 2000.0
+LSB_DPS = 1 / 16.4
+
+
+@dataclass(frozen=True)
+class Resting:
+    """A gyroscope at rest, or what it gives instead: white noise of variance V turned into something else."""
+
+    name: str
+    turn: Callable[[Array], Array] = lambda noise: noise
+    R_over_V: float = 1.0
+
+
+def _spikes(noise: Array) -> Array:
+    spiked = noise.copy()
+    spiked[500::500] += SPIKE_DPS
+    return spiked
+
+
+RESTING = (
+    *(
+        Resting(f"white noise, R/V = {ratio:g}", R_over_V=ratio)
+        for ratio in (0.1, 0.3, 0.5, 1.0, 2.0, 3.0, 10.0)
+    ),
+    *(Resting(f"offset {d:g} deg/s", lambda noise, d=d: noise + d) for d in (0.1, 1.0, 5.0)),  # type: ignore[misc]
+    Resting(
+        "step of 10 deg/s", lambda noise: noise + 10.0 * (np.arange(len(noise)) >= len(noise) // 2)[:, None]
+    ),
+    Resting("spikes of 2000 deg/s", _spikes),
+    Resting("constant 1 deg/s", lambda noise: np.full_like(noise, 1.0)),
+    Resting("all zeros", np.zeros_like),
+    Resting("saturated at 2000 deg/s", lambda noise: np.clip(noise * 1e6, -SPIKE_DPS, SPIKE_DPS)),
+    Resting("one LSB flickering", lambda noise: LSB_DPS * np.sign(noise)),
+    Resting("scale 1e-12", lambda noise: noise * 1e-12),
+    Resting("scale 1e+12", lambda noise: noise * 1e12),
+)
+
+
+def driven() -> list[Scenario]:
+    """Examples 1 and 2 with every saw-tooth, and example 3, each at its full length only."""
+    cases = [example(number, sawtooth) for number in (1, 2) for sawtooth in SAWTEETH]
+    return [replace(case, lengths=case.lengths[:1]) for case in [*cases, example(3, SawTooth())]]
+
+
+def steps(seeds: int) -> int:
+    """Runs that `score` makes."""
+    return len(GUARDS) * seeds * (len(driven()) + len(RESTING))
+
+
+def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> list[dict[str, Any]]:
+    """One row a case and guard; `options.guard` is left aside.
+
+    `state`, `parameter`, `order`: medians of the squared errors over the seeds that did not diverge;
+    `kept`: the same over the seeds on which the printed algorithm (guard off) did not. At rest `alpha` and
+    `f`: medians of the last estimates.
+    """
+    rows = []
+    for simulated in driven():
+        case = replace(simulated, make=cache(simulated.make))  # once for all guards
+        name = f"{case.title}, {case.source}"
+        told = partial(advance, name)
+        printed: Outcome | None = None
+        for guard in GUARDS:
+            outcome = outcomes(case, range(seeds), replace(options, guard=guard), told)[case.lengths[0]]
+            printed = outcome if printed is None else printed
+            rows.append(
+                {
+                    "case": name,
+                    "guard": guard,
+                    "seeds": seeds,
+                    "diverged": int(outcome.diverged.sum()),
+                    **_medians(outcome, ~outcome.diverged),
+                    "kept": _medians(outcome, ~printed.diverged & ~outcome.diverged),
+                }
+            )
+    for rest in RESTING:
+        for guard in GUARDS:
+            rows.append(_at_rest(rest, range(seeds), replace(options, guard=guard)))
+            advance(rest.name, seeds)
+    return rows
+
+
+def _medians(outcome: Outcome, chosen: NDArray[np.bool_]) -> dict[str, float | None]:
+    columns = {"state": outcome.state, "parameter": outcome.parameter, "order": outcome.order}
+    return {name: _median(values[chosen]) for name, values in columns.items()}
+
+
+def _at_rest(case: Resting, seeds: Sequence[int], options: Options) -> dict[str, Any]:
+    V, n = paper.GYRO_R["x"], paper.GYRO_SAMPLES
+    R = V * case.R_over_V
+    filters = replace(GYROSCOPE_FILTERS, state=replace(GYROSCOPE_FILTERS.state, R=R))
+    settings = engine_settings(filters, n, options)
+    diverged, alpha, f = [], [], []
+    for first in range(0, len(seeds), WIDTH):
+        group = seeds[first : first + WIDTH]
+        noise = [np.random.default_rng((seed, 7)).normal(0, math.sqrt(V), n) for seed in group]
+        y = case.turn(np.column_stack(noise))
+        got = Engine(len(group), settings).run(y)
+        diverged.append(has_diverged(got, y, math.sqrt(R)))
+        alpha.append(got.alpha[-1])
+        f.append(got.f[-1])
+    kept = ~np.concatenate(diverged)
+    return {
+        "case": case.name,
+        "guard": options.guard,
+        "seeds": len(seeds),
+        "diverged": int((~kept).sum()),
+        "alpha": _median(np.concatenate(alpha)[kept]),
+        "f": _median(np.concatenate(f)[kept]),
+    }
+
+
+def _median(values: Array) -> float | None:
+    return float(np.median(values)) if len(values) else None
+
+
+def document(rows: Sequence[dict[str, Any]]) -> str:
+    """The score as two Markdown tables, a case a line."""
+    cases: dict[str, dict[str, dict[str, Any]]] = {}
+    for row in rows:
+        cases.setdefault(row["case"], {})[row["guard"]] = row
+    lines = [
+        "Diverged runs: medians of the squared errors state / parameter / order (in brackets: over the seeds "
+        "on which the printed algorithm converged).",
+        "",
+        "| case | off | faithful | consistent |",
+        "|---|---|---|---|",
+    ]
+    lines += [_line(case, by) for case, by in cases.items() if "state" in by["off"]]
+    lines += [
+        "",
+        "At rest, diverged runs: median of the last α / f.",
+        "",
+        "| case | off | faithful | consistent |",
+    ]
+    lines += ["|---|---|---|---|", *(_line(case, by) for case, by in cases.items() if "alpha" in by["off"])]
+    return "\n".join(lines) + "\n"
+
+
+def _line(case: str, by_guard: dict[str, dict[str, Any]]) -> str:
+    cells = []
+    for guard in GUARDS:
+        row = by_guard[guard]
+        if "alpha" in row:
+            cells.append(f"{row['diverged']}: {_numbers(row, ('alpha', 'f'))}")
+            continue
+        names = ("state", "parameter", "order")
+        kept = "" if guard == "off" or row["kept"]["state"] is None else f" ({_numbers(row['kept'], names)})"
+        cells.append(f"{row['diverged']}: {_numbers(row, names)}{kept}")
+    return f"| {case} | {' | '.join(cells)} |"
+
+
+def _numbers(row: dict[str, Any], names: Sequence[str]) -> str:
+    return " / ".join("–" if row[name] is None else f"{row[name]:.3g}" for name in names)

@@ -1,0 +1,85 @@
+"""Table 1 of Macias & Sierociuk 2023: seconds for the 4,000 samples of example 1 by length L, in one lane."""
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from fltea.estimator.engine_settings import EngineSettings
+from fltea.lab.reference import filters as reference
+from fltea.lab.reproduce.runs import Options, estimate
+from fltea.lab.reproduce.scenarios import Data, SawTooth, example
+from fltea.lab.reproduce.simulate import Array
+
+REPETITIONS = 5
+MEMORIES: tuple[Literal["direct", "compressed"], ...] = ("direct", "compressed")
+
+
+class Times(NamedTuple):
+    """Seconds for one run, medians of REPETITIONS (the reference: one run)."""
+
+    direct_s: float
+    compressed_s: float
+    reference_s: float
+
+
+def measure(
+    sawtooth: SawTooth, options: Options, advance: Callable[[int], None]
+) -> Iterator[tuple[int, Times]]:
+    """Length L and its times; the reference runs the printed algorithm, the engine what `options` says."""
+    scenario = example(1, sawtooth)
+    data = scenario.make([0])
+    for length in scenario.lengths:
+        direct, compressed = (
+            statistics.median(
+                seconds(partial(estimate, scenario, data, length, replace(options, memory=memory)))
+                for _ in range(REPETITIONS)
+            )
+            for memory in MEMORIES
+        )
+        plain = seconds(partial(run_reference, scenario.filters, length, data))
+        advance(1)
+        yield length, Times(direct, compressed, plain)
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Wall-clock seconds that `work` takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def run_reference(settings: EngineSettings, length: int, data: Data) -> Array:
+    """Estimates (n, 3) of state, parameter and order of the first run, by the numpy reference."""
+    inputs = None if data.u is None else data.u[:, 0]
+    steps = reference_filters(settings, length).run(data.y[:, 0], inputs)
+    return np.array([(step.x[0], step.w[0], step.order) for step in steps])
+
+
+def reference_filters(settings: EngineSettings, length: int) -> reference.Fltea:
+    """The numpy reference with one state and settings that are plain numbers, R the same in all filters."""
+    state, order, parameter = settings.state, settings.order, settings.parameter
+    R = np.asarray(state.R)
+    return reference.Fltea(
+        reference.System(A=lambda w: w.reshape(1, 1), B=np.eye(1), C=np.eye(1), h=_number(settings.h)),
+        reference.OrderSettings(
+            P0=_number(order.P0),
+            Q0=_number(order.Q0),
+            alpha0=_number(order.alpha0),
+            R=R,
+            delta=_number(order.delta),
+        ),
+        reference.ParameterSettings(
+            P0=parameter.P0, Q0=parameter.Q0, w0=parameter.f0, R=R, delta=_number(parameter.delta)
+        ),
+        reference.StateSettings(P0=state.P0, Q=state.Q, x0=state.x0, R=R),
+        window=length,
+    )
+
+
+def _number(value: object) -> float:
+    return float(np.asarray(value, dtype=np.float64))

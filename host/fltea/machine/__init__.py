@@ -1,0 +1,1 @@
+"""This machine: ports, boards, permissions, flashing."""

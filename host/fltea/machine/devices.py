@@ -1,0 +1,101 @@
+"""What is plugged in: serial ports under names that stay, and I²C buses."""
+
+import os
+
+import msgspec
+
+from fltea.machine.host_system import Holder, SerialPort, System, permission_remedy
+from fltea.records.records import Hello
+from fltea.wire.transport import DUE_NATIVE_PORT, DUE_PROGRAMMING_PORT, DUE_VENDORS
+
+STABLE = (("/dev", "fltea-*"), ("/dev/serial/by-id", "*"), ("/dev/serial/by-path", "*"))
+"""Where udev puts links that survive a reboot and another socket: the rule of fltea first."""
+
+PROGRAMMING, NATIVE = "Arduino Due, programming port", "Arduino Due, native port"
+NATIVE_REMEDY = (
+    "the firmware speaks on the programming port, the one beside the power socket: plug the cable in there."
+)
+
+
+class Port(msgspec.Struct, frozen=True, tag_field="class", tag="port"):
+    """A serial port.
+
+    path: the name to use, stable if there is such a one. remedy: what opens it to this user, or null.
+    hello, trouble: what the board said, if it was asked.
+    """
+
+    path: str
+    device: str
+    kind: str
+    usb_id: str | None
+    serial_number: str | None
+    remedy: str | None
+    holders: list[Holder]
+    hello: Hello | None = None
+    trouble: str | None = None
+
+    @property
+    def is_board(self) -> bool:
+        """Whether it is a Due's programming port."""
+        return self.kind == PROGRAMMING
+
+
+class Bus(msgspec.Struct, frozen=True, tag_field="class", tag="i2c_bus"):
+    """An I²C bus. driver: name of its adapter. remedy: what opens it to this user, or null."""
+
+    path: str
+    driver: str
+    remedy: str | None
+
+
+def find_ports(system: System) -> list[Port]:
+    """The serial ports of this machine, Dues first."""
+    ports = [_describe(system, port) for port in system.serial_ports()]
+    return sorted(
+        ports, key=lambda port: (not port.is_board, port.kind != NATIVE, port.usb_id is None, port.path)
+    )
+
+
+def find_buses(system: System) -> list[Bus]:
+    """The I²C buses of this machine that programs can use."""
+    return [
+        Bus(
+            name,
+            system.text(f"/sys/class/i2c-dev/{os.path.basename(name)}/name"),
+            permission_remedy(system, name),
+        )
+        for name in system.names("/dev", "i2c-*")
+    ]
+
+
+def is_raspberry_pi(system: System) -> bool:
+    """Whether this machine says that it is a Raspberry Pi."""
+    return "Raspberry Pi" in system.text("/proc/device-tree/model")
+
+
+def stable_name(system: System, device: str) -> str:
+    """The link that keeps leading to the same board; the device itself if there is none."""
+    target = system.path(device).resolve()
+    for folder, pattern in STABLE:
+        for link in system.names(folder, pattern):
+            if system.path(link).resolve() == target:
+                return link
+    return device
+
+
+def _describe(system: System, port: SerialPort) -> Port:
+    usb_id = None if port.vid is None or port.pid is None else f"{port.vid:04x}:{port.pid:04x}"
+    if port.vid in DUE_VENDORS and port.pid in (DUE_PROGRAMMING_PORT, DUE_NATIVE_PORT):
+        kind = PROGRAMMING if port.pid == DUE_PROGRAMMING_PORT else NATIVE
+    else:
+        text = port.description if port.description not in ("", "n/a") else ""
+        kind = text or ("USB serial port" if usb_id else "serial port")
+    return Port(
+        path=stable_name(system, port.device),
+        device=port.device,
+        kind=kind,
+        usb_id=usb_id,
+        serial_number=port.serial_number,
+        remedy=permission_remedy(system, port.device),
+        holders=system.holders(port.device),
+    )

@@ -1,0 +1,135 @@
+"""Checks of the machine: the program and its packages, the clock, udev, ModemManager, the service."""
+
+import platform
+from collections.abc import Iterator
+
+from fltea import __version__
+from fltea.machine.devices import find_ports
+from fltea.machine.doctor.finding import Finding, ok, problem, warning
+from fltea.machine.host_system import System
+from fltea.settings.config import Config
+from fltea.wire import layout as wire
+
+RULE = "70-fltea.rules"
+RULE_FOLDERS = ("/etc/udev/rules.d", "/run/udev/rules.d", "/usr/lib/udev/rules.d", "/lib/udev/rules.d")
+INSTALL_RULE = "sudo make install-udev, in a clone of fltea; then plug the board in again."
+UNIT = "fltea.service"
+PACKAGES = {"record": "mcap", "mqtt": "paho", "dashboard": "bokeh", "metrics": "prometheus_client"}
+"""Optional parts of fltea, and the module that each needs."""
+
+
+def check_program() -> Iterator[Finding]:
+    """Versions, and the native module."""
+    yield ok(
+        "program",
+        f"fltea {__version__}, protocol {wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}, Python "
+        f"{platform.python_version()} on {platform.machine()}",
+    )
+    try:
+        from fltea import _native
+    except ImportError as error:
+        remedy = "install fltea anew: make setup in a clone, or pip install --force-reinstall."
+        yield problem("native", f"the estimator's native module cannot be loaded ({error}).", remedy)
+        return
+    if wire.SCHEMA_HASH != _native.SCHEMA_HASH:
+        remedy = "build it anew: make setup in a clone, or pip install --force-reinstall."
+        yield problem("native", "the native module was built from another version of the protocol.", remedy)
+        return
+    yield ok("native", f"the estimator's native module uses {_native.instruction_sets()[0]}")
+
+
+def check_packages(config: Config, system: System) -> Iterator[Finding]:
+    """Packages of the outputs; only those that are asked for have to be there."""
+    asked = {
+        "record": config.record.folder,
+        "mqtt": config.mqtt.broker,
+        "dashboard": config.dashboard.address,
+        "metrics": config.metrics.address,
+    }
+    missing = [extra for extra, module in PACKAGES.items() if not system.has_module(module)]
+    needed = [extra for extra in missing if asked[extra] is not None]
+    if needed:
+        yield problem(
+            "packages",
+            f"not installed, but the configuration asks for it: {', '.join(needed)}.",
+            f"pip install 'fltea[{','.join(needed)}]'",
+        )
+    elif missing:
+        yield ok(
+            "packages",
+            f"not installed, and not asked for: {', '.join(missing)} (pip install 'fltea[outputs]')",
+        )
+    else:
+        yield ok("packages", f"all outputs can be used: {', '.join(PACKAGES)}")
+
+
+def check_clock(system: System) -> Iterator[Finding]:
+    """Whether time stamps can be compared with those of other machines."""
+    match system.clock_is_kept():
+        case True:
+            yield ok("clock", "this machine's clock is synchronised")
+        case False:
+            yield warning(
+                "clock",
+                "nothing keeps this machine's clock right: α and f take no harm, but time stamps may be off "
+                "by any amount, and jump once it is set.",
+                "sudo timedatectl set-ntp true.",
+            )
+
+
+def check_udev(system: System) -> Iterator[Finding]:
+    """The udev rule, and ModemManager, which writes `AT` to ports that it takes for a modem's."""
+    installed = any(system.exists(f"{folder}/{RULE}") for folder in RULE_FOLDERS)
+    if installed:
+        yield ok("udev rule", f"{RULE} is installed: a board is /dev/fltea-SERIALNUMBER")
+    else:
+        yield ok("udev rule", f"{RULE} is not installed; it gives boards names of their own: {INSTALL_RULE}")
+    if not system.is_running("ModemManager"):
+        yield ok("ModemManager", "does not run")
+        return
+    boards = [port for port in find_ports(system) if port.is_board]
+    if not boards and installed:
+        yield ok("ModemManager", f"runs, and {RULE} will keep it away from a Due")
+    elif not boards:
+        yield warning(
+            "ModemManager", "runs, and may write 'AT' to a board when it is plugged in.", INSTALL_RULE
+        )
+    for port in boards:
+        properties = (
+            system.run("udevadm", "info", "--query=property", f"--name={port.device}") or ""
+        ).split()
+        if {"ID_MM_DEVICE_IGNORE=1", "ID_MM_PORT_IGNORE=1"} & set(properties):
+            yield ok("ModemManager", f"runs, and is told to leave {port.device} alone")
+        else:
+            yield warning(
+                "ModemManager",
+                f"runs, and nothing tells it to leave {port.device} alone: it may write 'AT' to the board "
+                "whenever it is plugged in, and hold the port for half a minute.",
+                INSTALL_RULE,
+            )
+
+
+def check_service(system: System) -> Iterator[Finding]:
+    """The systemd unit, where there is one."""
+    wanted = "LoadState,ActiveState,SubState,Result,NRestarts,UnitFileState"
+    output = system.run("systemctl", "show", UNIT, f"--property={wanted}") or ""
+    state = dict(line.split("=", 1) for line in output.splitlines() if "=" in line)
+    if not state:
+        return  # no systemd
+    if state.get("LoadState") != "loaded":
+        yield ok("service", "not installed (sudo make install-service, in a clone)")
+        return
+    restarts = int(state.get("NRestarts") or 0)
+    if state.get("ActiveState") == "failed":
+        reason = state.get("Result", "unknown")
+        yield problem("service", f"{UNIT} failed ({reason}).", "journalctl -u fltea -n 50 tells why.")
+    elif restarts:
+        yield warning(
+            "service",
+            f"{UNIT} is {state.get('ActiveState')}, and was restarted {restarts} times since it was started.",
+            "journalctl -u fltea tells why.",
+        )
+    else:
+        yield ok("service", f"{UNIT} is {state.get('ActiveState')} ({state.get('SubState')})")
+    if state.get("UnitFileState") == "disabled":
+        yield warning("service", f"{UNIT} will not start with the machine.", "sudo systemctl enable fltea")

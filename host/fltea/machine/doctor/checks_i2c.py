@@ -1,0 +1,100 @@
+"""Checks of the I²C bus of a Raspberry Pi, and of the chip on it."""
+
+import errno
+from collections.abc import Iterator
+from urllib.parse import parse_qs, urlsplit
+
+from fltea.machine.devices import find_buses, is_raspberry_pi
+from fltea.machine.doctor.finding import Finding, ok, problem, warning
+from fltea.machine.host_system import System, permission_remedy
+from fltea.wire.sensors import RELATIVES, SENSORS, sensor_name
+
+DEFAULT_BUS = "/dev/i2c-1"
+ADDRESSES = (0x68, 0x69)
+"""With the chip's pin AD0 at GND, and at 3.3 V."""
+
+WHO_AM_I = 0x75
+FASTEST_HZ = 400_000
+ENABLE = "sudo raspi-config nonint do_i2c 0, then reboot (elsewhere: dtparam=i2c_arm=on in config.txt)."
+
+
+def check_i2c(system: System, url: str | None) -> Iterator[Finding]:
+    """The bus of an `i2c:` URL; with None that of a Raspberry Pi, where nothing has to be there."""
+    if url is None:
+        if is_raspberry_pi(system):
+            buses = ", ".join(bus.path for bus in find_buses(system))
+            yield ok(
+                "i2c", f"buses: {buses}" if buses else f"off, and not asked for; to switch it on: {ENABLE}"
+            )
+        return
+    try:
+        parts = urlsplit(url)
+        addresses = [int(text, 0) for text in parse_qs(parts.query).get("addr", [])]
+    except ValueError:
+        yield problem("i2c", f"{url} is no address of a chip.", "--source 'i2c:///dev/i2c-1?addr=0x68'")
+        return
+    bus = parts.path or DEFAULT_BUS
+    if not system.exists(bus):
+        others = ", ".join(found.path for found in find_buses(system))
+        other = f" There is {others}." if others else ""
+        yield problem("i2c", f"there is no bus {bus}.{other}", ENABLE)
+        return
+    remedy = permission_remedy(system, bus)
+    if remedy is not None:
+        yield problem("i2c", f"{system.user()} may not open {bus}.", remedy)
+        return
+    yield from _speed(system, bus)
+    yield from _chip(system, bus, addresses[0] if addresses else ADDRESSES[0])
+
+
+def _speed(system: System, bus: str) -> Iterator[Finding]:
+    name = bus.rsplit("/", 1)[-1]
+    content = system.read(f"/sys/bus/i2c/devices/{name}/of_node/clock-frequency")
+    if content is None or len(content) != 4:
+        yield ok("i2c", f"{bus} is there and may be used")
+        return
+    speed_hz = int.from_bytes(content, "big")
+    text = f"{bus} is there and may be used; {speed_hz / 1000:g} kHz"
+    if speed_hz > FASTEST_HZ:
+        remedy = "dtparam=i2c_arm_baudrate=400000 in config.txt, then reboot."
+        yield warning("i2c", f"{text}, more than the chip's {FASTEST_HZ // 1000}.", remedy)
+    else:
+        yield ok("i2c", text)
+
+
+def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
+    answers: dict[int, int] = {}
+    for candidate in {address: None, **dict.fromkeys(ADDRESSES)}:
+        try:
+            answers[candidate] = system.read_i2c_register(bus, candidate, WHO_AM_I)
+        except OSError as error:
+            if error.errno == errno.EBUSY:
+                yield ok(
+                    "sensor", f"a driver of the kernel has the chip at 0x{candidate:02X}; it was not asked"
+                )
+                return
+    where, number = f"{bus}, address 0x{address:02X}", bus.rsplit("-", 1)[-1]
+    if address not in answers:
+        elsewhere = next((other for other, who in answers.items() if who in SENSORS), None)
+        if elsewhere is not None:
+            yield problem(
+                "sensor",
+                f"no chip answers at {where}, but at 0x{elsewhere:02X}: {sensor_name(answers[elsewhere])}.",
+                f"--source 'i2c://{bus}?addr=0x{elsewhere:02X}' (or the chip's pin AD0 to the other level).",
+            )
+        else:
+            yield problem(
+                "sensor",
+                f"no chip answers at {where}.",
+                "VCC to 3.3 V (pin 1), SDA to GPIO 2 (pin 3), SCL to GPIO 3 (pin 5), GND (pin 6); "
+                f"'i2cdetect -y {number}' shows what answers.",
+            )
+        return
+    who = answers[address]
+    name = f"{sensor_name(who)} answers at {where}"
+    if who in RELATIVES:
+        yield warning("sensor", f"{name}: {RELATIVES[who]}")
+    elif who in SENSORS:
+        yield ok("sensor", name)
+    else:
+        yield problem("sensor", f"{name}: no MPU-9250.", "another chip, or a bad contact on SDA?")

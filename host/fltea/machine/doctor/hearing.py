@@ -1,0 +1,133 @@
+"""A short look at a device: open its port, hear what it says for some seconds, sum it up."""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.records import clock
+from fltea.records.events import Failed, LinkDown, Opened, RawSample, TransportEvent, Trouble
+from fltea.records.records import DeviceStatus, Hello, LinkStats
+from fltea.sources.wire_events import SILENCE_S, WireEvents
+from fltea.stream.place import Continuity
+from fltea.wire import layout as wire
+from fltea.wire.transport import Reader
+
+HEAR_S = 4.0
+PATIENCE_S = SILENCE_S + 1.5
+"""Without a HELLO: long enough for silence and noise to be told from each other."""
+
+BLOCK_S = 0.25
+"""Of each so much time the earliest arrival counts, since delay is never negative."""
+
+BLOCKS_NEEDED = 6
+
+
+class Drift(NamedTuple):
+    """How much faster the device's clock runs than the host's, and the standard error, in 1e-6."""
+
+    ppm: float
+    std_ppm: float
+
+
+@dataclass
+class Heard:
+    """What came in.
+
+    seconds: from the first to the last sample, by the device's clock. troubles: fatal and other, in order.
+    """
+
+    opened: bool = False
+    hello: Hello | None = None
+    status: DeviceStatus | None = None
+    troubles: list[Trouble] = field(default_factory=list)
+    link: LinkStats = field(default_factory=LinkStats)
+    delivered: int = 0
+    lost: int = 0
+    seconds: float = 0.0
+    drift: Drift | None = None
+
+    @property
+    def failure(self) -> Trouble | None:
+        """The trouble that makes the device useless, if there is one."""
+        return next((trouble for trouble in self.troubles if trouble.fatal), None)
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Samples due per second of the device's clock; None before the second sample."""
+        return (self.delivered + self.lost - 1) / self.seconds if self.seconds else None
+
+
+def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
+    """Open a serial URL and listen: until `hear_s` after HELLO, to the first failure, or until patience ends.
+
+    Opening resets a Due.
+
+    Raises:
+        UsageError: an unknown kind of URL, or 1200 baud.
+    """
+    heard, reader, events = Heard(), Reader(url, baud), WireEvents(url)
+    continuity = Continuity(max_gap=wire.BAUD)  # no gap is too long for a look
+    arrivals: list[tuple[int, int]] = []
+    begin_ns = clock.host_ns()
+    hello_ns: int | None = None
+    reader.start()
+    events.resume(begin_ns)
+    try:
+        for item in reader.events(0.1):
+            now_ns = clock.host_ns()
+            heard.opened |= isinstance(item, Opened)
+            for event in events.feed(item, now_ns):
+                match event:
+                    case Hello():
+                        continuity.on_hello(event)
+                        heard.hello, hello_ns = event, hello_ns or now_ns
+                    case LinkDown():
+                        continuity.on_link_down()
+                    case RawSample():
+                        placed = continuity.on_sample(event)
+                        if placed is not None:
+                            arrivals.append((placed.device_us, event.host_ns))
+                    case DeviceStatus():
+                        heard.status = event
+                    case Trouble():
+                        heard.troubles.append(event)
+            events.resume(now_ns)
+            if heard.failure or _is_over(item, now_ns, begin_ns, hello_ns, hear_s):
+                break
+    finally:
+        reader.close()
+    heard.link = events.link_stats(reader.overflow_bytes)
+    heard.delivered, heard.lost = continuity.delivered, continuity.lost
+    if len(arrivals) > 1:
+        heard.seconds = (arrivals[-1][0] - arrivals[0][0]) * 1e-6
+        heard.drift = drift(arrivals)
+    return heard
+
+
+def _is_over(
+    item: TransportEvent | None, now_ns: int, begin_ns: int, hello_ns: int | None, hear_s: float
+) -> bool:
+    if hello_ns is not None:
+        return now_ns - hello_ns >= hear_s * 1e9
+    return isinstance(item, Failed) or now_ns - begin_ns > PATIENCE_S * 1e9
+
+
+def drift(arrivals: list[tuple[int, int]]) -> Drift | None:
+    """Fit host time to device time; arrivals: device_us and host_ns of each sample, within one epoch.
+
+    None if they span too little.
+    """
+    device_us, host_ns = np.array(arrivals, dtype=np.int64).T
+    device_s = (device_us - device_us[0]) * 1e-6
+    delay_s = (host_ns - host_ns[0]) * 1e-9 - device_s
+    block = (device_s / BLOCK_S).astype(int)
+    earliest = [int(np.flatnonzero(block == b)[np.argmin(delay_s[block == b])]) for b in np.unique(block)]
+    if len(earliest) < BLOCKS_NEEDED:
+        return None
+    x, y = device_s[earliest], delay_s[earliest]
+    x, y = x - x.mean(), y - y.mean()
+    slope = float(x @ y / (x @ x))
+    variance = float(np.sum((y - slope * x) ** 2)) / (len(x) - 2)
+    return Drift((1.0 / (1.0 + slope) - 1.0) * 1e6, math.sqrt(variance / float(x @ x)) * 1e6)

@@ -1,0 +1,1 @@
+"""What a fractional noise is: weights, spectra, simulation (pure)."""

@@ -1,0 +1,171 @@
+"""Fractional noise and fractional systems of known order and parameter, for tests, demonstrations, the CLI.
+
+Model (Macias & Sierociuk 2023, sections 3, 4 and 6), one state, time step h in s:
+
+    x_{k+1} = h^α_{k+1} (f x_k + u_k + ω_k) - sum_{j=1}^{min(k+1, window)} c_j(α_{k+1}) x_{k+1-j}
+    y_k = x_k + v_k,    var ω = Q,    var v = R
+
+y, x in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in (deg/s)². White noise is Q = 0. Mind that Q here stands in
+front of h^α, while the Q of the paper's state filter is the variance of a whole step, h^2α Q.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fltea.noise.memory import NewestFirst
+from fltea.noise.weights import weights
+
+Array = NDArray[np.float64]
+Order = float | Sequence[float] | Array | Callable[[int], float]
+
+
+def is_stationary(alpha: float, f: float, h: float) -> bool:
+    """Tell whether x with unlimited memory has a finite variance that does not grow.
+
+    With g = h^α f: -2^α < g < 0 for 0 < α < 2, |g| < 1 for α = 0 (an AR(1) process), and α < 1/2 for f = 0.
+    Raises ValueError for α < 0 with f ≠ 0, where no rule is known, and for h <= 0.
+    """
+    _check_positive("h", h)
+    if f == 0:
+        return alpha < 0.5
+    if alpha < 0:
+        raise ValueError(
+            f"no rule of stationarity is known for a negative order with f ≠ 0, got alpha={alpha}"
+        )
+    g = float(h**alpha * f)
+    if alpha == 0:
+        return abs(g) < 1
+    return alpha < 2 and -(2.0**alpha) < g < 0
+
+
+class FractionalNoise:
+    """Endless fractional noise: `step()` gives the next measurement and the state behind it.
+
+    `alpha` is a number, a sequence whose last value is held (alpha[k-1] is the order of sample k = 1, 2,
+    ...), or a function of k. `seed` is an integer or a numpy Generator; equal seeds give equal samples.
+    `warmup` steps at the first order are thrown away, so that a stationary x starts near its stationary
+    variance rather than at `x0`. Raises ValueError for Q or R < 0, h <= 0, window < 1 and numbers that are
+    not finite.
+    """
+
+    def __init__(
+        self,
+        alpha: Order,
+        f: float,
+        Q: float,
+        R: float,
+        h: float,
+        window: int = 3000,
+        seed: int | np.random.Generator = 0,
+        *,
+        warmup: int = 0,
+        x0: float = 0.0,
+    ) -> None:
+        _check_system(f, Q, R, h)
+        if warmup < 0:
+            raise ValueError(f"warmup must be >= 0 samples, got {warmup}")
+        if not math.isfinite(x0):
+            raise ValueError(f"x0 must be a finite number, got {x0}")
+        self._order = _order_function(alpha)
+        self._f, self._h = f, h
+        self._omega_std, self._v_std = math.sqrt(Q), math.sqrt(R)
+        self._rng = np.random.default_rng(seed)
+        self._history = NewestFirst(window)
+        self._history.push(x0)
+        self._x = x0
+        self._k = 0
+        # The weights of the last order are kept: with a constant order they are computed once, at full
+        # length.
+        self._weights_of: float | None = None
+        self._weights = np.empty(0)
+        self._advance(self._order(1), 0.0, warmup)
+
+    def step(self, u: float = 0.0) -> tuple[float, float]:
+        """Return (y_k, x_k) for the next k = 1, 2, ...; `u` is the input u_{k-1}."""
+        self._k += 1
+        self._advance(self._order(self._k), u, 1)
+        return self._x + self._v_std * self._rng.standard_normal(), self._x
+
+    def samples(self, n: int) -> tuple[Array, Array]:
+        """Return the next n measurements y and states x, each of shape (n,)."""
+        pairs = np.array([self.step() for _ in range(n)]).reshape(n, 2)
+        return pairs[:, 0], pairs[:, 1]
+
+    def _advance(self, alpha: float, u: float, steps: int) -> None:
+        if alpha != self._weights_of:
+            if not math.isfinite(alpha):
+                raise ValueError(f"alpha must be finite, got {alpha} for sample {self._k}")
+            self._weights = weights(alpha, self._history.window)
+            self._weights_of = alpha
+        c, gain = self._weights, self._h**alpha
+        for _ in range(steps):
+            past = self._history.values
+            omega = self._omega_std * self._rng.standard_normal()
+            self._x = float(gain * (self._f * self._x + u + omega) - c[1 : len(past) + 1] @ past)
+            self._history.push(self._x)
+
+
+def fractional_system(
+    alpha_k: Order,
+    f: float,
+    u: ArrayLike,
+    Q: float,
+    R: float,
+    h: float,
+    window: int,
+    rng: int | np.random.Generator,
+) -> tuple[Array, Array]:
+    """Return x_1 .. x_n and y_1 .. y_n, each (n,), of a system driven by u_0 .. u_{n-1} (x_0 = 0).
+
+    `alpha_k` as in FractionalNoise; as a sequence it holds α_1 .. α_n. Raises ValueError as FractionalNoise
+    does.
+    """
+    inputs = np.asarray(u, dtype=np.float64)
+    if inputs.ndim != 1 or not np.isfinite(inputs).all():
+        raise ValueError("u must be one sequence of finite numbers")
+    system = FractionalNoise(alpha_k, f, Q, R, h, window, rng)
+    pairs = np.array([system.step(float(value)) for value in inputs]).reshape(-1, 2)
+    return pairs[:, 1], pairs[:, 0]
+
+
+def quantise(y_dps: ArrayLike, lsb_per_dps: float, full_scale_dps: float) -> NDArray[np.int16]:
+    """Return the counts that a sensor of `lsb_per_dps` and range ±`full_scale_dps` reads, saturated.
+
+    The range ends at ±full_scale_dps or at the limits of int16, whichever comes first (±2000 deg/s at
+    16.4 LSB/(deg/s) is the latter). Raises ValueError for NaN and for scales <= 0.
+    """
+    _check_positive("lsb_per_dps", lsb_per_dps)
+    _check_positive("full_scale_dps", full_scale_dps)
+    y = np.asarray(y_dps, dtype=np.float64)
+    if np.isnan(y).any():
+        raise ValueError("a NaN has no count: leave missing samples out")
+    counts = np.rint(np.clip(y, -full_scale_dps, full_scale_dps) * lsb_per_dps)
+    limits = np.iinfo(np.int16)
+    return np.clip(counts, limits.min, limits.max).astype(np.int16)
+
+
+def _order_function(alpha: Order) -> Callable[[int], float]:
+    """Turn any form of the order into a function of k = 1, 2, ..."""
+    if callable(alpha):
+        return alpha
+    values = np.atleast_1d(np.asarray(alpha, dtype=np.float64))
+    if values.ndim != 1 or len(values) == 0 or not np.isfinite(values).all():
+        raise ValueError("alpha must be a finite number, a sequence of them, or a function of k")
+    return lambda k: float(values[min(k, len(values)) - 1])
+
+
+def _check_positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(f"{name} must be > 0, got {value}")
+
+
+def _check_system(f: float, Q: float, R: float, h: float) -> None:
+    _check_positive("h", h)
+    if not math.isfinite(f):
+        raise ValueError(f"f must be a finite number, got {f}")
+    for name, value in (("Q", Q), ("R", R)):
+        if not (math.isfinite(value) and value >= 0):
+            raise ValueError(f"{name} is a variance and must be >= 0, got {value}")

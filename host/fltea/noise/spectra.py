@@ -1,0 +1,77 @@
+"""Spectra of the models, and what their parameters have to do with each other (pure).
+
+The state of a gyroscope's noise, x_{k+1} = g x_k + α x_k - sum_{j>=2} c_j(α) x_{k+1-j} + noise of variance s2
+with g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`), has with unlimited memory the spectrum
+
+    S_x(λ) = s2 / |(1 - e^{-iλ})^α - g e^{-iλ}|²,    λ in rad a sample
+
+and the measurement y = x + v has S_x + R. Spectra here are normalised like `periodogram`: white noise of
+variance R has R. The functions below give S_x / s2, which has the geometric mean 1 wherever x is stationary:
+s2 is the variance of x's innovations.
+
+Exact aliases: (α = 0, g = φ) and (α = 1, g = φ - 1) are AR(1) with the coefficient φ. At φ = 0, which is
+white noise, α has no meaning at all.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+HIGHEST_ORDER = 2.0
+"""Orders are below; from there on x is not stationary."""
+
+
+def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
+    """Tell where x with unlimited memory has a finite variance that does not grow, for 0 <= α.
+
+    -2^α < g < 0 for 0 < α < 2; α < 1/2 for g = 0; |g| < 1 for α = 0.
+    """
+    a, b = np.asarray(alpha, dtype=np.float64), np.asarray(g, dtype=np.float64)
+    inside = (a >= 0) & (a < HIGHEST_ORDER) & (b > -(2.0**a))
+    return np.asarray(inside & ((b < 0) | ((b == 0) & (a < 0.5)) | ((a == 0) & (b < 1))))
+
+
+def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
+    """S_x / s2 of the fractional state; α and g broadcast against each other, λ in a last axis of its own."""
+    a = np.asarray(alpha, dtype=np.float64)[..., np.newaxis]
+    b = np.asarray(g, dtype=np.float64)[..., np.newaxis]
+    # 1 - e^{-iλ} = ρ e^{i(π - λ)/2}
+    size = np.exp(a * np.log(2 * np.sin(lam / 2)))
+    distance: Array = size * (size - 2 * b * np.cos(a * ((np.pi - lam) / 2) + lam)) + b * b
+    return 1 / distance
+
+
+def ar1(lam: Array, phi: ArrayLike) -> Array:
+    """The same of an AR(1) process, x_k = φ x_{k-1} + noise."""
+    b = np.asarray(phi, dtype=np.float64)[..., np.newaxis]
+    return np.asarray(1 / ((1 - b) ** 2 + 4 * b * np.sin(lam / 2) ** 2))
+
+
+def ar2(lam: Array, phi1: ArrayLike, phi2: ArrayLike) -> Array:
+    """The same of an AR(2) process, x_k = φ1 x_{k-1} + φ2 x_{k-2} + noise."""
+    a = np.asarray(phi1, dtype=np.float64)[..., np.newaxis]
+    b = np.asarray(phi2, dtype=np.float64)[..., np.newaxis]
+    z = np.exp(-1j * lam)
+    transfer = 1 - z * (a + b * z)
+    return np.asarray(1 / (transfer.real**2 + transfer.imag**2))
+
+
+def g_of(alpha: float, f: float, h: float) -> float:
+    """Return g = h^α f of f in s^-α."""
+    return float(h**alpha * f)
+
+
+def f_of(alpha: float, g: float, h: float) -> float:
+    """Return f in s^-α."""
+    return float(g * h**-alpha)
+
+
+def step_variance(alpha: float, Q: float, h: float) -> float:
+    """Return s2 = h^2α Q, the variance of a whole step, of Q as in `fltea.noise.simulation`."""
+    return float(h ** (2 * alpha) * Q)
+
+
+def noise_variance(alpha: float, s2: float, h: float) -> float:
+    """Return Q of s2."""
+    return float(s2 * h ** (-2 * alpha))

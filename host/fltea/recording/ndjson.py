@@ -1,0 +1,85 @@
+"""fltea's own NDJSON read back: `hello`, `epoch` and `sample` records in their order."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from fltea.recording.files import LARGEST_DPS
+from fltea.records.errors import UsageError
+from fltea.records.records import AXES, Epoch, Hello, Sample
+
+Kept = Hello | Epoch | Sample
+
+
+def read_ndjson(path: Path) -> tuple[list[Kept], str | None]:
+    """Read what a replay needs of fltea's own output.
+
+    Returns the records, and a text if the last line was cut in the middle (as a power failure leaves it)
+    and had to be left out; else None.
+
+    Raises:
+        UsageError: a line that is damaged, samples without a hello, or none (recorded without --samples).
+    """
+    records: list[Kept] = []
+    cut = None
+    try:
+        with path.open("rb") as file:
+            for number, line in enumerate(file, 1):
+                record = _parse(path, number, line)
+                if record is None:
+                    cut = f"{path}:{number}: the last line is cut off; the replay ends before it."
+                elif record["class"] in ("hello", "epoch", "sample"):
+                    records.append(_convert(path, number, record, records))
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error}).") from error
+    devices = sorted({record.device for record in records if record.device is not None})
+    if len(devices) > 1:
+        raise UsageError(
+            f"{path}: holds several devices ({', '.join(devices)}), and one is replayed. Take out its lines: "
+            f'grep \'"device":"{devices[0]}"\'.'
+        )
+    if not any(isinstance(record, Sample) for record in records):
+        raise UsageError(f"{path}: holds no sample records; write them with 'fltea run --samples'.")
+    return records, cut
+
+
+def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:
+    """One line as an object; None for a last line that is cut."""
+    try:
+        record = msgspec.json.decode(line)  # refuses NaN, which json.loads takes
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        if number > 1 and not line.endswith(b"\n"):
+            return None
+        raise UsageError(f"{path}:{number}: is not JSON ({error}).") from error
+    if not isinstance(record, dict) or "class" not in record:
+        raise UsageError(f"{path}:{number}: is not a record of fltea (no key 'class').")
+    return record
+
+
+def _convert(path: Path, number: int, record: dict[str, Any], before: list[Kept]) -> Kept:
+    try:
+        item: Kept = msgspec.convert(record, Kept)
+        if isinstance(item, Hello):
+            _check_hello(item)
+        elif isinstance(item, Sample):
+            _check_sample(item, before)
+    except ValueError as error:  # msgspec's ValidationError is one
+        raise UsageError(f"{path}:{number}: is a damaged record ({error}).") from error
+    return item
+
+
+def _check_hello(hello: Hello) -> None:
+    if hello.rate_hz <= 0 or (hello.gyro_lsb_per_dps is not None and hello.gyro_lsb_per_dps <= 0):
+        raise ValueError("rate and scale have to be positive")
+
+
+def _check_sample(sample: Sample, before: list[Kept]) -> None:
+    if not before or not any(isinstance(record, Hello) for record in before[:1]):
+        raise ValueError("a sample before any hello; its rate is not known")
+    last = before[-1]
+    axes = len(last.gyro_dps) if isinstance(last, Sample) else None
+    if not 1 <= len(sample.gyro_dps) <= len(AXES) or axes not in (None, len(sample.gyro_dps)):
+        raise ValueError(f"gyro_dps has {len(sample.gyro_dps)} axes" + (f", {axes} before" if axes else ""))
+    if max(map(abs, sample.gyro_dps)) > LARGEST_DPS:
+        raise ValueError(f"more than {LARGEST_DPS:g} deg/s")

@@ -1,0 +1,1 @@
+"""What walks through the program: events, records, and the interfaces of both ends."""

@@ -1,0 +1,296 @@
+"""The records that the program publishes, units in their names.
+
+As JSON each is one object whose first key is `class` (host/README.md documents every field).
+"""
+
+from typing import Literal
+
+import msgspec
+
+AXES = ("gyro_x", "gyro_y", "gyro_z")
+"""Names of the gyroscope's axes, in the order of every tuple of rates."""
+
+
+ACCEL_AXES = ("accel_x", "accel_y", "accel_z")
+"""Names of the accelerometer's axes, in the order of every tuple of specific forces."""
+
+Order = Literal["undefined", "not white"]
+"""What the running test of whiteness says: undefined while white noise is not rejected."""
+
+EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence", "resumed"]
+
+
+class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class", kw_only=True):
+    """Base of what a sink writes. device: the name under which the daemon runs the source."""
+
+    device: str | None = None
+
+
+class Hello(Record, frozen=True, tag="hello"):
+    """Who is speaking and what its samples mean; null where a recording does not say."""
+
+    source: str
+    host_ns: int
+    rate_hz: float
+    sampling_mode: str
+    protocol: str | None = None
+    schema_hash: str | None = None
+    boot_id: int | None = None
+    device_id: str | None = None
+    firmware_version: str | None = None
+    who_am_i: int | None = None
+    sensor: str | None = None
+    sensor_starts: int | None = None
+    gyro_range_dps: float | None = None
+    gyro_lsb_per_dps: float | None = None
+    accel_range_g: float | None = None
+    accel_lsb_per_g: float | None = None
+    gyro_dlpf_hz: float | None = None
+
+
+class DeviceStatus(msgspec.Struct, frozen=True):
+    """The device's own counters since its boot (protocol/README.md, STATUS).
+
+    cpu_share_percent, longest_step_us: since the status before; None where the source has no such thing.
+    """
+
+    i2c_errors: int
+    bus_recoveries: int
+    sensor_reinits: int
+    overruns: int
+    dropped_frames: int
+    reset_cause: str
+    cpu_share_percent: float | None = None
+    longest_step_us: int | None = None
+
+
+class Sample(Record, frozen=True, tag="sample"):
+    """One sample in physical units, times and sequence unwrapped."""
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    gyro_dps: tuple[float, ...]
+    accel_ms2: tuple[float, ...] | None = None
+    temperature_c: float | None = None
+    flags: int = 0
+
+
+class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The triple estimate of one axis after one sample; null where not valid.
+
+    null_p and order are of the measurements, so also where the estimate is not valid; null until known.
+    """
+
+    alpha: float | None
+    alpha_std: float | None
+    f: float | None
+    f_std: float | None
+    state_dps: float | None
+    innovation_dps: float | None
+    valid: bool
+    null_p: float | None = None
+    order: Order | None = None
+
+
+class AccelEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The same of one axis of the accelerometer."""
+
+    alpha: float | None
+    alpha_std: float | None
+    f: float | None
+    f_std: float | None
+    state_ms2: float | None
+    innovation_ms2: float | None
+    valid: bool
+    null_p: float | None = None
+    order: Order | None = None
+
+
+class Estimate(Record, frozen=True, tag="estimate"):
+    """The estimates of all axes after one sample; accel_axes only where `--channels` names some."""
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    variant: str
+    axes: dict[str, AxisEstimate]
+    accel_axes: dict[str, AccelEstimate] | None = None
+
+
+class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The device's own estimate of one axis after one sample; null where not valid.
+
+    age: steps since the device's start-up window, the first one is 1. The differences are the device's
+    estimate minus the host's after the same sample; null where the two cannot be compared.
+    """
+
+    alpha: float | None
+    alpha_std: float | None
+    f: float | None
+    f_std: float | None
+    state_dps: float | None
+    innovation_dps: float | None
+    valid: bool
+    age: int
+    alpha_difference: float | None = None
+    f_difference: float | None = None
+    state_difference_dps: float | None = None
+
+
+class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
+    """The device's own estimates after one sample, beside the host's, which `Estimate` holds.
+
+    comparable: the host computed with the device's settings from the same sample on, and at least one axis
+    has differences.
+    """
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    variant: str
+    axes: dict[str, DeviceAxisEstimate]
+    comparable: bool
+
+
+class Gap(Record, frozen=True, tag="gap"):
+    """`missing` samples are lost, the first of them numbered `seq`."""
+
+    seq: int
+    missing: int
+    epoch: int
+    host_ns: int
+
+
+class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What an epoch is estimated with; window 0 is unlimited."""
+
+    variant: str
+    engine: str
+    guard: str
+    window: int
+    startup_samples: int
+    bias: str | float | tuple[float, ...]
+    R: str | float | tuple[float, ...]
+
+
+class Epoch(Record, frozen=True, tag="epoch"):
+    """A new stretch of unbroken time: the estimator starts anew with the sample `seq`."""
+
+    epoch: int
+    reason: EpochReason
+    seq: int
+    device_us: int
+    host_ns: int
+    boot_id: int | None
+    estimator: EstimatorInfo | None
+    accel_estimator: EstimatorInfo | None = None
+    resumed_after_s: float | None = None
+
+
+class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What arrived and what was lost on the way, since the start of the program."""
+
+    bytes: int = 0
+    frames: int = 0
+    bad_frames: dict[str, int] = {}
+    unknown_type: int = 0
+    refused: int = 0
+    overflow_bytes: int = 0
+    reconnects: int = 0
+
+
+class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What became of the samples, since the start of the program."""
+
+    delivered: int
+    lost: int
+    gaps: int
+    duplicates: int
+    before_hello: int
+
+
+class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the start-up window gave an axis, and how often it had to start again."""
+
+    bias_dps: float | None
+    R_dps2: float | None
+    restarts: int
+    interventions: dict[str, int]
+    innovation_lag1: float | None = None
+    innovation_nis: float | None = None
+
+
+class AccelStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The same of an axis of the accelerometer."""
+
+    bias_ms2: float | None
+    R_m2s4: float | None
+    restarts: int
+    interventions: dict[str, int]
+    innovation_lag1: float | None = None
+    innovation_nis: float | None = None
+
+
+class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the device's own estimator gets on.
+
+    begun, skipped and longest_axis_us are since its boot. estimates: those of an axis that came; lost: those
+    that did not; unplaced: those that came and fit no sample (before the epoch, or its sample was lost), both
+    since the start of the program. restarts are since the device's start-up window, interventions by cause
+    since the axis last began.
+    """
+
+    begun: int
+    startup_remaining: int
+    every: int
+    queue: int
+    skipped: int
+    longest_axis_us: int
+    estimates: int
+    lost: int
+    unplaced: int
+    restarts: dict[str, int]
+    interventions: dict[str, dict[str, int]]
+
+
+class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What an output did with its records, since the start of the program.
+
+    dropped: lost because it was too slow or broken. queued: waiting as of now.
+    """
+
+    written: int
+    dropped: int
+    queued: int
+
+
+class Stats(Record, frozen=True, tag="stats"):
+    """Health of the whole walk, once a second and at the end."""
+
+    epoch: int
+    host_ns: int
+    rate_hz: float | None
+    clock_ppm: float | None
+    startup_remaining: int
+    link: LinkStats
+    samples: SampleStats
+    axes: dict[str, AxisStats]
+    board: DeviceStatus | None
+    accel_axes: dict[str, AccelStats] | None = None
+    outputs: dict[str, OutputStats] = {}
+    device_estimator: DeviceEstimatorStats | None = None
+
+
+class Error(Record, frozen=True, tag="error"):
+    """Something that a person should know; the program goes on unless `--once` was given."""
+
+    kind: str
+    message: str
+    host_ns: int
+
+
+AnyRecord = Hello | Sample | Estimate | DeviceEstimates | Gap | Epoch | Stats | Error

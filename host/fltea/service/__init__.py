@@ -1,0 +1,1 @@
+"""A running program: ports, pipelines, outputs, an orderly end."""

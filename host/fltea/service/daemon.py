@@ -1,0 +1,271 @@
+"""One run of the program: a pipeline for every source, the outputs, and an orderly end."""
+
+import contextlib
+import math
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from types import FrameType
+from typing import TypeGuard
+
+from fltea.records import clock
+from fltea.records.errors import FlteaError, SourceFailed, UsageError
+from fltea.records.events import Trouble
+from fltea.records.ports import Source
+from fltea.records.records import AnyRecord, DeviceStatus, Error
+from fltea.service.hub import Hub
+from fltea.service.open_outputs import open_outputs
+from fltea.service.open_source import open_source
+from fltea.service.state import StateFile
+from fltea.service.systemd import ServiceManager
+from fltea.settings.config import BY_DEVICE, Config
+from fltea.sources.as_wire import AsWire
+from fltea.sources.replay import ReplaySource
+from fltea.sources.serial import SerialSource
+from fltea.stream.pipeline import Pipeline
+
+PATIENCE_S = 0.6
+"""What an output gets after a signal to write what it has; with what the sources need it stays below 1 s."""
+
+SWITCH_S = 0.0005
+"""How long a thread may go on while another waits: Python's own 5 ms would show in the latency."""
+
+
+def run(configs: Sequence[Config]) -> None:
+    """Run until every source has ended, a signal arrives, the only output's reader leaves, or `--once` fails.
+
+    Raises:
+        UsageError: the configuration does not describe a source or an output, or a recording is bad.
+        SourceFailed: `once` is set and a live source is in trouble.
+        FlteaError: the output cannot be written.
+    """
+    sys.setswitchinterval(SWITCH_S)
+    with StopOnSignal() as stop:
+        try:
+            failure, done = _Run(configs, stop).run()
+        except KeyboardInterrupt:  # stopped before there was anything to stop
+            return
+    if not done:  # a thread hangs in an output that nobody reads; Python would wait for it
+        if failure is not None:
+            _last_words(f"fltea: error: {failure}\n")
+        os._exit(failure.exit_code if failure else 0)
+    if failure is not None:
+        raise failure
+
+
+STUCK_S = 20.0
+"""A live source gives an event at least every half second; a walk that takes this long hangs."""
+
+
+class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
+    """SIGINT, SIGTERM and SIGHUP set `asked`; before `armed` they raise KeyboardInterrupt."""
+
+    def __init__(self) -> None:
+        self.asked = threading.Event()
+        self.armed = False
+        self._heard = False
+        self._before: dict[signal.Signals, object] = {}
+
+    def __enter__(self) -> "StopOnSignal":
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
+                continue  # nohup
+            self._before[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if not self.armed:
+            raise KeyboardInterrupt
+        if not self._heard:  # a second signal within `set` would wait for its lock for ever
+            self._heard = True
+            self.asked.set()
+
+
+class _Run:
+    """Threads of one run, and what they tell each other."""
+
+    def __init__(self, configs: Sequence[Config], stop: StopOnSignal) -> None:
+        self._configs = configs
+        self._stop = stop
+        self._done = threading.Event()  # every source has ended, or there is a reason to end them
+        self._failure: FlteaError | None = None
+        self._hub = Hub(self._on_output_end)
+        self._lock = threading.Lock()
+        self._running = len(configs)
+        self._manager = ServiceManager()
+        self._moved_s = {config.name or "": time.monotonic() for config in configs}
+
+    def run(self) -> tuple[FlteaError | None, bool]:
+        """Run to the end; what failed, and whether every output could be closed."""
+        configs = self._configs
+        sources: list[Source] = []
+        state: StateFile | None = None
+        try:
+            for config in configs:  # the sources first: a wrong one leaves no half-open outputs
+                sources.append(open_source(config))
+                _check_recordable(config, sources[-1])
+            open_outputs(configs, self._hub)
+            if configs[0].state.file is not None:
+                state = StateFile(configs[0].state, self._hub.report())
+            self._stop.armed = True
+        except BaseException:
+            _close(sources)
+            self._hub.close(PATIENCE_S)
+            raise
+        threads = [
+            threading.Thread(target=self._pump, args=(source, config, state), name=f"walk {config.name}")
+            for source, config in zip(sources, configs, strict=True)
+        ]
+        for thread in threads:
+            thread.daemon = True
+            thread.start()
+        self._manager.ready()
+        live = any(source.live for source in sources)
+        self._wait(self._done)
+        if self._failure is None and not (live or configs[0].once or self._stop.asked.is_set()):
+            self._stay()
+        self._manager.stopping()
+        _close(sources)
+        asked = self._stop.asked.is_set() or self._failure is not None
+        deadline_s = time.monotonic() + PATIENCE_S
+        for thread in threads:
+            thread.join(max(0.0, deadline_s - time.monotonic()) if asked else None)
+        saving = threading.Thread(target=state.close, daemon=True) if state is not None else None
+        if saving is not None:  # beside the outputs: a slow disk must not take their time
+            saving.start()
+        timeout_s = max(0.1, deadline_s - time.monotonic()) if asked else None
+        closed = self._hub.close(timeout_s, self._stop.asked.is_set)
+        if not closed and not asked:  # a signal came while an output was waited for
+            closed = self._hub.close(PATIENCE_S)
+        if saving is not None:
+            saving.join(max(0.1, deadline_s - time.monotonic()) if asked else None)
+            threads.append(saving)
+        return self._failure, closed and not any(thread.is_alive() for thread in threads)
+
+    def _wait(self, event: threading.Event) -> None:
+        while not (event.is_set() or self._stop.asked.is_set()):
+            event.wait(0.1)
+            if time.monotonic() - min(self._moved_s.values()) < STUCK_S:
+                self._manager.alive()
+
+    def _stay(self) -> None:
+        """Without --once a recording's last state stays on view until somebody ends the program."""
+        text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so by itself)."
+        print(text, file=sys.stderr, flush=True)
+        self._wait(threading.Event())
+
+    def _pump(self, source: Source, config: Config, state: StateFile | None) -> None:
+        """Walk one source to its end, in a thread of its own."""
+        try:
+            failure = self._walk(source, config, state)
+        except FlteaError as error:
+            self._end(error)
+        except Exception as error:  # a fault of ours must not leave a daemon that looks alive
+            self._end(FlteaError(f"{config.name}: internal fault: {type(error).__name__}: {error}"))
+            raise
+        else:
+            self._end(SourceFailed(failure.message) if failure else None)
+
+    def _walk(self, source: Source, config: Config, state: StateFile | None) -> Trouble | Error | None:
+        """Move everything from source to outputs; the trouble that ended it, if one did."""
+        name = config.name or ""
+        found = state.found.get(name) if state else None
+        pipeline = Pipeline(source, config, lambda: self._hub.stats(name), found)
+        tap, as_wire = self._hub.tap(name, wait=not source.prompt), None
+        if isinstance(source, SerialSource):
+            source.tap = tap
+        elif tap is not None:
+            as_wire = AsWire(lambda: source.unix_offset_ns)
+        period_ns = int(config.state.period_s * 1e9)
+        save_ns = clock.host_ns() + period_ns
+        failure: Trouble | Error | None = None
+        for event in source.events():
+            self._moved_s[name] = time.monotonic()
+            if as_wire is not None and tap is not None:
+                for item in as_wire.encode(event):
+                    tap(item)
+            if config.once and isinstance(event, Trouble) and event.fatal:
+                failure = event
+            records = list(pipeline.feed(event))
+            if config.once and source.live and failure is None:
+                failure = next(filter(_is_vain, records), None)
+            if records:
+                arrived_ns = event.host_ns if source.live and not isinstance(event, DeviceStatus) else None
+                self._hub.publish(name, records, arrived_ns, wait=not source.prompt, log=failure is None)
+            if failure is not None:
+                break
+            if state is not None and clock.host_ns() >= save_ns:
+                save_ns = clock.host_ns() + period_ns
+                _deposit(pipeline, state, name)
+        self._moved_s[name] = math.inf
+        self._hub.publish(name, [pipeline.stats()], wait=not source.prompt)
+        if state is not None:
+            _deposit(pipeline, state, name)
+        return failure
+
+    def _end(self, failure: FlteaError | None) -> None:
+        with self._lock:
+            self._running -= 1
+            self._failure = self._failure or failure
+            if failure is not None or not self._running:
+                self._done.set()
+
+    def _on_output_end(self, error: Exception | None) -> None:
+        with self._lock:
+            if error is not None and self._failure is None:
+                self._failure = FlteaError(f"cannot write the output: {error}.")
+            self._stop.asked.set()
+
+
+def _is_vain(record: AnyRecord) -> TypeGuard[Error]:
+    """Whether a record says that what was asked for will not come from this device."""
+    return isinstance(record, Error) and record.kind == "no_device_estimates"
+
+
+def _deposit(pipeline: Pipeline, state: StateFile, name: str) -> None:
+    snapshot = pipeline.save()
+    if snapshot is not None:
+        state.put(name, snapshot)
+
+
+def _close(sources: Sequence[Source]) -> None:
+    """Close them side by side: each may need a moment, but all together get no more than `PATIENCE_S`."""
+    threads = [threading.Thread(target=source.close, daemon=True) for source in sources]
+    for thread in threads:
+        thread.start()
+    deadline_s = time.monotonic() + PATIENCE_S
+    for thread in threads:
+        thread.join(max(0.0, deadline_s - time.monotonic()))
+
+
+def _check_recordable(config: Config, source: Source) -> None:
+    if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
+        raise UsageError("--record and --state are for devices; a recording is one already.")
+    if config.state.file and "reference" in (config.estimator.engine, config.accel.engine):
+        raise UsageError("--state keeps the native engines only; leave --engine reference or --state away.")
+    if config.state.file and config.estimator.engine in BY_DEVICE:
+        raise UsageError(
+            f"--state cannot keep what a device estimates, which begins anew with its boot; leave --engine "
+            f"{config.estimator.engine} or --state away."
+        )
+
+
+def _last_words(text: str) -> None:
+    """Write to stderr if it takes anything; a thread that hangs in it may hold the lock of `sys.stderr`."""
+    with contextlib.suppress(OSError):
+        if select.select([], [2], [], 0)[1]:
+            os.write(2, text.encode())
+
+
+def silence_stdout() -> None:
+    """Let what is still buffered go nowhere, so that Python does not complain when it flushes at its end."""
+    with contextlib.suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,130 @@
+"""All outputs of a running program: who gets which record, what each has lost, and what they have to say."""
+
+import time
+from collections.abc import Callable, Iterable
+
+from fltea.records.events import TransportEvent
+from fltea.records.ports import Item, Sink
+from fltea.records.records import AnyRecord, Error, OutputStats
+from fltea.service.outlet import Outlet
+
+ESSENTIAL = "stdout"
+"""The output without which a program that has no other need not go on; its failure is then the program's."""
+
+LAST_LINES_S = 0.05
+"""The log closes after the others, which may have used up all the time."""
+
+
+class Hub:
+    """Takes records from the pipelines' threads and queues them for every sink.
+
+    on_stop: called, from any thread, when the last output that anybody reads is gone; with the reason if it
+    failed, with None if its reader left.
+    """
+
+    def __init__(self, on_stop: Callable[[Exception | None], None]) -> None:
+        self._on_stop = on_stop
+        self._shared: list[Outlet] = []
+        self._of: dict[str, list[Outlet]] = {}
+        self._log: Outlet | None = None
+        self._ended: list[Outlet] = []
+
+    def add(self, sink: Sink, device: str | None = None) -> None:
+        """Add an output, of one device or of all."""
+        outlet = Outlet(sink, self._on_end)
+        (self._shared if device is None else self._of.setdefault(device, [])).append(outlet)
+        outlet.start()
+
+    def add_log(self, sink: Sink) -> None:
+        """Add the log, which is no output: nothing of its own is counted."""
+        self._log = Outlet(sink, lambda outlet, error: None)
+        self._log.start()
+
+    def publish(
+        self,
+        device: str,
+        records: list[AnyRecord],
+        arrived_ns: int | None = None,
+        *,
+        wait: bool = False,
+        log: bool = True,
+    ) -> None:
+        """Queue a device's records. wait: hold the caller up for outputs that must not lose any."""
+        for outlet in (*self._shared, *self._of.get(device, ())):
+            outlet.put(records, arrived_ns, wait=wait and outlet.sink.lossless)
+        if log and self._log is not None:
+            errors = [record for record in records if isinstance(record, Error)]
+            if errors:
+                self._log.put(errors)
+
+    def tap(self, device: str, *, wait: bool) -> Callable[[TransportEvent], None] | None:
+        """What is to be called with all that comes over the wire of a device; None if nobody wants it."""
+        takers = [outlet for outlet in self._of.get(device, ()) if outlet.sink.takes_wire]
+        if not takers:
+            return None
+
+        def put(event: TransportEvent) -> None:
+            items: Iterable[Item] = (event,)
+            for outlet in takers:
+                outlet.put(items, wait=wait and outlet.sink.lossless)
+
+        return put
+
+    def report(self, device: str | None = None) -> Callable[[str, str], None]:
+        """What an output calls to tell of a trouble: an `error` record goes to all."""
+
+        def tell(kind: str, message: str) -> None:
+            error = Error(kind, message, time.time_ns(), device=device)
+            outlets = [*self._shared, *(self._of.get(device, ()) if device else self._all_of_devices())]
+            for outlet in outlets:
+                outlet.put((error,))
+            if self._log is not None:
+                self._log.put((error,))
+
+        return tell
+
+    def outlets(self) -> list[tuple[str | None, Outlet]]:
+        """All outputs, with the device that each belongs to."""
+        return [(None, outlet) for outlet in self._shared] + [
+            (device, outlet) for device, outlets in self._of.items() for outlet in outlets
+        ]
+
+    def stats(self, device: str) -> dict[str, OutputStats]:
+        """Counts of the outputs that a device writes to, by name."""
+        return {outlet.sink.name: outlet.stats() for outlet in (*self._shared, *self._of.get(device, ()))}
+
+    def close(self, timeout_s: float | None, asked: Callable[[], bool] = lambda: False) -> bool:
+        """Let every output write what is queued, and close it; False if one did not manage in time.
+
+        timeout_s: None waits until somebody has asked for the end.
+        """
+        outlets = [outlet for _, outlet in self.outlets()]
+        for outlet in outlets:
+            outlet.close()
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        joined = [_join(outlet, deadline_s, asked) for outlet in outlets]
+        done = all(joined)
+        if self._log is not None:  # last: the others may have had something to say
+            self._log.close()
+            done = (_join(self._log, deadline_s, asked) or self._log.join(LAST_LINES_S)) and done
+        return done
+
+    def _all_of_devices(self) -> list[Outlet]:
+        return [outlet for outlets in self._of.values() for outlet in outlets]
+
+    def _on_end(self, ended: Outlet, error: Exception | None) -> None:
+        self._ended.append(ended)
+        others = [outlet for _, outlet in self.outlets() if outlet not in self._ended]
+        if not others and any(outlet.sink.name == ESSENTIAL for outlet in self._ended):
+            self._on_stop(error)
+        else:
+            why = "its reader left" if error is None else f"{type(error).__name__}: {error}"
+            self.report()("output_lost", f"nothing more is written to {ended.sink.name} ({why}).")
+
+
+def _join(outlet: Outlet, deadline_s: float | None, asked: Callable[[], bool]) -> bool:
+    """Wait for an output to end, up to a moment; in slices, so that a signal is heard in between."""
+    while not asked() if deadline_s is None else time.monotonic() < deadline_s:
+        if outlet.join(0.05):
+            return True
+    return outlet.join(0)

@@ -1,0 +1,58 @@
+"""Opens the outputs that the configuration asks for; the libraries of each are loaded only then."""
+
+import io
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+
+from fltea.service.hub import Hub
+from fltea.settings.config import Config
+from fltea.settings.extras import load
+from fltea.sinks.log import LogSink
+from fltea.sinks.ndjson import NdjsonSink
+from fltea.sinks.table import TableSink
+
+
+def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
+    """Add all outputs to the hub.
+
+    Raises:
+        UsageError: wrong settings, or a library that is not installed.
+        FlteaError: an output that cannot be opened, such as a port that is taken.
+    """
+    program = configs[0]
+    to_table = program.format == "table" or (program.format == "auto" and sys.stdout.isatty())
+    if not to_table:
+        hub.add_log(LogSink(_to_stderr, several=len(configs) > 1))
+    for config in configs:
+        assert config.name is not None
+        if program.record.folder is not None:
+            module = _module("record", "mcap")
+            hub.add(module.RecordSink(program.record, config.name, hub.report(config.name)), config.name)
+        if program.mqtt.broker is not None:
+            module = _module("mqtt", "paho")
+            hub.add(module.MqttSink(program.mqtt, config.name, hub.report(config.name)), config.name)
+    if program.metrics.address is not None:
+        module = _module("metrics", "prometheus_client")
+        hub.add(module.MetricsSink(program.metrics, hub.outlets, hub.report()))
+    if program.dashboard.address is not None:
+        module = _module("dashboard", "bokeh")
+        estimators = {config.name: config.estimator for config in configs}
+        accel = {config.name: config.accel for config in configs}
+        page = module.DashboardSink(program.dashboard, estimators, hub.report(), accel)
+        hub.add(page)
+        _to_stderr(f"fltea: live page at {page.url}\n")
+    if to_table:
+        hub.add(TableSink())
+    elif program.format != "none":
+        stdout = io.FileIO(sys.stdout.fileno(), "wb", closefd=False)
+        hub.add(NdjsonSink(stdout, samples=program.samples))
+
+
+def _module(name: str, library: str) -> ModuleType:
+    return load(f"fltea.sinks.{name}", library, name, "this output needs")
+
+
+def _to_stderr(text: str) -> None:
+    sys.stderr.write(text)
+    sys.stderr.flush()

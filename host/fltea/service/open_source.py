@@ -1,0 +1,83 @@
+"""A source from its URL: `serial:…`, `i2c:…`, `replay:…`, `synthetic:…`, or a plain port or file."""
+
+from pathlib import Path
+
+from serial.tools import list_ports
+
+from fltea.records.errors import UsageError
+from fltea.records.ports import Source
+from fltea.settings.config import BY_DEVICE, Config
+from fltea.sources.replay import FILE_SUFFIXES, ReplaySource
+from fltea.sources.serial import SerialSource
+from fltea.sources.synthetic import SyntheticSource
+from fltea.wire.transport import ANY_BOARD
+
+RECORDING_SUFFIXES = (*FILE_SUFFIXES, ".mcap")
+
+
+def find_board() -> str:
+    """URL of the Arduino Due that is plugged in, or will be: it is waited for like any port.
+
+    Raises:
+        UsageError: there is more than one.
+    """
+    found = sorted(p.device for p in list_ports.grep(ANY_BOARD.removeprefix("hwgrep://")))
+    if len(found) > 1:
+        raise UsageError(f"several boards are plugged in: {', '.join(found)}. Choose one with --source.")
+    return ANY_BOARD
+
+
+def open_source(config: Config) -> Source:
+    """The source that the configuration asks for, not yet started.
+
+    Raises:
+        UsageError: an unknown URL, several boards, or a bad recording.
+    """
+    url = config.source or f"serial:{find_board()}"
+    scheme, colon, rest = url.partition(":")
+    of_pyserial = rest.startswith("//") and scheme != "i2c"
+    if not colon or of_pyserial or url.startswith("/"):  # a bare path, or pyserial's own URLs
+        is_file = Path(url).suffix.lower() in RECORDING_SUFFIXES or Path(url).is_dir()
+        scheme, rest = ("replay", url) if is_file else ("serial", url)
+    if scheme in ("i2c", "synthetic"):
+        _need_wire(config, url)
+    replay = config.replay
+    if scheme != "replay" and replay != type(replay)():
+        raise UsageError("--columns, --units, --rate and --shuffle are for recordings (replay:FILE).")
+    if not rest and scheme != "synthetic":
+        raise UsageError(f"--source {url}: nothing stands behind '{scheme}:'.")
+    match scheme:
+        case "serial":
+            return SerialSource(rest, config.link.baud)
+        case "i2c":
+            from fltea.sources.i2c.source import I2cSource  # smbus2 loads on Linux only
+
+            return I2cSource(rest)
+        case "replay":
+            by_device = config.estimator.engine in BY_DEVICE
+            if Path(rest).suffix.lower() in FILE_SUFFIXES:
+                _need_wire(config, url)
+            return ReplaySource(
+                Path(rest),
+                columns=replay.columns,
+                units=replay.units,
+                rate_hz=replay.rate_hz,
+                startup=0 if by_device else config.estimator.startup_needed,
+                shuffle=replay.shuffle,
+                realtime=config.pace == "real",
+            )
+        case "synthetic":
+            return SyntheticSource(rest, realtime=config.pace != "fast")
+    raise UsageError(
+        f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "
+        "i2c:///dev/i2c-1?addr=0x68, replay:FILE, synthetic:?KEY=VALUE&…"
+    )
+
+
+def _need_wire(config: Config, url: str) -> None:
+    engine = config.estimator.engine
+    if engine in BY_DEVICE:
+        raise UsageError(
+            f"--engine {engine}: {url} gives samples only. An Arduino Due estimates by itself, so this needs "
+            "its port (serial:PORT) or an .mcap recording of it; else --engine compressed."
+        )

@@ -1,0 +1,143 @@
+"""A sink behind a bounded queue and in a thread of its own: slow or broken, it loses only its own records."""
+
+import bisect
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from fltea.records.clock import host_ns
+from fltea.records.ports import Item, Sink, SinkClosed
+from fltea.records.records import OutputStats
+
+IDLE_S = 0.5
+REST_S = 0.002
+"""Between two batches: records of many devices then go out together, not with a change of threads each."""
+
+LATENCY_BOUNDS_MS = (0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 250.0, 1000.0)
+
+
+class Latency:
+    """Histogram of the time from a sample's arrival to its way out, in ms."""
+
+    def __init__(self) -> None:
+        self.counts = [0] * (len(LATENCY_BOUNDS_MS) + 1)
+        self.sum_ms = 0.0
+
+    def add(self, ms: float, weight: int) -> None:
+        """Count `weight` records that took `ms` milliseconds."""
+        self.counts[bisect.bisect_left(LATENCY_BOUNDS_MS, ms)] += weight
+        self.sum_ms += ms * weight
+
+
+class Outlet:
+    """Feeds one sink.
+
+    on_end: called once, from the outlet's thread, when the sink can take no more: with None if its reader
+    left, else with the exception.
+    """
+
+    def __init__(self, sink: Sink, on_end: Callable[["Outlet", Exception | None], None]) -> None:
+        self.sink = sink
+        self.latency = Latency()
+        self._on_end = on_end
+        self._queue: deque[tuple[Item, int | None]] = deque()
+        self._changed = threading.Condition()
+        self._closing = self._ended = False
+        self._written = self._dropped = self._overflow = 0
+        self._in_hand = 0
+        self._lost_before: int | None = None  # the sink's own count, while a batch is in hand
+        self._thread = threading.Thread(target=self._run, name=f"sink {sink.name}", daemon=True)
+
+    def start(self) -> None:
+        """Begin to write."""
+        self._thread.start()
+
+    def put(self, items: Iterable[Item], arrived_ns: int | None = None, *, wait: bool = False) -> None:
+        """Queue items; those beyond the sink's capacity are dropped and counted, unless `wait` is set.
+
+        arrived_ns: monotonic time at which what they tell arrived, for the latency; None where it has none.
+        """
+        with self._changed:
+            for item in items:
+                if wait:
+                    while len(self._queue) >= self.sink.capacity and not (self._ended or self._closing):
+                        self._changed.notify_all()
+                        self._changed.wait(IDLE_S)
+                if self._ended or len(self._queue) >= self.sink.capacity:
+                    self._dropped += 1
+                    self._overflow += 1
+                else:
+                    self._queue.append((item, arrived_ns))
+            self._changed.notify_all()
+
+    def stats(self) -> OutputStats:
+        """Count what was written and what was lost; what is being written still waits."""
+        with self._changed:
+            lost = self.sink.lost if self._lost_before is None else self._lost_before
+            return OutputStats(self._written - lost, self._dropped + lost, len(self._queue) + self._in_hand)
+
+    def close(self) -> None:
+        """Take nothing more; what is queued still goes out (see `join`)."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait until the sink has written everything and is closed; False if it did not manage."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        try:
+            while self._write_batch():
+                if not self._closing:
+                    time.sleep(REST_S)
+            self.sink.close()
+        except SinkClosed:
+            self._end(None)
+        except Exception as error:  # whatever a library raises ends this output alone
+            self._end(error)
+
+    def _write_batch(self) -> bool:
+        """Write what is queued; False when closed and empty."""
+        with self._changed:
+            if not self._queue and not self._closing:
+                self._changed.wait(IDLE_S)
+            batch = list(self._queue)
+            self._queue.clear()
+            overflow, self._overflow = self._overflow, 0
+            closing = self._closing
+            self._in_hand, self._lost_before = len(batch), self.sink.lost
+            self._changed.notify_all()
+        for item, _ in batch:
+            self.sink.write(item)
+        if overflow:  # the queue was full then, so what was dropped comes behind all that was in it
+            self.sink.on_overflow(overflow)
+        self.sink.flush()
+        with self._changed:
+            self._written += len(batch)
+            self._in_hand, self._lost_before = 0, None
+        now_ns = host_ns()
+        arrived_ns, weight = None, 0
+        for _, arrived in batch:  # what came in one burst has one latency
+            if arrived != arrived_ns:
+                if arrived_ns is not None:
+                    self.latency.add((now_ns - arrived_ns) * 1e-6, weight)
+                arrived_ns, weight = arrived, 0
+            weight += 1
+        if arrived_ns is not None:
+            self.latency.add((now_ns - arrived_ns) * 1e-6, weight)
+        return bool(batch) or not closing
+
+    def _end(self, error: Exception | None) -> None:
+        with self._changed:
+            self._ended = True
+            self._dropped += len(self._queue)
+            self._queue.clear()
+            if self._lost_before is not None:  # how much of the last batch went out nobody knows
+                self._dropped += max(0, self._in_hand - (self.sink.lost - self._lost_before))
+                self._written += min(self._in_hand, self.sink.lost - self._lost_before)
+                self._in_hand, self._lost_before = 0, None
+            self._changed.notify_all()
+        self._on_end(self, error)

@@ -1,0 +1,164 @@
+"""Snapshots of the estimators in a file, so that a restarted daemon goes on where it stopped.
+
+The rule: same device, same sensor and settings, and not older than `max_age_s`. Then bias, R, and the filters
+with their memory go on; the time in between is bridged like a gap, by prediction alone, up to the length of
+the memory, beyond which nothing of it is left anyway. The first epoch has the reason `resumed`. A board that
+was reset in between (opening its port resets a Due) does not matter: its sensor's noise is the same.
+"""
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from fltea.estimator.online import OnlineState
+from fltea.records.errors import UsageError
+from fltea.records.records import Hello
+from fltea.settings.config import Config
+from fltea.settings.outputs import StateConfig
+
+VERSION = 2
+READABLE = (1, 2)
+"""1 had no running test of whiteness, which then begins anew."""
+
+LOOK_S = 1.0
+"""What is new is on the disk after this long; how often there is something, `period_s` says."""
+
+
+class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample."""
+
+    sensor: dict[str, str]
+    unix_ns: int
+    gyro: OnlineState | None
+    accel: OnlineState | None
+
+
+class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    version: int
+    devices: dict[str, DeviceState]
+
+
+def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
+    """What has to be the same for a snapshot to be used."""
+    return {
+        "device_id": str(hello.device_id),
+        "who_am_i": str(hello.who_am_i),
+        "scales": f"{hello.gyro_lsb_per_dps} {hello.accel_lsb_per_g}",
+        "filter_hz": str(hello.gyro_dlpf_hz),
+        "rate_hz": str(hello.rate_hz),
+        "channels": str(config.channels),
+        "settings": msgspec.json.encode((config.estimator, config.accel)).decode(),
+    }
+
+
+def why_unused(state: DeviceState, hello: Hello, config: Config, now_unix_ns: int) -> str | None:
+    """Why a snapshot does not fit; None if it does."""
+    age_s = (now_unix_ns - state.unix_ns) * 1e-9
+    if age_s < 0:
+        return "it is from the future: was the clock set?"
+    if age_s > config.state.max_age_s:
+        return f"it is {age_s:.0f} s old (state.max_age_s is {config.state.max_age_s:g})"
+    now = sensor_of(hello, config)
+    other = [key for key, value in now.items() if state.sensor.get(key) != value]
+    return f"it differs in: {', '.join(other)}" if other else None
+
+
+class _Header(msgspec.Struct, frozen=True):
+    version: int
+    devices: dict[str, msgspec.Raw]
+
+
+class StateFile:
+    """Keeps the latest snapshot of every device and writes them all, in a thread of its own.
+
+    Raises:
+        UsageError: the file cannot be read or written, or is none of ours.
+    """
+
+    def __init__(self, config: StateConfig, report: Callable[[str, str], None]) -> None:
+        assert config.file is not None
+        self._path = Path(config.file)
+        self._period_s = config.period_s
+        self._report = report
+        self._devices = self._read()
+        self.found = dict(self._devices)
+        self._lock = threading.Lock()
+        self._changed = self._failed = False
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="state", daemon=True)
+        _check_writable(self._path)
+        self._thread.start()
+
+    def _read(self) -> dict[str, DeviceState]:
+        path = self._path
+        try:
+            data = path.read_bytes()
+        except FileNotFoundError:
+            return {}
+        except OSError as error:
+            raise UsageError(f"--state {path}: cannot be read ({error}).") from error
+        try:
+            version = msgspec.json.decode(data, type=_Header).version
+            if version in READABLE:
+                return dict(msgspec.json.decode(data, type=_File).devices)
+        except msgspec.DecodeError as error:
+            text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
+            raise UsageError(text) from error
+        self._report(
+            "state_unused",
+            f"{path} is of another version of fltea ({version}): the start-up window begins, it is replaced.",
+        )
+        return {}
+
+    def put(self, name: str, state: DeviceState) -> None:
+        """Replace a device's snapshot; it is written before long."""
+        with self._lock:
+            self._devices[name] = state
+            self._changed = True
+
+    def close(self) -> None:
+        """Write what is new."""
+        self._stop.set()
+        self._thread.join()
+        self._write()
+
+    def _run(self) -> None:
+        while not self._stop.wait(min(self._period_s, LOOK_S)):
+            self._write()
+
+    def _write(self) -> None:
+        with self._lock:
+            if not self._changed:
+                return
+            self._changed = False
+            data = msgspec.json.encode(_File(VERSION, self._devices))
+        part = self._path.with_name(self._path.name + ".part")
+        try:
+            with part.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(self._path)
+            self._failed = False
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                part.unlink()
+            if not self._failed:
+                self._failed = True
+                self._report(
+                    "state_failed", f"{self._path}: cannot be written ({error}); the old one is kept."
+                )
+
+
+def _check_writable(path: Path) -> None:
+    folder = path.parent
+    if not folder.is_dir():
+        raise UsageError(f"--state {path}: there is no folder {folder}.")
+    if path.is_dir() or not os.access(folder, os.W_OK):
+        raise UsageError(
+            f"--state {path}: cannot be written there. It has to be a file in a folder of yours."
+        )

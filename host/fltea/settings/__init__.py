@@ -1,0 +1,1 @@
+"""All that the program can be told."""

@@ -1,0 +1,331 @@
+"""Configuration: defaults, then a TOML file, then flags; every mistake is named with its path."""
+
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from fltea.records.errors import UsageError
+from fltea.records.records import ACCEL_AXES, AXES
+from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
+from fltea.settings.outputs import DashboardConfig, MetricsConfig, MqttConfig, RecordConfig, StateConfig
+from fltea.wire import layout as wire
+
+
+class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Serial link. max_gap: longest gap in samples that is bridged; a longer one begins a new epoch."""
+
+    baud: int = wire.BAUD
+    max_gap: int = 100
+
+    def __post_init__(self) -> None:
+        if self.max_gap < 0:
+            raise ValueError("max_gap must be 0 samples or more")
+
+
+class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How to read a recording (host/README.md, Recordings)."""
+
+    columns: list[str] | None = None
+    units: str | None = None
+    rate_hz: float | None = None
+    shuffle: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
+            raise ValueError("rate_hz must be a positive number of samples per second")
+        if self.shuffle is not None and self.shuffle < 0:
+            raise ValueError("shuffle is a seed and must be 0 or more")
+
+
+def _given(value: str | float | list[float]) -> list[float]:
+    """The numbers in a setting that may also be a word."""
+    if isinstance(value, str):
+        return []
+    return value if isinstance(value, list) else [value]
+
+
+Engine = Literal["compressed", "direct", "reference", "device", "both"]
+
+BY_DEVICE = ("device", "both")
+"""Engines for which the device estimates by itself."""
+
+
+class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True):
+    """The estimator, its start-up window (samples), bias (deg/s) and R ((deg/s)²).
+
+    engine: "compressed" (native, at a cost that does not depend on the window), "direct" (native, exact),
+    "reference" (numpy; the printed algorithm only), "device" (an Arduino Due's own estimates, none here) or
+    "both" (the Due's, and "compressed" here with the Due's settings). variant: "triple" (the paper's) or
+    "joint" (one filter on α and h^α f). guard: "off" (printed), "faithful" or "consistent" (host/README.md
+    says what they do). gate: standard deviations from which on a guard softens an innovation.
+    """
+
+    startup: int = 500
+    bias: Literal["startup", "none"] | float | list[float] = "startup"
+    R: Literal["auto"] | float | list[float] = "auto"
+    engine: Engine = "compressed"
+    variant: Literal["triple", "joint"] = "joint"
+    guard: Literal["off", "faithful", "consistent"] = "consistent"
+    joint: JointSettings = JointSettings()
+    gate: float = 10.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.window and self.engine in ("direct", "reference"):
+            raise ValueError(
+                f"window 0 is an unlimited one, which only engine compressed has: engine {self.engine} keeps "
+                "every sample of its window; give its length"
+            )
+        if not 1 <= self.gate <= 1000:
+            raise ValueError(f"gate must be 1 to 1000 standard deviations, got {self.gate:g}")
+        if self.engine == "reference" and (self.variant, self.guard) != ("triple", "off"):
+            raise ValueError(
+                "engine reference is the printed algorithm: it needs variant triple and guard off"
+            )
+        if self.startup < 2:
+            raise ValueError("startup must be at least 2 samples: a variance needs two")
+        if any(not math.isfinite(r) or r <= 0 for r in _given(self.R)):
+            raise ValueError("R is a variance and must be a positive number")
+        if not all(math.isfinite(b) for b in _given(self.bias)):
+            raise ValueError("bias must be finite numbers")
+
+    @property
+    def startup_needed(self) -> int:
+        """Samples that the start-up window takes: none if neither bias nor R is drawn from it."""
+        return self.startup if self.bias == "startup" or self.R == "auto" else 0
+
+
+class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
+    """The same for axes of the accelerometer, in m/s² in place of deg/s.
+
+    Q and P0 of the state keep the ratio to the noise that the paper's have for its gyroscope: a resting
+    MPU-6050 has 9e-4 (m/s²)² where the paper's gyroscope has 0.02 (deg/s)².
+    """
+
+    state: StateSettings = StateSettings(P0=4.5e-4, Q=6.75e-3)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.engine in BY_DEVICE:
+            raise ValueError(
+                f"engine {self.engine} is not for the accelerometer: a device estimates its gyroscope only; "
+                "leave accel.engine at compressed, direct or reference"
+            )
+
+
+class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All that `fltea run` can be told; the tables of its TOML file have the same names.
+
+    channels: axes to estimate; None for all of the gyroscope's. device: what is said of each device by its
+    name; `load_configs` makes a `Config` of every one.
+    """
+
+    source: str | None = None
+    name: str | None = None
+    channels: list[str] | None = None
+    format: Literal["auto", "ndjson", "table", "none"] = "auto"
+    pace: Literal["auto", "real", "fast"] = "auto"
+    once: bool = False
+    samples: bool = False
+    link: LinkConfig = LinkConfig()
+    replay: ReplayConfig = ReplayConfig()
+    estimator: EstimatorConfig = EstimatorConfig()
+    accel: AccelConfig = AccelConfig()
+    record: RecordConfig = RecordConfig()
+    mqtt: MqttConfig = MqttConfig()
+    dashboard: DashboardConfig = DashboardConfig()
+    metrics: MetricsConfig = MetricsConfig()
+    state: StateConfig = StateConfig()
+    device: dict[str, dict[str, Any]] = {}
+
+    def __post_init__(self) -> None:
+        known = AXES + ACCEL_AXES
+        for channel in self.channels or ():
+            if channel not in known:
+                raise ValueError(f"channels: there is no {channel}; there are {', '.join(known)}")
+        if self.channels is not None and len(set(self.channels)) != len(self.channels or "x"):
+            raise ValueError("channels must name at least one axis, and each once")
+        if self.name is not None and not NAME.fullmatch(self.name):
+            raise ValueError(f"name {self.name!r}: letters, digits, '_', '.' and '-' make a device's name")
+
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+"""A device's name: it becomes part of file names and of MQTT topics."""
+
+OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
+"""What a table [device.NAME] may say; the rest is said once for the whole program."""
+
+
+def load_config(file: Path | None, overrides: Mapping[str, Any]) -> Config:
+    """The configuration of the one device that there is; see `load_configs`."""
+    (config,) = load_configs(file, overrides)
+    return config
+
+
+def load_configs(
+    file: Path | None, overrides: Mapping[str, Any], sources: Iterable[str] = ()
+) -> list[Config]:
+    """Merge defaults, a TOML file, its tables of devices, and flags; one `Config` a device.
+
+    overrides: dotted path to value, such as {"estimator.window": 1500}. sources: URLs given as flags, which
+    replace the file's devices.
+
+    Raises:
+        UsageError: names file or flag, the path of the key, and what is wrong.
+    """
+    tree: dict[str, Any] = {}
+    if file is not None:
+        tree = _read_toml(file)
+        _convert(tree, str(file))
+    urls = list(sources)
+    if "" in urls:
+        raise UsageError('command line: --source: say where it is, for instance "serial:/dev/ttyACM0".')
+    devices: dict[str | None, Mapping[str, Any]] = {**tree.pop("device", {})}
+    if urls:
+        names = _names(urls) if len(urls) > 1 else [None]  # one alone may be named by `name`
+        devices = dict(zip(names, ({"source": url} for url in urls), strict=True))
+    configs = []
+    for name, table in (devices or {None: {}}).items():
+        of_program = [key for key in table if key not in OF_A_DEVICE]
+        if of_program:
+            raise UsageError(
+                f"{file}: device.{name}.{of_program[0]}: not a setting of a device. Known here: "
+                f"{', '.join(OF_A_DEVICE)}."
+            )
+        merged = _merged(tree, table)
+        if devices and not merged.get("source"):
+            raise UsageError(f'{file}: device.{name}: say where it is: source = "serial:/dev/ttyACM0".')
+        if name is not None:
+            _convert(merged, f"{file}: device.{name}")
+        for path, value in overrides.items():
+            _put(merged, path, value)
+        config = _convert(merged, "command line")
+        if config.device:
+            raise UsageError(
+                "command line: devices are set up in the file of --config, or by several --source."
+            )
+        name = name or config.name or device_name(config.source)
+        configs.append(_convert({**merged, "name": name}, f"{file}"))
+    return configs
+
+
+def device_name(url: str | None) -> str:
+    """Name of a device that nobody named: the last part of its address."""
+    if url is None or "hwgrep:" in url:
+        return "due"
+    path, _, query = url.partition("?")
+    words = [
+        word for word in re.split(r"[^A-Za-z0-9_.:-]+", path.removeprefix("replay:")) if word.strip("-.:")
+    ]
+    last = words[-1].strip(":").replace(":", "-") if words else "device"
+    if url.startswith("replay:"):
+        last = last.rsplit(".", 1)[0]
+    if url.startswith("i2c:"):
+        last += "-" + (dict(part.partition("=")[::2] for part in query.split("&")).get("addr") or "0x68")
+    usable = NAME.search(last)
+    return usable[0] if usable else "device"
+
+
+def _names(urls: list[str]) -> list[str]:
+    """A name for each, numbered where two would be the same."""
+    names: list[str] = []
+    for url in urls:
+        name, number = device_name(url), 2
+        while name in names:
+            name, number = f"{device_name(url)}-{number}", number + 1
+        names.append(name)
+    return names
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of base in which the values of over win, table by table."""
+    result = {key: _merged(value, {}) if isinstance(value, dict) else value for key, value in base.items()}
+    for key, value in over.items():
+        known = result.get(key)
+        if isinstance(value, Mapping):
+            result[key] = _merged(known if isinstance(known, dict) else {}, value)
+        else:
+            result[key] = value
+    return result
+
+
+def parse_setting(text: str) -> tuple[str, Any]:
+    """Split `path=value` of a --set flag; the value is TOML, or else plain text.
+
+    Raises:
+        UsageError: no path or no value.
+    """
+    path, sign, value = text.partition("=")
+    path, value = path.strip(), value.strip()
+    if not sign or not path or not value:
+        raise UsageError(f"--set {text}: give PATH=VALUE, for instance --set estimator.order.Q0=0.05.")
+    try:
+        return path, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return path, value
+
+
+def _read_toml(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{file}: cannot be read ({error}).") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"{file}: is not TOML: {error}.") from error
+
+
+def _put(tree: dict[str, Any], path: str, value: Any) -> None:
+    *parents, key = path.split(".")
+    for name in parents:
+        branch = tree.setdefault(name, {})
+        if not isinstance(branch, dict):
+            raise UsageError(f"--set {path}: '{name}' is a value, not a table.")
+        tree = branch
+    tree[key] = value
+
+
+def _convert(tree: Mapping[str, Any], origin: str) -> Config:
+    try:
+        return msgspec.convert(tree, Config)
+    except msgspec.ValidationError as error:
+        raise UsageError(f"{origin}: {_explain(str(error))}") from error
+
+
+def _explain(message: str) -> str:
+    """Put msgspec's `reason - at `$.a.b`` into `a.b: reason`."""
+    reason, _, place = message.partition(" - at ")
+    path = place.strip("`").removeprefix("$").lstrip(".")
+    unknown = re.fullmatch(r"Object contains unknown field `(.*)`", reason)
+    if unknown:
+        key = f"{path}.{unknown[1]}" if path else unknown[1]
+        return f"{key}: there is no such setting. {_known(path)}"
+    invalid = re.fullmatch(r"Invalid enum value (.*)", reason)
+    if invalid:
+        return f"{path}: {invalid[1]} is not one of the words that it takes: {', '.join(_words(path))}."
+    if reason[1:2].islower():  # a word; names such as R and P0 keep their capital
+        reason = reason[0].lower() + reason[1:]
+    return f"{path}: {reason}." if path else f"{reason}."
+
+
+def _table(path: list[str]) -> Any:
+    """The settings at a path, with their defaults."""
+    struct: Any = Config()
+    for name in path:
+        struct = getattr(struct, name)
+    return struct
+
+
+def _known(path: str) -> str:
+    return f"Known here: {', '.join(_table(path.split('.') if path else []).__struct_fields__)}."
+
+
+def _words(path: str) -> list[str]:
+    *parents, key = path.split(".")
+    hint = get_type_hints(type(_table(parents)))[key]
+    options = [hint, *get_args(hint)]
+    return [word for option in options if get_origin(option) is Literal for word in get_args(option)]

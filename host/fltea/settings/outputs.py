@@ -1,0 +1,158 @@
+"""Settings of the outputs, each with the name of its table in the TOML file (host/README.md, Outputs)."""
+
+import math
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+import msgspec
+
+from fltea.settings.listen_address import listen_address
+
+RECORDED = ("hello", "epoch", "gap", "sample", "estimate", "device_estimate", "stats", "error")
+"""Classes of the records that can ride along in a recording."""
+
+
+class RecordConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Recording in MCAP files; off without a folder.
+
+    rotate_mb, rotate_s: a new file begins beyond this size or age. resume_mb: room there has to be before a
+    recording that a full disk stopped goes on. channels: decoded records that ride along with the bytes from
+    the wire.
+    """
+
+    folder: str | None = None
+    rotate_mb: float = 256.0
+    rotate_s: float = 3600.0
+    resume_mb: float = 16.0
+    channels: tuple[str, ...] = RECORDED
+
+    def __post_init__(self) -> None:
+        if self.folder == "":
+            raise ValueError("folder must be the name of a folder")
+        if not (self.rotate_mb > 0 and self.rotate_s > 0):
+            raise ValueError("rotate_mb and rotate_s must be positive")
+        if not 0 <= self.resume_mb < math.inf:
+            raise ValueError("resume_mb must be 0 MB or more")
+        for channel in self.channels:
+            if channel not in RECORDED:
+                raise ValueError(f"channels: there is no {channel}; there are {', '.join(RECORDED)}")
+
+
+class BrokerAddress(NamedTuple):
+    """Where an MQTT broker listens."""
+
+    host: str
+    port: int
+    tls: bool
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{'mqtts' if self.tls else 'mqtt'}://{host}:{self.port}"
+
+
+class MqttConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Publishing to an MQTT broker; off without one.
+
+    broker: HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT. estimate_every, sample_every: every n-th
+    is published; sample_every 0: none. stream_qos: of estimates and samples, 0 or 1; all else has 1. tls: as
+    with mqtts://. ca, cert, key: PEM files. insecure: take whatever certificate the broker shows.
+    password_file: one line USER:PASSWORD.
+    """
+
+    broker: str | None = None
+    prefix: str = "fltea"
+    estimate_every: int = 10
+    sample_every: int = 0
+    stream_qos: int = 0
+    tls: bool = False
+    ca: str | None = None
+    cert: str | None = None
+    key: str | None = None
+    insecure: bool = False
+    password_file: str | None = None
+
+    def __post_init__(self) -> None:
+        for level in self.prefix.split("/"):
+            if not level or any(c in "+#" or ord(c) < 32 for c in level) or self.prefix.startswith("$"):
+                raise ValueError("prefix must be a topic without +, #, a leading $ or empty levels")
+        if self.estimate_every < 1 or self.sample_every < 0:
+            raise ValueError("estimate_every must be 1 or more, sample_every 0 (none) or more")
+        if self.stream_qos not in (0, 1):
+            raise ValueError("stream_qos must be 0 or 1")
+        if self.key is not None and self.cert is None:
+            raise ValueError("key belongs to a certificate: give cert too")
+        tls_only = [name for name in ("ca", "cert", "insecure") if getattr(self, name)]
+        if self.broker is not None and tls_only and not self.address().tls:
+            raise ValueError(f"{tls_only[0]} has no use without TLS: write mqtts://, or tls = true")
+        if self.broker is not None:
+            self.address()
+
+    def address(self) -> BrokerAddress:
+        """Take the broker's address apart.
+
+        Raises:
+            ValueError: it is none; the text does not repeat it, since a password may be in it.
+        """
+        assert self.broker is not None
+        if "@" in self.broker:
+            raise ValueError(
+                "broker must not hold a user or a password, since others can read command lines and files; "
+                "they belong into the environment (FLTEA_MQTT_USER, FLTEA_MQTT_PASSWORD) or into a file "
+                "(mqtt.password_file)"
+            )
+        try:
+            url = urlsplit(self.broker if "://" in self.broker else f"mqtt://{self.broker}")
+            tls = self.tls or url.scheme == "mqtts"
+            port = url.port if url.port is not None else 8883 if tls else 1883
+            host = url.hostname or ""
+            host.encode("idna")
+        except ValueError:  # UnicodeError is one
+            host, port = "", 0
+        if not host or not port or url.scheme not in ("mqtt", "mqtts") or url.path.strip("/") or url.query:
+            raise ValueError("broker must be HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT")
+        return BrokerAddress(host, port, tls)
+
+
+class DashboardConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The live page; off without an address. address: PORT or HOST:PORT; without a host the loopback.
+
+    names: further names under which browsers may ask for it, such as that of a proxy in front.
+    """
+
+    address: str | int | None = None
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.address is not None:
+            self.listen()
+
+    def listen(self) -> tuple[str, int]:
+        """Host and port; raises ValueError if there can be no such address."""
+        return listen_address(str(self.address))
+
+
+class MetricsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Metrics for Prometheus; off without an address. address: as that of the page."""
+
+    address: str | int | None = None
+
+    def __post_init__(self) -> None:
+        if self.address is not None:
+            listen_address(str(self.address))
+
+
+class StateConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Snapshots of the estimators, with which a restarted daemon goes on; off without a file.
+
+    max_age_s: an older snapshot is not used. period_s: how often one is written, beside the one at the end.
+    """
+
+    file: str | None = None
+    max_age_s: float = 3600.0
+    period_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if self.file == "":
+            raise ValueError("file must be the name of a file")
+        if not (self.max_age_s > 0 and self.period_s > 0):
+            raise ValueError("max_age_s and period_s must be positive numbers of seconds")

@@ -1,0 +1,314 @@
+"""Records as metrics, in Prometheus' naming: base units, `_total` for what only grows.
+
+What is not known or not valid has no sample: a gap in a graph, rather than a number that means nothing.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
+from prometheus_client.registry import Collector
+
+from fltea import __version__
+from fltea.records.clock import host_ns
+from fltea.records.records import (
+    AccelEstimate,
+    AccelStats,
+    AxisEstimate,
+    AxisStats,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    DeviceEstimatorStats,
+    DeviceStatus,
+    Estimate,
+    Hello,
+    Sample,
+    Stats,
+)
+from fltea.service.outlet import LATENCY_BOUNDS_MS, Outlet
+from fltea.wire import layout as wire
+
+FRESH_NS = 5 * 10**9
+"""An estimate that is older, by its arrival, is no longer shown: the device is gone, or starts anew."""
+
+Rows = list[tuple[tuple[str, ...], float | None]]
+"""Values of the labels, and the value; None where it is not known."""
+
+_BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
+
+
+@dataclass
+class Newest:
+    """The newest record of each kind of one device. …_ns: when the estimate came, monotonic."""
+
+    hello: Hello | None = None
+    stats: Stats | None = None
+    sample: Sample | None = None
+    estimate: Estimate | None = None
+    estimate_ns: int = 0
+    device_estimate: DeviceEstimates | None = None
+    device_estimate_ns: int = 0
+
+
+class Families(Collector):
+    """What the registry asks for, in whatever thread, while the sink writes."""
+
+    def __init__(
+        self,
+        newest: dict[str, Newest],
+        errors: dict[tuple[str, str], int],
+        outlets: Callable[[], Sequence[tuple[str | None, Outlet]]],
+    ) -> None:
+        self._newest = newest
+        self._errors = errors
+        self._outlets = outlets
+
+    def describe(self) -> list[Metric]:
+        """Promise nothing, so that registering does not collect."""
+        return []
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield every metric that there is something to say of."""
+        build = {"version": __version__, "protocol": f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}"}
+        yield InfoMetricFamily("fltea_build", "This program.", value=build)
+        devices = list(self._newest.copy().items())  # the copy: the sink may be adding one
+        yield _devices([(name, d.hello) for name, d in devices if d.hello is not None])
+        stats = [(name, d.stats) for name, d in devices if d.stats is not None]
+        yield from _link(stats)
+        yield from _samples(stats)
+        yield from _axes_stats(stats)
+        yield from _board(stats)
+        yield from _device_estimator([(name, s.device_estimator) for name, s in stats if s.device_estimator])
+        yield from _sample([(name, d.sample) for name, d in devices if d.sample is not None])
+        oldest_ns = host_ns() - FRESH_NS
+        fresh = [(name, d.estimate) for name, d in devices if d.estimate and d.estimate_ns >= oldest_ns]
+        yield from _estimates(fresh)
+        yield from _device_estimates(
+            [
+                (name, d.device_estimate)
+                for name, d in devices
+                if d.device_estimate and d.device_estimate_ns >= oldest_ns
+            ]
+        )
+        errors: Rows = [(labels, n) for labels, n in self._errors.copy().items()]
+        yield _counter("fltea_errors", "Errors told, by kind.", ("device", "kind"), errors)
+        yield from _outputs([(device or "", outlet) for device, outlet in self._outlets()])
+
+
+def _counter(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
+    family = CounterMetricFamily(name, text, labels=labels)
+    for values, value in rows:
+        if value is not None:
+            family.add_metric(values, value)
+    return family
+
+
+def _gauge(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
+    family = GaugeMetricFamily(name, text, labels=labels)
+    for values, value in rows:
+        if value is not None:
+            family.add_metric(values, value)
+    return family
+
+
+def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
+    family = InfoMetricFamily("fltea_device", "What the device says of itself.", labels=("device",))
+    for name, hello in hellos:
+        facts = {
+            "source": hello.source,
+            "device_id": hello.device_id,
+            "sensor": hello.sensor,
+            "firmware_version": hello.firmware_version,
+            "sampling_mode": hello.sampling_mode,
+        }
+        family.add_metric((name,), {key: value for key, value in facts.items() if value is not None})
+    return family
+
+
+def _link(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
+    def counter(name: str, text: str, key: str) -> Metric:
+        rows: Rows = [((device,), getattr(s.link, key)) for device, s in stats]
+        return _counter(f"fltea_link_{name}", text, ("device",), rows)
+
+    yield counter("received_bytes", "Bytes received.", "bytes")
+    yield counter("frames", "Good frames.", "frames")
+    bad: Rows = [((device, why), n) for device, s in stats for why, n in s.link.bad_frames.items()]
+    yield _counter("fltea_link_bad_frames", "Damaged frames, by reason.", ("device", "reason"), bad)
+    yield counter("unknown_frames", "Intact frames of an unknown type.", "unknown_type")
+    yield counter("refused_frames", "Frames of a device of another protocol version.", "refused")
+    yield counter("overflow_bytes", "Bytes thrown away: the program was too slow.", "overflow_bytes")
+    yield counter("reconnects", "Times that the port was opened again.", "reconnects")
+
+
+def _samples(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
+    def counter(name: str, text: str, key: str) -> Metric:
+        rows: Rows = [((device,), getattr(s.samples, key)) for device, s in stats]
+        return _counter(f"fltea_{name}", text, ("device",), rows)
+
+    def gauge(name: str, text: str, value: Callable[[Stats], float | None]) -> Metric:
+        return _gauge(f"fltea_{name}", text, ("device",), [((device,), value(s)) for device, s in stats])
+
+    yield counter("samples_delivered", "Samples that went on to the estimator.", "delivered")
+    yield counter("samples_lost", "Samples missing in gaps.", "lost")
+    yield counter("gaps", "Gaps.", "gaps")
+    yield counter("samples_duplicate", "Samples that came twice and were dropped.", "duplicates")
+    yield counter("samples_before_hello", "Samples that nobody had introduced.", "before_hello")
+    yield _counter(
+        "fltea_epochs", "Epochs begun.", ("device",), [((device,), s.epoch) for device, s in stats]
+    )
+    yield gauge("sample_rate_hertz", "Sampling rate by the host's clock.", lambda s: s.rate_hz)
+    yield gauge(
+        "clock_drift_ratio",
+        "How much faster than the host's the device's clock runs.",
+        lambda s: None if s.clock_ppm is None else s.clock_ppm * 1e-6,
+    )
+    yield gauge(
+        "startup_remaining_samples",
+        "Samples until the start-up window is full.",
+        lambda s: s.startup_remaining,
+    )
+    yield gauge("stats_timestamp_seconds", "Unix time of the newest statistics.", lambda s: s.host_ns * 1e-9)
+
+
+def _axes_stats(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
+    axes: list[tuple[str, str, AxisStats | AccelStats]] = []
+    for device, s in stats:
+        axes += [(device, axis, gyro) for axis, gyro in s.axes.items()]
+        axes += [(device, axis, accel) for axis, accel in (s.accel_axes or {}).items()]
+    labels = ("device", "axis")
+    restarts: Rows = [((device, axis), one.restarts) for device, axis, one in axes]
+    yield _counter("fltea_axis_restarts", "Times that the axis began anew in this epoch.", labels, restarts)
+    interventions: Rows = [
+        ((device, axis, why), n) for device, axis, one in axes for why, n in one.interventions.items()
+    ]
+    text = "Samples since the axis's last start in which the guard stepped in, by cause."
+    yield _counter("fltea_axis_interventions", text, (*labels, "reason"), interventions)
+    lag1: Rows = [((device, axis), one.innovation_lag1) for device, axis, one in axes]
+    text = "Correlation of an innovation with the one before; near 0 if the model fits."
+    yield _gauge("fltea_axis_innovation_lag1", text, labels, lag1)
+    nis: Rows = [((device, axis), one.innovation_nis) for device, axis, one in axes]
+    text = "Mean square of the innovations over their predicted variance; near 1 if the model fits."
+    yield _gauge("fltea_axis_innovation_nis", text, labels, nis)
+
+
+def _board(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
+    boards: list[tuple[str, DeviceStatus]] = [(device, s.board) for device, s in stats if s.board]
+    for name, text in (
+        ("i2c_errors", "I2C transfers that failed, since the device's boot."),
+        ("bus_recoveries", "Times that a held bus was freed, since the device's boot."),
+        ("sensor_reinits", "Times that the sensor was set up again, since the device's boot."),
+        ("overruns", "Sampling instants without a sample, since the device's boot."),
+        ("dropped_frames", "Frames that the device could not send, since its boot."),
+    ):
+        rows: Rows = [((device,), getattr(board, name)) for device, board in boards]
+        yield _counter(f"fltea_board_{name}", text, ("device",), rows)
+
+    shares: Rows = [((device,), _scaled(board.cpu_share_percent, 1e-2)) for device, board in boards]
+    text = "Share of the last second that the device's main loop worked."
+    yield _gauge("fltea_board_cpu_ratio", text, ("device",), shares)
+    steps: Rows = [((device,), _scaled(board.longest_step_us, 1e-6)) for device, board in boards]
+    text = "Longest turn of the device's main loop within the last second."
+    yield _gauge("fltea_board_longest_step_seconds", text, ("device",), steps)
+
+
+def _device_estimator(stats: Sequence[tuple[str, DeviceEstimatorStats]]) -> Iterator[Metric]:
+    for name, key, text in (
+        ("begun", "begun", "Times that the device began to estimate, since its boot."),
+        ("skipped_samples", "skipped", "Samples that the device's estimator could not take, since its boot."),
+        ("estimates", "estimates", "Estimates of an axis that came from the device."),
+        ("estimates_lost", "lost", "Estimates of an axis that the device sent and that did not come."),
+        ("estimates_unplaced", "unplaced", "Estimates of an axis that came and fit no sample."),
+    ):
+        rows: Rows = [((device,), getattr(one, key)) for device, one in stats]
+        yield _counter(f"fltea_device_{name}", text, ("device",), rows)
+    queues: Rows = [((device,), one.queue) for device, one in stats]
+    yield _gauge(
+        "fltea_device_queue_samples", "Samples that wait for the device's estimator.", ("device",), queues
+    )
+    longest: Rows = [((device,), one.longest_axis_us * 1e-6) for device, one in stats]
+    text = "Longest step of one axis on the device, since its boot."
+    yield _gauge("fltea_device_longest_axis_seconds", text, ("device",), longest)
+
+
+def _device_estimates(estimates: Sequence[tuple[str, DeviceEstimates]]) -> Iterator[Metric]:
+    axes: list[tuple[tuple[str, str], DeviceAxisEstimate]] = [
+        ((device, axis), one) for device, e in estimates for axis, one in e.axes.items()
+    ]
+    labels = ("device", "axis")
+    valid: Rows = [(names, float(one.valid)) for names, one in axes]
+    yield _gauge(
+        "fltea_device_axis_valid", "1: the device's own estimate holds; 0: it does not.", labels, valid
+    )
+    for key, text in (
+        ("alpha", "Order of the noise, as the device itself estimates it."),
+        ("f", "Parameter f of the noise, as the device itself estimates it, in s^-alpha."),
+        ("alpha_difference", "Order: the device's estimate minus the host's after the same sample."),
+        ("f_difference", "Parameter f: the device's estimate minus the host's, in s^-alpha."),
+    ):
+        rows: Rows = [(names, getattr(one, key)) for names, one in axes]
+        yield _gauge(f"fltea_device_axis_{key}", text, labels, rows)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def _sample(samples: Sequence[tuple[str, Sample]]) -> Iterator[Metric]:
+    temperatures: Rows = [((device,), s.temperature_c) for device, s in samples]
+    yield _gauge("fltea_temperature_celsius", "Die temperature of the sensor.", ("device",), temperatures)
+    times: Rows = [((device,), s.host_ns * 1e-9) for device, s in samples]
+    yield _gauge("fltea_sample_timestamp_seconds", "Unix time of the newest sample.", ("device",), times)
+
+
+def _estimates(estimates: Sequence[tuple[str, Estimate]]) -> Iterator[Metric]:
+    axes: list[tuple[tuple[str, str], AxisEstimate | AccelEstimate]] = []
+    for device, e in estimates:
+        axes += [((device, axis), gyro) for axis, gyro in e.axes.items()]
+        axes += [((device, axis), accel) for axis, accel in (e.accel_axes or {}).items()]
+    labels = ("device", "axis")
+    valid: Rows = [(names, float(one.valid)) for names, one in axes]
+    yield _gauge("fltea_axis_valid", "1: the estimate holds; 0: it ran away, or was held.", labels, valid)
+    for key, text in (
+        ("alpha", "Order of the noise."),
+        ("alpha_std", "The order filter's own standard deviation."),
+        ("f", "Parameter f of the noise, in s^-alpha."),
+        ("f_std", "The parameter filter's own standard deviation, in s^-alpha."),
+        ("null_p", "How often white noise would look at least as unlike white as the samples."),
+    ):
+        rows: Rows = [(names, getattr(one, key)) for names, one in axes]
+        yield _gauge(f"fltea_axis_{key}", text, labels, rows)
+    white: Rows = [(names, one.order and float(one.order == "not white")) for names, one in axes]
+    text = "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, no order."
+    yield _gauge("fltea_axis_not_white", text, labels, white)
+
+
+def _outputs(outlets: Sequence[tuple[str, Outlet]]) -> Iterator[Metric]:
+    stats = [((outlet.sink.name, device), outlet.stats()) for device, outlet in outlets]
+    labels = ("output", "device")
+    yield _counter(
+        "fltea_output_written", "Records that an output took.", labels, [(o, s.written) for o, s in stats]
+    )
+    text = "Records that an output lost: too slow, or broken."
+    yield _counter("fltea_output_dropped", text, labels, [(o, s.dropped) for o, s in stats])
+    yield _gauge(
+        "fltea_output_queue_records",
+        "Records that wait for an output.",
+        labels,
+        [(o, s.queued) for o, s in stats],
+    )
+    latency = HistogramMetricFamily(
+        "fltea_output_latency_seconds", "From a sample's arrival to its way out.", labels=labels
+    )
+    for device, outlet in outlets:
+        total, buckets = 0, []
+        for bound, count in zip(_BOUNDS_S, list(outlet.latency.counts), strict=True):
+            total += count
+            buckets.append((bound, float(total)))
+        latency.add_metric((outlet.sink.name, device), buckets, outlet.latency.sum_ms * 1e-3)
+    yield latency

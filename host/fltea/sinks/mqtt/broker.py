@@ -1,0 +1,156 @@
+"""What it takes to reach an MQTT broker: address, secrets and certificates, and what each failure means.
+
+User and password come from the environment or from a file, and go nowhere but to the broker: no text here
+holds them.
+"""
+
+import os
+import socket
+import ssl
+import stat
+from pathlib import Path
+
+from paho.mqtt.reasoncodes import ReasonCode
+
+from fltea.records.errors import UsageError
+from fltea.settings.outputs import BrokerAddress, MqttConfig
+
+USER, PASSWORD = "FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"
+REFUSED_BY_NAME = (0x86, 0x87, 0x8C)
+"""Reason codes of MQTT 5: bad user name or password, not authorized, bad authentication method."""
+
+Failure = tuple[str, str]
+"""Kind and text of an `error` record."""
+
+
+class Broker:
+    """One broker as the settings describe it.
+
+    Raises:
+        UsageError: a file that is named in the settings cannot be used.
+    """
+
+    def __init__(self, settings: MqttConfig) -> None:
+        self.address: BrokerAddress = settings.address()
+        self.user, self.password = _credentials(settings.password_file)
+        self.tls = _tls(settings) if self.address.tls else None
+
+    @property
+    def shows_password(self) -> bool:
+        """The password crosses a network in clear."""
+        local = self.address.host in ("localhost", "::1") or self.address.host.startswith("127.")
+        return self.password is not None and self.tls is None and not local
+
+    def explain_failure(self, error: BaseException | None) -> Failure:
+        """Why the broker could not be reached."""
+        where = str(self.address)
+        if isinstance(error, ssl.SSLCertVerificationError):
+            return "broker_certificate", (
+                f"{where}: the broker's certificate is not accepted ({error.verify_message}). Is "
+                f"mqtt.ca the file of the authority that signed it, does it name {self.address.host}, and is "
+                "this machine's date right?"
+            )
+        if isinstance(error, ssl.SSLError):
+            return "broker_certificate", (
+                f"{where}: TLS could not be agreed on ({error.reason or error}). Does this port speak "
+                "TLS (usually 8883)? Does the broker want a certificate of ours (mqtt.cert, mqtt.key)?"
+            )
+        if isinstance(error, ConnectionRefusedError):
+            hint = "nobody listens there: is the broker running, and is the port right?"
+        elif isinstance(error, socket.gaierror):
+            hint = "the name is not known: is it spelt right, is there a network?"
+        elif isinstance(error, TimeoutError):
+            hint = "no answer: is the machine on, does a firewall stand between?"
+        elif isinstance(error, ConnectionResetError):
+            hint = self._hung_up()
+        else:
+            hint = f"{error}."
+        return "broker_lost", f"{where}: {hint} It is tried again."
+
+    def explain_refusal(self, reason: ReasonCode) -> Failure:
+        """Why the broker did not let us in."""
+        where, name = str(self.address), reason.getName()
+        if reason.value not in REFUSED_BY_NAME:
+            return (
+                "broker_refused",
+                f"{where}: the broker refuses the connection ({name}). It has to speak MQTT 5.",
+            )
+        if self.user is None and self.password is None:
+            return "broker_refused", (
+                f"{where}: the broker wants a user and a password ({name}): set {USER} and {PASSWORD}, or "
+                "mqtt.password_file."
+            )
+        return "broker_refused", (
+            f"{where}: the broker refuses user or password ({name}). They come from mqtt.password_file, "
+            f"or else from {USER} and {PASSWORD}; does the broker have both?"
+        )
+
+    def explain_end(self, reason: ReasonCode, answered: bool) -> Failure:
+        """Why a connection ended that was open. answered: the broker had let us in."""
+        where, name = str(self.address), reason.getName()
+        if answered:
+            return "broker_lost", f"{where}: the connection was lost ({name}). It is tried again."
+        return "broker_lost", f"{where}: {self._hung_up()} It is tried again."
+
+    def _hung_up(self) -> str:
+        if self.tls is None:
+            return "it hung up before it answered. Does the port want TLS (mqtts://)? Is it an MQTT broker?"
+        return (
+            "it hung up before it answered. Does the port speak TLS (usually 8883)? Does the broker want a "
+            "certificate of ours (mqtt.cert, mqtt.key)?"
+        )
+
+
+def _credentials(file: str | None) -> tuple[str | None, str | None]:
+    """User and password; a file in the settings goes before the environment."""
+    if file is None:
+        user, password = os.environ.get(USER) or None, os.environ.get(PASSWORD) or None
+        if password is not None and user is None:
+            raise UsageError(f"{PASSWORD} is set, but {USER} is not: set both.")
+        return user, password
+    try:
+        with Path(file).open(encoding="utf-8") as stream:
+            mode = os.fstat(stream.fileno()).st_mode
+            lines = stream.read().splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
+        raise UsageError(f"mqtt.password_file {file}: cannot be read ({reason}).") from error
+    if mode & stat.S_IRWXO:
+        raise UsageError(
+            f"mqtt.password_file {file}: everybody on this machine may read it. Do: chmod o= {file}"
+        )
+    user, colon, password = lines[0].partition(":") if len(lines) == 1 else ("", "", "")
+    if not (user and colon and password):
+        raise UsageError(f"mqtt.password_file {file}: must hold one line, USER:PASSWORD.")
+    return user, password
+
+
+def _tls(settings: MqttConfig) -> ssl.SSLContext:
+    context = ssl.create_default_context()
+    if settings.ca is not None:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # of all authorities, that one alone
+        try:
+            context.load_verify_locations(settings.ca)
+        except OSError as error:
+            raise UsageError(f"mqtt.ca {settings.ca}: {_file_problem(error)}") from error
+    if settings.insecure:
+        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    if settings.cert is not None:
+        try:
+            context.load_cert_chain(settings.cert, settings.key, password=_no_passphrase)
+        except OSError as error:
+            files = settings.cert if settings.key is None else f"{settings.cert}, mqtt.key {settings.key}"
+            raise UsageError(f"mqtt.cert {files}: {_file_problem(error)}") from error
+    return context
+
+
+def _no_passphrase() -> str:
+    """Without this OpenSSL would ask at the terminal, and wait."""
+    return ""
+
+
+def _file_problem(error: OSError) -> str:
+    if isinstance(error, ssl.SSLError):
+        detail = (error.reason or "no certificate in it").lower().replace("_", " ")
+        return f"is not a PEM file of the right kind, has a passphrase, or does not fit ({detail})."
+    return f"cannot be read ({error.strerror})."

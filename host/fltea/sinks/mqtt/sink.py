@@ -1,0 +1,368 @@
+"""Publishes the records of one device to an MQTT broker (host/README.md, MQTT)."""
+
+import re
+import secrets
+import time
+from collections import deque
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from fltea.records.clock import host_ns, unix_offset_ns
+from fltea.records.ports import Item, Report, Sink
+from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, Hello, Record, Sample, Stats
+from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt.broker import Broker
+from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up
+
+BACKLOG = 1000
+"""Rare records that are kept while the broker is away; the oldest go first."""
+
+IN_FLIGHT = 2000
+"""Messages that the broker has not yet acknowledged; beyond it new ones are lost: the network is too slow."""
+
+STALLED_NS = 2 * 10**9
+REPEAT_NS = 30 * 10**9
+"""The status is said again after this long: an earlier connection's will may come late and overwrite it."""
+
+BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
+SETTLED_NS = 10 * 10**9
+"""A connection that lived this long was a good one, so the backoff begins anew."""
+
+OPENING_NS = 45 * 10**9
+FAREWELL_S = 0.4
+
+
+class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What `<prefix>/<device_id>/status` says, retained.
+
+    since_ns: Unix time since which it is so; null where the broker says it for us. reason, when offline:
+    `ended`, `connection_lost` (the broker lost sight of the program), or `replaced` (by another board on the
+    same port).
+    """
+
+    status: Literal["online", "stalled", "offline"]
+    since_ns: int | None
+    source: str
+    device_id: str | None
+    device: str
+    reason: Literal["ended", "connection_lost", "replaced"] | None = None
+
+
+class _Message(NamedTuple):
+    """retain: it is a state, said anew with each connection. again: sent again if its connection is lost."""
+
+    topic: str
+    payload: bytes
+    retain: bool = False
+    again: bool = False
+    qos: int = 1
+
+
+class _Outage(NamedTuple):
+    since_ns: int
+    lost_before: int
+    told: set[str]
+
+
+class MqttSink(Sink):
+    """One connection a device, since a connection has one last will.
+
+    All here runs in the outlet's thread, which drives it by `write` and `flush`; the network has another.
+
+    Raises:
+        UsageError: settings or secrets that cannot be used.
+    """
+
+    name = "mqtt"
+
+    def __init__(self, settings: MqttConfig, device: str, report: Report) -> None:
+        self._settings = settings
+        self._device = device
+        self._report = report
+        self._broker = Broker(settings)
+        self._encode = msgspec.json.Encoder().encode
+        self._early: deque[AnyRecord] = deque()
+        self._hello: Hello | None = None
+        self._base = ""
+        self._status: Status | None = None
+        self._status_due_ns = 0
+        self._sample_ns: int | None = None
+        self._seen: dict[str, int] = {}
+        self._client_id = ""
+        self._connection: Connection | None = None
+        self._began_ns = 0
+        self._up = self._refusal_told = False
+        self._backlog: deque[_Message] = deque()
+        self._outage: _Outage | None = None
+        self._failures = 0
+        self._retry_ns = 0
+        self._forget_flight()
+        if self._broker.shows_password:
+            report(
+                "broker_plain",
+                f"{self._broker.address}: the password crosses the network in clear; use mqtts:// if the "
+                "broker can.",
+            )
+
+    def write(self, item: Item) -> None:
+        """Publish a record, or keep it until its device and the broker are there."""
+        self._on_events()
+        if not isinstance(item, Record):
+            return
+        if isinstance(item, Hello):
+            self._on_hello(item)
+        elif self._hello is None:
+            self._keep_early(item)
+        elif isinstance(item, Sample):
+            self._sample_ns = host_ns()
+            if self._status is not None and self._status.status != "online":
+                self._say("online")
+            every = self._settings.sample_every
+            if every and item.seq % every == 0:
+                self._stream("sample", item, self._settings.stream_qos)
+        elif isinstance(item, Estimate):
+            if self._is_due("estimate", item.seq):
+                self._stream("estimate", item, self._settings.stream_qos)
+        elif isinstance(item, DeviceEstimates):
+            if self._is_due("device_estimate", item.seq):
+                self._stream("device_estimate", item, self._settings.stream_qos)
+        elif isinstance(item, Stats):
+            self._stream("stats", item, 1)
+        else:
+            self._keep(_Message(self._topic(type(item).__name__.lower()), self._encode(item), again=True))
+            self._send_backlog()
+
+    def _is_due(self, kind: str, seq: int) -> bool:
+        """Whether it is the first in `estimate_every` samples; a device may not send one for each."""
+        before, self._seen[kind] = self._seen.get(kind, seq), seq
+        every = self._settings.estimate_every
+        return seq % every == 0 or seq // every > before // every
+
+    def flush(self) -> None:
+        """Look after the connection and the status."""
+        self._on_events()
+        if self._hello is None:
+            return
+        now_ns = host_ns()
+        if self._connection is None:
+            if now_ns >= self._retry_ns:
+                self._connect()
+        elif not self._up and now_ns - self._began_ns > OPENING_NS:
+            self._on_down(Down(*self._broker.explain_failure(TimeoutError())))
+        if self._sample_ns is not None and now_ns - self._sample_ns > STALLED_NS:
+            self._sample_ns = None
+            self._say("stalled")
+        elif self._up and now_ns >= self._status_due_ns:
+            self._publish_status()
+        self._send_backlog()
+
+    def close(self) -> None:
+        """Say that the device is offline, and farewell; what the broker has not had by then is lost."""
+        self._on_events()
+        if self._hello is not None:
+            self._say("offline", "ended")
+        self._leave()
+        self.lost += len(self._backlog) + len(self._early)
+
+    # --- the device ---
+
+    def _on_hello(self, hello: Hello) -> None:
+        if self._hello is None or _device_id(self._hello, self._device) != _device_id(hello, self._device):
+            self._begin(hello)
+        self._hello = hello
+        self._publish_state("hello", self._encode(hello))
+        while self._early:
+            self.write(self._early.popleft())
+
+    def _begin(self, hello: Hello) -> None:
+        """From now on for this device, with a will of its own."""
+        if self._hello is not None:
+            self._keep(
+                _Message(self._topic("status"), self._offline("replaced", host_ns()), True, again=True)
+            )
+            self._leave()
+        device_id = _device_id(hello, self._device)
+        self._hello = hello
+        self._base = f"{self._settings.prefix}/{device_id}"
+        self._client_id = f"fltea-{device_id}-{secrets.token_hex(4)}"
+        self._sample_ns = None
+        self._refusal_told = False
+        self._say("stalled")
+        self._connect()
+
+    def _keep_early(self, record: AnyRecord) -> None:
+        """Keep what is worth it until the first HELLO says whose it is."""
+        if isinstance(record, Sample | Estimate | DeviceEstimates | Stats):
+            return
+        self._early.append(record)
+        if len(self._early) > BACKLOG:
+            self._early.popleft()
+            self.lost += 1
+
+    # --- the status ---
+
+    def _say(
+        self, status: Literal["online", "stalled", "offline"], reason: Literal["ended"] | None = None
+    ) -> None:
+        assert self._hello is not None
+        now_ns = host_ns() + unix_offset_ns()
+        device_id = self._hello.device_id
+        self._status = Status(status, now_ns, self._hello.source, device_id, self._device, reason)
+        self._publish_status()
+
+    def _publish_status(self) -> None:
+        self._status_due_ns = host_ns() + REPEAT_NS
+        self._publish_state("status", self._encode(self._status))
+
+    def _offline(self, reason: Literal["connection_lost", "replaced"], since_ns: int | None) -> bytes:
+        assert self._hello is not None
+        if since_ns is not None:
+            since_ns += unix_offset_ns()
+        return self._encode(
+            Status("offline", since_ns, self._hello.source, self._hello.device_id, self._device, reason)
+        )
+
+    # --- messages ---
+
+    def _topic(self, kind: str) -> str:
+        return f"{self._base}/{kind}"
+
+    def _stream(self, kind: str, record: AnyRecord, qos: int) -> None:
+        """Publish one of many: lost if the broker is away, or does not keep up."""
+        message = _Message(self._topic(kind), self._encode(record), again=kind != "stats", qos=qos)
+        if self._up and not (self._in_flight() < IN_FLIGHT and self._publish(message)):
+            self.lost += 1
+        elif not self._up and self._outage is None and len(self._backlog) < BACKLOG:
+            self._backlog.append(message)  # the first connection is being made: a matter of milliseconds
+        elif not self._up:
+            self.lost += 1
+
+    def _publish_state(self, kind: str, payload: bytes) -> None:
+        if self._up:
+            self._publish(_Message(self._topic(kind), payload, retain=True))
+
+    def _keep(self, message: _Message) -> None:
+        self._backlog.append(message)
+        if len(self._backlog) > BACKLOG:
+            self._backlog.popleft()
+            self.lost += 1
+
+    def _send_backlog(self) -> None:
+        while self._up and self._backlog and self._in_flight() < IN_FLIGHT:
+            if not self._publish(self._backlog[0]):
+                return
+            self._backlog.popleft()
+
+    def _publish(self, message: _Message) -> bool:
+        assert self._connection is not None
+        mid = self._connection.publish(message.topic, message.payload, message.qos, message.retain)
+        if mid is None:
+            return False
+        if message.qos:
+            self._unacknowledged[mid] = (message, self._unsure)
+        else:
+            self._unsure += 1
+        return True
+
+    # --- what is under way: with QoS 0 nobody says what arrived, but a later acknowledgement proves it ---
+
+    def _forget_flight(self) -> None:
+        self._unacknowledged: dict[int, tuple[_Message, int]] = {}
+        self._unsure = self._sure = 0
+
+    def _in_flight(self) -> int:
+        return self._unsure - self._sure + len(self._unacknowledged)
+
+    def _take_back(self) -> None:
+        """The connection is gone: count what nobody acknowledged, keep what is sent again."""
+        self._connection, self._up = None, False
+        self.lost += self._unsure - self._sure
+        messages = [message for message, _ in self._unacknowledged.values()]
+        self._forget_flight()
+        waiting, self._backlog = self._backlog, deque()
+        for message in (*[m for m in messages if m.again], *waiting):
+            self._keep(message)
+        self.lost += sum(not (message.again or message.retain) for message in messages)
+
+    # --- the connection ---
+
+    def _connect(self) -> None:
+        self._began_ns = host_ns()
+        will = (self._topic("status"), self._offline("connection_lost", None))
+        self._connection = Connection(self._broker, self._client_id, will)
+
+    def _leave(self) -> None:
+        """Take leave of the broker, but not before it has acknowledged all: it may else publish the will."""
+        deadline_s = time.monotonic() + FAREWELL_S
+        self._send_backlog()
+        while self._up and self._unacknowledged and time.monotonic() < deadline_s:
+            time.sleep(0.002)
+            self._on_events()
+            self._send_backlog()
+        connection = self._connection
+        if connection is not None:
+            connection.close()
+            while self._up and time.monotonic() < deadline_s:
+                time.sleep(0.002)
+                self._up = not any(isinstance(event, Down) for event in connection.events)
+            self._take_back()
+
+    def _on_events(self) -> None:
+        while self._connection is not None and self._connection.events:
+            event = self._connection.events.popleft()
+            if isinstance(event, Acknowledged):
+                self._on_acknowledged(event)
+            elif isinstance(event, Up):
+                self._on_up()
+            else:
+                self._on_down(event)
+
+    def _on_acknowledged(self, event: Acknowledged) -> None:
+        entry = self._unacknowledged.pop(event.mid, None)
+        if entry is None:  # QoS 0, which is acknowledged by the socket alone
+            return
+        message, before = entry
+        self._sure = max(self._sure, before)
+        if event.refusal is None:
+            return
+        self.lost += not message.retain
+        if not self._refusal_told:
+            self._refusal_told = True
+            text = (
+                f"{self._broker.address}: the broker does not take {message.topic} ({event.refusal}): its "
+                f"access list has to let this user write to {self._base}/#."
+            )
+            self._report("broker_refused", text)
+
+    def _on_up(self) -> None:
+        self._up = True
+        self._began_ns = host_ns()
+        outage, self._outage = self._outage, None
+        self._send_backlog()  # may hold an older status, so before the newest
+        self._publish_state("hello", self._encode(self._hello))
+        self._publish_status()
+        if outage is not None:
+            away_s, lost = (host_ns() - outage.since_ns) * 1e-9, self.lost - outage.lost_before
+            count = f"{lost} records were lost" if lost else "nothing was lost"
+            self._report("broker_back", f"{self._broker.address} is back after {away_s:.1f} s; {count}.")
+
+    def _on_down(self, event: Down) -> None:
+        now_ns = host_ns()
+        if self._up and now_ns - self._began_ns > SETTLED_NS:
+            self._failures = 0
+        if self._outage is None:
+            self._outage = _Outage(now_ns, self.lost, set())
+        if self._connection is not None:
+            self._connection.close()
+        self._take_back()
+        self._retry_ns = now_ns + int(BACKOFF_S[min(self._failures, len(BACKOFF_S) - 1)] * 1e9)
+        self._failures += 1
+        if event.kind not in self._outage.told:
+            self._outage.told.add(event.kind)
+            self._report(event.kind, event.message)
+
+
+def _device_id(hello: Hello, device: str) -> str:
+    """The board's own identifier, else the device's name, as one level of a topic."""
+    return re.sub(r"[+#/\x00-\x1f\x7f]", "_", hello.device_id or device) or "_"

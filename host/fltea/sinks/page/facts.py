@@ -1,0 +1,216 @@
+"""What the page says in words and numbers, as plain data that goes to the browser as JSON (pure)."""
+
+import math
+from typing import Any
+
+from fltea.records.records import AXES, AccelEstimate, AxisStats, Epoch, EstimatorInfo, Hello, Stats
+from fltea.sinks.page import facts_of_device
+from fltea.sinks.page.history import EPOCH_WORDS, DeviceHistory, axis_stats
+from fltea.sinks.page.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
+from fltea.sinks.page.words import Level, counted, guard_words, quantity, span, with_std
+
+STALL_NS = 1_500_000_000
+SHOWN_EVENTS = 12
+
+
+def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
+    """Name of a device and how it is doing."""
+    with history.lock:
+        level, text = status(history, now_ns)
+    return {"name": history.name, "level": level, "text": text}
+
+
+def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
+    """How the device is doing, in one line. now_ns: monotonic."""
+    hello, epoch, heard_ns = history.hello, history.epoch, history.heard_ns
+    error = history.error
+    if heard_ns is None or hello is None or epoch is None:
+        if error is not None:
+            return "bad", f"waiting for the device: {error.message}"
+        return (
+            "wait",
+            "waiting for the device" if hello is None else "connected, waiting for the first sample",
+        )
+    silent_ns = now_ns - heard_ns
+    if silent_ns > STALL_NS:
+        if error is not None and history.error_heard_ns > heard_ns:
+            return "bad", f"stalled for {duration(silent_ns)}: {error.message}"
+        if hello.sampling_mode == "recording" or hello.source.startswith("synthetic:"):
+            return "wait", f"at its end: no sample for {duration(silent_ns)}"
+        return "bad", f"stalled for {duration(silent_ns)}: no sample arrives"
+    begun = f"epoch {epoch.epoch}: {EPOCH_WORDS[epoch.reason]}"
+    reconnects = history.stats.link.reconnects if history.stats else 0
+    if epoch.epoch > 1:
+        begun = ("reconnected, " if reconnects else "") + begun
+    to_go = _startup_to_go(history, epoch)
+    if to_go > 0:
+        return "wait", f"start-up: {to_go} samples to go; keep the sensor at rest ({begun})"
+    if facts_of_device.silent(history):
+        return "wait", f"no estimate of the device yet ({begun})"
+    lost = [name for name, axis in history.newest.items() if not axis.valid]
+    if lost:
+        return "bad", f"{', '.join(lost)} not valid ({begun})"
+    age_ns = history.sample.host_ns - epoch.host_ns if history.sample else 0
+    return "good", f"running for {duration(age_ns)} ({begun})"
+
+
+def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
+    """Samples until the last of the start-up windows is full, the device's own among them."""
+    if epoch.reason == "resumed":
+        return 0
+    of_host = max((info.startup_samples for info in infos(epoch) if info.engine != "device"), default=0)
+    return max(of_host - history.samples_of_epoch, facts_of_device.startup_to_go(history))
+
+
+def axes(history: DeviceHistory, window: int) -> list[dict[str, Any]]:
+    """Numbers of every axis, with what white noise would give beside them. window: the one that is shown."""
+    stats = axis_stats(history.stats) if history.stats else {}
+    beside = facts_of_device.beside(history, window)
+    return [
+        _axis(history, name, history.newest.get(name), stats.get(name)) | {"beside": beside.get(name)}
+        for name in history.axes
+    ]
+
+
+def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[str, Any]:
+    unit = unit_of(name)
+    valid = estimate is not None and estimate.valid
+    alpha, f = (estimate.alpha, estimate.f) if valid else (None, None)
+    follower = history.followers.get(name)
+    white = follower.quantiles if follower else None
+    resumed = history.epoch is not None and history.epoch.reason == "resumed"
+    late = history.heard_late and history.estimator(name) == "device"
+    verdict = judge(alpha, f, white, older=RESUMED if resumed else HEARD_LATE if late else "")
+    known = white is not None and math.isfinite(white.alpha[0])
+    state = None
+    if valid:
+        state = estimate.state_ms2 if isinstance(estimate, AccelEstimate) else estimate.state_dps
+    of_gyro = isinstance(stats, AxisStats)
+    bias = None if stats is None else stats.bias_dps if of_gyro else stats.bias_ms2
+    R = None if stats is None else stats.R_dps2 if of_gyro else stats.R_m2s4
+    power = follower.power if follower else None
+    rows = [
+        ["state x̂", quantity(state, unit, 4)],
+        ["offset removed", quantity(bias, unit, 4)],
+        ["R", quantity(R, f"({unit})²", 3, significant=True)],
+        ["power at start-up", quantity(power, f"({unit})²", 3, significant=True)],
+        ["innovations, lag 1", quantity(stats.innovation_lag1 if stats else None, "", 3)],
+        ["innovations, NIS", quantity(stats.innovation_nis if stats else None, "", 3)],
+        ["began anew", str(stats.restarts) if stats else "–"],
+    ]
+    return {
+        "name": name,
+        "estimator": history.estimator(name),
+        "alpha": alpha,
+        "f": f,
+        "alpha_text": with_std(alpha, estimate.alpha_std if valid else None),
+        "f_text": with_std(f, estimate.f_std if valid else None),
+        "alpha_white": span(white.alpha) if known and white else "–",
+        "f_white": span(white.f) if known and white else "–",
+        "order": (estimate.order if estimate else None) or "unknown",
+        "whiteness": judge_whiteness(estimate.order, estimate.null_p) if estimate else "",
+        "side": verdict.side,
+        "verdict": verdict.text,
+        "verdict_short": verdict.short,
+        "rows": rows,
+        "guard": guard_words(stats.interventions if stats else {}),
+    }
+
+
+def infos(epoch: Epoch) -> list[EstimatorInfo]:
+    """What the axes of an epoch are estimated with: those of the gyroscope, those of the accelerometer."""
+    return [info for info in (epoch.estimator, epoch.accel_estimator) if info is not None]
+
+
+def unit_of(axis: str) -> str:
+    """Unit of an axis's samples."""
+    return "deg/s" if axis in AXES else "m/s²"
+
+
+def link(stats: Stats | None) -> list[list[str]]:
+    """Health of the way from the device to here: label, value, level."""
+    if stats is None:
+        return []
+    samples, wire, board = stats.samples, stats.link, stats.board
+    bad = {reason: n for reason, n in wire.bad_frames.items() if reason != "partial"}
+    rows = [
+        ["rate", quantity(stats.rate_hz, "Hz", 3), "plain"],
+        ["device clock", "–" if stats.clock_ppm is None else f"{stats.clock_ppm:+.1f} ppm", "plain"],
+        ["samples", f"{samples.delivered:,}", "plain"],
+        counted("lost samples", samples.lost),
+        counted("gaps", samples.gaps),
+        counted("duplicates", samples.duplicates),
+        counted("reconnects", wire.reconnects),
+        counted("CRC errors", bad.pop("crc", 0)),
+        counted("other bad frames", sum(bad.values()), ", ".join(f"{r} {n}" for r, n in bad.items())),
+        counted("frames not understood", wire.unknown_type + wire.refused),
+        counted("bytes too many", wire.overflow_bytes),
+    ]
+    if board is not None:
+        rows += [
+            counted("I²C errors", board.i2c_errors),
+            counted("I²C bus freed", board.bus_recoveries),
+            counted("sensor set up again", board.sensor_reinits),
+            counted("overruns", board.overruns),
+            counted("frames dropped by the device", board.dropped_frames),
+            ["last reset by", board.reset_cause.replace("_", " "), "plain"],
+        ]
+    for name, output in stats.outputs.items():
+        waiting = f"{output.queued:,} waiting" if output.queued > 100 else ""
+        rows.append(counted(f"dropped by output {name}", output.dropped, waiting))
+    return rows
+
+
+def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:
+    """What HELLO says of the device: label, value."""
+    if hello is None:
+        return []
+    chip = f"(WHO_AM_I 0x{hello.who_am_i:02x})" if hello.who_am_i is not None else None
+    rows: list[tuple[str, str | None]] = [
+        ("source", hello.source),
+        ("sensor", " ".join(part for part in (hello.sensor, chip) if part)),
+        ("firmware", hello.firmware_version),
+        ("protocol", hello.protocol),
+        ("device id", hello.device_id),
+        ("boot id", None if hello.boot_id is None else str(hello.boot_id)),
+        ("nominal rate", f"{hello.rate_hz:g} Hz ({hello.sampling_mode.replace('_', ' ')})"),
+        ("gyroscope range", _number(hello.gyro_range_dps, "±{:g} deg/s")),
+        ("sensitivity", _number(hello.gyro_lsb_per_dps, "{:g} LSB per deg/s")),
+        ("low-pass filter", _number(hello.gyro_dlpf_hz, "{:g} Hz")),
+        ("accelerometer range", _number(hello.accel_range_g, "±{:g} g")),
+        ("temperature", _number(temperature_c, "{:.2f} °C")),
+    ]
+    return [[label, value] for label, value in rows if value]
+
+
+def events(history: DeviceHistory) -> list[dict[str, Any]]:
+    """The last happenings, newest first."""
+    newest = list(history.happenings)[-SHOWN_EVENTS:][::-1]
+    return [{"time_ms": h.host_ns // 1_000_000, "kind": h.kind, "text": h.text} for h in newest]
+
+
+def settings(history: DeviceHistory) -> str:
+    """What the epoch is estimated with, in a line."""
+    if history.epoch is None:
+        return ""
+    found = infos(history.epoch)
+    if not found:
+        return ""
+    e = found[0]
+    window = f"{e.window:,}" if e.window else "unlimited"
+    whose = facts_of_device.whose(history, e.engine)
+    return f"variant {e.variant}, guard {e.guard}, engine {e.engine}{whose}, L = {window}"
+
+
+def duration(ns: int) -> str:
+    """A length of time as a person says it."""
+    s = max(ns, 0) // 1_000_000_000
+    if s < 120:
+        return f"{s} s"
+    if s < 7200:
+        return f"{s // 60} min"
+    return f"{s // 3600} h" if s < 48 * 3600 else f"{s // 86400} days"
+
+
+def _number(value: float | None, form: str) -> str | None:
+    return None if value is None else form.format(value)

@@ -1,0 +1,123 @@
+"""What the page says of a device that estimates by itself, as plain data (pure)."""
+
+import math
+from typing import Any
+
+from fltea.records.records import AXES, DeviceAxisEstimate
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.words import apart, counted, figure, guard_words, quantity
+
+
+def silent(history: DeviceHistory) -> bool:
+    """Whether the device alone estimates the gyroscope, and has not said anything in this epoch."""
+    expected = [axis for axis in history.axes or AXES if history.estimator(axis) == "device"]
+    return bool(expected) and not any(axis in history.newest for axis in expected)
+
+
+def startup_to_go(history: DeviceHistory) -> int:
+    """Samples until the start-up window of a device that estimates alone is full, as last heard."""
+    own = history.stats.device_estimator if history.stats else None
+    return own.startup_remaining if own is not None and silent(history) else 0
+
+
+def whose(history: DeviceHistory, engine: str) -> str:
+    """What is said of an engine wherever it is named."""
+    if engine == "device":
+        return f" (the device's own estimates as published{_rate(history)})"
+    return f" (the host's estimates, and the device's own{_rate(history)})" if engine == "both" else ""
+
+
+def own(history: DeviceHistory) -> list[list[str]]:
+    """How the device's estimator gets on: label, value, level. Nothing if it has said nothing."""
+    stats = history.stats
+    if stats is None or stats.device_estimator is None:
+        return []
+    s, board = stats.device_estimator, stats.board
+    share = board.cpu_share_percent if board else None
+    step_us = board.longest_step_us if board else None
+    samples = "every sample" if s.every == 1 else f"every {s.every:,} samples"
+    remaining = f"{s.startup_remaining:,} samples" if s.startup_remaining else "none"
+    return [
+        ["CPU share", quantity(share, "%", 1), "plain"],
+        ["longest turn of its loop", _milliseconds(step_us), "plain"],
+        ["longest step of an axis", _milliseconds(s.longest_axis_us), "plain"],
+        ["estimates", samples + _rate(history), "plain"],
+        ["start-up remaining", remaining, "wait" if s.startup_remaining else "plain"],
+        ["samples that wait", f"{s.queue:,}", "plain"],
+        counted("skipped samples", s.skipped, "it had fallen behind" if s.skipped else ""),
+        counted("lost estimates", s.lost),
+        ["estimates of no sample", f"{s.unplaced:,}", "plain"],
+        ["began", f"{s.begun:,} times since its boot" if s.begun != 1 else "once since its boot", "plain"],
+    ]
+
+
+def beside(history: DeviceHistory, window: int) -> dict[str, dict[str, Any]]:
+    """Of every axis that both estimate, the device's figures and how far they are from the host's."""
+    names = [axis for axis in history.axes if history.estimator(axis) == "both"]
+    farthest = history.farthest(window) if names else {}
+    return {axis: _beside(history, axis, farthest[axis]) for axis in names}
+
+
+def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) -> dict[str, Any]:
+    seq, e = history.newest_beside.get(axis, (0, None))
+    why = _why_not(history, axis, seq, e)
+    stats = history.stats.device_estimator if history.stats else None
+    known = None if why or e is None else e
+    return {
+        "apart": known.alpha_difference if known else None,
+        "alpha_text": "–" if e is None or e.alpha is None else figure(e.alpha, 3),
+        "f_text": "–" if e is None or e.f is None else figure(e.f, 3),
+        "alpha_apart": _apart(known.alpha_difference if known else None, farthest[0]),
+        "f_apart": _apart(known.f_difference if known else None, farthest[1]),
+        "why_not": why,
+        "drawn": math.isfinite(farthest[0]),
+        "rows": [
+            ["state x̂, device − host", _difference(known.state_difference_dps if known else None, "deg/s")],
+            ["began anew, device", str(stats.restarts.get(axis, 0)) if stats else "–"],
+        ],
+        "guard": guard_words(stats.interventions.get(axis, {}) if stats else {}),
+    }
+
+
+def _why_not(history: DeviceHistory, axis: str, seq: int, e: DeviceAxisEstimate | None) -> str:
+    """Why the device's estimate says nothing beside the host's; empty if it can be compared."""
+    if e is None:
+        return "no estimate of the device yet"
+    if e.alpha_difference is not None:
+        return ""
+    host, stats = history.newest.get(axis), history.stats
+    skipped = stats is not None and stats.device_estimator is not None and stats.device_estimator.skipped
+    if not e.valid:
+        why = "the device's estimate is not valid"
+    elif host is not None and not host.valid:
+        why = "the host's estimate is not valid"
+    elif history.host_age(seq) != e.age:
+        why = "the device began at another sample"
+    else:
+        why = "the device skipped samples" if skipped else "the host has other settings than the device"
+    return f"not comparable: {why}"
+
+
+def _apart(newest: float | None, farthest: float) -> str:
+    """Newest and largest difference of what is shown; the newest may be in no bucket yet."""
+    if newest is None:
+        return ""
+    largest = max(abs(newest), farthest)  # farthest may be NaN, which is never larger
+    return f"{apart(newest)} now, at most {apart(largest).lstrip('+')}"
+
+
+def _difference(value: float | None, unit: str) -> str:
+    return "–" if value is None else f"{apart(value)} {unit}"
+
+
+def _milliseconds(us: int | None) -> str:
+    return "–" if us is None else f"{us / 1000:.2f} ms"
+
+
+def _rate(history: DeviceHistory) -> str:
+    """How many estimates a second the device sends, as far as it is known."""
+    stats, hello = history.stats, history.hello
+    own = stats.device_estimator if stats else None
+    return (
+        "" if own is None or hello is None or not own.every else f", {hello.rate_hz / own.every:g} a second"
+    )

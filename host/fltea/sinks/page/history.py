@@ -1,0 +1,368 @@
+"""What the page knows of one device: its past in rows, its last records, and what happened to it."""
+
+import threading
+from collections import deque
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from fltea.records import clock
+from fltea.records.records import (
+    ACCEL_AXES,
+    AXES,
+    AccelEstimate,
+    AccelStats,
+    AnyRecord,
+    AxisEstimate,
+    AxisStats,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    Epoch,
+    Error,
+    Estimate,
+    Gap,
+    Hello,
+    Sample,
+    Stats,
+)
+from fltea.settings.config import EstimatorConfig
+from fltea.sinks.page import tables
+from fltea.sinks.page.tables import Table
+from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers
+from fltea.sinks.page.white_follower import STEP, Sensor, WhiteFollower
+from fltea.wire.units import accel_resolution_ms2, resolution_dps
+
+SILENCE_MS = 1000.0
+EVENTS = 60
+
+Estimator = Literal["host", "device", "both"]
+
+
+class Happening(NamedTuple):
+    """An entry of the event list. host_ns: as in the records."""
+
+    host_ns: int
+    kind: Literal["epoch", "gap", "error", "missed"]
+    text: str
+
+
+class DeviceHistory:
+    """Takes the records of one device in one thread, and is read in others, under `lock`.
+
+    gyro, accel: settings of the axes of each sensor; None leaves an accelerometer without a white band.
+    newest: of every axis, the last estimate of the epoch; newest_beside: the device's, with its sample.
+    heard_late: the device estimated already when the epoch began.
+    """
+
+    def __init__(self, name: str, gyro: EstimatorConfig, accel: EstimatorConfig | None = None) -> None:
+        self.name = name
+        self.lock = threading.Lock()
+        self.hello: Hello | None = None
+        self.epoch: Epoch | None = None
+        self.stats: Stats | None = None
+        self.sample: Sample | None = None
+        self.estimate: Estimate | None = None
+        self.newest: dict[str, AxisEstimate | AccelEstimate] = {}
+        self.newest_beside: dict[str, tuple[int, DeviceAxisEstimate]] = {}
+        self.heard_late = False
+        self.error: Error | None = None
+        self.error_heard_ns = 0
+        self.heard_ns: int | None = None
+        """monotonic time of the last sample"""
+        self.samples_of_epoch = 0
+        self.axes: tuple[str, ...] = ()
+        self.followers: dict[str, WhiteFollower | None] = {}
+        self.happenings: deque[Happening] = deque(maxlen=EVENTS)
+        self._gyro, self._accel = gyro, accel
+        engine = gyro.engine
+        self._estimator: Estimator = engine if engine == "device" or engine == "both" else "host"
+        self._gaps = (0, 0)
+        self._estimates = 0
+        self._first_seq: int | None = None
+        self._followed: dict[str, int] = {}
+        self._every = 1
+        self._written_seq: int | None = None
+        self._last_ms = -np.inf
+        self._make_tables()
+
+    def write(self, record: AnyRecord) -> None:
+        """Take a record."""
+        with self.lock:
+            match record:
+                case Sample():
+                    self._on_sample(record)
+                case Estimate():
+                    self._on_estimate(record)
+                case DeviceEstimates():
+                    self._on_device_estimates(record)
+                case Stats():
+                    self._on_stats(record)
+                case Hello():
+                    self._on_hello(record)
+                case Epoch():
+                    self._on_epoch(record)
+                case Gap():
+                    self._on_gap(record)
+                case Error():
+                    self.error, self.error_heard_ns = record, clock.host_ns()
+                    self._happen(record.host_ns, "error", f"{record.kind}: {record.message}")
+
+    def missed(self, count: int) -> None:
+        """Take note that `count` records did not reach the page."""
+        with self.lock:
+            host_ns = self.sample.host_ns if self.sample else 0
+            self._happen(host_ns, "missed", f"the page missed {count} records: it was too slow")
+
+    def estimator(self, axis: str) -> Estimator:
+        """Who estimates an axis."""
+        return self._estimator if axis in AXES else "host"
+
+    def host_age(self, seq: int) -> int | None:
+        """Steps of the host's estimates until a sample, the first one is 1; None without estimates."""
+        return None if self._first_seq is None else seq - self._first_seq + 1
+
+    def farthest(self, window: int) -> dict[str, tuple[float, float]]:
+        """How far device and host are apart at most in a window, in α and in f; NaN: unknown."""
+        values = self.read("beside", window, Cursor()).values
+        end_ms = self.sample.host_ns * 1e-6 if self.sample else 0.0
+        shown = values[values[:, 0] >= end_ms - WINDOWS[window].length_s * 1e3]
+        found = {}
+        for axis in self.axes:
+            places = self.columns("beside", axis)
+            low, high, f = (shown[:, places[name]] for name in ("apart_low", "apart_high", "f_apart"))
+            alpha = np.fmax.reduce(np.fmax(-low, high), initial=np.nan)
+            found[axis] = float(alpha), float(np.fmax.reduce(f, initial=np.nan))
+        return found
+
+    def read(self, table: Table, window: int, cursor: Cursor) -> Rows:
+        """Rows that are new to a reader; columns as in `columns`. Call it under `lock`."""
+        return self._tables[table].read(window, cursor)
+
+    def columns(self, table: Table, axis: str) -> dict[str, int]:
+        """Where the columns that concern an axis stand in the table's rows."""
+        return tables.places(table, self.axes, axis)
+
+    def offset(self, axis: str) -> float:
+        """What is taken off the samples of an axis: its bias, or in the start-up window the mean so far."""
+        stats = self.stats
+        if stats is not None and self.epoch is not None and stats.epoch == self.epoch.epoch:
+            found = axis_stats(stats).get(axis)
+            bias = found.bias_dps if isinstance(found, AxisStats) else found.bias_ms2 if found else None
+            if bias is not None:
+                return bias
+        follower = self.followers.get(axis)
+        return follower.mean if follower else 0.0
+
+    def _on_hello(self, record: Hello) -> None:
+        changed = self.hello is None or self.hello.rate_hz != record.rate_hz
+        self.hello = record
+        if changed:
+            self._make_tables()
+
+    def _on_epoch(self, record: Epoch) -> None:
+        self._commit(None)
+        self.epoch, self.estimate = record, None
+        self.newest, self.newest_beside, self._followed = {}, {}, {}
+        self.heard_late, self._first_seq = False, None
+        self.samples_of_epoch = self._estimates = 0
+        self._follow()
+        now_ms = record.host_ns * 1e-6
+        if now_ms < self._last_ms:  # the date was set back
+            self._clear()
+        else:
+            self._cut(now_ms)
+            self._last_ms = now_ms
+        self._happen(record.host_ns, "epoch", f"epoch {record.epoch} begins: {EPOCH_WORDS[record.reason]}")
+
+    def _on_sample(self, record: Sample) -> None:
+        self._commit(None)
+        self.sample, self.heard_ns = record, clock.host_ns()
+        self.samples_of_epoch += 1
+        for axis, follower in self.followers.items():
+            if follower is not None:
+                follower.on_sample(_value(record, axis))
+
+    def _on_estimate(self, record: Estimate) -> None:
+        found = axis_estimates(record)
+        self.estimate = record
+        self.newest.update(found)
+        if self._first_seq is None and record.axes:
+            self._first_seq = record.seq
+        of_device = bool(record.axes) and self._estimator == "device"
+        steps = self._steps_of_device(record) if of_device else dict.fromkeys(found, 1)
+        if of_device:
+            self._keep_own(record)
+        else:
+            self._commit(record)
+        before = self._estimates // STEP
+        self._estimates += max(steps.values(), default=0)
+        for axis, e in found.items():
+            follower = self.followers.get(axis)
+            if follower is not None:
+                follower.on_estimate(e.valid, steps[axis])
+        if self._estimates // STEP != before and self.axes:
+            row = [record.host_ns * 1e-6]
+            for axis in self.axes:
+                follower = self.followers[axis]
+                row += [np.nan] * 6 if follower is None else [*np.concatenate(follower.quantiles)]
+            self._tables["white"].append(np.array(row))
+
+    def _steps_of_device(self, record: Estimate) -> dict[str, int]:
+        """Samples since the device's estimate before of each axis, those of the start-up window left out."""
+        epoch = self.epoch
+        startup = epoch.estimator.startup_samples if epoch and epoch.estimator else 0
+        self.heard_late |= epoch is not None and record.seq - epoch.seq < startup
+        steps = {}
+        for axis in record.axes:
+            before = max(self._followed.get(axis, 0), startup)
+            self._followed[axis] = self.samples_of_epoch
+            steps[axis] = max(0, self.samples_of_epoch - before)
+        return steps
+
+    def _keep_own(self, record: Estimate) -> None:
+        if not self.axes:
+            return
+        row: list[float | None] = [record.host_ns * 1e-6, record.seq]
+        for axis in self.axes:
+            row += tables.estimate(record.axes.get(axis))
+        self._tables["own"].append(np.array(row, dtype=np.float64))
+
+    def _on_device_estimates(self, record: DeviceEstimates) -> None:
+        self.newest_beside |= {axis: (record.seq, e) for axis, e in record.axes.items()}
+        if not self.axes:
+            return
+        row: list[float | None] = [record.host_ns * 1e-6]
+        for axis in self.axes:
+            row += tables.beside(record.axes.get(axis))
+        self._tables["beside"].append(np.array(row, dtype=np.float64))
+
+    def _on_stats(self, record: Stats) -> None:
+        self.stats = record
+        every = record.device_estimator.every if record.device_estimator else self._every
+        if every and every != self._every:
+            self._every = every
+            self._make_table_of_device()
+        both = axis_stats(record)
+        if both and tuple(both) != self.axes:
+            self.axes = tuple(both)
+            self._make_tables()
+            self._follow()
+            self._written_seq = self.sample.seq if self.sample else None  # its offset is not known
+        if self.axes and self.sample is not None:
+            row: list[float | None] = [self.sample.host_ns * 1e-6]
+            for axis in self.axes:
+                found = both.get(axis)
+                row += [found.innovation_lag1, found.innovation_nis] if found else [None, None]
+            self._tables["checks"].append(np.array(row, dtype=np.float64))
+
+    def _on_gap(self, record: Gap) -> None:
+        newest = self.happenings[-1] if self.happenings else None
+        gaps, missing = self._gaps if newest is not None and newest.kind == "gap" else (0, 0)
+        if gaps:
+            self.happenings.pop()
+        self._gaps = gaps + 1, missing + record.missing
+        what = "a gap" if not gaps else f"{gaps + 1} gaps"
+        self._happen(record.host_ns, "gap", f"{what}: {self._gaps[1]} samples lost")
+
+    def _commit(self, estimate: Estimate | None) -> None:
+        """Write the row of the last sample, with its estimate once there is one."""
+        sample = self.sample
+        if sample is None or sample.seq == self._written_seq or not self.axes:
+            return
+        self._written_seq = sample.seq
+        both = axis_estimates(estimate) if estimate is not None and estimate.seq == sample.seq else {}
+        time_ms = sample.host_ns * 1e-6
+        if time_ms - self._last_ms > SILENCE_MS:
+            self._cut(self._last_ms if np.isfinite(self._last_ms) else time_ms)
+        self._last_ms = time_ms
+        row: list[float | None] = [time_ms, sample.seq, sample.temperature_c]
+        for axis in self.axes:
+            y = _value(sample, axis) - self.offset(axis)
+            row += [y, y, y]
+            row += tables.estimate(both.get(axis))
+        self._tables["rows"].append(np.array(row, dtype=np.float64))
+
+    def _cut(self, time_ms: float) -> None:
+        for table in self._tables.values():
+            table.cut(time_ms)
+
+    def _clear(self) -> None:
+        for table in self._tables.values():
+            table.clear()
+        self._last_ms = -np.inf
+
+    def _make_tables(self) -> None:
+        rate_hz = self.hello.rate_hz if self.hello else 100.0
+        axes = len(self.axes)
+        self._tables: dict[Table, Tiers] = {
+            "rows": tables.make("rows", axes, rate_hz),
+            "white": tables.make("white", axes, rate_hz / STEP),
+            "checks": tables.make("checks", axes, 1.0),
+        }
+        self._make_table_of_device()
+
+    def _make_table_of_device(self) -> None:
+        rate_hz = (self.hello.rate_hz if self.hello else 100.0) / self._every
+        if self._estimator == "device":
+            self._tables["own"] = tables.make("own", len(self.axes), rate_hz)
+        if self._estimator == "both":
+            self._tables["beside"] = tables.make("beside", len(self.axes), rate_hz)
+
+    def _follow(self) -> None:
+        """Begin to watch the axes of an epoch."""
+        self.followers = {}
+        hello = self.hello
+        for number, axis in enumerate(self.axes):
+            of_gyro = axis in AXES
+            config = self._config_of_gyro() if of_gyro else self._accel
+            if hello is None or config is None:
+                self.followers[axis] = None
+                continue
+            resolution = resolution_dps(hello) if of_gyro else accel_resolution_ms2(hello)
+            R = config.R if isinstance(config.R, int | float) else None
+            if isinstance(config.R, list):
+                R = config.R[[a for a in self.axes if (a in AXES) == of_gyro].index(axis)]
+            self.followers[axis] = WhiteFollower(Sensor(config, 1 / hello.rate_hz, resolution), R, number)
+
+    def _config_of_gyro(self) -> EstimatorConfig:
+        """Settings of the gyroscope's axes: a device's own, as far as it says them, where it has its own."""
+        info = self.epoch.estimator if self.epoch else None
+        if info is None or self._estimator == "host":
+            return self._gyro
+        return EstimatorConfig(
+            engine=self._gyro.engine,
+            variant=info.variant,  # type: ignore[arg-type]
+            guard=info.guard,  # type: ignore[arg-type]
+            window=info.window,
+            startup=info.startup_samples,
+        )
+
+    def _happen(self, host_ns: int, kind: Literal["epoch", "gap", "error", "missed"], text: str) -> None:
+        self.happenings.append(Happening(host_ns, kind, text))
+
+
+EPOCH_WORDS = {
+    "start": "the first since the program started",
+    "restart": "the device restarted",
+    "sensor_restart": "the device set up its sensor again",
+    "discontinuity": "sequence and time disagreed",
+    "gap": "a gap too long to bridge",
+    "silence": "half an hour of silence",
+    "resumed": "resumed from a snapshot",
+}
+
+
+def axis_stats(record: Stats) -> dict[str, AxisStats | AccelStats]:
+    """Statistics of the axes of both sensors."""
+    return {**record.axes, **(record.accel_axes or {})}
+
+
+def axis_estimates(record: Estimate) -> dict[str, AxisEstimate | AccelEstimate]:
+    """Estimates of the axes of both sensors."""
+    return {**record.axes, **(record.accel_axes or {})}
+
+
+def _value(sample: Sample, axis: str) -> float:
+    if axis in AXES:
+        return sample.gyro_dps[AXES.index(axis)]
+    return sample.accel_ms2[ACCEL_AXES.index(axis)] if sample.accel_ms2 else np.nan

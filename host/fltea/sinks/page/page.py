@@ -1,0 +1,171 @@
+"""One open page: sends a browser what is new, as fast as it takes it and never faster."""
+
+import json
+from collections.abc import Mapping
+from importlib import resources
+from typing import Any
+
+from bokeh.document import Document
+from bokeh.events import DocumentReady
+from bokeh.models import ColumnDataSource, CustomJS
+from jinja2 import Environment
+
+from fltea.records import clock
+from fltea.sinks.page import facts, facts_of_device
+from fltea.sinks.page.figures import Figures
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.tables import Table
+from fltea.sinks.page.tiers import WINDOWS, Cursor
+
+PERIOD_MS = 300
+FIRST_WINDOW = 1
+
+
+class Page:
+    """The document of one browser tab.
+
+    The browser answers every update (`control.ack`), and there is no further update until it has: what a slow
+    browser, or one that stopped reading, has not fetched stays in the history, which does not grow.
+    """
+
+    def __init__(self, document: Document, histories: Mapping[str, DeviceHistory]) -> None:
+        self._histories = histories
+        self._device = next(iter(histories))
+        self._axis = ""
+        self._window = FIRST_WINDOW
+        self._tick = 0
+        self._acknowledged = 0
+        self._cursors: dict[Table, Cursor] = {}
+        self._figures = Figures()
+        self._facts = ColumnDataSource({"json": [""]}, name="facts")
+        self._control = ColumnDataSource(_choice("", "", FIRST_WINDOW, 0), name="control")
+        self._control.on_change("data", self._on_control)
+        self._lay_out(document)
+        document.add_periodic_callback(self.update, PERIOD_MS)
+
+    def update(self) -> None:
+        """Send what is new, if the browser has taken what was sent before."""
+        if self._acknowledged < self._tick:
+            return
+        self._tick += 1
+        now_ns = clock.host_ns()
+        states = [facts.state(history, now_ns) for history in self._histories.values()]
+        history = self._histories[self._device]
+        with history.lock:
+            if self._axis not in history.axes:
+                self._axis = history.axes[0] if history.axes else ""
+                self._cursors = {}
+            if self._axis:
+                for table, sources in self._shown(history).items():
+                    self._send(history, table, sources)
+                self._show_moment(history)
+                self._figures.fit()
+            told = self._tell(history, states)
+        self._facts.data = {"json": [json.dumps(told, ensure_ascii=False, allow_nan=False)]}
+
+    def _shown(self, history: DeviceHistory) -> dict[Table, list[ColumnDataSource]]:
+        """Which tables the figures draw; what they do not draw is emptied."""
+        f, estimator = self._figures, history.estimator(self._axis)
+        shown: dict[Table, list[ColumnDataSource]] = {"white": [f.white], "checks": [f.checks]}
+        if estimator == "device":
+            shown |= {"rows": [f.rows], "own": [f.estimates]}
+        else:
+            shown |= {"rows": [f.rows, f.estimates]}
+        if estimator == "both":
+            shown |= {"beside": [f.beside]}
+        elif len(f.beside.data["time"]):
+            f.beside.data = {name: [] for name in f.beside.column_names}
+        return shown
+
+    def _send(self, history: DeviceHistory, table: Table, sources: list[ColumnDataSource]) -> None:
+        new = history.read(table, self._window, self._cursors.get(table, Cursor()))
+        self._cursors[table] = new.cursor
+        places = history.columns(table, self._axis)
+        columns: dict[str, Any] = {name: new.values[:, place] for name, place in places.items()}
+        for name in ("alpha", "f"):
+            if f"{name}_std" in columns:
+                std = columns[f"{name}_std"]
+                columns[f"{name}_low"], columns[f"{name}_high"] = columns[name] - std, columns[name] + std
+        for source in sources:
+            wanted = {name: columns[name] for name in source.column_names}
+            if new.fresh:
+                source.data = wanted
+            elif len(new.values):
+                source.stream(wanted, rollover=new.capacity)
+
+    def _show_moment(self, history: DeviceHistory) -> None:
+        if history.sample is not None:
+            end_ms = history.sample.host_ns * 1e-6
+            length_ms = WINDOWS[self._window].length_s * 1e3
+            self._figures.moment.update(start=end_ms - length_ms, end=end_ms)
+
+    def _tell(self, history: DeviceHistory, states: list[dict[str, str]]) -> dict[str, Any]:
+        sample, estimate = history.sample, history.estimate
+        return {
+            "tick": self._tick,
+            "devices": states,
+            "device": self._device,
+            "axis": self._axis,
+            "estimator": history.estimator(self._axis),
+            "unit": facts.unit_of(self._axis) if self._axis else "",
+            "window": self._window,
+            "windows": [window.label for window in WINDOWS],
+            "status": next(state for state in states if state["name"] == self._device),
+            "seq": estimate.seq if estimate else None,
+            "epoch": history.epoch.epoch if history.epoch else None,
+            "time_ms": sample.host_ns // 1_000_000 if sample else None,
+            "axes": facts.axes(history, self._window),
+            "own": facts_of_device.own(history),
+            "link": facts.link(history.stats),
+            "hardware": facts.device(history.hello, sample.temperature_c if sample else None),
+            "events": facts.events(history),
+            "settings": facts.settings(history),
+        }
+
+    def _on_control(self, attribute: str, old: Any, new: Any) -> None:
+        """Follow what the browser chooses; what makes no sense is ignored."""
+        device, axis, window, acknowledged = (_one(new, name) for name in ("device", "axis", "window", "ack"))
+        if isinstance(acknowledged, int):
+            self._acknowledged = acknowledged
+        before = self._device, self._axis, self._window
+        if isinstance(device, str) and device in self._histories:
+            self._device = device
+        if isinstance(axis, str) and axis in self._histories[self._device].axes:
+            self._axis = axis
+        if isinstance(window, int) and 0 <= window < len(WINDOWS):
+            self._window = window
+        if before != (self._device, self._axis, self._window):
+            self._cursors = {}
+            self.update()
+
+    def _lay_out(self, document: Document) -> None:
+        document.title = "fltea"
+        document.config.reconnect_session = False  # the page's script loads it anew
+        document.config.notify_connection_status = False
+        self._figures.noise.tags = [self._facts, self._control]  # so they belong to the document
+        with document.models.freeze():  # else bokeh looks through all of them after each
+            for plot in self._figures.all:
+                document.add_root(plot)
+        shown = {"facts": self._facts, "control": self._control, "plots": self._figures.all}
+        document.js_on_event(DocumentReady, CustomJS(args=shown, code=START))
+        self._facts.js_on_change("data", CustomJS(code="window.fltea.show(cb_obj)"))
+        document.template = TEMPLATE
+        document.template_variables.update(css=_text("page.css"), script=_text("page.js"))
+
+
+def _choice(device: str, axis: str, window: int, acknowledged: int) -> dict[str, list[Any]]:
+    return {"device": [device], "axis": [axis], "window": [window], "ack": [acknowledged]}
+
+
+def _one(data: Any, name: str) -> Any:
+    """The only entry of a column that came from a browser, None if there is none."""
+    column = data.get(name) if isinstance(data, dict) else None
+    return column[0] if isinstance(column, list) and len(column) == 1 else None
+
+
+def _text(name: str) -> str:
+    return resources.files("fltea.sinks.page").joinpath(name).read_text(encoding="utf-8")
+
+
+START = "window.fltea.start(facts, control, plots)"
+TEMPLATE = Environment(autoescape=False).from_string(_text("page.html"))

@@ -1,0 +1,151 @@
+"""Serves the page from a thread of its own, to browsers that came by a name of this machine."""
+
+import asyncio
+import errno
+import gc
+import ipaddress
+import socket
+import threading
+from collections.abc import Callable, Collection
+from urllib.parse import urlsplit
+
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
+from bokeh.document import Document
+from bokeh.server.server import BaseServer
+from bokeh.server.tornado import BokehTornado
+from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPServerRequest
+from tornado.ioloop import IOLoop
+from tornado.netutil import bind_sockets
+from tornado.routing import Matcher, Rule, RuleRouter
+
+from fltea.records.errors import FlteaError
+
+UNUSED_SESSION_MS = 5_000
+"""What a closed page may still cost. A page that was cut off for longer loads itself anew."""
+
+LARGEST_MESSAGE = 1 << 20
+JOIN_S = 0.4
+
+
+class OwnName(Matcher):
+    """Lets a request pass that names this machine, and whose page, if it is a page's, came from here too.
+
+    A page of somebody else's site can neither read ours (its `Origin` is another) nor become ours by letting
+    its name resolve to this machine (its `Host` is a name we do not have). Bare addresses are no names, so
+    they pass.
+    """
+
+    def __init__(self, names: Collection[str]) -> None:
+        self._names = {name.lower() for name in names}
+
+    def match(self, request: HTTPServerRequest) -> dict[str, object] | None:
+        """An empty match, or None for "not here"."""
+        host = request.host.lower()
+        origin = request.headers.get("Origin")
+        try:
+            if origin is not None and urlsplit(origin).netloc.lower() != host:
+                return None
+            name = (urlsplit(f"//{host}").hostname or "").rstrip(".")
+        except ValueError:  # no URL at all
+            return None
+        return {} if name in self._names or _is_address(name) else None
+
+
+def own_names(host: str, others: Collection[str]) -> set[str]:
+    """Names under which a page at `host` may be asked for."""
+    machine = socket.gethostname()
+    return {"localhost", host, machine, machine.partition(".")[0] + ".local", *others}
+
+
+class PageServer:
+    """Bokeh's server on a loop in a thread of its own.
+
+    make: fills the document of each page. names: further names under which the page may be asked for.
+
+    Raises:
+        FlteaError: the port is taken, or the address is not ours.
+    """
+
+    def __init__(
+        self, host: str, port: int, names: Collection[str], make: Callable[[Document], None]
+    ) -> None:
+        try:
+            sockets = bind_sockets(port, host)
+        except (OSError, UnicodeError) as error:
+            raise FlteaError(_explain(host, port, error)) from error
+        self.port: int = sockets[0].getsockname()[1]
+        self._sockets = sockets
+        self._names = own_names(host, names)
+        self._application = Application(FunctionHandler(make))
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="live page", daemon=True)
+        self._thread.start()
+        self._ready.wait()
+        # bokeh has all garbage collected whenever a page is closed, while no thread can move: 60 ms on a fast
+        # machine, or 5 if what lives for ever anyway is left out.
+        gc.collect()
+        gc.freeze()
+
+    @property
+    def pages(self) -> int:
+        """Pages that are open, or were until a few seconds ago."""
+        return len(self._server.get_sessions("/"))
+
+    def close(self) -> None:
+        """End the server; open pages are told by the loss of their connection."""
+        self._loop.add_callback(self._stop)
+        self._thread.join(JOIN_S)
+        gc.unfreeze()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        self._loop = IOLoop.current()
+        tornado = BokehTornado(
+            {"/": self._application},
+            extra_websocket_origins=["*"],  # OwnName has seen to it
+            use_index=False,
+            keep_alive_milliseconds=UNUSED_SESSION_MS,  # finds those that closed while they were being opened
+            check_unused_sessions_milliseconds=UNUSED_SESSION_MS,
+            unused_session_lifetime_milliseconds=UNUSED_SESSION_MS,
+            stats_log_frequency_milliseconds=3_600_000,
+            websocket_max_message_size_bytes=LARGEST_MESSAGE,
+        )
+        http = HTTPServer(RuleRouter([Rule(OwnName(self._names), tornado)]))
+        http.add_sockets(self._sockets)
+        self._server = BaseServer(self._loop, tornado, http)
+        self._server.start()
+        self._ready.set()
+        self._loop.start()
+        self._loop.close(all_fds=True)
+
+    async def _stop(self) -> None:
+        self._server.stop(wait=False)
+        self._server.unlisten()
+        self._loop.add_callback(self._loop.stop)
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _explain(host: str, port: int, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number == errno.EADDRINUSE:
+        return (
+            f"--dashboard: port {port} of {host} is taken by another program (another fltea?): give another "
+            f"port, or end that program; `ss -ltnp 'sport = :{port}'` names it."
+        )
+    if number == errno.EACCES:
+        return f"--dashboard: ports below 1024 need the rights of root: give a port above, not {port}."
+    if isinstance(error, socket.gaierror | UnicodeError) or number == errno.EADDRNOTAVAIL:
+        return (
+            f"--dashboard: {host} is no address of this machine: leave it out for the loopback, or give "
+            "0.0.0.0 to be reached from the network."
+        )
+    return f"--dashboard: cannot listen on {host}:{port}: {error}."

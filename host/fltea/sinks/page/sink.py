@@ -1,0 +1,65 @@
+"""The live page: a web server that shows every device's noise, α and f beside what white noise would give."""
+
+from collections.abc import Mapping
+
+from bokeh.document import Document
+
+from fltea.records.ports import Item, Report, Sink
+from fltea.records.records import Record
+from fltea.settings.config import EstimatorConfig
+from fltea.settings.outputs import DashboardConfig
+from fltea.sinks.page.complaints import Complaints
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.page import Page
+from fltea.sinks.page.server import PageServer
+
+
+class DashboardSink(Sink):
+    """Remembers what the page shows; browsers fetch it at their own pace, so none can hold anything up.
+
+    devices, accel: settings of each device's gyroscope and accelerometer, by its name.
+
+    Raises:
+        FlteaError: the port is taken, or the address is not ours.
+    """
+
+    name = "dashboard"
+
+    def __init__(
+        self,
+        settings: DashboardConfig,
+        devices: Mapping[str, EstimatorConfig],
+        report: Report,
+        accel: Mapping[str, EstimatorConfig] | None = None,
+    ) -> None:
+        self._histories = {
+            name: DeviceHistory(name, config, (accel or {}).get(name)) for name, config in devices.items()
+        }
+        Complaints(report)
+        self._host, port = settings.listen()
+        self._server = PageServer(self._host, port, settings.names, self._make)
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        return f"http://{host}:{self._server.port}/"
+
+    def write(self, item: Item) -> None:
+        """Remember a record."""
+        if isinstance(item, Record):
+            history = self._histories.get(item.device or "")
+            if history is not None:
+                history.write(item)
+
+    def on_overflow(self, count: int) -> None:
+        """Say on the pages that records are missing."""
+        for history in self._histories.values():
+            history.missed(count)
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.close()
+
+    def _make(self, document: Document) -> None:
+        Page(document, self._histories)

@@ -1,0 +1,64 @@
+"""The page's tables: their columns, how buckets sum them up, and what an estimate puts into them (pure)."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+from fltea.records.records import AccelEstimate, AxisEstimate, DeviceAxisEstimate
+from fltea.sinks.page.tiers import Kind, Tiers
+
+Table = Literal["rows", "white", "checks", "own", "beside"]
+"""own: estimates of the device in place of the host's; beside: those beside the host's, at its own pace."""
+
+ESTIMATE: dict[str, Kind] = dict.fromkeys(("state", "alpha", "alpha_std", "f", "f_std"), "mean")
+
+COMMON: dict[Table, dict[str, Kind]] = {
+    "rows": {"time": "mean", "seq": "max", "temperature": "mean"},
+    "white": {"time": "mean"},
+    "checks": {"time": "mean"},
+    "own": {"time": "mean", "seq": "max"},
+    "beside": {"time": "mean"},
+}
+OF_AXIS: dict[Table, dict[str, Kind]] = {
+    "rows": {"y_low": "min", "y": "mean", "y_high": "max", **ESTIMATE},
+    "white": dict.fromkeys(("alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high"), "mean"),
+    "checks": dict.fromkeys(("lag1", "nis"), "mean"),
+    "own": ESTIMATE,
+    "beside": {
+        "alpha": "mean",
+        "f": "mean",
+        "apart_low": "min",
+        "apart": "mean",
+        "apart_high": "max",
+        "f_apart": "max",
+    },
+}
+"""Columns of each axis. y: the sample without its offset; apart: α of the device minus that of the host;
+f_apart: how far its f is from the host's."""
+
+
+def make(table: Table, axes: int, rate_hz: float) -> Tiers:
+    """An empty table. axes: how many; rate_hz: rows a second."""
+    return Tiers([*COMMON[table].values(), *[*OF_AXIS[table].values()] * axes], rate_hz)
+
+
+def places(table: Table, axes: Sequence[str], axis: str) -> dict[str, int]:
+    """Where the columns that concern an axis stand in a table's rows."""
+    common, names = COMMON[table], OF_AXIS[table]
+    first = len(common) + axes.index(axis) * len(names)
+    return {name: i for i, name in enumerate(common)} | {name: first + i for i, name in enumerate(names)}
+
+
+def estimate(e: AxisEstimate | AccelEstimate | None) -> list[float | None]:
+    """What an estimate says, in the order of `ESTIMATE`."""
+    if e is None:
+        return [None] * len(ESTIMATE)
+    state = e.state_dps if isinstance(e, AxisEstimate) else e.state_ms2
+    return [state, e.alpha, e.alpha_std, e.f, e.f_std]
+
+
+def beside(e: DeviceAxisEstimate | None) -> list[float | None]:
+    """What a device's own estimate says, in the order of the table's columns."""
+    if e is None:
+        return [None] * len(OF_AXIS["beside"])
+    apart, f_apart = e.alpha_difference, e.f_difference
+    return [e.alpha, e.f, apart, apart, apart, None if f_apart is None else abs(f_apart)]

@@ -1,0 +1,74 @@
+"""What may be said of an estimate (pure): beside what white noise gives, and by the running test.
+
+The first is a comparison of α and f, with nearly no power; the second a test of the samples.
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+from fltea.estimator.running_null import FEWEST, LEVEL, p_text
+from fltea.estimator.white_band import Quantiles
+from fltea.records.records import Order
+
+Side = Literal["within", "outside", "unknown"]
+
+RESUMED = " The runs began only when the estimator was resumed, so the band is too wide at first."
+HEARD_LATE = " The device estimated before it was heard and the runs began, so the band is too wide at first."
+
+SHORT: dict[Side, str] = {
+    "within": "Within what white noise gives: these figures say nothing.",
+    "outside": "Outside what white noise gives: a hint, not a test.",
+    "unknown": "Nothing can be said yet.",
+}
+
+
+class Verdict(NamedTuple):
+    """Where an estimate stands, and what that means in a sentence or two; `short` for beneath a figure."""
+
+    side: Side
+    text: str
+
+    @property
+    def short(self) -> str:
+        """The same in a few words."""
+        return SHORT[self.side]
+
+
+def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, older: str = "") -> Verdict:
+    """Compare an estimate with the 5 to 95 % of white noise after as many samples.
+
+    white: None where there is no band for the axis. older: what to say of runs that began late.
+    """
+    if alpha is None or f is None:
+        return Verdict("unknown", "No valid estimate.")
+    if white is None:
+        return Verdict(
+            "unknown",
+            "There is no band for this axis, so nothing can be said: compare with shuffled samples.",
+        )
+    if not math.isfinite(white.alpha[0]):
+        return Verdict("unknown", "What white noise would give is not known yet: too few samples.")
+    places = {
+        "α": bool(white.alpha[0] <= alpha <= white.alpha[2]),
+        "f": bool(white.f[0] <= f <= white.f[2]),
+    }
+    outside = [name for name, within in places.items() if not within]
+    if not outside:
+        text = (
+            "α and f are within what white noise of this power gives after as many samples: they say nothing."
+        )
+        return Verdict("within", text + older)
+    subject = "α and f are" if len(outside) == 2 else f"{outside[0]} is"
+    text = (
+        f"{subject} outside what white noise of this power gives after as many samples: a hint, not a test."
+    )
+    return Verdict("outside", text + older)
+
+
+def judge_whiteness(order: Order | None, p: float | None) -> str:
+    """What the running test says of the samples, in a sentence."""
+    if p is None:
+        return f"Order unknown: the test of whiteness needs {FEWEST:,} samples that are not all the same."
+    if order == "undefined":
+        return f"Order undefined: white noise is not rejected ({p_text(p)}, limit {LEVEL:g})."
+    return f"Not white ({p_text(p)}): record it and run fltea identify."

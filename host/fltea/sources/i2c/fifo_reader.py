@@ -1,0 +1,195 @@
+"""A running sensor's samples, read out of its FIFO and numbered; those not to be believed are counted."""
+
+from collections import Counter
+from collections.abc import Callable
+from itertools import takewhile
+from typing import NamedTuple
+
+from fltea.records.events import RawSample
+from fltea.sources.i2c.driver import (
+    BURST_SAMPLES,
+    RATE_HZ,
+    SAMPLE,
+    Driver,
+    Level,
+    SensorFault,
+    TransferFailed,
+)
+from fltea.sources.i2c.fifo_clock import FifoClock
+from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
+from fltea.wire.layout import FaultCode, SampleFlags
+
+PERIOD_US = round(1e6 / RATE_HZ)
+TIMELY_NS = 2_000_000
+"""A count that took longer to ask for tells nothing about the sensor's clock."""
+SILENT_NS = 100_000_000
+"""A sensor that gives no sample for this long has stopped."""
+MOST_EQUAL = 10
+"""The noise of seven channels does not stand still."""
+INT16_ENDS = (32767, -32768)
+
+Row = tuple[int, ...]
+"""The seven counts of one sample."""
+
+
+class Loss(NamedTuple):
+    """Samples that went with the FIFO's contents; their true number is within ±`doubt`."""
+
+    cause: str
+    missing: int
+    doubt: int
+
+
+def _not_of_empty_fifo(row: Row) -> bool:
+    """An empty FIFO repeats its last byte [4.37]; seven channels never agree so well."""
+    return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
+
+
+class FifoReader:
+    """Reads one sensor that `driver` has set up.
+
+    now_ns: the host's clock. Counters: `samples` delivered, `overruns` (sampling instants that passed without
+    one), `restarts` of the FIFO by cause. `losses` are those that have not been told yet.
+    """
+
+    def __init__(self, driver: Driver, now_ns: Callable[[], int]) -> None:
+        self.samples = self.overruns = 0
+        self.restarts: Counter[str] = Counter()
+        self.losses: list[Loss] = []
+        self._driver = driver
+        self._now_ns = now_ns
+        self._clock = FifoClock(RATE_HZ)
+        self._cause = ""
+        self._restart_due = False
+        self._restarted_ns = 0
+        self._empty_ns: int | None = None
+        self._last: Row = ()
+        self._equal = 0
+        self._latest_ns = 0
+
+    @property
+    def hurry(self) -> bool:
+        """Whether to poll at once: when an emptied FIFO gets its first sample tells how many were lost."""
+        return self._restart_due or self._empty_ns is not None
+
+    def begin(self) -> None:
+        """The sensor was set up, and its FIFO begins to fill."""
+        self._clock.forget()
+        self._last, self._equal = (), 0
+        self._restarted("")
+
+    def poll(self) -> list[RawSample]:
+        """Read what has come since the last time.
+
+        Raises:
+            SensorFault: the sensor has to be set up again.
+            TransferFailed: the bus is disturbed; the FIFO goes on holding what comes.
+        """
+        driver = self._driver
+        if self._restart_due:
+            self._restart()
+            return []
+        level, doubt = self._level()
+        waiting = self._whole_samples(level, doubt)
+        driver.retried = False
+        rows, cut_off = self._take_out(waiting)
+        flags = SampleFlags.RETRIED if driver.retried else SampleFlags(0)
+        numbers = []
+        if rows:
+            if self._empty_ns is not None:
+                self._resume(waiting, self._empty_ns, level.after_ns)
+            timely = doubt is None and level.after_ns - level.before_ns < TIMELY_NS
+            numbers = self._clock.take(len(rows), waiting, level.after_ns, timely=timely)
+        self.overruns += len(rows)  # until they are believed
+        if cause := doubt or cut_off:
+            self._cause, self._restart_due = cause, True
+        else:
+            self._watch_overflow(level, waiting)
+        driver.check_settings()
+        samples = [self._sample(row, *number, flags) for row, number in zip(rows, numbers, strict=True)]
+        self.overruns -= len(rows)
+        self.samples += len(rows)
+        if self._empty_ns is not None and not self._restart_due:
+            if level.after_ns - self._restarted_ns > SILENT_NS:
+                raise SensorFault(FaultCode.SENSOR_FROZEN, 0)
+            self._empty_ns = level.before_ns
+        return samples
+
+    def _level(self) -> tuple[Level, str | None]:
+        """How full the FIFO is, and why it cannot be read as it is: None if it can."""
+        level = self._driver.level()
+        doubt = self._doubt(level)
+        if doubt is None or level.overflowed:
+            return level, doubt
+        # A bit may have flipped on the wires, or a sample was just being written: ask once more.
+        level = self._driver.level()
+        doubt = self._doubt(level)
+        self._driver.i2c_errors += doubt is None
+        return level, doubt
+
+    def _doubt(self, level: Level) -> str | None:
+        samples, rest = divmod(level.bytes, SAMPLE.size)
+        if level.overflowed:
+            return "overflow"
+        if rest:
+            return "misaligned"
+        if self._empty_ns is None and self._clock.out_of_step(samples, level.before_ns, level.after_ns):
+            return "out_of_step"
+        return None
+
+    def _whole_samples(self, level: Level, doubt: str | None) -> int:
+        """How many samples can be believed: what a full FIFO took before may be whole."""
+        if doubt is None or (doubt == "overflow" and self._driver.kind.keeps_oldest):
+            return min(level.bytes, self._driver.kind.fifo_bytes) // SAMPLE.size
+        return 0
+
+    def _take_out(self, n: int) -> tuple[list[Row], str | None]:
+        """Read n samples: those that came, and why others may be gone if it is not sure that they stay."""
+        rows: list[Row] = []
+        try:
+            while len(rows) < n:
+                rows += self._driver.read_samples(min(BURST_SAMPLES, n - len(rows)))
+        except TransferFailed as failed:
+            return rows, "broken_transfer" if failed.acknowledged else None
+        true = list(takewhile(_not_of_empty_fifo, rows))
+        return true, None if len(true) == len(rows) else "out_of_step"
+
+    def _resume(self, waiting: int, empty_ns: int, seen_ns: int) -> None:
+        missing, doubt = self._clock.resume(waiting, empty_ns, seen_ns)
+        self.overruns += missing
+        self._empty_ns = None
+        if self._cause:
+            self.losses.append(Loss(self._cause, missing, doubt))
+
+    def _watch_overflow(self, level: Level, read: int) -> None:
+        """If the program was held up since `level`, the FIFO may have run over behind what was read."""
+        room_ns = (self._driver.kind.fifo_bytes // SAMPLE.size - read) * PERIOD_US * 900
+        if self._now_ns() - level.before_ns > room_ns:
+            self._cause, self._restart_due = "overflow", True
+            self._restart_due = self._driver.level().overflowed
+
+    def _sample(self, row: Row, number: int, arrived_ns: int, flags: SampleFlags) -> RawSample:
+        self._equal = self._equal + 1 if row == self._last else 1
+        self._last = row
+        if self._equal == MOST_EQUAL:
+            raise SensorFault(FaultCode.SENSOR_FROZEN, self._equal)
+        if self._equal > 1:
+            flags |= SampleFlags.REPEATED
+        gyro = row[4:]
+        if any(count in INT16_ENDS for count in gyro):
+            flags |= SampleFlags.SATURATED
+        # A count is made a moment before it is known, so that the next sample may seem to be the earlier one.
+        self._latest_ns = max(self._latest_ns, arrived_ns)
+        sequence, device_us = number % SEQUENCE_WRAP, number * PERIOD_US % TIME_WRAP_US
+        return RawSample(sequence, device_us, self._latest_ns, gyro, row[:3], row[3], int(flags))
+
+    def _restart(self) -> None:
+        self._driver.restart_fifo()
+        self._restarted(self._cause)
+
+    def _restarted(self, cause: str) -> None:
+        self._restart_due = False
+        self._cause = cause
+        self._empty_ns = self._restarted_ns = self._now_ns()
+        if cause:
+            self.restarts[cause] += 1

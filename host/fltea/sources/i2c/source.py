@@ -1,0 +1,336 @@
+"""An MPU-9250 on a Linux I²C bus, as events: `i2c:///dev/i2c-1?addr=0x68`.
+
+The sensor's FIFO holds 0.36 s of samples, so that this program may be held up for as long without a loss.
+It is read every 20 to 30 ms, at random: at a multiple of the sensor's own period each reading would come
+equally late after a sample, and how late would look like the drift of a clock.
+"""
+
+import hashlib
+import os
+import platform
+import random
+import time
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import parse_qsl, urlsplit
+
+from fltea import __version__
+from fltea.records import clock
+from fltea.records.errors import UsageError
+from fltea.records.events import Event, LinkDown, Tick, Trouble
+from fltea.records.records import DeviceStatus, Hello, LinkStats
+from fltea.sources.i2c import bus as i2c_bus
+from fltea.sources.i2c.bus import Bus, explain_open_failure
+from fltea.sources.i2c.driver import (
+    ACCEL_LSB_PER_G,
+    ACCEL_RANGE_G,
+    GYRO_LSB_PER_DPS,
+    GYRO_RANGE_DPS,
+    RATE_HZ,
+    RESET_S,
+    SAMPLE,
+    SETTLE_S,
+    TRIES,
+    Driver,
+    SensorFault,
+    TransferFailed,
+)
+from fltea.sources.i2c.fifo_reader import FifoReader
+from fltea.sources.i2c.texts import bus_lost_text, fault_text, loss_text
+from fltea.wire.layout import FaultCode
+from fltea.wire.sensors import NO_SENSOR, RELATIVES, sensor_name
+
+ADDRESSES = (0x68, 0x69)
+POLL_S = (0.02, 0.03)
+FRESH_POLL_S = 0.001
+SLICE_S = 0.05
+LOST_POLLS = 15
+"""So many failing ones in a row take longer than the FIFO lasts."""
+SET_UP_S = 1.0
+"""A chip that fails its set-up needs no haste."""
+PROBE_S = 0.1
+BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
+TICK_NS = 500_000_000
+STATUS_NS = 1_000_000_000
+REPEAT_NS = 60_000_000_000
+"""The same trouble is told again after this long, or if the sensor was set up in between."""
+
+
+class HostClock(Protocol):
+    """The host's time, and waiting in it."""
+
+    def host_ns(self) -> int:
+        """Monotonic time."""
+
+    def unix_offset_ns(self) -> int:
+        """What to add to it to get Unix time, as of now."""
+
+    def sleep(self, seconds: float) -> None:
+        """Wait."""
+
+
+class SystemClock:
+    """This machine's."""
+
+    host_ns = staticmethod(clock.host_ns)
+    unix_offset_ns = staticmethod(clock.unix_offset_ns)
+    sleep = staticmethod(time.sleep)
+
+
+class _Closed(Exception):
+    """`close` was called."""
+
+
+def parse_url(rest: str) -> tuple[str, int]:
+    """Path of the bus and address of the sensor, from what stands behind `i2c:`.
+
+    Raises:
+        UsageError: names what is wrong.
+    """
+    usual = "Give for instance 'i2c:///dev/i2c-1?addr=0x68' (in quotes, for the shell knows '?' too)"
+    parts = urlsplit(rest)
+    if parts.netloc or not parts.path.startswith("/dev/") or parts.fragment:
+        raise UsageError(f"i2c:{rest}: no path of a bus such as /dev/i2c-1. {usual}.")
+    address = ADDRESSES[0]
+    for key, value in parse_qsl(parts.query, keep_blank_values=True):
+        if key != "addr":
+            raise UsageError(f"i2c:{rest}: there is no key '{key}'; the one that it takes is addr. {usual}.")
+        try:
+            address = int(value, 0)
+        except ValueError:
+            address = 0
+        if address not in ADDRESSES:
+            raise UsageError(
+                f"i2c:{rest}: addr is 0x68 (AD0 at GND) or 0x69 (AD0 at 3.3 V), not '{value}'. {usual}."
+            )
+    return parts.path, address
+
+
+def device_id(path: str, address: int) -> str:
+    """32 hex digits that stay the same for this machine, bus and address."""
+    try:
+        machine = Path("/etc/machine-id").read_text(encoding="ascii").strip()
+    except OSError:
+        machine = platform.node()
+    return hashlib.sha256(f"fltea i2c {machine} {path} {address}".encode()).hexdigest()[:32]
+
+
+class I2cSource:
+    """Samples of one sensor; every failure is a `Trouble`, and reading goes on.
+
+    rest: what stands behind `i2c:`. open_bus, host: other than this machine's, for tests.
+    """
+
+    live = prompt = True
+
+    def __init__(
+        self,
+        rest: str,
+        *,
+        open_bus: Callable[[str, int], Bus] | None = None,
+        host: HostClock | None = None,
+    ) -> None:
+        self.path, self.address = parse_url(rest)
+        self.url = f"i2c:{self.path}?addr=0x{self.address:02X}"
+        self._open_bus = open_bus or i2c_bus.open_bus
+        self._host = host or SystemClock()
+        self._driver = Driver(self.address, self._host.host_ns)
+        self._reader = FifoReader(self._driver, self._host.host_ns)
+        self._random = random.Random(0)
+        self._boot_id = int.from_bytes(os.urandom(4), "big")
+        self._device_id = device_id(self.path, self.address)
+        self._closed = self._unanswered = False
+        self._openings = self._starts = 0
+        self._who_am_i = self._told_relative = NO_SENSOR
+        self._told: dict[str, int] = {}
+        self._tick_ns = self._status_ns = 0
+        self._unix_offset_ns = self._host.unix_offset_ns()
+
+    @property
+    def unix_offset_ns(self) -> int:
+        """Nanoseconds from the monotonic clock to Unix time, as of the last event."""
+        return self._unix_offset_ns
+
+    def events(self) -> Iterator[Event]:
+        """Yield what the sensor gives until `close`."""
+        for event in self._events():
+            self._unix_offset_ns = self._host.unix_offset_ns()  # one for the recording and for the records
+            yield event
+
+    def _events(self) -> Iterator[Event]:
+        failures = 0
+        try:
+            while True:
+                starts = self._starts
+                yield from self._use_bus()
+                failures = 0 if self._starts > starts else failures + 1
+                yield from self._wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
+        except _Closed:
+            return
+
+    def link_stats(self) -> LinkStats:
+        """Count what was read; a frame is a sample, and a bad one a restart of the FIFO, by its cause."""
+        return LinkStats(
+            bytes=self._reader.samples * SAMPLE.size,
+            frames=self._reader.samples,
+            bad_frames=dict(self._reader.restarts),
+            reconnects=max(0, self._openings - 1),
+        )
+
+    def close(self) -> None:
+        """End the iteration, which releases the bus."""
+        self._closed = True
+
+    def _use_bus(self) -> Iterator[Event]:
+        """Open the bus and read the sensor until the bus is lost."""
+        try:
+            bus = self._open_bus(self.path, self.address)
+        except OSError as error:
+            kind, text = explain_open_failure(self.path, self.address, error)
+            yield from self._tell(kind, kind, text)
+            return
+        self._driver.bus = bus
+        self._openings += 1
+        try:
+            while True:
+                if (yield from self._set_up()):
+                    yield from self._read()
+        except OSError as error:
+            yield LinkDown(self._host.host_ns())
+            yield from self._tell("unplugged", "unplugged", bus_lost_text(self.path, error))
+        finally:
+            bus.close()
+
+    def _set_up(self) -> Generator[Event, None, bool]:
+        """Find the sensor and set it up; returns whether it runs."""
+        driver = self._driver
+        try:
+            self._who_am_i = driver.identify()
+        except SensorFault as fault:
+            yield from self._tell_fault(fault.code, fault.detail, fatal=True)
+            yield from self._wait(SET_UP_S)
+            return False
+        except TransferFailed as failed:
+            code = FaultCode.BUS_HELD if failed.acknowledged else FaultCode.SENSOR_MISSING
+            if self._unanswered:  # the sensor may get its supply with this machine, and be up later
+                yield from self._tell_fault(code, self.address, fatal=True)
+            self._unanswered = True
+            yield from self._wait(PROBE_S)
+            return False
+        self._unanswered = False
+        try:
+            driver.start_reset(self._who_am_i)
+            yield from self._wait(RESET_S)
+            driver.configure()
+            yield from self._wait(SETTLE_S)
+            driver.restart_fifo()
+        except SensorFault as fault:
+            yield from self._tell_fault(fault.code, fault.detail)
+        except TransferFailed:
+            yield from self._tell_fault(FaultCode.SENSOR_LOST, TRIES)
+        else:
+            return True
+        yield from self._wait(SET_UP_S)
+        return False
+
+    def _read(self) -> Iterator[Event]:
+        """Read the sensor until it has to be set up again."""
+        self._starts += 1
+        self._told.clear()
+        self._reader.begin()
+        yield self._hello()
+        yield from self._tell_relative()
+        failing = 0
+        while True:
+            hurry = self._reader.hurry and not failing
+            yield from self._wait(FRESH_POLL_S if hurry else self._random.uniform(*POLL_S))
+            try:
+                samples = self._reader.poll()
+                failing = 0
+            except SensorFault as fault:
+                yield from self._tell_fault(fault.code, fault.detail)
+                return
+            except TransferFailed:
+                failing += 1
+                if failing == LOST_POLLS:
+                    yield from self._tell_fault(FaultCode.SENSOR_LOST, TRIES * failing)
+                    return
+            else:
+                if samples:
+                    self._tick_ns = samples[-1].host_ns + TICK_NS
+                yield from samples
+            yield from self._tell_losses()
+
+    def _hello(self) -> Hello:
+        return Hello(
+            source=self.url,
+            host_ns=self._host.host_ns(),
+            rate_hz=RATE_HZ,
+            sampling_mode="fifo",
+            boot_id=self._boot_id,
+            device_id=self._device_id,
+            firmware_version=f"fltea {__version__} i2c",
+            who_am_i=self._who_am_i,
+            sensor=sensor_name(self._who_am_i),
+            sensor_starts=(self._starts - 1) % 65535 + 1,
+            gyro_range_dps=GYRO_RANGE_DPS,
+            gyro_lsb_per_dps=GYRO_LSB_PER_DPS,
+            accel_range_g=ACCEL_RANGE_G,
+            accel_lsb_per_g=ACCEL_LSB_PER_G,
+            gyro_dlpf_hz=self._driver.kind.gyro_dlpf_hz,
+        )
+
+    def _status(self) -> DeviceStatus:
+        return DeviceStatus(
+            i2c_errors=self._driver.i2c_errors,
+            bus_recoveries=max(0, self._openings - 1),
+            sensor_reinits=max(0, self._starts - 1),
+            overruns=self._reader.overruns,
+            dropped_frames=0,
+            reset_cause="software",
+        )
+
+    def _tell_relative(self) -> Iterator[Trouble]:
+        who = self._who_am_i
+        if who in RELATIVES and who != self._told_relative:
+            self._told_relative = who
+            text = f"{self.url}: the sensor is no MPU-9250 but {sensor_name(who)}, {RELATIVES[who]}"
+            yield Trouble("sensor_relative", text, self._host.host_ns(), fatal=False)
+
+    def _tell_losses(self) -> Iterator[Trouble]:
+        for cause, missing, doubt in self._reader.losses:
+            kind, text = loss_text(cause, missing, doubt)
+            topic = f"{cause} ±" if doubt else cause
+            yield from self._tell(kind, topic, f"{self.url}: {text}", fatal=False)
+        self._reader.losses.clear()
+
+    def _tell_fault(self, code: FaultCode, detail: int, *, fatal: bool = False) -> Iterator[Trouble]:
+        name = code.name.lower()
+        text = f"{self.url}: {name}: {fault_text(code, detail, self.path, self.address)}"
+        yield from self._tell("device_fault", name, text, fatal=fatal)
+
+    def _tell(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
+        """Pass a trouble on unless its topic was told a short while ago."""
+        now_ns = self._host.host_ns()
+        told_ns = self._told.get(topic)
+        if told_ns is None or now_ns - told_ns >= REPEAT_NS:
+            self._told[topic] = now_ns
+            yield Trouble(kind, text, now_ns, fatal)
+
+    def _wait(self, seconds: float) -> Iterator[Event]:
+        """Wait, in slices since `close` may come from anywhere; without samples let statistics go out."""
+        end_ns = self._host.host_ns() + round(seconds * 1e9)
+        while True:
+            if self._closed:
+                raise _Closed
+            now_ns = self._host.host_ns()
+            if now_ns >= self._tick_ns:
+                self._tick_ns = now_ns + TICK_NS
+                yield Tick(now_ns)
+            if now_ns >= self._status_ns:
+                self._status_ns = now_ns + STATUS_NS
+                yield self._status()
+            if now_ns >= end_ns:
+                return
+            self._host.sleep(min(SLICE_S, (end_ns - now_ns) * 1e-9))

@@ -1,0 +1,77 @@
+"""What went wrong on a Linux I²C bus, for the person who has to mend it: what, why, what to do."""
+
+from fltea.sources.i2c.bus import detect_command
+from fltea.wire.layout import FaultCode
+
+_WIRES = (
+    "On a Raspberry Pi: VCC to pin 1 (3.3 V), GND to pin 6, SDA to pin 3, SCL to pin 5; AD0 to GND gives "
+    "address 0x68, to 3.3 V 0x69"
+)
+
+
+def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
+    """A fault of the sensor; detail as in protocol/README.md."""
+    match code:
+        case FaultCode.SENSOR_MISSING:
+            return (
+                f"no sensor answers at I²C address 0x{address:02X} on {path}. {_WIRES}. "
+                f"'{detect_command(path)}' shows which addresses answer."
+            )
+        case FaultCode.SENSOR_UNKNOWN:
+            return (
+                f"a chip answers at 0x{address:02X} on {path}, but its WHO_AM_I is 0x{detail:02X}: no "
+                "MPU-9250, and none of its known relatives. Is it another kind of sensor? 0x00 or 0xFF mean "
+                "a bad contact on SDA."
+            )
+        case FaultCode.READBACK_MISMATCH:
+            register, written, read = detail >> 16 & 0xFF, detail >> 8 & 0xFF, detail & 0xFF
+            return (
+                f"register 0x{register:02X} of the sensor at 0x{address:02X} on {path} holds 0x{read:02X} in "
+                f"place of 0x{written:02X}, so it is set up again. Once: its 3.3 V supply dipped, or it was "
+                "plugged in anew. Again and again: a clone, another program that uses the sensor, or wires "
+                "too long for the bus's baud rate (keep them below 30 cm)."
+            )
+        case FaultCode.BUS_HELD:
+            return (
+                f"transfers on {path} break off: SDA or SCL stays low, or is disturbed. Check for a short to "
+                f"GND, SDA and SCL swapped, and a sensor without 3.3 V. {_WIRES}. "
+                f"'{detect_command(path)}' that takes minutes says the same."
+            )
+        case FaultCode.SENSOR_FROZEN:
+            return (
+                f"the sensor at 0x{address:02X} on {path} answers, but gives no new samples, so it is set up "
+                "again. Once: it fell asleep after a dip of its 3.3 V supply. Again and again: its clock "
+                "stands, so the chip is broken or a bad copy; try another one."
+            )
+    return (
+        f"the sensor at 0x{address:02X} on {path} stopped answering ({detail} errors in a row) and is set up "
+        f"again. A loose wire, or a dip of its 3.3 V supply. {_WIRES}."
+    )
+
+
+def bus_lost_text(path: str, error: OSError) -> str:
+    """The bus itself failed."""
+    return (
+        f"the I²C bus {path} was lost ({error}): its adapter was unplugged, its driver was unloaded, or it "
+        "cannot do plain I²C transfers. It is opened again."
+    )
+
+
+def loss_text(cause: str, missing: int, doubt: int) -> tuple[str, str]:
+    """Kind and text of samples lost in the sensor's FIFO. doubt: by how many the number may be wrong."""
+    lost = f"{missing} samples are lost"
+    if doubt:
+        lost = f"{missing} ± {doubt} samples are lost"
+    match cause:
+        case "overflow":
+            return "fifo_overflow", (
+                f"the sensor's FIFO ran over: nobody read it for more than the 0.36 s that it holds; {lost}. "
+                "Is the machine overloaded, or was the program stopped?"
+            )
+        case "misaligned":
+            why = "held no whole samples: disturbed wires, or another program that reads the same sensor"
+        case "out_of_step":
+            why = "held more or less than the time allows: another program that reads the same sensor?"
+        case _:
+            why = "may have lost bytes in a transfer that broke off: disturbed wires, or a loose contact"
+    return "fifo_restarted", f"the sensor's FIFO was emptied, for it {why}; {lost}."

@@ -1,0 +1,281 @@
+"""A recording in MCAP files as events: the bytes from the wire walk the way that they walked live.
+
+Files are read as a stream, a chunk at a time, so neither their size nor their number costs memory.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+from mcap.records import Channel, Metadata
+
+from fltea.recording.scan import Damage, Message, Scan
+from fltea.recording.session import (
+    LINK,
+    OVERFLOW,
+    SESSION,
+    WIRE,
+    WIRE_WRAP,
+    Entry,
+    LinkMessage,
+    PartInfo,
+    from_metadata,
+)
+from fltea.records.errors import UsageError
+from fltea.records.events import Chunk, Event, Failed, Opened, RawSample, TransportEvent, Trouble
+from fltea.records.records import Hello, LinkStats
+from fltea.sources.wire_events import WireEvents
+from fltea.wire.sensors import NO_SENSOR
+
+SUFFIX = ".mcap"
+TICK_NS = 500_000_000
+"""Live, a silent line is looked at so often (`fltea.sources.serial`)."""
+
+MAX_TICKS = 120
+
+OWN_CHANNELS = {1: WIRE, 2: LINK}
+"""Ids that `fltea.recording.part` gives; without the chunk that says so, the others can still be read."""
+
+PART_OF_NAME = re.compile(r"(.+)_\d{3,}(\.recovered)?\.mcap")
+
+_link = msgspec.json.Decoder(LinkMessage)
+
+
+class Part(NamedTuple):
+    """One file of a recording."""
+
+    path: Path
+    info: PartInfo
+
+
+class Torn(NamedTuple):
+    """A file ends without its index. text: for a person."""
+
+    text: str
+
+
+def find_parts(paths: Sequence[Path]) -> list[Part]:
+    """The files of one session, in order; see `find_sessions`.
+
+    Raises:
+        UsageError: nothing there, not a recording, or several sessions, which are listed.
+    """
+    sessions = find_sessions(paths)
+    if len(sessions) > 1:
+        lines = "\n".join(sorted(map(_session_line, sessions)))
+        raise UsageError(f"{paths[0]}: holds {len(sessions)} recordings; name one of them:\n{lines}")
+    return sessions[0]
+
+
+def find_sessions(paths: Sequence[Path]) -> list[list[Part]]:
+    """The files of each session, in order.
+
+    paths: files; a folder stands for all in it, and the name of a session (`due_20270801T120000Z_1f0c2b3a`,
+    without the number) for all its files. Of a file and its recovered copy the copy is taken.
+
+    Raises:
+        UsageError: nothing there, or not a recording.
+    """
+    found: dict[tuple[str, str], dict[int, Part]] = {}
+    unreadable = []
+    for path in paths:
+        files = _files(path)
+        for file in files:
+            try:
+                part = Part(file, read_info(file))
+            except UsageError:
+                if len(files) == 1:
+                    raise
+                unreadable.append(file)  # what a program killed in its first moment left
+                continue
+            parts = found.setdefault((part.info.device, part.info.session), {})
+            known = parts.get(part.info.part)
+            if known is None or (".recovered" in file.name and ".recovered" not in known.path.name):
+                parts[part.info.part] = part
+    if not found:
+        raise UsageError(f"{paths[0]}: no recording of fltea in it ({len(unreadable)} files cannot be read).")
+    return [[parts[number] for number in sorted(parts)] for parts in found.values()]
+
+
+def _files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    files = sorted(path.glob(f"*{SUFFIX}")) if path.is_dir() else sorted(_of_session(path))
+    if not files:
+        what = f"no {SUFFIX} file in this folder" if path.is_dir() else "there is no such file or recording"
+        raise UsageError(f"{path}: {what}.")
+    return files
+
+
+def _of_session(path: Path) -> list[Path]:
+    if not path.parent.is_dir():
+        return []
+    names = ((file, PART_OF_NAME.fullmatch(file.name)) for file in path.parent.iterdir())
+    return [file for file, match in names if match and match[1] == path.name]
+
+
+def _session_line(parts: list[Part]) -> str:
+    count = f"{len(parts)} file{'s' if len(parts) > 1 else ''}"
+    return f"  {session_name(parts)}  (device {parts[0].info.device}, {count})"
+
+
+def session_name(parts: Sequence[Part]) -> Path:
+    """What names all files of a session: that of the first without its number."""
+    path = parts[0].path
+    match = PART_OF_NAME.fullmatch(path.name)
+    return path.with_name(match[1]) if match else path
+
+
+def read_info(path: Path) -> PartInfo:
+    """What a file says of itself.
+
+    Raises:
+        UsageError: it cannot be read, or is no recording of fltea.
+    """
+    try:
+        for item in Scan(path):
+            if isinstance(item, Metadata) and item.name == SESSION:
+                return from_metadata(item.metadata)
+            if isinstance(item, Message):
+                break
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: cannot be read as a recording ({error}).") from error
+    raise UsageError(f"{path}: is no recording of fltea, or was cut before anything was written.")
+
+
+def read_entries(part: Part) -> Iterator[Entry | Damage | Torn]:
+    """All messages of a file; at its end a `Torn` if it was not finished.
+
+    Raises:
+        UsageError: the file cannot be read any more.
+    """
+    topics = dict(OWN_CHANNELS)
+    prefix = f"/{part.info.device}/"
+    scan = Scan(part.path)
+    try:
+        for item in scan:
+            match item:
+                case Channel():
+                    topics[item.id] = item.topic.removeprefix(prefix)
+                case Message():
+                    topic = topics.get(item.channel_id, "")
+                    yield Entry(topic, item.log_time, item.publish_time, item.sequence, item.data)
+                case Damage():
+                    yield item
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{part.path}: cannot be read ({error}).") from error
+    if not scan.whole:
+        yield Torn(
+            f"{part.path}: ends without its index, as a program that was killed leaves it, or one that still "
+            f"writes; what reached the disk is read ({scan.lost_bytes} bytes at its end are not)."
+        )
+
+
+class McapRecording:
+    """The events of a recording, once.
+
+    name: what HELLO gives as the source. `breaks` counts the places where something was not recorded, `torn`
+    the files that were not finished; `unix_offset_ns` is that of the last event.
+    """
+
+    def __init__(self, parts: Sequence[Part], name: str) -> None:
+        self.parts = parts
+        self.breaks = self.torn = 0
+        self.unix_offset_ns = parts[0].info.offset_ns
+        self._name = name
+        self._wire = WireEvents(name)
+        self._now_ns: int | None = None
+        self._next_sequence: int | None = None
+        self._opened = parts[0].info.part == 0
+        self._hello = parts[0].info.hello  # what is known of the device where the stream is taken up
+        self._missing: str | None = None  # why the stream is broken before the next message
+        self._no_sensor = False
+
+    def link_stats(self) -> LinkStats:
+        """Count what arrived and what was lost on the way."""
+        return self._wire.link_stats()
+
+    def events(self) -> Iterator[Event]:
+        """Yield what the device said; the troubles of then end nothing now."""
+        number = self.parts[0].info.part
+        for part in self.parts:
+            if part.info.part != number:
+                self._break(f"files are missing before {part.path.name}", part.info.hello)
+            number = part.info.part + 1
+            for entry in read_entries(part):
+                match entry:
+                    case Entry(topic=("wire" | "link")):
+                        yield from self._on_entry(entry, part.info)
+                    case Damage(offset, text):
+                        self._break(f"{part.path.name} is damaged at byte {offset} ({text})", None)
+                    case Torn(text):
+                        self.torn += 1
+                        yield Trouble("cut_recording", text, self._now_ns or 0, fatal=False)
+
+    def _break(self, why: str, hello: Hello | None) -> None:
+        """Take note that something is missing here. hello: what is known of the device behind the gap."""
+        self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
+
+    def _on_entry(self, entry: Entry, info: PartInfo) -> Iterator[Event]:
+        host_ns = entry.log_ns - info.offset_ns
+        offset_ns = entry.publish_ns - host_ns
+        item: TransportEvent
+        if entry.topic == WIRE:
+            if self._next_sequence not in (None, entry.sequence):
+                self._break("chunks from the wire are missing", None)
+            self._next_sequence = (entry.sequence + 1) % WIRE_WRAP
+            item = Chunk(entry.data, host_ns, offset_ns)
+        else:
+            link = _link.decode(entry.data)
+            if link.event == "gap":
+                why = f"{link.items} items, {link.bytes} bytes of the wire were not recorded ({link.kind})"
+                self._break(why, None if link.kind == OVERFLOW else info.hello)
+                return
+            item = (
+                Opened(host_ns, offset_ns)
+                if link.event == "opened"
+                else Failed(link.kind, link.message, host_ns, offset_ns)
+            )
+        if self._missing is not None:
+            self.breaks += 1
+            self._now_ns = host_ns  # nobody knows what the line did meanwhile
+            yield from self._feed(
+                Failed("recording_gap", f"{self._name}: {self._missing}.", host_ns, offset_ns)
+            )
+            self._missing = None
+        if not self._opened and not isinstance(item, Opened):
+            yield from self._feed(Opened(host_ns, offset_ns))
+        self._opened = True
+        if self._hello is not None:
+            yield self._renamed(msgspec.structs.replace(self._hello, host_ns=host_ns))
+            self._hello = None
+        yield from self._feed(item)
+
+    def _feed(self, item: TransportEvent) -> Iterator[Event]:
+        """What a transport event leads to, after the ticks that a silent line gave live."""
+        if self._now_ns is not None:
+            ticks = min(MAX_TICKS, (item.host_ns - self._now_ns - 1) // TICK_NS)
+            for k in range(1, ticks + 1):
+                yield from self._interpret(None, self._now_ns + k * TICK_NS)
+        self._now_ns = item.host_ns
+        self.unix_offset_ns = item.unix_offset_ns
+        yield from self._interpret(item, item.host_ns)
+
+    def _interpret(self, item: TransportEvent | None, now_ns: int) -> Iterator[Event]:
+        for event in self._wire.feed(item, now_ns):
+            match event:
+                case Trouble():
+                    yield event._replace(fatal=False)
+                case Hello():
+                    yield self._renamed(event)
+                case RawSample() if self._no_sensor:  # made-up samples: their frames had to say something
+                    yield event._replace(temperature=None)
+                case _:
+                    yield event
+        self._wire.resume(now_ns)
+
+    def _renamed(self, hello: Hello) -> Hello:
+        self._no_sensor = hello.who_am_i == NO_SENSOR
+        return msgspec.structs.replace(hello, source=self._name)

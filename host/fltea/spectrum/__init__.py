@@ -1,0 +1,1 @@
+"""Spectra, fits, intervals, tests and the verdict."""

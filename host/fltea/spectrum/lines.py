@@ -1,0 +1,147 @@
+"""Narrow lines and broad resonances in a periodogram, with a known rate of false alarms (pure).
+
+A peak is a stretch of ordinates whose mean is too far above the means of the flanks on both sides of it.
+Where the spectrum is flat the ratio to one flank has an F distribution, whatever its level, and where it
+slopes one of the flanks is higher. Stretches of 1, 2, 4, ... ordinates are tried; the rate of false alarms is
+shared out among all that are tried (Bonferroni).
+"""
+
+import math
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.spectrum.periodogram import Periodogram
+
+Array = NDArray[np.float64]
+
+FALSE_ALARM = 0.01
+"""Probability to find anything in noise without lines."""
+FLANK = 48
+"""Ordinates in the shortest flank; the flanks of wide stretches are twice as long as these."""
+MOST = 12
+"""Peaks after which the search ends: a record with more has other troubles."""
+WIDEST_SHARE = 0.08
+"""The widest stretch, as a share of all ordinates."""
+LEAST_LEVEL = 1e-12
+"""Of the mean: a level of nothing, as that of made-up noise, is taken for this."""
+LINE_ORDINATES = 6
+"""What is not wider at half its height is a line: an oscillation that stays in phase over the record."""
+
+
+class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A line, or a resonance."""
+
+    kind: str
+    """line or resonance"""
+    frequency_hz: float
+    """where it is highest, the resonance after smoothing"""
+    width_hz: float
+    """at half its height above the surroundings"""
+    power_share: float
+    """of all power in the ordinates used"""
+    height: float
+    """its mean over the level around it"""
+    notch_hz: tuple[float, float]
+    """the band to leave out to be rid of it"""
+
+
+def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
+    """Find the peaks of one series, strongest first; each is taken out before the next is searched for."""
+    power, lam = np.asarray(p.power), p.lam
+    total = float(power.sum())
+    peaks: list[Peak] = []
+    while len(peaks) < MOST:
+        found = _strongest(power, false_alarm)
+        if found is None:
+            break
+        start, stop, level = found
+        left, right = _extent(power, start, stop, level)
+        peaks.append(_describe(lam, power, (start, stop), (left, right), level, total, p))
+        power = np.concatenate([power[:left], power[right:]])
+        lam = np.concatenate([lam[:left], lam[right:]])
+    return tuple(peaks)
+
+
+def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | None:
+    """Where the most striking stretch begins and ends, and the level around it; None if none is."""
+    m = len(power)
+    sums = np.concatenate([[0.0], np.cumsum(power)])
+    widths = [1 << i for i in range(int(math.log2(max(WIDEST_SHARE * m, 1))) + 1)]
+    best: tuple[float, int, int, float] | None = None
+    for width in widths:
+        flank, guard = max(FLANK, 2 * width), width
+        first, last = flank + guard, m - flank - guard - width
+        if last <= first:
+            break
+        at = np.arange(first, last, max(1, width // 4))
+        mean = (sums[at + width] - sums[at]) / width
+        before = (sums[at - guard] - sums[at - guard - flank]) / flank
+        after = (sums[at + width + guard + flank] - sums[at + width + guard]) / flank
+        level = np.maximum(before, after)
+        ratio = mean / np.maximum(level, LEAST_LEVEL * sums[-1] / m)
+        i = int(ratio.argmax())
+        log_p = f_log_tail(width, flank, float(ratio[i])) + math.log(len(widths) * len(at))
+        # Of stretches that pass the likeliest is taken, as if the level were known: probabilities would
+        # favour the wide ones, whose flanks are longer.
+        gain = width * float(ratio[i] - 1 - np.log(ratio[i]))
+        if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
+            best = gain, int(at[i]), int(at[i]) + width, float(level[i])
+    return None if best is None else best[1:]
+
+
+def _extent(power: Array, start: int, stop: int, level: float) -> tuple[int, int]:
+    """The stretch with its skirts: as far as pieces of half its width are above the level."""
+    piece = max(3, (stop - start) // 2)
+    above = 1 + 2 / math.sqrt(piece)
+    left, right = max(start - 1, 0), min(stop + 1, len(power))
+    while left > piece and power[left - piece : left].mean() > above * level:
+        left -= piece
+    while right < len(power) - piece and power[right : right + piece].mean() > above * level:
+        right += piece
+    return left, right
+
+
+def _describe(
+    lam: Array,
+    power: Array,
+    core: tuple[int, int],
+    extent: tuple[int, int],
+    level: float,
+    total: float,
+    p: Periodogram,
+) -> Peak:
+    left, right = extent
+    to_hz = 1 / (2 * math.pi * p.h)
+    part = power[left:right]
+    smooth = max(1, (core[1] - core[0]) // 4)
+    smoothed = np.convolve(part, np.ones(smooth) / smooth, mode="same")
+    top = int(smoothed.argmax())
+    half = level + (smoothed[top] - level) / 2
+    wide = int((smoothed > half).sum())
+    if wide <= LINE_ORDINATES:
+        top = int(part.argmax())
+    return Peak(
+        kind="line" if wide <= LINE_ORDINATES else "resonance",
+        frequency_hz=float(lam[left + top] * to_hz),
+        width_hz=wide / (p.n * p.h),
+        power_share=float((part - level).sum() / total),
+        height=float(power[core[0] : core[1]].mean() / level),
+        notch_hz=(float(lam[left] * to_hz), float(lam[right - 1] * to_hz)),
+    )
+
+
+def f_log_tail(m: int, k: int, ratio: float) -> float:
+    """Log of the probability that the mean of m exponentials exceeds `ratio` times that of k others.
+
+    That is F with 2m and 2k degrees; here it is a finite sum.
+    """
+    if ratio <= 0:
+        return 0.0
+    share = m * ratio / (m * ratio + k)
+    # Negative binomial: fewer than m arrivals of the one kind before k of the other, in logarithms.
+    i = np.arange(1, m)
+    terms = np.concatenate([[0.0], np.cumsum(np.log((k + i - 1) / i) + math.log(share))])
+    top = float(terms.max())
+    return min(k * math.log1p(-share) + top + math.log(float(np.exp(terms - top).sum())), 0.0)

@@ -1,0 +1,1 @@
+"""The walk of a block: place, time, units, estimates, records."""

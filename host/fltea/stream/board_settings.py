@@ -1,0 +1,58 @@
+"""With what a device estimates, as settings of the host's own engine (pure)."""
+
+import msgspec
+
+from fltea.records.events import DeviceEstimator
+from fltea.records.records import EstimatorInfo
+from fltea.settings.config import EstimatorConfig
+
+
+def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
+    """Settings with which the host computes what the device computes, in double precision.
+
+    They are the single-precision numbers that the device uses.
+
+    Raises:
+        ValueError: no estimator of this host works with them.
+    """
+    order = {
+        "P0": stated.alpha_P0,
+        "Q0": stated.alpha_Q0,
+        "alpha0": stated.alpha0,
+        "delta": stated.alpha_delta,
+    }
+    parameter = {"P0": stated.parameter_P0, "Q0": stated.parameter_Q0, "delta": stated.parameter_delta}
+    filters: dict[str, object]
+    if stated.variant == "joint":
+        if any(order[name] != value for name, value in parameter.items()):
+            raise ValueError(
+                "P0, Q0 and delta of order and parameter differ, and the joint filter has one each"
+            )
+        filters = {"joint": {**order, "beta0": stated.parameter0}}
+    else:
+        filters = {"order": order, "parameter": {**parameter, "f0": stated.parameter0}}
+    settings = {
+        "engine": "both",
+        "window": 0,
+        "variant": stated.variant,
+        "guard": stated.guard,
+        "startup": stated.startup,
+        "bias": "startup",
+        "R": "auto",
+        "gate": stated.gate,
+        "state": {"P0": stated.state_P0, "Q": stated.state_Q, "x0": stated.state_x0},
+        **filters,
+    }
+    return msgspec.convert(settings, EstimatorConfig)
+
+
+def info_of(stated: DeviceEstimator) -> EstimatorInfo:
+    """What an epoch is estimated with if the device alone does it."""
+    return EstimatorInfo(stated.variant, "device", stated.guard, 0, stated.startup, "startup", "auto")
+
+
+def unused_settings(config: EstimatorConfig) -> list[str]:
+    """Settings that were changed for nothing, since the device has its own; each as a dotted path."""
+    usual = EstimatorConfig(engine=config.engine)
+    names = [name for name in config.__struct_fields__ if getattr(config, name) != getattr(usual, name)]
+    return [f"estimator.{name}" for name in names]

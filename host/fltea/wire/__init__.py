@@ -1,0 +1,1 @@
+"""The wire protocol on the host: bytes, frames, messages, units."""

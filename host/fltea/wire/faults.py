@@ -1,0 +1,51 @@
+"""What a device's FAULT means for the person who has to mend it (codes and details: protocol/README.md)."""
+
+from fltea.wire.layout import FaultCode
+
+_LINES = {1: "SDA stays", 2: "SCL stays", 3: "SDA and SCL stay"}
+
+
+def fault_text(code: int, detail: int) -> str:
+    """Return what happened, the likely cause, and what to do."""
+    match code:
+        case FaultCode.SENSOR_MISSING:
+            return (
+                f"no sensor answers at I²C address 0x{detail:02X}. Check its wires: VCC to 3.3 V, GND, SDA "
+                "to pin 20, SCL to pin 21; AD0 to GND gives address 0x68, to 3.3 V 0x69 (kSensorAddress in "
+                "the firmware's settings.h)."
+            )
+        case FaultCode.SENSOR_UNKNOWN:
+            return (
+                f"a chip answers, but its WHO_AM_I is 0x{detail:02X}: no MPU-9250, and none of its known "
+                "relatives. Is it another kind of sensor? 0x00 or 0xFF mean a bad contact on SDA."
+            )
+        case FaultCode.READBACK_MISMATCH:
+            register, written, read = detail >> 16 & 0xFF, detail >> 8 & 0xFF, detail & 0xFF
+            return (
+                f"the sensor's register 0x{register:02X} holds 0x{read:02X} in place of 0x{written:02X}, so "
+                "it is set up again. Once: its 3.3 V supply dipped, or a wire is loose. Again and again: a "
+                "clone, or wires too long for 400 kHz (keep them below 30 cm)."
+            )
+        case FaultCode.BUS_HELD:
+            return (
+                f"{_LINES.get(detail, 'the I²C bus stays')} low after nine clocks. Check for a short to GND, "
+                "SDA and SCL swapped, and a sensor without 3.3 V."
+            )
+        case FaultCode.SENSOR_LOST:
+            return (
+                f"the sensor stopped answering ({detail} errors in a row) and is set up again. A loose wire, "
+                "or a dip of its 3.3 V supply."
+            )
+        case FaultCode.DATA_READY_MISSING:
+            return (
+                f"no edge on the data-ready pin for {detail / 1e6:.3g} s. Is the fifth wire there, from the "
+                "sensor's INT to pin 2? Without it, build the firmware in timer mode (settings.h)."
+            )
+        case FaultCode.SENSOR_FROZEN:
+            return (
+                f"the sensor answers, but all its values stood still ({detail} equal samples in a row), so "
+                "it is set up again. Once: it fell asleep after a dip of its 3.3 V supply. Again and again: "
+                "its clock stands, so the chip is broken or a bad copy; try another one."
+            )
+        case _:
+            return f"a code that this fltea does not know (detail 0x{detail:X}); update it."

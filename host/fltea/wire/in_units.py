@@ -1,0 +1,111 @@
+"""Messages as events: raw counts become values in their units (protocol/README.md)."""
+
+from enum import IntEnum
+
+from fltea.records.events import DeviceAxis, DeviceEstimator
+from fltea.records.records import DeviceStatus, Hello
+from fltea.wire import layout as wire
+from fltea.wire.sensors import sensor_name
+
+CAUSES = wire.Estimate._fields[wire.Estimate._fields.index("order_box") :]
+"""Fields of ESTIMATE that count what the guard did; the host's engine has the same names."""
+
+
+def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
+    """HELLO's counts in their units."""
+
+    def scaled(name: str) -> float:
+        return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))  # 164 * 0.1 is 16.4
+
+    return Hello(
+        source=source,
+        host_ns=host_ns,
+        rate_hz=scaled("sample_rate"),
+        sampling_mode=name_of(wire.SamplingMode, hello.sampling_mode),
+        protocol=f"{hello.protocol_major}.{hello.protocol_minor}",
+        schema_hash=f"0x{hello.schema_hash:08X}",
+        boot_id=hello.boot_id,
+        device_id=hello.device_id.hex(),
+        firmware_version=hello.firmware_version,
+        who_am_i=hello.who_am_i,
+        sensor=sensor_name(hello.who_am_i),
+        sensor_starts=hello.sensor_starts,
+        gyro_range_dps=scaled("gyro_range"),
+        gyro_lsb_per_dps=scaled("gyro_lsb"),
+        accel_range_g=scaled("accel_range"),
+        accel_lsb_per_g=scaled("accel_lsb"),
+        gyro_dlpf_hz=scaled("gyro_dlpf"),
+    )
+
+
+def status_event(s: wire.Status) -> DeviceStatus:
+    """STATUS's counts in their units; no turn of a loop takes 0 us, so that means that none was measured."""
+    return DeviceStatus(
+        *s[:5],
+        reset_cause=name_of(wire.ResetCause, s.reset_cause),
+        cpu_share_percent=round(s.cpu_share * wire.Status.SCALE["cpu_share"], 2) if s.longest_step else None,
+        longest_step_us=s.longest_step or None,
+    )
+
+
+def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
+    """ESTIMATE's counts in their units. sequence: of its frame."""
+    flags = wire.EstimateFlags
+    return DeviceAxis(
+        sequence=sequence,
+        host_ns=host_ns,
+        axis=name_of(wire.Axis, e.axis),
+        sample=e.sample,
+        age=e.age,
+        valid=bool(e.flags & flags.VALID),
+        constant=bool(e.flags & flags.CONSTANT),
+        missing=bool(e.flags & flags.MISSING),
+        skipped=bool(e.flags & flags.SKIPPED),
+        alpha=e.alpha,
+        alpha_std=e.alpha_std,
+        f=e.f,
+        f_std=e.f_std,
+        state_dps=e.state,
+        innovation_dps=e.innovation,
+        interventions={cause: n for cause in CAUSES if (n := getattr(e, cause))},
+    )
+
+
+def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
+    """ESTIMATOR's counts in their units."""
+    return DeviceEstimator(
+        host_ns=host_ns,
+        variant=name_of(wire.EstimatorVariant, e.variant),
+        guard=name_of(wire.EstimatorGuard, e.guard),
+        startup=e.startup,
+        max_gap=e.max_gap,
+        every=e.every,
+        remaining=e.remaining,
+        begun=e.begun,
+        queue=e.queue,
+        skipped=e.skipped,
+        longest_axis_us=e.longest_axis,
+        restarts=(e.restarts_x, e.restarts_y, e.restarts_z),
+        bias_dps=(e.bias_x, e.bias_y, e.bias_z),
+        R_dps2=(e.r_x, e.r_y, e.r_z),
+        state_x0=e.state_x0,
+        state_P0=e.state_p0,
+        state_Q=e.state_q,
+        alpha0=e.alpha0,
+        alpha_P0=e.alpha_p0,
+        alpha_Q0=e.alpha_q0,
+        alpha_delta=e.alpha_delta,
+        parameter0=e.parameter0,
+        parameter_P0=e.parameter_p0,
+        parameter_Q0=e.parameter_q0,
+        parameter_delta=e.parameter_delta,
+        gate=e.gate,
+    )
+
+
+def name_of(enum: type[IntEnum], value: int) -> str:
+    """Name of an enum's value in lower case; the number itself for one that we do not know."""
+    try:
+        return enum(value).name.lower()
+    except ValueError:
+        return f"unknown ({value})"

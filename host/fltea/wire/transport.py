@@ -1,0 +1,259 @@
+"""Serial URL to bytes: a reader thread that turns every failure into an event, and reconnects.
+
+pyserial's own ReaderThread dies silently on an unplugged port (its `in_waiting` raises a bare
+OSError); here any exception closes the port, says why and tries again with backoff.
+"""
+
+import contextlib
+import errno
+import grp
+import os
+import queue
+import re
+import select
+import stat
+import threading
+import time
+from collections.abc import Callable, Iterator
+from urllib.parse import urlsplit
+
+import serial
+from serial.tools import list_ports
+
+from fltea.records.clock import host_ns, unix_offset_ns
+from fltea.records.errors import UsageError
+from fltea.records.events import Chunk, Failed, Opened, TransportEvent
+
+FORBIDDEN_BAUD = 1200
+DUE_VENDORS = (0x2341, 0x2A03)
+DUE_PROGRAMMING_PORT = 0x003D
+DUE_NATIVE_PORT = 0x003E
+"""USB ids from the SAM core's boards.txt."""
+
+ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
+"""The programming port of any Arduino Due."""
+
+READ_TIMEOUT_S = 0.1
+SOCKET = "socket://"
+BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
+QUEUE_BYTES = 1 << 20
+"""What a consumer may be behind: half a minute of a full line, minutes of samples."""
+
+MAX_CHUNK = 1 << 16
+
+TAKEN_S = 1e-3
+"""A port that was ready and then had nothing: another program, ModemManager say, reads it too."""
+
+
+def check_url(url: str, baud: int) -> None:
+    """Refuse what no retry can cure.
+
+    Raises:
+        UsageError: an unknown kind of URL, or 1200 baud (which erases a Due's flash).
+    """
+    if baud == FORBIDDEN_BAUD:
+        raise UsageError(
+            "1200 baud is refused: opening a Due's programming port at 1200 baud erases its flash. "
+            "The firmware speaks 250000 baud."
+        )
+    if baud <= 0:
+        raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
+    try:
+        serial.serial_for_url(url, baudrate=baud, do_not_open=True)
+        if url.startswith(SOCKET) and urlsplit(url).port is None:
+            raise ValueError("its port number is missing")
+    except (ValueError, re.error) as error:
+        raise UsageError(
+            f"'{url}' is no serial port that this program knows ({error}). Give a device path such as "
+            "/dev/ttyACM0, or socket://HOST:PORT, hwgrep://REGEXP, loop://."
+        ) from error
+    except serial.SerialException:
+        pass  # hwgrep:// without a match: the port may appear later
+
+
+def list_ports_text() -> str:
+    """One line that names the serial ports of this machine."""
+    ports = sorted(list_ports.comports())
+    if not ports:
+        return "This machine has no serial port at the moment."
+    return "Ports that exist: " + ", ".join(f"{p.device} ({p.description})" for p in ports) + "."
+
+
+def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
+    """Kind and text of the failure to open a port: what happened, why, what to do."""
+    number = getattr(error, "errno", None)
+    if number in (errno.EACCES, errno.EPERM):
+        return (
+            "no_permission",
+            f"no permission to open {url}. {_permission_remedy(url)} 'fltea doctor' looks further.",
+        )
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return "port_busy", (
+            f"{url} is in use by another program (another fltea, a serial monitor, or ModemManager). "
+            "Close it; 'fltea devices' names it."
+        )
+    if "://" in url and not url.startswith("hwgrep://"):
+        return "no_port", f"cannot connect to {url}: {error}. Check that the other side listens."
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or url.startswith("hwgrep://"):
+        if url == ANY_BOARD:
+            return "no_port", (
+                "no Arduino Due on its programming port (the one beside the power socket), and no other "
+                f"--source given. Check the cable. {list_ports_text()} Without a board: "
+                "--source 'synthetic:?alpha=0.3&f=-1.5'."
+            )
+        return "no_port", f"there is no port {url}. Check the cable and the name. {list_ports_text()}"
+    return "open_failed", f"cannot open {url}: {error}. {list_ports_text()}"
+
+
+def _permission_remedy(path: str) -> str:
+    """What opens this port to its user: a group, if there is one that may and is not root's."""
+    try:
+        status = os.stat(path)
+        group = grp.getgrgid(status.st_gid).gr_name
+    except (OSError, KeyError):
+        return "Serial ports usually belong to the group 'dialout': sudo usermod -aG dialout $USER."
+    open_to_group = status.st_mode & (stat.S_IRGRP | stat.S_IWGRP) == stat.S_IRGRP | stat.S_IWGRP
+    if open_to_group and status.st_gid != 0:
+        return (
+            f"It belongs to the group '{group}': join it with 'sudo usermod -aG {group} $USER', then log out "
+            "and in again."
+        )
+    return (
+        f"Its mode ({stat.filemode(status.st_mode)}, group '{group}') admits no group that you could join: "
+        "let a udev rule give it to the group 'dialout'."
+    )
+
+
+class Reader:
+    """Reads a serial URL in a thread of its own until closed.
+
+    url: whatever `serial.serial_for_url` opens. The port is taken exclusively. Opening raises DTR where
+    there is one (which resets a Due); nothing here touches it. `overflow_bytes` counts what had to be
+    thrown away because the consumer was too slow.
+    """
+
+    def __init__(self, url: str, baud: int) -> None:
+        check_url(url, baud)
+        self.url = url
+        self.baud = baud
+        self.overflow_bytes = 0
+        self._queue: queue.SimpleQueue[TransportEvent | None] = queue.SimpleQueue()
+        self._queued_bytes = 0
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"reader {url}", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def events(self, timeout_s: float) -> Iterator[TransportEvent | None]:
+        """Yield what happens, and None whenever nothing did for `timeout_s`; ends after `close`."""
+        while not self._stop.is_set():
+            try:
+                event = self._queue.get(timeout=timeout_s)
+            except queue.Empty:
+                yield None
+                continue
+            if event is None:
+                return
+            if isinstance(event, Chunk):
+                with self._lock:
+                    self._queued_bytes -= len(event.data)
+            yield event
+
+    def close(self) -> None:
+        """Stop reading and release the port."""
+        self._stop.set()
+        self._queue.put(None)  # wakes up who waits for events
+        if self._thread.is_alive():
+            self._thread.join(timeout=5 * READ_TIMEOUT_S + 1.0)
+
+    def _run(self) -> None:
+        failures = 0
+        while not self._stop.is_set():
+            try:
+                port = self._open()
+            except Exception as error:  # whatever a driver raises must not kill the thread
+                self._put(Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns()))
+            else:
+                self._put(Opened(host_ns(), unix_offset_ns()))
+                if self._read_until_lost(port):
+                    failures = 0  # a port that opens and dies at once is no success
+            self._stop.wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
+            failures += 1
+
+    def _open(self) -> serial.Serial:
+        port = serial.serial_for_url(self.url, baudrate=self.baud, do_not_open=True)
+        port.timeout = READ_TIMEOUT_S
+        port.exclusive = True
+        port.open()
+        return port
+
+    def _read_until_lost(self, port: serial.Serial) -> bool:
+        """Read until closed or lost; whether anything came."""
+        anything = False
+        try:
+            read = _reader_of(port, self.url)
+            while not self._stop.is_set():
+                data = read()
+                if data:
+                    anything = True
+                    self._put(Chunk(data, host_ns(), unix_offset_ns()))
+        except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
+            message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
+            self._put(Failed("unplugged", message, host_ns(), unix_offset_ns()))
+        finally:
+            with contextlib.suppress(OSError):  # the device is gone already
+                port.close()
+        return anything
+
+    def _put(self, event: TransportEvent) -> None:
+        """Never blocks: bytes that the consumer is too slow for are thrown away and counted."""
+        if isinstance(event, Chunk):
+            with self._lock:
+                if self._queued_bytes + len(event.data) > QUEUE_BYTES:
+                    self.overflow_bytes += len(event.data)
+                    return
+                self._queued_bytes += len(event.data)
+        self._queue.put(event)
+
+
+def _reader_of(port: serial.Serial, url: str) -> Callable[[], bytes]:
+    """What waits up to READ_TIMEOUT_S for bytes and returns all that there are, b"" if none came.
+
+    On a POSIX port these are two system calls, where pyserial's own methods take five: with many devices that
+    is most of what reading costs. pyserial's sockets never say more than that something has arrived.
+    """
+    fd = getattr(port, "fd", None)
+    if fd is not None:
+        poll = select.poll()
+        poll.register(fd, select.POLLIN)
+
+        def read_port() -> bytes:
+            events = poll.poll(READ_TIMEOUT_S * 1000)
+            if not events:
+                return b""
+            with contextlib.suppress(BlockingIOError):
+                if data := os.read(fd, MAX_CHUNK):
+                    return data
+            if events[0][1] & ~select.POLLIN:
+                raise OSError(errno.EIO, "hung up")
+            time.sleep(TAKEN_S)
+            return b""
+
+        return read_port
+
+    def read_any() -> bytes:
+        data = port.read(1)
+        if data and url.startswith(SOCKET):
+            port.timeout = 0
+            try:
+                data += port.read(MAX_CHUNK)
+            finally:
+                port.timeout = READ_TIMEOUT_S
+        elif data:
+            data += port.read(min(port.in_waiting, MAX_CHUNK))
+        return data
+
+    return read_any

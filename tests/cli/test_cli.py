@@ -1,0 +1,338 @@
+"""The command line as a user meets it: help, exit codes, mistakes, signals and closed pipes."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import fltea as package
+import pytest
+import typer.main
+from fltea.cli.app import app
+from fltea.records.records import Epoch, Error, Estimate, Stats
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
+from host_support import PATIENCE_S, QUICK, fltea, strict_records
+
+COMMANDS = typer.main.get_command(app).commands
+SAMPLE = wire.Sample(1, 2, 3, 4, 5, 6, 7, 0)
+FAST = ("run", "-s", "synthetic:?n=700", "--pace", "fast")
+
+
+def plain(text: str) -> str:
+    """Text without the frames that help and usage errors are drawn in."""
+    return re.sub(r"[\s│]+", " ", text)
+
+
+# --- help and version ---
+
+
+@pytest.mark.parametrize("width", [80, 140])
+@pytest.mark.parametrize("command", [None, *COMMANDS])
+def test_help_tells_exit_codes_and_every_flag(command: str | None, width: int) -> None:
+    result = fltea(*([command] if command else []), "--help", columns=width)
+    assert (result.returncode, result.stderr) == (0, "")
+    text = plain(result.stdout)
+    assert "Exit codes: 0 ended as asked" in text
+    assert "1 failed while running; 2 the command line, the configuration or an input file is wrong" in text
+    if command is None:
+        flags = ["--version", "--help", "-h", *COMMANDS]
+    else:
+        flags = [flag for parameter in COMMANDS[command].params for flag in parameter.opts]
+        assert f"fltea {command} " in text.partition("For example:")[2]
+    for flag in flags:
+        assert not flag.startswith("-") or re.search(rf"(?<![\w-]){flag}(?![\w-])", text), flag
+
+
+def test_short_help_and_no_arguments() -> None:
+    assert fltea("run", "-h").stdout == fltea("run", "--help").stdout
+    result = fltea()
+    assert result.returncode == 2
+    assert "fltea [OPTIONS] COMMAND" in plain(result.stdout + result.stderr)
+
+
+def test_version() -> None:
+    result = fltea("--version")
+    assert result.returncode == 0
+    assert (
+        result.stdout
+        == f"fltea {package.__version__}, protocol {wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}\n"
+    )
+
+
+def test_installed_command_is_the_module() -> None:
+    command = Path(sys.executable).with_name("fltea")
+    if not command.exists():
+        pytest.skip(f"{command} is not installed")
+    installed = subprocess.run([command, "--version"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert installed.stdout == fltea("--version").stdout
+
+
+# --- mistakes ---
+
+USAGE = {
+    "no such command": (["walk"], "walk"),
+    "no such flag": (["run", "--colour"], "--colour"),
+    "flag without value": (["run", "--source"], "--source"),
+    "no whole number": (["run", "--window", "x"], "--window|x"),
+    "too many words": (["run", "rest.npz"], "rest.npz"),
+    "no such source": (["run", "-s", "mqtt:x"], "'mqtt:' is no kind of source"),
+    "no such file": (["run", "-s", "replay:none.npz"], "none.npz: there is no such file"),
+    "no such folder": (["run", "-s", "replay:/none/x.csv"], "/none/x.csv: there is no such file"),
+    "bad query": (["run", "-s", "synthetic:?alfa=1"], "alfa|Known keys: alpha"),
+    "1200 baud": (["run", "-s", "/dev/ttyACM0", "--baud", "1200"], "1200 baud is refused"),
+    "no such scheme": (["run", "-s", "ftp://x"], "ftp://x"),
+    "bad format": (["run", "--format", "xml"], "format|xml"),
+    "bad pace": (["run", "--pace", "slow"], "pace|slow"),
+    "bad window": (["run", "--window", "-1"], "estimator: window must be 1 to 10000000"),
+    "bad start-up": (["run", "--startup", "1"], "estimator: startup must be at least 2"),
+    "bad gap": (["run", "--max-gap", "-1"], "link: max_gap"),
+    "bad bias": (["run", "--bias", "much"], "--bias much|startup, none"),
+    "bad R": (["run", "--r", "0.1,x"], "--r 0.1,x|auto"),
+    "R of nought": (["run", "--r", "0"], "estimator: R is a variance"),
+    "no source": (["run", "-s", ""], "--source: say where it is"),
+    "no folder": (["run", "--record", ""], "record: folder must be the name of a folder"),
+    "no folder to record to": (["record", ""], "record: folder must be the name of a folder"),
+    "no snapshot": (["run", "--state", ""], "state: file must be the name of a file"),
+    "no channels": (["run", "--channels", ""], "channels must name at least one axis"),
+    "unknown setting": (["run", "--set", "estimator.order.Q=1"], "estimator.order.Q: there is no such|Q0"),
+    "no setting": (["run", "--set", "estimator"], "--set estimator: give PATH=VALUE"),
+    "no configuration": (["run", "--config", "none.toml"], "none.toml: cannot be read"),
+    "CSV flags": ([*FAST, "--units", "dps"], "are for recordings"),
+    "nothing to inspect": (["inspect"], "FILE"),
+    "no such capture": (["inspect", "none.bin"], "none.bin: there is no such file or port"),
+    "nothing to write": (["simulate"], "FILE"),
+    "bad ending": (["simulate", "noise.txt"], "noise.txt: give a name that ends in"),
+    "no samples": (["simulate", "noise.csv", "-n", "0"], "--samples ≥ 1"),
+    "bad range": (["simulate", "noise.csv", "-n", "5", "--q", "-1"], "Q is a variance"),
+}
+
+
+@pytest.mark.parametrize("name", USAGE)
+def test_mistake_is_named_and_ends_with_2(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments, words = USAGE[name]
+    command, *rest = arguments
+    result = fltea(command, *(["--once"] if command == "run" else []), *rest)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    for word in words.split("|"):
+        assert word in plain(result.stderr)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("flag", "reason"),
+    [("--bias", "estimator: bias needs"), ("--r", "estimator: R needs one value, or 3")],
+)
+def test_wrong_count_of_axes_shows_with_the_first_sample(flag: str, reason: str) -> None:
+    result = fltea(*FAST, "--once", flag, "1,2")
+    assert result.returncode == 2
+    assert result.stderr.startswith(f"fltea: error: {reason}")
+    assert len(strict_records(result.stdout)) == 1
+
+
+def test_bad_recording_gives_no_half_of_an_output(tmp_path: Path) -> None:
+    (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n2\n" * 400 + "NaN\n")
+    result = fltea("run", "-s", f"replay:{tmp_path}/rest.csv", "--rate", "100", "--once", *QUICK)
+    assert (result.returncode, result.stdout) == (2, "")
+    assert f"{tmp_path}/rest.csv:802: column 'gyro_x_dps': NaN is not a finite number" in result.stderr
+
+
+def test_failure_while_running_ends_with_1() -> None:
+    result = fltea("run", "-s", "synthetic:?f=1000&n=900", "--pace", "fast", "--once", *QUICK)
+    assert result.returncode == 1
+    assert "fltea: error: α = 0.3, f = 1000 is not stationary" in result.stderr
+    assert "Traceback" not in result.stderr
+    strict_records(result.stdout)
+
+
+# --- runs ---
+
+
+def test_run_to_the_end() -> None:
+    result = fltea(*FAST, "--once", "--set", "estimator.window=200")
+    assert (result.returncode, result.stderr) == (0, "")
+    records = strict_records(result.stdout)
+    assert [record.seq for record in records if isinstance(record, Estimate)] == list(range(500, 700))
+    assert isinstance(records[-1], Stats)
+    assert records[-1].samples.delivered == 700
+
+
+def test_same_command_same_output() -> None:
+    first, again = (fltea(*FAST, "--once", "--samples", *QUICK).stdout for _ in range(2))
+    assert first == again
+
+
+def test_flags_reach_the_estimator(tmp_path: Path) -> None:
+    (tmp_path / "fltea.toml").write_text("[estimator]\nwindow = 99\nstartup = 77\n[link]\nmax_gap = 5\n")
+    flags = ["--config", tmp_path / "fltea.toml", "-L", "40", "--bias", "-0.1,0,0.2", "--r", "0.02,0.03,0.04"]
+    result = fltea(*FAST, "--once", *flags, "--set", "estimator.order.alpha0=0.5")
+    assert (result.returncode, result.stderr) == (0, "")
+    records = strict_records(result.stdout)
+    info = next(record.estimator for record in records if isinstance(record, Epoch))
+    assert (info.window, info.startup_samples) == (40, 0)
+    assert (info.bias, info.R) == ((-0.1, 0.0, 0.2), (0.02, 0.03, 0.04))
+    estimates = [record for record in records if isinstance(record, Estimate)]
+    assert len(estimates) == 700
+    assert estimates[0].axes["gyro_x"].alpha == pytest.approx(0.5, abs=0.2)
+
+
+def test_columns_of_csv_may_have_blanks_after_their_commas(tmp_path: Path) -> None:
+    rows = "".join(f"{k % 5},{k % 7}\n" for k in range(200))
+    (tmp_path / "rest.csv").write_text("gx, gy\n" + rows)
+    flags = ["--columns", "gx, gy", "--rate", "100", "--units", "mdps"]
+    result = fltea("run", "-s", f"{tmp_path}/rest.csv", "--once", *flags, *QUICK)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert strict_records(result.stdout)[-1].axes["gyro_x"].bias_dps == pytest.approx(0.002)
+
+
+def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:
+    (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n" * 200)
+    result = fltea("run", "-s", f"replay:{tmp_path}/rest.csv", "--rate", "100", "--once", *QUICK)
+    assert result.returncode == 0
+    errors = [record for record in strict_records(result.stdout) if isinstance(record, Error)]
+    assert [error.kind for error in errors] == ["constant_axis"]
+    assert result.stderr == f"fltea: constant_axis: {errors[0].message}\n"
+
+
+@pytest.mark.parametrize("width", [80, 140])
+def test_table_off_a_terminal_is_printed_once_at_the_end(width: int) -> None:
+    result = fltea(*FAST, "--once", "--format", "table", *QUICK, columns=width)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.count("synthetic:?n=700") == 1
+    assert "\x1b" not in result.stdout
+    for part in ("state [deg/s]", "innovation [deg/s]", "f [s^-α]", "sample 699  delivered 700  lost 0"):
+        assert part in result.stdout
+    for axis in ("gyro_x", "gyro_y", "gyro_z"):
+        number = r"\s+[+-]?\d+\.\d+"
+        assert re.search(
+            rf"{axis} │{number} ±{number} │{number} ±{number} │{number} │{number} │", result.stdout
+        )
+
+
+# --- ends ---
+
+
+def started(*arguments: str | Path, **options: object) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "fltea", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
+
+
+def capture(tmp_path: Path, frames: int) -> Path:
+    path = tmp_path / "capture.bin"
+    path.write_bytes(b"\0" + b"".join(encode(SAMPLE, k, 10_000 * k) for k in range(frames)))
+    return path
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_a_run_with_0_and_a_whole_line(number: signal.Signals) -> None:
+    with started("run", "-s", "synthetic:", "--samples", "--format", "ndjson", *QUICK) as process:
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        process.send_signal(number)
+        output, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (0, b"")
+    assert isinstance(strict_records(first + output)[-1], Stats)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None:
+    with started("run", "-s", "synthetic:?rate_hz=0.001", *QUICK) as process:
+        assert process.stdout is not None
+        records = [process.stdout.readline() for _ in range(2)]  # hello and epoch: it waits now, for 1000 s
+        process.send_signal(number)
+        output, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (0, b"")
+    assert len(strict_records(b"".join(records) + output)) == 3
+
+
+@pytest.mark.parametrize("form", ["ndjson", "table"])
+def test_without_once_a_recording_stays_until_a_signal(form: str, tmp_path: Path) -> None:
+    (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n2\n" * 100)
+    flags = ["--rate", "100", "--format", form, *QUICK]
+    with started("run", "-s", f"{tmp_path}/rest.csv", *flags) as process:
+        assert process.stderr is not None
+        assert b"the recording is at its end" in process.stderr.readline()
+        assert process.poll() is None
+        process.send_signal(signal.SIGTERM)
+        output, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (0, b"")
+    if form == "ndjson":
+        assert strict_records(output)[-1].samples.delivered == 200
+    else:
+        assert output.count(b"delivered 200") == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_an_inspection_with_its_sum(number: signal.Signals) -> None:
+    with started("inspect", "-", stdin=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(b"\0" + encode(SAMPLE, 1, 2))
+        process.stdin.flush()
+        assert process.stdout.readline().startswith(b"SAMPLE")
+        process.send_signal(number)
+        output, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (0, b"")
+    assert output == b"29 bytes, 1 good frames\n"
+
+
+ENDS = {
+    "ndjson": [*FAST, "--once", "--samples", *QUICK],
+    "ndjson at its own pace": ["run", "-s", "synthetic:", "--samples", *QUICK],
+    "inspect": ["inspect"],
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_closed_pipe_ends_quietly(name: str, tmp_path: Path) -> None:
+    arguments = [*ENDS[name], *([capture(tmp_path, 9000)] if name == "inspect" else [])]
+    with started(*arguments) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(PATIENCE_S) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == b""
+
+
+@pytest.mark.parametrize("command", ["table", "inspect", "ndjson"])
+def test_pipe_closed_from_the_start_ends_quietly(command: str, tmp_path: Path) -> None:
+    """What is written only at the end meets the closed pipe there."""
+    arguments: list[str | Path] = [*FAST, "--once", "--format", command, *QUICK]
+    if command == "inspect":
+        arguments = ["inspect", capture(tmp_path, 1)]
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        result = subprocess.run(
+            [sys.executable, "-m", "fltea", *arguments],
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            timeout=PATIENCE_S,
+        )
+    finally:
+        os.close(writer)
+    assert (result.returncode, result.stderr) == (0, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this machine has no /dev/full")
+@pytest.mark.parametrize("command", ["ndjson", "table", "inspect"])
+def test_full_disk_is_an_error(command: str, tmp_path: Path) -> None:
+    arguments: list[str | Path] = [*FAST, "--once", "--format", command, *QUICK]
+    if command == "inspect":
+        arguments = ["inspect", capture(tmp_path, 9)]
+    with open("/dev/full", "wb") as full:
+        result = subprocess.run(
+            [sys.executable, "-m", "fltea", *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            timeout=PATIENCE_S,
+        )
+    assert result.returncode == 1
+    assert b"fltea: error: cannot write the output: [Errno 28]" in result.stderr
+    assert b"Traceback" not in result.stderr

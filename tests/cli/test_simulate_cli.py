@@ -1,0 +1,198 @@
+"""`fltea simulate`: what it writes can be replayed, holds the truth beside it, and is whole or not there."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fltea.identify.simulation_file import write_simulation
+from fltea.recording.files import read_csv, read_npz
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.events import RawSample
+from fltea.sources.replay import ReplaySource
+from host_support import QUICK, fltea, strict_records
+
+USUAL = {
+    "alpha": 0.3,
+    "alpha_end": 0.3,
+    "f": -1.5,
+    "Q": 0.15,
+    "R": 0.02,
+    "n": 200,
+    "rate_hz": 100.0,
+    "axes": 3,
+    "lsb_per_dps": None,
+    "range_dps": 2000.0,
+    "offset_dps": 0.0,
+    "window": 100,
+    "seed": 1,
+}
+
+
+def simulated(out: Path, **changes: object) -> Path:
+    write_simulation(out, **{**USUAL, **changes})
+    return out
+
+
+def gyro(path: Path) -> list[tuple[float, ...]]:
+    return [event.gyro for event in ReplaySource(path).events() if isinstance(event, RawSample)]
+
+
+def columns(path: Path) -> dict[str, list[float]]:
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: [float(row[name]) for row in rows] for name in rows[0]}
+
+
+def test_csv_and_npz_hold_the_same_samples(tmp_path: Path) -> None:
+    text, packed = simulated(tmp_path / "a.csv"), simulated(tmp_path / "a.npz")
+    assert gyro(text) == gyro(packed)  # to the last bit
+    assert read_csv(text).rate_hz == pytest.approx(read_npz(packed).rate_hz) == 100.0
+    assert read_npz(packed).lsb_per_dps is None
+
+
+def test_truth_stands_beside_the_samples(tmp_path: Path) -> None:
+    text = columns(simulated(tmp_path / "a.csv", R=0.0))
+    with np.load(simulated(tmp_path / "a.npz", R=0.0)) as packed:
+        for i, axis in enumerate(("gyro_x", "gyro_y", "gyro_z")):
+            assert (
+                text[f"true_state_{axis}_dps"]
+                == text[f"{axis}_dps"]
+                == packed["true_state_dps"][:, i].tolist()
+            )
+        assert set(text["true_alpha"]) == {0.3}
+        assert packed["true_alpha"].tolist() == text["true_alpha"]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "npz"])
+def test_same_seed_same_file(suffix: str, tmp_path: Path) -> None:
+    first, again = simulated(tmp_path / f"a.{suffix}"), simulated(tmp_path / f"b.{suffix}")
+    other = simulated(tmp_path / f"c.{suffix}", seed=2)
+    assert first.read_bytes() == again.read_bytes()
+    assert first.read_bytes() != other.read_bytes()
+
+
+def test_quantised_samples_are_counts(tmp_path: Path) -> None:
+    options = {"lsb_per_dps": 16.4, "offset_dps": -3.3}
+    packed = read_npz(simulated(tmp_path / "a.npz", **options))
+    assert packed.lsb_per_dps == 16.4
+    assert (packed.gyro == np.round(packed.gyro)).all()
+    text = read_csv(simulated(tmp_path / "a.csv", **options))
+    assert text.gyro == pytest.approx(packed.gyro / 16.4, abs=1e-12)
+    assert text.gyro.mean() == pytest.approx(-3.3, abs=0.2)
+
+
+def test_range_is_kept(tmp_path: Path) -> None:
+    found = read_npz(simulated(tmp_path / "a.npz", lsb_per_dps=131.0, range_dps=250.0, offset_dps=400.0))
+    assert set(found.gyro.ravel()) == {250 * 131}
+
+
+def test_variable_order_is_written(tmp_path: Path) -> None:
+    found = columns(simulated(tmp_path / "a.csv", alpha=0.2, alpha_end=0.6, axes=1))
+    assert found["true_alpha"] == pytest.approx(np.linspace(0.2, 0.6, 200))
+    assert found["true_alpha"][0] == 0.2
+    assert found["true_alpha"][-1] == 0.6
+    assert "gyro_y_dps" not in found
+
+
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_number_of_axes(axes: int, tmp_path: Path) -> None:
+    assert {len(sample) for sample in gyro(simulated(tmp_path / "a.csv", axes=axes))} == {axes}
+
+
+BAD = [
+    ({"n": 0}, "--samples ≥ 1"),
+    ({"axes": 0}, "--axes 1 to 3"),
+    ({"axes": 4}, "--axes 1 to 3"),
+    ({"rate_hz": 0.0}, "--rate > 0"),
+    ({"rate_hz": -1.0}, "--rate > 0"),
+    ({"rate_hz": float("nan")}, "h must be > 0"),
+    ({"rate_hz": float("inf")}, "h must be > 0"),
+    ({"alpha": float("nan")}, "--alpha has to be a finite number"),
+    ({"alpha_end": float("inf")}, "--alpha-end has to be a finite number"),
+    ({"offset_dps": float("nan")}, "--offset has to be a finite number"),
+    ({"f": float("inf")}, "f must be a finite number"),
+    ({"Q": -1.0}, "Q is a variance"),
+    ({"R": -1.0}, "R is a variance"),
+    ({"window": 0}, "window must be at least 1"),
+    ({"seed": -1}, "non-negative"),
+    ({"lsb_per_dps": 0.0}, "lsb_per_dps must be > 0"),
+    ({"lsb_per_dps": 16.4, "range_dps": 0.0}, "full_scale_dps must be > 0"),
+    ({"n": 10**15}, "allocate"),
+]
+
+
+@pytest.mark.parametrize(("changes", "word"), BAD)
+def test_impossible_parameters_leave_nothing_behind(changes: dict, word: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as caught:
+        simulated(tmp_path / "a.csv", **changes)
+    assert word in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a", "a.txt", "a.csv.gz", ".csv", "a.NPY"])
+def test_other_endings_are_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"give a name that ends in \.csv or \.npz"):
+        simulated(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
+@pytest.mark.filterwarnings("ignore:invalid:RuntimeWarning")
+def test_noise_that_grows_beyond_all_bounds(tmp_path: Path) -> None:
+    with pytest.raises(FlteaError, match="is not stationary"):
+        simulated(tmp_path / "a.csv", f=1000.0, n=900)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folder_that_is_none(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for folder in ("none", "file"):
+        with pytest.raises(FlteaError, match="cannot be written"):
+            simulated(tmp_path / folder / "a.csv")
+    (tmp_path / "a.csv").mkdir()
+    with pytest.raises(FlteaError, match="cannot be written"):
+        simulated(tmp_path / "a.csv")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "file"]
+
+
+@pytest.mark.parametrize("failure", [OSError("disk full"), KeyboardInterrupt()])
+@pytest.mark.parametrize("suffix", ["csv", "npz"])
+def test_failure_in_the_midst_leaves_the_old_file(
+    suffix: str, failure: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = simulated(tmp_path / f"a.{suffix}")
+    before = path.read_bytes()
+
+    def fail(*_: object, **__: object) -> None:
+        raise failure
+
+    if suffix == "npz":
+        monkeypatch.setattr(np, "savez_compressed", fail)
+    else:
+        monkeypatch.setattr(csv, "writer", fail)
+    with pytest.raises(FlteaError if isinstance(failure, OSError) else KeyboardInterrupt):
+        simulated(path, seed=2)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("name", ["noise.csv", "varying.npz"])
+def test_command_writes_what_run_reads(name: str, tmp_path: Path) -> None:
+    flags = ["--alpha", "0.2", "--alpha-end", "0.6", "--lsb", "16.4", "-n", "300", "--window", "100"]
+    result = fltea("simulate", tmp_path / name, *flags, "--axes", "2", "--offset", "1.5", "--seed", "4")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+    run = fltea("run", "-s", f"replay:{tmp_path / name}", "--once", *QUICK)
+    assert (run.returncode, run.stderr) == (0, "")
+    last = strict_records(run.stdout)[-1]
+    assert last.samples.delivered == 300
+    assert [*last.axes] == ["gyro_x", "gyro_y"]
+    assert last.axes["gyro_x"].bias_dps == pytest.approx(1.5, abs=0.2)
+
+
+def test_command_has_the_defaults_of_its_help(tmp_path: Path) -> None:
+    assert fltea("simulate", tmp_path / "a.npz", "-n", "50").returncode == 0
+    with np.load(tmp_path / "a.npz") as found:
+        assert found["gyro_dps"].shape == (50, 3)
+        assert found["fs_hz"] == 100.0
+        assert set(found["true_alpha"]) == {0.3}

@@ -1,0 +1,20 @@
+"""A tiny evaluation, made once."""
+
+import pytest
+from evaluate_support import TINY
+from fltea.identify.workers import Here
+from fltea.lab.evaluate import figures
+from fltea.lab.evaluate.run import Result, evaluate
+
+
+@pytest.fixture(scope="session")
+def tiny() -> Result:
+    return evaluate(TINY, Here())
+
+
+@pytest.fixture(scope="session")
+def drawn(tiny: Result) -> dict[str, bytes]:
+    """Two of the maps and the settings: a map takes most of a second."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "MAPS", {name: figures.MAPS[name] for name in ("error", "coverage")})
+        return figures.draw(tiny)

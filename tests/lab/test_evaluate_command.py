@@ -1,0 +1,105 @@
+"""`fltea evaluate` as a user calls it, on a plan that is over in a second."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from evaluate_support import TINY, Backwards
+from fltea.cli import app as cli
+from fltea.identify import workers
+from fltea.lab.evaluate import figures, run
+from fltea.lab.evaluate.run import Result
+from fltea.lab.evaluate.tables import to_csv, to_json
+
+Call = Callable[..., tuple[int, str, str]]
+PNGS = ("coverage", "error", "settings")
+
+
+@pytest.fixture
+def fltea(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
+    """Call the command in an empty folder, with TINY for --quick; returns exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(run, "quick_plan", lambda seeds: TINY)
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["fltea", "evaluate", *arguments])
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as end:
+            code = int(end.code or 0)
+        return code, *capsys.readouterr()
+
+    return call
+
+
+def test_table_and_files(
+    fltea: Call, tiny: Result, drawn: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same arguments give the same numbers, whoever works in whatever order."""
+    monkeypatch.setattr(workers, "open_local", lambda jobs: Backwards() if jobs == 3 else None)
+    monkeypatch.setattr(figures, "draw", lambda result: drawn if result == tiny else {})
+    code, out, err = fltea("--quick", "--jobs", "3")
+    folder = tmp_path / "build/evaluate"
+    names = ["evaluation.csv", "evaluation.json", *(f"evaluation_{name}.png" for name in PNGS)]
+    assert code == 0
+    assert err == "fltea: 5 files in build/evaluate\n"
+    assert sorted(path.name for path in folder.iterdir()) == names
+    assert (folder / "evaluation.json").read_bytes() == to_json(tiny)
+    assert (folder / "evaluation.csv").read_text() == to_csv(tiny)
+    assert (folder / "evaluation_error.png").read_bytes() == drawn["error"]
+    for words in ("estimator", "on white noise", "setting", "joint, Q and R fitted", "After 1,500 samples"):
+        assert words in out
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch, tiny: Result) -> None:
+    """The evaluation has been made before."""
+    monkeypatch.setattr(run, "evaluate", lambda plan, workers, progress: tiny)
+
+
+@pytest.mark.usefixtures("at_once")
+def test_json_without_figures(fltea: Call, tiny: Result, tmp_path: Path) -> None:
+    code, out, _ = fltea("--quick", "--jobs", "1", "--json", "--no-figures", "--out", "here")
+    assert code == 0
+    assert json.loads(out) == json.loads(to_json(tiny))
+    assert len(list((tmp_path / "here").iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--seeds", "1"), "--seeds"),
+        (("--jobs", "0"), "--jobs"),
+        (("--quick", "--out", "taken"), "--out taken: cannot be written to"),
+        (("--nonsense",), "--nonsense"),
+    ],
+)
+def test_mistakes(fltea: Call, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+    (tmp_path / "taken").write_text("a file")
+    code, out, err = fltea(*arguments)
+    assert (code, out) == (2, "")
+    assert words in err
+
+
+@pytest.mark.usefixtures("at_once")
+def test_a_full_disk_leaves_no_half_file(
+    fltea: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file that was there stays."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "evaluation.json").write_text("old")
+
+    def full(self: Path, data: bytes) -> int:
+        with self.open("wb") as file:
+            file.write(data[:10])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    code, _, err = fltea("--quick", "--jobs", "1", "--no-figures", "--out", "out")
+    assert code == 1
+    assert "evaluation.json: cannot be written" in err
+    assert [(path.name, path.read_text()) for path in folder.iterdir()] == [("evaluation.json", "old")]

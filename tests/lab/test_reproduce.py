@@ -1,0 +1,323 @@
+"""Experiments of the paper: their data, their errors, what counts as diverged, and the rows made of them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fltea.estimator.engine import Estimates
+from fltea.lab.reproduce import gyroscope, paper, tables, timing
+from fltea.lab.reproduce.figures import median_seed
+from fltea.lab.reproduce.gyroscope import RecordingFile
+from fltea.lab.reproduce.runs import Options, Outcome, estimate, has_diverged, outcomes
+from fltea.lab.reproduce.scenarios import Data, SawTooth, Scenario, example, unknown_input
+from fltea.lab.reproduce.simulate import fractional_states, noises
+from fltea.noise.simulation import fractional_system
+from fltea.noise.weights import weights
+from fltea.records.errors import UsageError
+
+SEEDS = [0, 1, 7]
+
+
+def quiet(steps: int) -> None:
+    pass
+
+
+def short(number: int, samples: int = 400, sawtooth: SawTooth | None = None) -> Scenario:
+    return example(number, sawtooth or SawTooth(), samples)
+
+
+def make_outcome(diverged: list[bool], **values: list[float]) -> Outcome:
+    names = [name for name in Outcome._fields if name != "diverged"]
+    arrays = {name: np.array(values.get(name, [1.0] * len(diverged))) for name in names}
+    return Outcome(diverged=np.array(diverged), **arrays)
+
+
+# Data
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_all_seeds_at_once_give_the_samples_of_the_plain_simulator(number: int) -> None:
+    scenario = short(number)
+    data = scenario.make(SEEDS)
+    assert data.u is not None
+    assert data.x is not None
+    for column, seed in enumerate(SEEDS):
+        u, n = data.u[:, column], scenario.samples
+        x, y = fractional_system(scenario.alpha, paper.PARAMETER, u, 1e-5, 1e-3, paper.H, n + 1, seed)
+        assert data.x[:, column] == pytest.approx(x, rel=1e-11, abs=1e-13)
+        assert data.y[:, column] == pytest.approx(y, rel=1e-11, abs=1e-13)
+
+
+@pytest.mark.parametrize("runs", [1, 64, 65, 130])
+def test_the_samples_of_a_seed_do_not_depend_on_how_many_there_are(runs: int) -> None:
+    seeds = list(range(runs))
+    scenario = short(3, 150)
+    many = scenario.make(seeds)
+    alone = scenario.make([runs - 1])
+    assert np.array_equal(many.y[:, [-1]], alone.y)
+
+
+def test_the_noises_have_the_papers_variances() -> None:
+    scenario = short(3, 1000)
+    data = scenario.make(range(8))
+    assert scenario.alpha is not None
+    assert data.u is not None
+    assert data.x is not None
+    count = data.y.size
+    for values, variance in ((data.y - data.x, 1e-3), (data.u, 0.1)):
+        assert values.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / count))
+        assert values.mean() == pytest.approx(0, abs=5 * np.sqrt(variance / count))
+    # ω, from the equation of the system turned round.
+    omega = []
+    for k in range(2, 300):
+        c = weights(float(scenario.alpha[k - 1]), k - 1)
+        gain = paper.H ** scenario.alpha[k - 1]
+        difference = c @ data.x[k - 1 :: -1]  # c_0 x_k + c_1 x_{k-1} + ...; x_k stands in row k - 1
+        omega.append(difference / gain - paper.PARAMETER * data.x[k - 2] - data.u[k - 1])
+    drawn = np.array(omega)
+    assert drawn.var() == pytest.approx(1e-5, rel=5 * np.sqrt(2 / drawn.size))
+
+
+def test_orders_and_lengths_are_the_papers() -> None:
+    assert np.all(example(1, SawTooth()).alpha == 0.6)
+    varying = example(2, SawTooth()).alpha
+    assert varying is not None
+    assert (varying[0], varying[-1]) == pytest.approx((0.2001, 0.6))
+    assert [example(n, SawTooth()).lengths for n in (1, 2, 3)] == [
+        (4000, 3000, 2500, 2000),
+        (4000, 2000),
+        (4000, 2000),
+    ]
+
+
+def test_the_saw_tooth_starts_low_and_rises() -> None:
+    u = SawTooth(5.0, 0.7).samples(4000, 1e-3)
+    assert u[0] == -5
+    assert np.all(np.diff(u[:700]) > 0)
+    assert np.flatnonzero(np.diff(u) < 0).tolist() == [699, 1399, 2099, 2799, 3499]
+    assert SawTooth(2.0, 1.0, unipolar=True).samples(1001, 1e-3)[[0, 500, 1000]] == pytest.approx([0, 1, 0])
+    assert str(SawTooth()) == "saw-tooth ±1, 1 Hz, starting at -1"
+    assert str(SawTooth(5, 0.5, unipolar=True)) == "saw-tooth 0 to 5, 2 Hz, starting at 0"
+    for amplitude, period in ((np.nan, 1.0), (1.0, 0.0), (1.0, np.inf)):
+        with pytest.raises(UsageError, match="saw-tooth"):
+            SawTooth(amplitude, period)
+
+
+def test_an_unknown_fractional_source_raises_the_order_that_is_found() -> None:
+    found = {
+        kind: outcomes(unknown_input(fractional=kind), range(8), Options(memory="compressed"), quiet)[3000]
+        for kind in (False, True)
+    }
+    assert not found[False].diverged.any()
+    assert not found[True].diverged.any()
+    # Orders 0.4 and 0.4 + 0.3; the paper's algorithm finds about 0.54 and 0.66.
+    assert np.median(found[True].settled_order) > np.median(found[False].settled_order) + 0.05
+
+
+def test_the_fractional_source_is_of_its_order() -> None:
+    scenario = unknown_input(fractional=True, samples=200)
+    data = scenario.make([4])
+    Q = 0.15 / 0.01 ** (2 * 0.7)
+    omega, v = noises(4, 200, Q, 0.05)
+    source = fractional_states(np.full(200, 0.3), -1.0, omega[:, np.newaxis], 0.01)
+    x = fractional_states(np.full(200, 0.4), -1.0, source, 0.01)
+    assert data.u is None
+    assert data.y[:, 0] == pytest.approx(x[:, 0] + v)
+
+
+# Gyroscope
+
+
+def test_without_a_recording_each_axis_is_white_noise_of_the_papers_variance() -> None:
+    axes = gyroscope.white_noise()
+    assert list(axes) == ["x", "y", "z"]
+    samples = {axis: scenario.make([0, 1]).y for axis, scenario in axes.items()}
+    for axis, y in samples.items():
+        assert y.shape == (3000, 2)
+        assert y.var() == pytest.approx(paper.GYRO_R[axis], rel=5 * np.sqrt(2 / y.size))
+        assert axes[axis].R == paper.GYRO_R[axis] == axes[axis].filters.state.R
+        assert "white noise" in axes[axis].source
+    assert abs(np.corrcoef(samples["x"][:, 0], samples["y"][:, 0])[0, 1]) < 5 / np.sqrt(3000)
+
+
+def test_a_recording_gives_its_first_samples_without_their_mean(tmp_path: Path) -> None:
+    counts = np.random.default_rng(2).normal(50, 20, (3500, 2)).round()
+    path = tmp_path / "rest.npz"
+    np.savez(path, gyro_raw=counts.astype(np.int16), lsb_per_dps=16.4, fs_hz=200.0)
+    axes = gyroscope.recorded(RecordingFile(path))
+    assert list(axes) == ["x", "y"]
+    expected = counts[:3000, 1] / 16.4
+    y = axes["y"].make(range(5)).y
+    assert y.shape == (3000, 1)
+    assert y[:, 0] == pytest.approx(expected - expected.mean())
+    assert pytest.approx(expected.var()) == axes["y"].filters.state.R
+    assert axes["y"].filters.h == 1 / 200
+    assert "rest.npz" in axes["y"].source
+    assert len(outcomes(axes["y"], range(5), Options(), quiet)[1500].order) == 1
+
+
+def test_csv_recordings_are_read_too(tmp_path: Path) -> None:
+    path = tmp_path / "rest.csv"
+    values = np.random.default_rng(3).normal(1.0, 0.1, 3000)
+    rows = [f"{k / 100},{value}" for k, value in enumerate(values)]
+    path.write_text("time_s,gyro_x_dps\n" + "\n".join(rows) + "\n")
+    scenario = gyroscope.recorded(RecordingFile(path))["x"]
+    assert scenario.make([0]).y[:, 0] == pytest.approx(values - values.mean())
+    assert scenario.filters.h == pytest.approx(0.01)
+
+
+def test_csv_columns_units_and_rate_can_be_named(tmp_path: Path) -> None:
+    path = tmp_path / "rest.csv"
+    values = np.random.default_rng(3).normal(1.0, 0.1, 3000)
+    path.write_text("t,gx\n" + "\n".join(f"{k},{value}" for k, value in enumerate(values)) + "\n")
+    scenario = gyroscope.recorded(RecordingFile(path, ["gx"], "mdps", 50.0))["x"]
+    assert scenario.make([0]).y[:, 0] == pytest.approx((values - values.mean()) / 1000)
+    assert scenario.filters.h == 0.02
+
+
+def test_fltea_s_own_output_is_read_too(tmp_path: Path) -> None:
+    path = tmp_path / "rest.ndjson"
+    values = np.random.default_rng(4).normal(-0.5, 0.1, (3010, 2))
+    lines = [{"class": "hello", "source": "x", "host_ns": 0, "rate_hz": 100.0, "sampling_mode": "recording"}]
+    for k, row in enumerate(values):
+        times = {"seq": k, "epoch": 0, "device_us": k * 10_000, "host_ns": k * 10_000_000}
+        lines.append({"class": "sample", **times, "gyro_dps": row.tolist()})
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    scenario = gyroscope.recorded(RecordingFile(path))["y"]
+    assert scenario.make([0]).y[:, 0] == pytest.approx(values[:3000, 1] - values[:3000, 1].mean())
+    assert scenario.filters.h == 0.01
+
+
+def test_recordings_that_will_not_do_are_refused(tmp_path: Path) -> None:
+    too_short, still = tmp_path / "short.npz", tmp_path / "still.npz"
+    np.savez(too_short, gyro_dps=np.zeros((100, 3)), fs_hz=100.0)
+    np.savez(still, gyro_dps=np.ones((3000, 3)), fs_hz=100.0)
+    (tmp_path / "notes.doc").touch()
+    for path, reason in (
+        (too_short, "100 samples"),
+        (still, "never changes"),
+        (tmp_path / "none.npz", "no such file"),
+        (tmp_path / "notes.doc", "ends in"),
+    ):
+        with pytest.raises(UsageError, match=reason):
+            gyroscope.recorded(RecordingFile(path))
+
+
+# Runs
+
+
+def test_errors_are_sums_of_squares_against_the_truth() -> None:
+    scenario = replace(short(1), lengths=(400, 100))
+    result = outcomes(scenario, SEEDS, Options(), quiet)
+    data = scenario.make([7])
+    for length in scenario.lengths:
+        got = estimate(scenario, data, length, Options())
+        assert data.x is not None
+        assert result[length].state[2] == pytest.approx(np.sum((got.x - data.x) ** 2), rel=1e-12)
+        assert result[length].parameter[2] == pytest.approx(np.sum((got.f + 0.3) ** 2), rel=1e-12)
+        assert result[length].order[2] == pytest.approx(np.sum((got.alpha - 0.6) ** 2), rel=1e-12)
+        assert result[length].settled_order[2] == pytest.approx(got.alpha[-133:].mean(), rel=1e-12)
+
+
+def test_without_a_truth_lengths_are_compared_with_the_longest() -> None:
+    scenario = gyroscope.white_noise()["x"]
+    data = scenario.make(SEEDS)
+    result = outcomes(scenario, SEEDS, Options(), quiet)
+    assert list(result) == [1500]
+    long, brief = (estimate(scenario, data, length, Options()) for length in (3000, 1500))
+    assert result[1500].order == pytest.approx(np.sum((long.alpha - brief.alpha) ** 2, axis=0), rel=1e-9)
+    assert np.all(result[1500].state < 1e-5)
+    # Up to 1,500 samples both have the same memory.
+    assert np.array_equal(long.f[:1500], brief.f[:1500])
+
+
+def test_progress_counts_every_run_once() -> None:
+    steps: list[int] = []
+    outcomes(replace(short(2, 50), lengths=(50, 20)), range(70), Options(), steps.append)
+    assert sum(steps) == 140
+
+
+def test_the_engine_of_the_tables_is_the_printed_algorithm() -> None:
+    scenario = short(3)
+    data = scenario.make([3])
+    plain = timing.run_reference(scenario.filters, 150, data)
+    got = estimate(scenario, data, 150, Options())
+    for column, estimates in enumerate((got.x, got.f, got.alpha)):
+        assert estimates[:, 0] == pytest.approx(plain[:, column], rel=1e-8, abs=1e-10)
+
+
+def test_a_run_diverges_by_any_of_four_signs() -> None:
+    n, runs, sigma = 20, 6, 0.1
+    calm = np.zeros((n, runs))
+    arrays = {name: calm.copy() for name in ("alpha", "f", "x")}
+    arrays["alpha"][3, 0] = 10.01
+    arrays["x"][4, 1] = -1.01
+    arrays["f"][5, 2] = np.inf
+    arrays["x"][6, 3] = np.nan
+    arrays["f"][7, 4] = 1e9
+    arrays["alpha"][:, 5] = -10.0
+    got = Estimates(**arrays, **dict.fromkeys(set(Estimates._fields) - set(arrays), calm))
+    assert has_diverged(got, calm, sigma).tolist() == [True, True, True, True, False, False]
+
+
+def test_divergences_are_counted_and_guards_prevent_them() -> None:
+    wild = short(2, 1200, SawTooth(5.0))
+    printed = outcomes(wild, range(8), Options(), quiet)[4000]
+    guarded = outcomes(wild, range(8), Options(guard="consistent"), quiet)[4000]
+    assert printed.diverged.sum() >= 6
+    assert guarded.diverged.sum() == 0
+    row = tables.outcome_row(printed, paper.TABLE_3[4000])
+    assert (row["seeds"], row["diverged"]) == (8, int(printed.diverged.sum()))
+
+
+def test_joint_runs_too() -> None:
+    result = outcomes(short(1), SEEDS, Options(variant="joint"), quiet)[4000]
+    assert np.isfinite(result.order).all()
+
+
+# Rows
+
+
+def test_medians_are_of_those_that_did_not_diverge() -> None:
+    outcome = make_outcome([False, True, False, False], state=[1.0, np.inf, 3.0, 2.0])
+    row = tables.outcome_row(outcome, paper.Errors(9.0, 8.0, 7.0))
+    assert (row["seeds"], row["diverged"]) == (4, 1)
+    assert row["state"] == {"median": 2.0, "p05": pytest.approx(1.1), "p95": pytest.approx(2.9), "paper": 9.0}
+    assert row["order"]["paper"] == 7.0
+
+
+def test_what_is_not_a_number_is_null() -> None:
+    row = tables.outcome_row(make_outcome([True, True]), None)
+    assert row["state"] == {"median": None, "p05": None, "p95": None, "paper": None}
+    overflowed = tables.spread(np.array([np.inf, 1.0, np.inf]))
+    assert (overflowed["median"], overflowed["p95"]) == (None, None)
+
+
+def test_the_seed_that_is_drawn_is_the_median_of_those_that_did_not_diverge() -> None:
+    outcome = make_outcome([False, False, False, True], order=[5.0, 1.0, 9.0, 6.0])
+    assert median_seed(short(1), {4000: outcome})[0] == 0
+    white = gyroscope.white_noise()["x"]
+    settled = make_outcome([False] * 3, settled_order=[0.1, 0.2, 0.3], order=[3.0, 9.0, 1.0])
+    assert median_seed(white, {1500: settled})[0] == 1
+    assert median_seed(short(1), {4000: make_outcome([True, True])}) == (0, "all 2 diverged")
+
+
+def test_every_printed_number_stands_beside_ours() -> None:
+    scenario = short(1)
+    result = {L: make_outcome([False]) for L in scenario.lengths}
+    rows = tables.example_rows(2, scenario, result, Options())
+    assert [row["L"] for row in rows] == [4000, 3000, 2500, 2000]
+    assert [row["parameter"]["paper"] for row in rows] == [37.8467, 38.1044, 38.6321, 39.8187]
+    assert rows[0]["data"] == "saw-tooth ±1, 1 Hz, starting at -1"
+    text = tables.markdown("2", rows)
+    assert "| 2,000 | 0 | 1 | 0.217 | 1 | 39.82 | 1 | 62.91 |" in text
+    assert "saw-tooth ±1" in text
+
+
+def test_data_are_arrays_side_by_side() -> None:
+    data: Data = short(3, 20).make([0, 1])
+    assert data.u is not None
+    assert data.y.shape == data.u.shape == (20, 2)
+    assert not np.array_equal(data.u[:, 0], data.u[:, 1])

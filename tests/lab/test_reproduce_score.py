@@ -1,0 +1,56 @@
+"""The guards' score: what it counts, and that no guarded case diverges."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fltea.lab.reproduce import score as module
+from fltea.lab.reproduce.runs import Options
+from fltea.lab.reproduce.scenarios import SawTooth, example
+from fltea.lab.reproduce.score import GUARDS, RESTING, SAWTEETH, document, driven, score, steps
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two driven cases of a few samples; one of them makes the printed algorithm diverge."""
+    cases = [replace(example(n, SawTooth(a), 600), lengths=(600,)) for n, a in ((1, 1.0), (2, 20.0))]
+    monkeypatch.setattr(module, "driven", lambda: cases)
+
+
+def test_cases_are_those_that_were_promised() -> None:
+    assert [s.amplitude for s in SAWTEETH] == [0.5, 1.0, 5.0, 20.0, 1.0, 5.0, 20.0]
+    assert [s.unipolar for s in SAWTEETH] == [False] * 4 + [True] * 3
+    assert len(driven()) == 2 * len(SAWTEETH) + 1
+    assert {case.R_over_V for case in RESTING} == {0.1, 0.3, 0.5, 1.0, 2.0, 3.0, 10.0}
+    assert len({case.name for case in RESTING}) == len(RESTING)
+
+
+def test_every_case_and_guard_is_scored_and_no_guard_diverges(short: None) -> None:
+    done: list[int] = []
+    rows = score(3, Options(memory="compressed"), lambda _, n: done.append(n))
+    assert sum(done) == steps(3) == 3 * len(rows)
+    assert [row["guard"] for row in rows] == list(GUARDS) * (len(rows) // len(GUARDS))
+    guarded = [row for row in rows if row["guard"] != "off"]
+    assert all(row["diverged"] == 0 for row in guarded), guarded
+    assert any(row["diverged"] == 3 for row in rows if row["guard"] == "off")
+    json.dumps(rows, allow_nan=False)
+    text = document(rows)
+    assert text.count("\n| ") == len(rows) // len(GUARDS) + 2
+    assert "nan" not in text
+
+
+def test_medians_are_of_the_seeds_on_which_printed_converges(short: None) -> None:
+    row = score(4, Options(memory="compressed"), lambda *_: None)[1]
+    assert row["guard"] == "faithful"
+    assert row["kept"] == {name: row[name] for name in ("state", "parameter", "order")}
+
+
+@pytest.mark.parametrize("case", RESTING, ids=lambda case: case.name)
+def test_resting_cases_are_what_they_are_called(case: module.Resting) -> None:
+    noise = np.random.default_rng(1).normal(0, 0.15, (1200, 2))
+    y = case.turn(noise.copy())
+    assert y.shape == noise.shape
+    assert np.isfinite(y).all()
+    if "offset" in case.name:
+        assert y.mean() == pytest.approx(float(case.name.split()[1]), abs=0.05)

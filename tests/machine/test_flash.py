@@ -1,0 +1,311 @@
+"""`fltea flash` with tools that only write down how they were called, and a pseudo-terminal for a board."""
+
+import contextlib
+import os
+import pty
+import re
+import struct
+import subprocess
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from fltea.machine import flash
+from fltea.records.errors import FlteaError, UsageError
+from fltea.wire import transport
+from fltea.wire.messages import encode
+from host_support import PATIENCE_S, ROOT, WIRE_HELLO
+
+HELLO = WIRE_HELLO._replace(firmware_version="0.1.0 due 12ab34cd", who_am_i=0, sensor_starts=0)
+
+
+class Board:
+    """A pseudo-terminal that says HELLO several times a second."""
+
+    def __init__(self) -> None:
+        self._master, self.slave = pty.openpty()
+        tty.setraw(self.slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self.slave)
+        self.hello = HELLO
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._speak)
+        self._thread.start()
+
+    def _speak(self) -> None:
+        while not self._stop.wait(0.05):
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._master, b"\0" + encode(self.hello, 0, 0))
+
+    def speed(self) -> int:
+        return int(termios.tcgetattr(self.slave)[4])
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        os.close(self._master)
+        os.close(self.slave)
+
+
+@pytest.fixture
+def board() -> Iterator[Board]:
+    board = Board()
+    yield board
+    board.close()
+
+
+class Tools:
+    """A folder that is the whole PATH of the command."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        (folder / "bin").mkdir()
+
+    def add(self, name: str, *, code: int = 0, version: str = "1.6.1-arduino", folder: str = "bin") -> Path:
+        script = self.folder / folder / name
+        script.parent.mkdir(parents=True, exist_ok=True)
+        script.write_text(
+            f'#!/bin/sh\nif [ "$1" = --help ]; then echo "BOSSA Version {version}"; exit 1; fi\n'
+            f'echo "{name} $*" >> {self.folder}/calls\n'
+            'case "$1" in --port=*) /usr/bin/stty -F "/dev/${1#--port=}" speed '
+            f">> {self.folder}/calls;; esac\n"
+            f"exit {code}\n"
+        )
+        script.chmod(0o755)
+        return script
+
+    def calls(self) -> list[str]:
+        path = self.folder / "calls"
+        return path.read_text().splitlines() if path.exists() else []
+
+    def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "fltea", "flash", *arguments],
+            capture_output=True,
+            encoding="utf-8",
+            env={"PATH": str(self.folder / "bin"), "HOME": str(self.folder), "COLUMNS": "200"},
+            timeout=PATIENCE_S,
+            stdin=subprocess.DEVNULL,
+        )
+
+
+@pytest.fixture
+def tools(tmp_path: Path) -> Tools:
+    return Tools(tmp_path)
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    path = tmp_path / "some.bin"
+    path.write_bytes(struct.pack("<II", 0x2008_8000, 0x0008_0101).ljust(1024, b"\xff"))
+    path.with_suffix(".json").write_text('{"build_id": "12ab34cd"}')
+    return path
+
+
+def test_bossac_after_a_touch_at_1200_baud(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    done = tools.run("--port", board.port, "--image", image, "--yes")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "runs '0.1.0 due 12ab34cd'" in done.stdout
+    name = board.port.removeprefix("/dev/")
+    assert tools.calls() == [f"bossac --port={name} -U false -e -w -v -b {image} -R", "115200"]
+
+
+@pytest.mark.parametrize(
+    ("version", "told"), [("1.8", True), ("1.9.1", True), ("1.7.0", False), ("1.6.1-arduino", False)]
+)
+def test_versions_of_bossac_that_fail_are_warned_of(
+    version: str, told: bool, tools: Tools, board: Board, image: Path
+) -> None:
+    tools.add("bossac", version=version)
+    done = tools.run("--port", board.port, "--image", image, "--dry-run")
+    assert done.returncode == 0
+    assert (f"warning: bossac {version}" in done.stderr) == told
+
+
+def test_the_bossac_of_the_arduino_core_is_preferred(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac", version="1.9.1")
+    known = tools.add("bossac", folder=".arduino15/packages/arduino/tools/bossac/1.6.1-arduino")
+    done = tools.run("--port", board.port, "--image", image, "--dry-run")
+    assert done.stderr == ""
+    assert str(known) in done.stdout
+
+
+def test_arduino_cli_comes_first_then_platformio_then_bossac(tools: Tools, board: Board) -> None:
+    built = re.search(r'kBuildId\[\] = "(\w+)"', (ROOT / "firmware/core/build_id.h").read_text())
+    assert built is not None
+    board.hello = HELLO._replace(firmware_version=f"0.1.0 arduino {built[1]}")
+    expected = []
+    tools.add("bossac")
+    assert "bossac" in tools.run("--port", board.port, "--dry-run").stdout
+    tools.add("pio")
+    assert tools.run("--port", board.port, "-y").returncode == 0
+    project = ROOT / "firmware/arduino"
+    expected.append(f"pio run --project-dir {project} --target upload --upload-port {board.port}")
+    tools.add("arduino-cli")
+    assert tools.run("--port", board.port, "-y").returncode == 0
+    expected.append(
+        f"arduino-cli compile --fqbn arduino:sam:arduino_due_x_dbg --library {ROOT / 'firmware/core'} "
+        f"--upload --port {board.port} {project / 'fltea'}"
+    )
+    assert tools.calls() == expected
+    assert board.speed() != termios.B1200, "arduino-cli and PlatformIO touch the port themselves"
+    assert "bossac" in tools.run("--port", board.port, "--method", "bossac", "--dry-run").stdout
+
+
+def test_a_dry_run_does_nothing(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    before = board.speed()
+    done = tools.run("--port", board.port, "--image", image, "--dry-run")
+    assert done.returncode == 0
+    touch, erase, calm, erase_again, write = (line.split("#")[0].strip() for line in done.stdout.splitlines())
+    assert (touch, erase) == (f"stty -F {board.port} 1200", "sleep 1")
+    assert (calm, erase_again) == (f"stty -F {board.port} 115200", "sleep 1")
+    assert write.endswith(f"bossac --port={board.port.removeprefix('/dev/')} -U false -e -w -v -b {image} -R")
+    assert tools.calls() == []
+    assert board.speed() == before
+
+
+def test_without_a_terminal_it_wants_yes(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    done = tools.run("--port", board.port, "--image", image)
+    assert done.returncode == 2
+    assert "--yes" in done.stderr
+    assert tools.calls() == []
+
+
+def test_another_build_on_the_board_is_a_failure(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    board.hello = HELLO._replace(firmware_version="0.1.0 due 99999999")
+    done = tools.run("--port", board.port, "--image", image, "--yes")
+    assert done.returncode == 1
+    assert "runs '0.1.0 due 99999999', not build 12ab34cd" in done.stderr
+
+
+def test_another_protocol_on_the_board_is_a_failure(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    board.hello = HELLO._replace(schema_hash=1)
+    done = tools.run("--port", board.port, "--image", image, "--yes")
+    assert done.returncode == 1
+    assert "schema 0x00000001" in done.stderr
+
+
+def test_an_image_of_unknown_build_is_not_judged(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    image.with_suffix(".json").unlink()
+    done = tools.run("--port", board.port, "--image", image, "--yes")
+    assert done.returncode == 0
+    assert "nothing beside the image says" in done.stdout
+
+
+def test_a_tool_that_fails_is_told_with_the_way_out(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac", code=3)
+    done = tools.run("--port", board.port, "--image", image, "--yes")
+    assert done.returncode == 1
+    assert "exit code 3" in done.stderr
+    assert "ERASE" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["--port", "/dev/none"], 1, "/dev/none: there is no such port"),
+        (["--port", "PTY"], 1, "no tool for flashing is installed"),
+        (["--port", "PTY", "--method", "platformio"], 1, "platformio is not installed"),
+        (["--port", "PTY", "--method", "arduino-cli", "--image", "x"], 2, "--image goes with bossac only"),
+    ],
+)
+def test_what_cannot_be_done_is_said(
+    arguments: list[str], code: int, text: str, tools: Tools, board: Board
+) -> None:
+    done = tools.run(*(board.port if a == "PTY" else a for a in arguments))
+    assert done.returncode == code
+    assert text in done.stderr
+
+
+def test_an_image_that_is_missing_or_says_nonsense(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    image.with_suffix(".json").write_text("[]")
+    done = tools.run("--port", board.port, "--image", image, "--dry-run")
+    assert done.returncode == 2
+    assert "does not state the image's build_id" in done.stderr
+    done = tools.run("--port", board.port, "--image", image.with_name("none.bin"), "--dry-run")
+    assert done.returncode == 2
+    assert "there is no such image" in done.stderr
+
+
+def test_a_file_that_is_no_image_erases_nothing(tools: Tools, board: Board, image: Path) -> None:
+    tools.add("bossac")
+    image.write_bytes(b"\x7fELF".ljust(1024, b"\0"))
+    before = board.speed()
+    done = tools.run("--port", board.port, "--image", image, "--yes")
+    assert done.returncode == 2
+    assert f"{image}: is no image for the Due" in done.stderr
+    assert (tools.calls(), board.speed()) == ([], before)
+
+
+def test_outside_of_a_clone_it_says_so() -> None:
+    with pytest.raises(UsageError, match="does not run from a clone"):
+        flash.make_plan("auto", "/dev/ttyACM0", None, None)
+
+
+def test_a_silent_board_is_told_after_a_while() -> None:
+    master, slave = pty.openpty()
+    with pytest.raises(FlteaError, match=r"no HELLO in 0\.3 s after the upload"):
+        flash.wait_for_hello(os.ttyname(slave), "12ab34cd", timeout_s=0.3)
+    os.close(master)
+    os.close(slave)
+
+
+def test_nothing_else_opens_at_1200_baud() -> None:
+    with pytest.raises(UsageError, match="1200 baud is refused"):
+        transport.check_url("/dev/ttyACM0", 1200)
+    uses = [p.name for p in (ROOT / "host/fltea").rglob("*.py") if "FORBIDDEN_BAUD" in p.read_text()]
+    assert sorted(uses) == ["flash.py", "transport.py"]
+
+
+def ports(monkeypatch: pytest.MonkeyPatch, *found: tuple[str, int | None, int | None]) -> None:
+    listed = [SimpleNamespace(device=d, vid=v, pid=p, description="") for d, v, p in found]
+    monkeypatch.setattr(flash.list_ports, "comports", lambda: listed)
+
+
+@pytest.mark.parametrize("vid", [0x2341, 0x2A03])
+def test_the_only_due_is_found(monkeypatch: pytest.MonkeyPatch, vid: int) -> None:
+    ports(
+        monkeypatch, ("/dev/ttyS0", None, None), ("/dev/ttyACM7", vid, 0x003D), ("/dev/ttyACM8", vid, 0x003E)
+    )
+    assert flash.find_port(None) == "/dev/ttyACM7"
+
+
+def test_several_dues_are_a_question(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports(monkeypatch, ("/dev/ttyACM1", 0x2341, 0x3D), ("/dev/ttyACM0", 0x2341, 0x3D))
+    with pytest.raises(UsageError, match="/dev/ttyACM0, /dev/ttyACM1"):
+        flash.find_port(None)
+
+
+def test_the_native_port_is_the_wrong_one(monkeypatch: pytest.MonkeyPatch, board: Board) -> None:
+    ports(monkeypatch, (board.port, 0x2341, 0x003E))
+    with pytest.raises(FlteaError, match="native port"):
+        flash.find_port(None)
+    with pytest.raises(UsageError, match="native port"):
+        flash.find_port(board.port)
+
+
+def test_another_device_is_never_touched(monkeypatch: pytest.MonkeyPatch, board: Board) -> None:
+    ports(monkeypatch, (board.port, 0x0403, 0x6001))
+    with pytest.raises(UsageError, match="0403:6001"):
+        flash.find_port(board.port)
+    with pytest.raises(FlteaError, match="no Arduino Due found"):
+        flash.find_port(None)
+
+
+def test_a_link_to_the_port_will_do(monkeypatch: pytest.MonkeyPatch, board: Board, tmp_path: Path) -> None:
+    ports(monkeypatch, (board.port, 0x2341, 0x003D))
+    link = tmp_path / "due"
+    link.symlink_to(board.port)
+    assert flash.find_port(str(link)) == board.port

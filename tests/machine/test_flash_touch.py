@@ -1,0 +1,173 @@
+"""The touch at 1200 baud: what a pseudo-terminal is set to, in which order, before the tool runs."""
+
+import errno
+import os
+import pty
+import termios
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import serial
+from fltea.machine import flash
+from fltea.records.errors import FlteaError
+
+
+class Board:
+    """A pseudo-terminal that says nothing."""
+
+    def __init__(self) -> None:
+        self.ends = pty.openpty()
+        self.port = os.ttyname(self.ends[1])
+
+    def speed(self) -> int:
+        return int(termios.tcgetattr(self.ends[1])[4])
+
+
+@pytest.fixture
+def board() -> Iterator[Board]:
+    board = Board()
+    yield board
+    for end in board.ends:
+        os.close(end)
+
+
+class Line:
+    """Writes down what happens to the port, each with the speed that the terminal has just then."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, board: Board) -> None:
+        self.seen: list[tuple[str, object, int]] = []
+        self.dtr_error: BaseException | None = OSError(errno.ENOTTY, "what a pseudo-terminal says")
+        self.sleep_error: BaseException | None = None
+        self._speed = board.speed
+        line = self
+
+        class Watched(serial.Serial):
+            def open(self) -> None:
+                super().open()
+                line.note("open")
+
+            @property
+            def dtr(self) -> bool:
+                raise NotImplementedError
+
+            @dtr.setter
+            def dtr(self, value: bool) -> None:
+                line.note("dtr", value)
+                if line.dtr_error:
+                    raise line.dtr_error
+
+            def close(self) -> None:
+                if self.is_open:
+                    line.note("close")
+                super().close()
+
+        monkeypatch.setattr(serial, "Serial", Watched)
+
+    def note(self, what: str, value: object = None) -> None:
+        self.seen.append((what, value, self._speed()))
+
+    def sleep(self, duration_s: float) -> None:
+        self.note("sleep", duration_s)
+        if self.sleep_error:
+            raise self.sleep_error
+
+
+@pytest.fixture
+def line(monkeypatch: pytest.MonkeyPatch, board: Board) -> Line:
+    return Line(monkeypatch, board)
+
+
+ERASE_AND_RESET_S = 180 * 256 * 256 / 16e6
+"""Ticks of the USB chip's timer (16 MHz through two divisions by 256)."""
+
+
+def test_the_touch_holds_1200_baud_until_erased_and_leaves_another_rate(board: Board, line: Line) -> None:
+    flash.touch(board.port, line.sleep)
+    hold_s = line.seen[2][1]
+    assert line.seen == [
+        ("open", None, termios.B115200),
+        ("dtr", False, termios.B1200),
+        ("sleep", hold_s, termios.B1200),
+        ("close", None, termios.B115200),
+    ]
+    assert isinstance(hold_s, float)
+    assert hold_s > ERASE_AND_RESET_S
+    assert board.speed() == termios.B115200
+
+
+def test_a_port_without_a_dtr_line_is_no_failure_but_a_broken_one_is(board: Board, line: Line) -> None:
+    line.dtr_error = OSError(errno.EIO, "broken")
+    with pytest.raises(FlteaError, match=r"was lost during the touch.*broken"):
+        flash.touch(board.port, line.sleep)
+    assert line.seen[-1] == ("close", None, termios.B115200)
+
+
+@pytest.mark.parametrize("where", ["dtr", "sleep"])
+def test_an_interrupted_touch_leaves_no_1200_baud(where: str, board: Board, line: Line) -> None:
+    if where == "dtr":
+        line.dtr_error = KeyboardInterrupt()
+    else:
+        line.sleep_error = KeyboardInterrupt()
+    with pytest.raises(KeyboardInterrupt):
+        flash.touch(board.port, line.sleep)
+    assert line.seen[-2][0::2] == (where, termios.B1200)
+    assert line.seen[-1] == ("close", None, termios.B115200)
+
+
+def test_a_port_that_is_unplugged_during_the_touch_is_a_plain_error(
+    board: Board, line: Line, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unplugged(*_: object) -> None:
+        raise termios.error(errno.EIO, "gone")
+
+    def sleep(_: float) -> None:
+        monkeypatch.setattr(termios, "tcsetattr", unplugged)
+
+    with pytest.raises(FlteaError, match=r"was lost during the touch.*gone"):
+        flash.touch(board.port, sleep)
+    assert line.seen[-1][0] == "close"
+
+
+def test_a_port_that_cannot_be_touched_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FlteaError, match="there is no port"):
+        flash.touch(str(tmp_path / "none"))
+
+
+def tool(folder: Path, code: int) -> str:
+    script = folder / "tool"
+    script.write_text(f"#!/bin/sh\n: > {folder}/ran\nexit {code}\n")
+    script.chmod(0o755)
+    return str(script)
+
+
+def test_bossac_starts_after_the_touch_and_a_pause(board: Board, line: Line, tmp_path: Path) -> None:
+    plan = flash.Plan("bossac", board.port, True, [tool(tmp_path, 0)], None)
+
+    def sleep(duration_s: float) -> None:
+        line.sleep(duration_s)
+        assert not (tmp_path / "ran").exists()
+
+    flash.carry_out(plan, sleep)
+    (closed, _, _), (slept, pause_s, speed) = line.seen[-2:]
+    assert (closed, slept, speed) == ("close", "sleep", termios.B115200)
+    assert isinstance(pause_s, float)
+    assert pause_s >= 0.5
+    assert (tmp_path / "ran").exists()
+
+
+def test_a_tool_that_cannot_be_started_after_the_touch_leaves_word_of_the_erased_board(
+    board: Board, line: Line, tmp_path: Path
+) -> None:
+    plan = flash.Plan("bossac", board.port, True, [str(tmp_path / "none")], None)
+    with pytest.raises(FlteaError, match=r"could not be started.*ERASE"):
+        flash.carry_out(plan, line.sleep)
+
+
+def test_a_tool_that_touches_the_port_itself_may_leave_1200_baud(
+    board: Board, line: Line, tmp_path: Path
+) -> None:
+    plan = flash.Plan("platformio", board.port, False, [tool(tmp_path, 4)], None)
+    with pytest.raises(FlteaError, match=r"exit code 4.*[Uu]nplug the USB cable"):
+        flash.carry_out(plan, line.sleep)
+    assert line.seen == []

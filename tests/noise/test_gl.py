@@ -1,0 +1,53 @@
+from math import comb
+
+import mpmath
+import numpy as np
+import pytest
+from fltea.noise.weights import weights
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+
+# 48: in floats 49 * (1/49) is not 1, a trap for the factor that must vanish.
+@pytest.mark.parametrize("order", [*range(9), 48])
+def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) -> None:
+    c = weights(float(order), 100)
+    assert c[: order + 1] == pytest.approx([(-1) ** j * comb(order, j) for j in range(order + 1)], rel=2e-14)
+    assert not c[order + 1 :].any()
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(st.floats(-0.9, 3))
+def test_real_orders_against_arbitrary_precision(order: float) -> None:
+    # Three roundings a factor: at j = 5000 they add up to 5000 * 3 * 1.1e-16 = 1.7e-12 at worst. Orders
+    # nearer to zero than the 40 digits reach are left to the absolute bound.
+    c = weights(order, 5000)
+    for j in (0, 1, 2, 3, 4, 10, 100, 1000, 5000):
+        with mpmath.workdps(40):
+            exact = float((-1) ** j * mpmath.binomial(mpmath.mpf(order), j))
+        assert c[j] == pytest.approx(exact, rel=2e-12, abs=1e-30)
+
+
+def test_several_orders_are_the_rows_of_single_ones() -> None:
+    orders = np.array([-0.5, 0.0, 0.3, 2.0])
+    together = weights(orders, 777)
+    assert together.shape == (4, 778)
+    for row, order in zip(together, orders, strict=True):
+        assert np.array_equal(row, weights(order, 777))
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 4, 7, 8, 9])
+def test_lengths_around_powers_of_two(n: int) -> None:
+    assert np.array_equal(weights(0.3, n), weights(0.3, 100)[: n + 1])
+
+
+def test_a_huge_order_is_not_an_exception() -> None:
+    with np.errstate(all="ignore"):
+        assert not np.isfinite(weights(1e9, 100)).all()
+
+
+def test_wrong_arguments() -> None:
+    with pytest.raises(ValueError, match="n >= 0"):
+        weights(0.5, -1)
+    with pytest.raises(ValueError, match="shape"):
+        weights(np.ones((2, 2)), 3)

@@ -1,0 +1,400 @@
+"""Recording files: what is in them comes out; what is wrong is named by file, line and reason."""
+
+import contextlib
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fltea.recording.files import parse_units, read_csv, read_npz
+from fltea.recording.ndjson import read_ndjson
+from fltea.records.errors import UsageError
+from fltea.records.records import Estimate, Hello, Sample
+from host_support import QUICK, fltea, strict_records
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+HEADER = "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n"
+
+
+def csv_file(tmp_path: Path, text: str | bytes) -> Path:
+    path = tmp_path / "rest.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def refusal(reader, path: Path, *arguments: object) -> str:
+    """The reason, which stands behind the file's name and, where there is one, the line."""
+    with pytest.raises(UsageError) as caught:
+        reader(path, *arguments)
+    text = str(caught.value)
+    assert text.startswith(f"{path}:"), text
+    return text.removeprefix(str(path))
+
+
+# --- CSV ---
+
+
+def test_csv_with_our_own_column_names(tmp_path: Path) -> None:
+    found = read_csv(csv_file(tmp_path, HEADER + "0,1,2,3\n0.02,4,5,6\n0.04,7,8,9.5\n"))
+    assert found.gyro.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9.5]]
+    assert found.device_s.tolist() == [0, 0.02, 0.04]
+    assert found.rate_hz == pytest.approx(50)
+    assert (found.lsb_per_dps, found.host_s, found.accel) == (None, None, None)
+
+
+def test_csv_with_named_columns_in_their_order(tmp_path: Path) -> None:
+    path = csv_file(tmp_path, "t,gx,gy,note\n0,1,2,a\n1,3,4,b\n")
+    found = read_csv(path, ["gy", "gx"], "dps", 100.0)
+    assert found.gyro.tolist() == [[2, 1], [4, 3]]
+    assert found.device_s.tolist() == [0, 0.01]
+
+
+def test_csv_takes_the_axes_that_are_there(tmp_path: Path) -> None:
+    found = read_csv(csv_file(tmp_path, "gyro_z_dps,gyro_x_dps\n3,1\n"), rate_hz=10)
+    assert found.gyro.tolist() == [[1, 3]]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\xef\xbb\xbf" + HEADER.encode() + b"0,1,2,3\n1,4,5,6\n",
+        (HEADER + "0,1,2,3\n1,4,5,6\n").replace("\n", "\r\n").encode(),
+        (HEADER + "0,1,2,3\n1,4,5,6").encode(),
+        (HEADER + "\n0,1,2,3\n\n1,4,5,6\n\n").encode(),
+        (HEADER.replace(",", " , ") + " 0 , 1 , 2 , 3 \n1,4,5,6\n").encode(),
+        (HEADER + '"0","1","2","3"\n1,4,5,6,surplus\n').encode(),
+    ],
+    ids=["BOM", "CRLF", "no last newline", "blank lines", "blanks", "quotes and a surplus field"],
+)
+def test_csv_in_the_forms_that_programs_write(data: bytes, tmp_path: Path) -> None:
+    found = read_csv(csv_file(tmp_path, data))
+    assert found.gyro.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert found.rate_hz == 1.0
+
+
+BAD_CSV = {
+    "empty file": ("", ":1: no columns", "no header"),
+    "other names": ("gx,gy\n1,2\n", ":1: no columns", "gx, gy", "--columns"),
+    "semicolons": ("gyro_x_dps;gyro_y_dps\n1;2\n", ":1: no columns"),
+    "header only": (HEADER, "no rows"),
+    "header and blanks only": (HEADER + "\n\n", "no rows"),
+    "text": (HEADER + "0,1,2,3\n1,4,five,6\n", ":3: ", "'gyro_y_dps'", "'five' is not a number"),
+    "empty field": (HEADER + "0,1,,3\n", ":2: ", "'gyro_y_dps'", "'' is not a number"),
+    "decimal comma": (HEADER + '0,"1,5",2,3\n', ":2: ", "'1,5' is not a number"),
+    "NaN": (HEADER + "0,1,2,3\n1,4,5,nan\n", ":3: ", "'gyro_z_dps'", "nan is not a finite"),
+    "infinity": (HEADER + "0,-inf,2,3\n", ":2: ", "-inf is not a finite"),
+    "too large": (HEADER + "0,1e999,2,3\n", ":2: ", "not a finite"),
+    "NaN as time": (HEADER + "nan,1,2,3\n", ":2: ", "'time_s'"),
+    "short row": (HEADER + "0,1,2,3\n1,4\n", ":3: ", "has 2 fields", "'gyro_y_dps' is number 3"),
+    "row of blanks": (HEADER + "0,1,2,3\n \n", ":3: ", "1 fields|is not a number"),
+    "text after blank lines": (HEADER + "\n\n0,1,2,3\n\n1,x,5,6\n", ":6: ", "'x'"),
+    "time stands": (HEADER + "0,1,2,3\n1,4,5,6\n1,4,5,6\n", ":4: ", "does not increase"),
+    "time runs backwards": (HEADER + "0,1,2,3\n\n2,4,5,6\n\n1,4,5,6\n3,1,1,1\n", ":6: ", "does not increase"),
+    "no time and no rate": ("gyro_x_dps\n1\n2\n", "no column 'time_s'", "--rate"),
+    "one row and no rate": ("time_s,gyro_x_dps\n0,1\n", "--rate"),
+    "not UTF-8": (b"gyro_x_dps\n\xff\n", "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_CSV)
+def test_bad_csv(name: str, tmp_path: Path) -> None:
+    data, place, *words = BAD_CSV[name]
+    reason = refusal(read_csv, csv_file(tmp_path, data))
+    assert place in reason
+    for word in words:
+        assert any(choice in reason for choice in word.split("|")), reason
+
+
+def test_a_given_rate_wins_over_the_times(tmp_path: Path) -> None:
+    path = csv_file(tmp_path, "time_s,gyro_x_dps\n0,1\n1,1\n0.5,1\n")
+    assert ":4: " in refusal(read_csv, path)
+    assert read_csv(path, rate_hz=10.0).device_s.tolist() == [0, 0.1, 0.2]
+
+
+def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path: Path) -> None:
+    """Rounding each step by itself would make gaps of jitter, and a wrong rate of bursts."""
+    random = np.random.default_rng(1)
+    for jitter_s, works in ((0.0005, True), (0.004, False)):
+        times_s = np.arange(2000) * 0.01 + random.uniform(-jitter_s, jitter_s, 2000)
+        path = csv_file(tmp_path, "time_s,gyro_x_dps\n" + "".join(f"{t!r},1\n" for t in times_s.tolist()))
+        if works:
+            assert read_csv(path).rate_hz == pytest.approx(100, rel=1e-3)
+        else:
+            assert "too uneven" in refusal(read_csv, path)
+            assert "--rate" in refusal(read_csv, path)
+
+
+@pytest.mark.parametrize(("value", "units"), [("1e200", "dps"), ("-2e6", "dps"), ("1e308", "rad/s")])
+def test_rates_that_no_gyroscope_has_are_refused_by_line(value: str, units: str, tmp_path: Path) -> None:
+    path = csv_file(tmp_path, f"gyro_x_dps\n1\n{value}\n2\n")
+    assert refusal(read_csv, path, None, units, 100.0).startswith(":3: more than 1e+06 deg/s")
+
+
+def test_an_underscore_makes_no_number(tmp_path: Path) -> None:
+    assert "'1_0' is not a number" in refusal(
+        read_csv, csv_file(tmp_path, "gyro_x_dps\n1_0\n"), None, "dps", 100.0
+    )
+
+
+def test_missing_columns_are_all_named(tmp_path: Path) -> None:
+    reason = refusal(read_csv, csv_file(tmp_path, "gx,gy\n1,2\n"), ["gx", "wy", "wz"])
+    assert reason.startswith(":1: no column wy, wz (it has: gx, gy)")
+
+
+def test_four_columns_are_too_many(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="4 columns"):
+        read_csv(csv_file(tmp_path, "a,b,c,d\n1,2,3,4\n"), ["a", "b", "c", "d"])
+
+
+@pytest.mark.parametrize(
+    ("units", "value", "dps"),
+    [("dps", 3, 3.0), ("mdps", 1500, 1.5), ("rad/s", math.pi, 180.0), ("lsb:16.4", 164, 164)],
+)
+def test_units(units: str, value: float, dps: float, tmp_path: Path) -> None:
+    found = read_csv(csv_file(tmp_path, f"gx\n{value}\n"), ["gx"], units, 100.0)
+    assert found.gyro[0, 0] == pytest.approx(dps)  # counts stay counts, and their scale stands beside
+    assert found.lsb_per_dps == (16.4 if units == "lsb:16.4" else None)
+
+
+@pytest.mark.parametrize("units", ["", "deg", "DPS", "lsb", "lsb:", "lsb:0", "lsb:-1", "lsb:nan", "lsb:x"])
+def test_unknown_unit_tells_the_known_ones(units: str) -> None:
+    with pytest.raises(UsageError, match=r"dps, mdps, rad/s, or lsb:N"):
+        parse_units(units)
+
+
+table = st.lists(st.tuples(*[st.floats(-2000, 2000)] * 2), min_size=1, max_size=20)
+
+
+@given(table)
+@settings(max_examples=50)
+def test_csv_gives_back_every_bit(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]]):
+    path = tmp_path_factory.getbasetemp() / "bits.csv"
+    path.write_text("b,a\n" + "".join(f"{b!r},{a!r}\n" for b, a in rows))
+    assert read_csv(path, ["b", "a"], "dps", 1.0).gyro.tolist() == [list(row) for row in rows]
+
+
+@given(st.binary(max_size=200), st.sampled_from([b"", b"gyro_x_dps\n", HEADER.encode()]))
+@settings(max_examples=300)
+def test_any_bytes_give_a_recording_or_a_usage_error(
+    tmp_path_factory: pytest.TempPathFactory, data: bytes, header: bytes
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(header + data)
+    with contextlib.suppress(UsageError):
+        assert np.isfinite(read_csv(path, rate_hz=100.0).gyro).all()
+
+
+# --- npz ---
+
+GOOD = {"gyro_raw": np.arange(12, dtype=np.int16).reshape(4, 3), "fs_hz": 100.0, "lsb_per_dps": 16.4}
+
+
+def npz_file(tmp_path: Path, **changes: object) -> Path:
+    path = tmp_path / "rest.npz"
+    arrays = {name: value for name, value in {**GOOD, **changes}.items() if value is not None}
+    np.savez(path, **arrays)
+    return path
+
+
+def test_npz_of_counts(tmp_path: Path) -> None:
+    times_s = [5.0, 5.1, 5.1, 5.2]
+    path = npz_file(tmp_path, t_host_s=times_s, accel_raw=np.ones((4, 3)), temp_c=np.array("?"))
+    found = read_npz(path)
+    assert found.gyro.tolist() == GOOD["gyro_raw"].tolist()
+    assert (found.rate_hz, found.lsb_per_dps) == (100.0, 16.4)
+    assert found.device_s.tolist() == [0, 0.01, 0.02, 0.03]
+    assert found.host_s is not None
+    assert found.host_s.tolist() == times_s
+    assert found.accel is not None
+    assert found.accel.shape == (4, 3)
+
+
+def test_npz_of_rates_and_numbers_in_brackets(tmp_path: Path) -> None:
+    """The scale of a file with deg/s would be of no use; numbers may come as arrays of one."""
+    rates = {"gyro_dps": np.ones((2, 1)), "fs_hz": np.array([99.0])}
+    found = read_npz(npz_file(tmp_path, gyro_raw=None, lsb_per_dps=None, **rates))
+    assert (found.rate_hz, found.lsb_per_dps, found.gyro.shape) == (99.0, None, (2, 1))
+
+
+NOT_FINITE = np.array([[0.0] * 3, [0, 1, 2], [0, np.nan, 0], [0, 0, 0]])
+BAD_NPZ = {
+    "no gyro": ({"gyro_raw": None}, "has no gyro_raw or gyro_dps", "it holds fs_hz, lsb_per_dps"),
+    "no rate": ({"fs_hz": None}, "has no fs_hz"),
+    "no scale": ({"lsb_per_dps": None}, "has no lsb_per_dps"),
+    "nothing": (dict.fromkeys(GOOD), "has no fs_hz, gyro_raw or gyro_dps", "nothing"),
+    "one dimension": ({"gyro_raw": np.ones(4)}, "gyro_raw has the shape (4,)"),
+    "four axes": ({"gyro_raw": np.ones((4, 4))}, "gyro_raw has the shape (4, 4)"),
+    "no axes": ({"gyro_raw": np.ones((4, 0))}, "gyro_raw has the shape (4, 0)"),
+    "no rows": ({"gyro_raw": np.ones((0, 3))}, "gyro_raw has no rows"),
+    "NaN": ({"gyro_raw": NOT_FINITE}, "gyro_raw is not finite in row 2"),
+    "text": ({"gyro_raw": np.array([["a", "b"]])}, "gyro_raw does not hold numbers"),
+    "NaN rate": ({"fs_hz": np.nan}, "fs_hz is not finite"),
+    "zero rate": ({"fs_hz": 0.0}, "fs_hz has to be one positive number"),
+    "two rates": ({"fs_hz": [1.0, 2.0]}, "fs_hz has to be one positive number"),
+    "negative scale": ({"lsb_per_dps": -131.0}, "lsb_per_dps has to be one positive number"),
+    "few times": ({"t_host_s": np.ones(3)}, "t_host_s has the shape (3,)", "(4,) is needed"),
+    "times in a column": ({"t_host_s": np.ones((4, 1))}, "t_host_s has the shape (4, 1)"),
+    "one time": ({"t_host_s": 3.0}, "t_host_s has the shape ()"),
+    "times backwards": ({"t_host_s": [0.0, 0.02, 0.01, 0.03]}, "t_host_s runs backwards in row 2"),
+    "times of another rate": (
+        {"t_host_s": [0.0, 1, 2, 3]},
+        "t_host_s spans 3 s, but 4 samples at fs_hz = 100",
+    ),
+    "too large": ({"gyro_raw": np.array([[1.0], [1e9]])}, "gyro_raw is more than 1e+06 deg/s in row 1"),
+    "infinite time": ({"t_host_s": np.array([0, 1, np.inf, 3])}, "t_host_s is not finite in row 2"),
+    "accel in a row": ({"accel_raw": np.ones(4)}, "accel_raw has the shape (4,)", "(4, 3) is needed"),
+    "NaN accel": ({"accel_raw": NOT_FINITE}, "accel_raw is not finite in row 2"),
+    "pickled objects": ({"gyro_raw": np.array([[1, None]], dtype=object)}, "cannot be read as .npz"),
+    "pickled beside": ({"note": np.array({"a": 1}, dtype=object)}, "cannot be read as .npz"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_NPZ)
+def test_bad_npz(name: str, tmp_path: Path) -> None:
+    changes, *words = BAD_NPZ[name]
+    reason = refusal(read_npz, npz_file(tmp_path, **changes))
+    for word in words:
+        assert word in reason
+
+
+@pytest.mark.parametrize("data", [b"", b"hello", b"\x93NUMPY", b"PK\x03\x04" + bytes(50)])
+def test_other_files_are_no_npz(data: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "rest.npz"
+    path.write_bytes(data)
+    assert "cannot be read as .npz (it is no zip archive" in refusal(read_npz, path)
+
+
+def test_bare_array_is_no_npz(tmp_path: Path) -> None:
+    with (tmp_path / "rest.npz").open("wb") as file:
+        np.save(file, GOOD["gyro_raw"])
+    assert "no zip archive" in refusal(read_npz, tmp_path / "rest.npz")
+
+
+def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
+    """Any byte changed: a usage error or the samples as they were. The end cut off: a usage error."""
+    path = tmp_path / "rest.npz"
+    gyro = np.random.default_rng(1).integers(-99, 99, (40, 3))
+    np.savez_compressed(path, **{**GOOD, "gyro_raw": gyro})
+    whole = path.read_bytes()
+    refused = 0
+    for place in range(len(whole)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        try:
+            found = read_npz(path)
+        except UsageError:
+            refused += 1
+        else:
+            assert (found.gyro == gyro).all()
+    assert refused > len(whole) / 2
+    for end in range(0, len(whole) - 1, 17):
+        path.write_bytes(whole[:end])
+        assert "cannot be read" in refusal(read_npz, path)
+
+
+def test_real_recordings(recordings: Path) -> None:
+    long = read_npz(recordings / "mpu6050_sunsided_10min.npz")
+    assert (long.gyro.shape, long.lsb_per_dps) == ((65067, 3), 131.0)
+    assert long.rate_hz == pytest.approx(99.32, abs=0.01)
+    short = read_npz(recordings / "mpu6050_tomisuarez_100s.npz")
+    assert short.accel is not None
+    assert (short.gyro.shape, short.accel.shape, short.host_s) == ((9986, 3), (9986, 3), None)
+    # standard deviations as published with the recordings, in deg/s
+    assert (long.gyro / 131).std(axis=0) == pytest.approx([0.126, 0.091, 0.113], abs=6e-4)
+    assert (short.gyro / 131).std(axis=0) == pytest.approx([0.075, 0.112, 0.094], abs=6e-4)
+
+
+# --- NDJSON ---
+
+HELLO = '{"class":"hello","source":"x","host_ns":0,"rate_hz":100.0,"sampling_mode":"timer"}'
+SAMPLE = '{"class":"sample","seq":0,"epoch":1,"device_us":0,"host_ns":0,"gyro_dps":[1.0,2.0]}'
+
+
+def ndjson_file(tmp_path: Path, *lines: str) -> Path:
+    path = tmp_path / "run.ndjson"
+    path.write_text("".join(f"{line}\n" for line in lines))
+    return path
+
+
+def test_ndjson_keeps_hello_and_samples_in_order(tmp_path: Path) -> None:
+    other = '{"class":"stats","anything":1}'
+    found, _ = read_ndjson(ndjson_file(tmp_path, other, HELLO, SAMPLE, other, HELLO, SAMPLE, SAMPLE))
+    assert [type(record) for record in found] == [Hello, Sample, Hello, Sample, Sample]
+
+
+def test_ndjson_of_several_devices_is_refused(tmp_path: Path) -> None:
+    lines = [line[:-1] + f',"device":"{name}"}}' for name in ("left", "right") for line in (HELLO, SAMPLE)]
+    with pytest.raises(UsageError, match=r"several devices \(left, right\)"):
+        read_ndjson(ndjson_file(tmp_path, *lines))
+    assert len(read_ndjson(ndjson_file(tmp_path, *lines[2:]))[0]) == 2
+
+
+BAD_NDJSON = {
+    "not JSON": ([HELLO, SAMPLE, "{oops"], ":3: is not JSON"),
+    "cut": ([HELLO, SAMPLE, SAMPLE[:40]], ":3: is not JSON"),
+    "blank line": ([HELLO, "", SAMPLE], ":2: is not JSON"),
+    "NaN": ([HELLO, SAMPLE.replace("1.0", "NaN")], ":2: is not JSON"),
+    "Infinity": ([HELLO, SAMPLE.replace("1.0", "-Infinity")], ":2: is not JSON"),
+    "too large": ([HELLO, SAMPLE.replace("1.0", "1e999")], ":2: is not JSON"),
+    "a number": ([HELLO, "17"], ":2: is not a record of fltea"),
+    "a list": ([HELLO, "[1]"], ":2: is not a record of fltea"),
+    "other objects": ([HELLO, '{"a":1}'], ":2: is not a record of fltea"),
+    "null": ([HELLO, SAMPLE, SAMPLE.replace("1.0", "null")], ":3: is a damaged record", "gyro_dps[0]"),
+    "text": ([HELLO, SAMPLE.replace("1.0", '"1"')], ":2: is a damaged record", "gyro_dps[0]"),
+    "unknown field": ([HELLO.replace("rate_hz", "rate")], ":1: is a damaged record", "`rate`"),
+    "missing field": ([HELLO, SAMPLE.replace('"seq":0,', "")], ":2: is a damaged record", "`seq`"),
+    "rate 0": ([HELLO.replace("100.0", "0"), SAMPLE], ":1: is a damaged record", "positive"),
+    "scale 0": ([HELLO[:-1] + ',"gyro_lsb_per_dps":-1}', SAMPLE], ":1: is a damaged record", "positive"),
+    "no hello": ([SAMPLE], ":1: is a damaged record", "before any hello"),
+    "no axes": ([HELLO, SAMPLE.replace("1.0,2.0", "")], ":2: is a damaged record", "0 axes"),
+    "four axes": ([HELLO, SAMPLE.replace("1.0", "1,1,1")], ":2: is a damaged record", "4 axes"),
+    "another axis": ([HELLO, SAMPLE, SAMPLE.replace("1.0", "1,1")], ":3: ", "3 axes, 2 before"),
+    "no samples": ([HELLO], "holds no sample records", "--samples"),
+    "empty": ([], "holds no sample records"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_NDJSON)
+def test_bad_ndjson(name: str, tmp_path: Path) -> None:
+    lines, *words = BAD_NDJSON[name]
+    reason = refusal(read_ndjson, ndjson_file(tmp_path, *lines))
+    for word in words:
+        assert word in reason
+
+
+def test_ndjson_that_is_not_text(tmp_path: Path) -> None:
+    (tmp_path / "run.ndjson").write_bytes(b"\xff\xfe")
+    assert ":1: is not JSON" in refusal(read_ndjson, tmp_path / "run.ndjson")
+
+
+def test_a_last_line_that_is_cut_is_left_out_and_told(tmp_path: Path) -> None:
+    path = ndjson_file(tmp_path, HELLO, SAMPLE, SAMPLE)
+    assert read_ndjson(path)[1] is None
+    path.write_bytes(path.read_bytes()[:-20])
+    found, cut = read_ndjson(path)
+    assert [type(record) for record in found] == [Hello, Sample]
+    assert cut is not None
+    assert ":3: the last line is cut off" in cut
+
+
+def test_scale_of_the_accelerometer_makes_its_axes_usable(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    path = tmp_path / "rest.npz"
+    counts = {"gyro_raw": rng.integers(-9, 9, (90, 3)), "accel_raw": rng.integers(-99, 99, (90, 3))}
+    np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0, accel_lsb_per_g=16384.0)
+    found = fltea(
+        "run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y", "--set", "accel.startup=50"
+    )
+    assert found.returncode == 0
+    last = [r for r in strict_records(found.stdout) if isinstance(r, Estimate)][-1]
+    assert last.axes == {}
+    assert last.accel_axes is not None
+    assert last.accel_axes["accel_y"].valid
+    np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0)
+    told = fltea("run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y,gyro_x")
+    assert "no_axis: channels names accel_y, which" in told.stderr
+    np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0, accel_lsb_per_g=0.0)
+    assert (
+        "accel_lsb_per_g has to be one positive number"
+        in fltea("run", "-s", f"replay:{path}", "--once").stderr
+    )

@@ -1,0 +1,348 @@
+"""What is made of recordings: exports that replay again, sums, and whole files of torn ones."""
+
+import csv
+import os
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from fltea.archive.export import export
+from fltea.archive.info import Summary, as_text, sessions, summarise
+from fltea.cli import record as cli_record
+from fltea.recording.recovery import recover
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.events import Chunk, Failed
+from fltea.records.records import Epoch, Estimate, Gap, Hello, Sample
+from fltea.sinks import record as record_module
+from fltea.stream.decode import Decoded, Decoder
+from mcap.reader import make_reader
+from mcap_support import Live, kill, of, record, replay, transport
+
+
+@pytest.fixture
+def many_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(record_module, "FLUSH_NS", 0)
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.mcap"))
+
+
+def table(path: Path) -> tuple[list[str], list[list[str]]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        header, *rows = csv.reader(file)
+    return header, rows
+
+
+def comparable(records: list, kind: type) -> list[tuple]:
+    """Estimates without times and numbers, which a file without a host's clock does not have."""
+    return [(r.epoch, r.axes) for r in of(records, kind)]
+
+
+# --- the walk without the estimator ---
+
+
+def test_a_decoder_numbers_samples_as_the_pipeline_does(tmp_path: Path) -> None:
+    items = transport(samples=300, boots=2)
+    live, _ = record(tmp_path, items)
+    source = Live()
+    decoder = Decoder(lambda: source.unix_offset_ns, 100, "due")
+    found = []
+    for item in items:
+        for event in source.wire.feed(item, item.host_ns):
+            found.append(decoder.feed(event))
+        source.wire.resume(item.host_ns)
+    samples = [one for one in found if isinstance(one, Decoded)]
+    assert [one.sample for one in samples] == of(live, Sample)
+    assert sum(one.missing for one in samples) == sum(gap.missing for gap in of(live, Gap)) == 6
+    assert [one.new_epoch for one in samples if one.new_epoch] == [e.reason for e in of(live, Epoch)]
+
+
+# --- export ---
+
+
+def test_npz_of_samples_replays_to_the_same_estimates(tmp_path: Path) -> None:
+    """Gaps, lost samples and a restart of the device included."""
+    live, _ = record(tmp_path / "rec", transport(samples=300, boots=2))
+    rows = export([tmp_path / "rec"], tmp_path / "out.npz", "samples", 100)
+    assert rows == len(of(live, Sample)) == 594
+    again = replay(tmp_path / "out.npz")
+    assert comparable(again, Estimate) == comparable(live, Estimate)
+    assert [(g.epoch, g.missing) for g in of(again, Gap)] == [(g.epoch, g.missing) for g in of(live, Gap)]
+    with np.load(tmp_path / "out.npz") as data:
+        assert data["gyro_raw"].shape == (594, 3)
+        assert data["seq"].tolist() == [s.seq for s in of(live, Sample)]
+        assert data["host_ns"].tolist() == [s.host_ns for s in of(live, Sample)]
+        assert data["accel_raw"][0].tolist() == [0, 0, 16384]
+        assert float(data["accel_lsb_per_g"]) == 16384.0
+        assert (np.diff(data["time_s"]) > 0).all()
+        assert data["temperature_c"][0] == of(live, Sample)[0].temperature_c
+
+
+def test_csv_of_samples_has_units_and_the_same_numbers(tmp_path: Path) -> None:
+    live, _ = record(tmp_path / "rec", transport(samples=300, boots=2))
+    export([tmp_path / "rec"], tmp_path / "out.csv", "samples", 100)
+    header, rows = table(tmp_path / "out.csv")
+    assert header[:8] == [
+        "time_s",
+        "gyro_x_dps",
+        "gyro_y_dps",
+        "gyro_z_dps",
+        "accel_x_ms2",
+        "accel_y_ms2",
+        "accel_z_ms2",
+        "temperature_c",
+    ]
+    assert [tuple(map(float, row[1:4])) for row in rows] == [s.gyro_dps for s in of(live, Sample)]
+    assert [int(row[header.index("host_ns")]) for row in rows] == [s.host_ns for s in of(live, Sample)]
+    times = np.array([float(row[0]) for row in rows])
+    assert times[0] == 0.0
+    assert (np.diff(times) > 0).all()
+    assert times[297] - times[296] == pytest.approx(7.0, abs=0.1)  # the port was away: by the host's clock
+    assert times[60] - times[59] == pytest.approx(0.03)
+
+
+def test_csv_replays_to_the_same_estimates_where_nothing_is_lost(tmp_path: Path) -> None:
+    live, _ = record(tmp_path / "rec", transport(samples=59))
+    export([tmp_path / "rec"], tmp_path / "out.csv", "samples", 100)
+    again = replay(tmp_path / "out.csv", **{"replay.rate_hz": 100.0})
+    assert len(of(live, Estimate)) == 39
+    assert comparable(again, Estimate) == comparable(live, Estimate)
+
+
+def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
+    live, _ = record(tmp_path / "rec", transport(samples=100))
+    export([tmp_path / "rec"], tmp_path / "out.csv", "estimates", 100)
+    header, rows = table(tmp_path / "out.csv")
+    assert header[:7] == [
+        "time_s",
+        "epoch",
+        "seq",
+        "device_us",
+        "host_ns",
+        "alpha_gyro_x",
+        "alpha_std_gyro_x",
+    ]
+    assert {"f_gyro_x_s^-alpha", "f_std_gyro_z_s^-alpha", "state_gyro_y_dps", "valid_gyro_z"} < set(header)
+    estimates = of(live, Estimate)
+    assert len(rows) == len(estimates) == 78
+    for row, estimate in zip(rows, estimates, strict=True):
+        values = dict(zip(header, row, strict=True))
+        assert int(values["seq"]) == estimate.seq
+        for axis, e in estimate.axes.items():
+            assert float(values[f"alpha_{axis}"]) == e.alpha
+            assert float(values[f"f_{axis}_s^-alpha"]) == e.f
+            assert float(values[f"state_{axis}_dps"]) == e.state_dps
+            assert values[f"valid_{axis}"] == str(int(e.valid))
+    export([tmp_path / "rec"], tmp_path / "out.npz", "estimates", 100)
+    with np.load(tmp_path / "out.npz") as data:
+        assert data["alpha_gyro_x"].tolist() == [e.axes["gyro_x"].alpha for e in estimates]
+        assert data["host_ns"].tolist() == [e.host_ns for e in estimates]
+
+
+def test_what_the_test_of_whiteness_said_is_exported_too(tmp_path: Path) -> None:
+    live, _ = record(tmp_path / "rec", transport(samples=1_100))
+    export([tmp_path / "rec"], tmp_path / "out.csv", "estimates", 100)
+    export([tmp_path / "rec"], tmp_path / "out.npz", "estimates", 100)
+    header, rows = table(tmp_path / "out.csv")
+    last, axis = of(live, Estimate)[-1], "gyro_y"
+    assert last.axes[axis].null_p is not None
+    values = dict(zip(header, rows[-1], strict=True))
+    assert float(values[f"null_p_{axis}"]) == last.axes[axis].null_p
+    assert values[f"not_white_{axis}"] == str(int(last.axes[axis].order == "not white"))
+    assert rows[0][header.index(f"not_white_{axis}")] == ""
+    with np.load(tmp_path / "out.npz") as data:
+        assert data[f"not_white_{axis}"][-1] == float(last.axes[axis].order == "not white")
+        assert np.isnan(data[f"null_p_{axis}"][0])
+
+
+def test_what_was_not_valid_stays_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    encode = record_module.encode_message
+
+    def invalid(one: msgspec.Struct) -> bytes:
+        if isinstance(one, Estimate) and one.seq == 40:
+            axis = msgspec.structs.replace(one.axes["gyro_x"], alpha=None, valid=False)
+            one = msgspec.structs.replace(one, axes={**one.axes, "gyro_x": axis})
+        return encode(one)
+
+    monkeypatch.setattr(record_module, "encode_message", invalid)
+    record(tmp_path / "rec", transport(samples=60))
+    for name in ("out.csv", "out.npz"):
+        export([tmp_path / "rec"], tmp_path / name, "estimates", 100)
+    header, rows = table(tmp_path / "out.csv")
+    (row,) = [dict(zip(header, row, strict=True)) for row in rows if row[2] == "40"]
+    assert (row["alpha_gyro_x"], row["valid_gyro_x"]) == ("", "0")
+    assert row["alpha_gyro_y"]
+    with np.load(tmp_path / "out.npz") as data:
+        assert np.flatnonzero(np.isnan(data["alpha_gyro_x"])).tolist() == [20]
+
+
+def test_exports_of_other_recordings(tmp_path: Path) -> None:
+    np.savez(tmp_path / "rest.npz", gyro_raw=np.ones((50, 2)), lsb_per_dps=131.0, fs_hz=100.0)
+    assert export([tmp_path / "rest.npz"], tmp_path / "out.csv", "samples", 100) == 50
+    _, rows = table(tmp_path / "out.csv")
+    assert rows[1][:4] == ["0.01", repr(1 / 131.0), repr(1 / 131.0), ""]
+
+
+@pytest.mark.parametrize(
+    ("out", "what", "text"),
+    [
+        ("out.txt", "samples", r"give a name that ends in \.csv or \.npz"),
+        ("out.csv", "estimates", "holds no estimates. Make them of its samples: fltea run -s replay:"),
+    ],
+)
+def test_exports_that_cannot_be(out: str, what: str, text: str, tmp_path: Path) -> None:
+    record(tmp_path / "rec", transport(samples=60), channels=("sample",))
+    with pytest.raises(UsageError, match=text):
+        export([tmp_path / "rec"], tmp_path / out, what, 100)  # type: ignore[arg-type]
+    assert [path.name for path in tmp_path.iterdir()] == ["rec"]
+
+
+def test_an_export_that_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record(tmp_path / "rec", transport(samples=60))
+    (tmp_path / "out.csv").write_text("of yesterday")
+
+    def full(source: object, target: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(FlteaError, match=r"out\.csv: cannot be written \(.*No space left"):
+        export([tmp_path / "rec"], tmp_path / "out.csv", "samples", 100)
+    assert (tmp_path / "out.csv").read_text() == "of yesterday"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "rec"]
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"time_s": np.zeros(50)}, "time_s does not increase in row 1"),
+        ({"time_s": np.arange(49.0)}, r"time_s has the shape \(49,\); \(50,\) is needed"),
+        ({"time_s": np.arange(50.0), "seq": np.full(50, np.nan)}, "seq is not finite in row 0"),
+    ],
+)
+def test_npz_with_gaps_that_make_no_sense(change: dict, text: str, tmp_path: Path) -> None:
+    arrays = {"gyro_raw": np.ones((50, 3)), "lsb_per_dps": 131.0, "fs_hz": 100.0}
+    np.savez(tmp_path / "rest.npz", **(arrays | change))
+    with pytest.raises(UsageError, match=text):
+        replay(tmp_path / "rest.npz")
+
+
+# --- info ---
+
+
+def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
+    live, sink = record(tmp_path, transport(samples=300, boots=2), rotate_s=2.0)
+    (paths,) = sessions([tmp_path])
+    found = summarise(paths, 100)
+    assert found.device == "due"
+    assert (found.files, found.whole, found.breaks) == (len(files(tmp_path)), True, 0)
+    assert (found.samples, found.lost, found.gaps, found.resets) == (594, 6, 4, 1)
+    assert found.epochs == {"start": 1, "restart": 1}
+    assert found.link == sink._wire.link_stats()
+    assert found.size_bytes == sum(path.stat().st_size for path in files(tmp_path))
+    assert found.start_unix_ns == of(live, Sample)[0].host_ns
+    assert found.hello is not None
+    assert found.hello.device == "due"
+    assert (
+        of(live, Hello)[-1].host_ns <= found.hello.host_ns <= of(live, Sample)[-1].host_ns
+    )  # the last heard
+    assert found.duration_s == pytest.approx(13.0, abs=0.1)
+    assert found.rate_hz == pytest.approx(100.0, rel=1e-3)
+    text = as_text(found)
+    for part in (
+        "MPU-9250, ±2000 deg/s",
+        "594, 6 lost in 4 gaps",
+        "1 x restart",
+        "whole",
+        "2027-01-15 08:00:05",
+    ):
+        assert part in text
+    again = msgspec.json.decode(msgspec.json.encode(found), type=Summary)
+    assert again == found
+
+
+@pytest.mark.usefixtures("many_chunks")
+def test_a_sum_says_that_a_file_was_cut(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=100), end=False)
+    found = summarise(files(tmp_path), 100)
+    assert not found.whole
+    assert "not finished: killed" in as_text(found)
+
+
+def test_sums_of_many_recordings_and_of_other_kinds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for device in ("left", "right"):
+        record(tmp_path, transport(samples=60), device=device)
+    np.savez(tmp_path / "rest.npz", gyro_dps=np.ones((50, 2)), fs_hz=100.0)
+    cli_record.info([tmp_path, tmp_path / "rest.npz"], json=True)
+    lines = [msgspec.json.decode(line) for line in capsys.readouterr().out.splitlines()]
+    assert [line["device"] for line in lines] == [None, "left", "right"]
+    assert [line["samples"] for line in lines] == [50, 60, 60]
+    assert {line["class"] for line in lines} == {"recording"}
+    cli_record.info([tmp_path / "rest.npz"], json=False)
+    assert "50, 0 lost in 0 gaps" in capsys.readouterr().out
+
+
+# --- recover ---
+
+
+@pytest.mark.usefixtures("many_chunks")
+def test_a_torn_file_becomes_whole_beside_itself(tmp_path: Path) -> None:
+    live, sink = record(tmp_path, transport(samples=100), end=False)
+    kill(sink)
+    path = files(tmp_path)[0]
+    with path.open("ab") as file:
+        file.write(b"\6\xff\xff")  # the beginning of a record
+    before = path.read_bytes()
+    found = recover(path, in_place=False)
+    assert found.out == path.with_name(f"{path.stem}.recovered.mcap")
+    assert (found.lost_bytes, found.damaged_chunks) == (3, 0)
+    assert path.read_bytes() == before
+    with found.out.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_summary() is not None
+        assert sum(1 for _ in reader.iter_messages()) == found.messages
+    assert of(replay(found.out), Sample) == of(replay(path), Sample) == of(live, Sample)
+    assert recover(found.out, in_place=False).out is None
+    with pytest.raises(UsageError, match="exists already"):
+        recover(path, in_place=False)
+
+
+@pytest.mark.usefixtures("many_chunks")
+def test_in_place_replaces_the_file(tmp_path: Path) -> None:
+    live, sink = record(tmp_path, transport(samples=100), end=False)
+    kill(sink)
+    path = files(tmp_path)[0]
+    assert recover(path, in_place=True).out == path
+    assert files(tmp_path) == [path]
+    assert not [r for r in replay(tmp_path) if getattr(r, "kind", "") == "cut_recording"]
+    assert of(replay(tmp_path), Sample) == of(live, Sample)
+
+
+def test_a_file_in_use_is_left_alone(tmp_path: Path) -> None:
+    _, sink = record(tmp_path, transport(samples=60), end=False)
+    with pytest.raises(UsageError, match="a running program still writes it"):
+        recover(files(tmp_path)[0], in_place=True)
+    sink.close()
+    assert recover(files(tmp_path)[0], in_place=True).out is None
+
+
+def test_nothing_to_save_and_nothing_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "empty.mcap").touch()
+    with pytest.raises(UsageError, match="nothing in it can be saved"):
+        recover(tmp_path / "empty.mcap", in_place=False)
+    with pytest.raises(UsageError, match="cannot be read"):
+        recover(tmp_path / "none.mcap", in_place=False)
+    record(tmp_path, transport(samples=60))
+    with pytest.raises(UsageError, match=r"empty\.mcap: nothing in it"):  # told, after all else is done
+        cli_record.recover([tmp_path])
+    assert "is whole" in capsys.readouterr().out
+    assert sorted(tmp_path.glob(".*.part")) == []
+
+
+def test_transport_helper_has_what_these_tests_are_about() -> None:
+    items = transport(samples=300, boots=2)
+    assert any(isinstance(item, Failed) for item in items)
+    assert any(isinstance(item, Chunk) and not item.data.endswith(b"\0") for item in items)

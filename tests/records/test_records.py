@@ -1,0 +1,267 @@
+"""host/README.md documents every field of every record that the code can emit, and nothing else."""
+
+import ast
+import typing
+from pathlib import Path
+
+import msgspec
+import pytest
+from fltea.records.records import (
+    AXES,
+    AnyRecord,
+    DeviceEstimates,
+    EpochReason,
+    Estimate,
+    Hello,
+    Order,
+    Sample,
+    Stats,
+)
+from fltea.wire import layout as wire
+from fltea.wire.messages import REASONS
+from host_support import QUICK, ROOT, fltea, strict_records
+
+README = ROOT / "host/README.md"
+KINDS = {kind.__struct_config__.tag: kind for kind in typing.get_args(AnyRecord)}
+
+
+# --- what the code can emit ---
+
+MODULE_FUNCTIONS = {
+    node.name: node
+    for node in ast.walk(ast.parse((ROOT / "host/fltea/stream/channels.py").read_text()))
+    if isinstance(node, ast.FunctionDef)
+}
+"""Functions that return kind and text, imported by those who make the error."""
+
+
+def emitted_fields(struct: type[msgspec.Struct]) -> dict[str, bool]:
+    """Path of every field to whether it can be null; keys of a dict are <axis>, <output>, or <reason>."""
+    info = msgspec.inspect.type_info(struct)
+    assert isinstance(info, msgspec.inspect.StructType)
+    tag = {info.tag_field: False} if info.tag_field else {}
+    return tag | _fields_of(info)
+
+
+def _fields_of(info: msgspec.inspect.StructType) -> dict[str, bool]:
+    found: dict[str, bool] = {}
+    for field in info.fields:
+        found |= _paths(field.encode_name, field.type)
+    return found
+
+
+def _paths(path: str, kind: msgspec.inspect.Type) -> dict[str, bool]:
+    kinds = kind.types if isinstance(kind, msgspec.inspect.UnionType) else (kind,)
+    nullable = any(isinstance(one, msgspec.inspect.NoneType) for one in kinds)
+    found: dict[str, bool] = {}
+    for one in kinds:
+        if isinstance(one, msgspec.inspect.StructType):
+            found |= {f"{path}.{name}": null for name, null in _fields_of(one).items()}
+        elif isinstance(one, msgspec.inspect.DictType):
+            objects = isinstance(one.value_type, msgspec.inspect.StructType | msgspec.inspect.DictType)
+            by_axis = objects or path == "restarts"
+            key = "<output>" if path == "outputs" else "<axis>" if by_axis else "<reason>"
+            found |= _paths(f"{path}.{key}", one.value_type)
+    return {path: nullable} | found if nullable or not found else found
+
+
+def emitted_kinds() -> set[str]:
+    """Every kind of error, from the calls that make one."""
+    found: set[str] = set()
+    for file in sorted((ROOT / "host/fltea").rglob("*.py")):
+        tree = ast.parse(file.read_text(), str(file))
+        functions = MODULE_FUNCTIONS | {
+            node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+        }
+        for call in ast.walk(tree):
+            match call:
+                case ast.Call(func=ast.Name(id="Trouble" | "Failed" | "Error" | "Notice")):
+                    found |= _kinds_in(call, functions, f"{file}:{call.lineno}")
+                case ast.Call(func=ast.Attribute(attr="_error" | "_report"), args=[ast.Starred(), *_]):
+                    found |= _kinds_in(call, functions, f"{file}:{call.lineno}")
+                case (
+                    ast.Call(
+                        func=ast.Attribute(attr="_error" | "_report"), args=[ast.Constant(str(kind)), *_]
+                    )
+                    | ast.Call(
+                        func=ast.Call(func=ast.Attribute(attr="report")), args=[ast.Constant(str(kind)), *_]
+                    )
+                ):
+                    found.add(kind)
+    return found
+
+
+def words_of_the_code() -> set[str]:
+    """Every text in the code: a kind that a table or a function chooses is at least written somewhere."""
+    return {
+        node.value
+        for file in (ROOT / "host/fltea").rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
+
+
+def _kinds_in(call: ast.Call, functions: dict[str, ast.FunctionDef], place: str) -> set[str]:
+    named = [keyword.value for keyword in call.keywords if keyword.arg == "kind"]
+    match (named or call.args)[0]:
+        case ast.Constant(str(kind)):
+            return {kind}
+        case ast.Name("kind") | ast.Attribute(attr="kind"):
+            return set()  # passed on from where it was made
+        case ast.Starred(ast.Call(ast.Name(name))):  # a function that returns kind and text
+            returned = [node.value for node in ast.walk(functions[name]) if isinstance(node, ast.Return)]
+            kinds = [value.elts[0] for value in returned if isinstance(value, ast.Tuple)]
+            assert len(kinds) == len(returned), f"{name}: a return that is no tuple of kind and text"
+            return {ast.literal_eval(kind) for kind in kinds}
+    raise AssertionError(f"{place}: the kind of this error cannot be read off the code")
+
+
+# --- what the page says ---
+
+
+def tables(section: str) -> dict[str, dict[str, list[str]]]:
+    """Title of a table's first column to its rows: first cell without backticks, the other cells."""
+    found: dict[str, dict[str, list[str]]] = {}
+    title = None
+    for line in section.splitlines():
+        if not line.startswith("|"):
+            title = None
+            continue
+        first, *others = (cell.strip() for cell in line.strip("|").split("|"))
+        if title is None:
+            title = first
+            assert title not in found, f"two tables of '{title}' in one section"
+            found[title] = {}
+        elif first.strip("-: "):
+            assert first.startswith("`"), f"'{first}' is not in backticks"
+            assert first.strip("`") not in found[title], f"{first} is documented twice"
+            found[title][first.strip("`")] = others
+    return found
+
+
+def documented() -> dict[str, dict[str, dict[str, list[str]]]]:
+    """Class of a record to the tables of its section."""
+    if not README.is_file():
+        pytest.fail(f"{README.relative_to(ROOT)} does not exist")
+    _, found, rest = README.read_text(encoding="utf-8").partition("\n## Records\n")
+    assert found, "host/README.md has no section '## Records'"
+    section = rest.partition("\n## ")[0]
+    parts = section.split("\n### ")[1:]
+    return {part.partition("\n")[0].strip().strip("`"): tables(part) for part in parts}
+
+
+def compare(what: str, in_code: set[str], on_page: set[str]) -> None:
+    missing, surplus = sorted(in_code - on_page), sorted(on_page - in_code)
+    text = (
+        [f"{what}: the code emits it, host/README.md does not say so: {', '.join(missing)}"]
+        if missing
+        else []
+    )
+    text += (
+        [f"{what}: host/README.md says so, the code never emits it: {', '.join(surplus)}"] if surplus else []
+    )
+    if text:
+        pytest.fail("\n".join(text))
+
+
+def test_every_class_of_record_has_its_section() -> None:
+    compare("class", set(KINDS), set(documented()))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_field_is_documented(kind: str) -> None:
+    compare(kind, set(emitted_fields(KINDS[kind])), set(documented()[kind]["field"]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_page_says_which_fields_can_be_null(kind: str) -> None:
+    rows = documented()[kind]["field"]
+    null_in_code = {path for path, nullable in emitted_fields(KINDS[kind]).items() if nullable}
+    compare(f"{kind}, 'or null'", null_in_code, {path for path, (of, *_) in rows.items() if "null" in of})
+
+
+def test_every_kind_of_error_is_documented() -> None:
+    on_page = set(documented()["error"]["kind"])
+    compare("kind", emitted_kinds() | (words_of_the_code() & on_page), on_page)
+
+
+def test_every_word_that_a_field_can_hold_is_documented() -> None:
+    page = documented()
+    cases = [
+        (page["epoch"]["field"]["reason"], typing.get_args(EpochReason)),
+        (page["hello"]["field"]["sampling_mode"], [mode.name.lower() for mode in wire.SamplingMode]),
+        (page["estimate"]["field"]["axes.<axis>.order"], typing.get_args(Order)),
+        (page["stats"]["field"]["board.reset_cause"], [cause.name.lower() for cause in wire.ResetCause]),
+    ]
+    for (_, meaning), words in cases:
+        for word in words:
+            assert f"`{word}`" in meaning
+
+
+def test_reasons_are_those_of_the_protocol_page() -> None:
+    page = (ROOT / "protocol/README.md").read_text(encoding="utf-8")
+    for reason in REASONS:
+        assert f"\n| {reason} |" in page
+
+
+def test_helpers_see_what_is_there() -> None:
+    """Against a comparison of nothing with nothing."""
+    assert emitted_fields(Estimate)["axes.<axis>.alpha"] is True
+    assert emitted_fields(Estimate)["axes.<axis>.valid"] is False
+    stats = emitted_fields(Stats)
+    assert {
+        "class",
+        "link.bad_frames.<reason>",
+        "board",
+        "board.i2c_errors",
+        "outputs.<output>.queued",
+    } <= set(stats)
+    assert stats["board"] is True
+    assert not {"link", "axes", "link.bad_frames"} & set(stats)
+    assert {"no_port", "no_permission", "unplugged", "version", "constant_axis"} | {
+        "axis_runaway",
+        "state_failed",
+        "output_lost",
+    } <= emitted_kinds()
+    with pytest.raises(
+        pytest.fail.Exception, match=r"x: the code emits .*: b\nx: host/README.md says .*: c, d$"
+    ):
+        compare("x", {"a", "b"}, {"a", "c", "d"})
+
+
+# --- a real run says nothing else ---
+
+CONSTANT = "time_s,gyro_x_dps,gyro_y_dps\n" + "".join(f"{k / 100},{k % 7},1\n" for k in range(200) if k != 99)
+
+
+def test_real_run_emits_only_what_its_structs_say(tmp_path: Path) -> None:
+    (tmp_path / "rest.csv").write_text(CONSTANT)
+    runs = [
+        fltea("run", "-s", "synthetic:?n=300", "--pace", "fast", "--once", "--samples", *QUICK),
+        fltea("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", "--samples", *QUICK),
+    ]
+    found = [record for run in runs for record in strict_records(run.stdout)]
+    # What a device estimates by itself is in a run of test_device_estimates_outputs.py.
+    assert {type(record) for record in found} == set(KINDS.values()) - {DeviceEstimates}
+    for run in runs:
+        assert "NaN" not in run.stdout
+        assert "Infinity" not in run.stdout
+
+
+def test_invalid_axis_is_null_and_the_others_go_on(tmp_path: Path) -> None:
+    (tmp_path / "rest.csv").write_text(CONSTANT)
+    run = fltea("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", *QUICK)
+    found = strict_records(run.stdout)
+    assert isinstance(found[0], Hello)
+    assert not any(isinstance(record, Sample) for record in found)
+    estimates = [record for record in found if isinstance(record, Estimate)]
+    assert len(estimates) == 149
+    for record in estimates:
+        assert [*record.axes] == list(AXES[:2])
+        assert record.axes["gyro_x"].valid
+        assert msgspec.to_builtins(record.axes["gyro_y"]) == {
+            **dict.fromkeys(("alpha", "alpha_std", "f", "f_std", "state_dps", "innovation_dps")),
+            "valid": False,
+            "null_p": None,
+            "order": None,
+        }

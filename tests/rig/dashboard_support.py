@@ -1,0 +1,171 @@
+"""Records as a running pipeline gives them, for the tests of the page."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import msgspec
+from fltea.records.events import Break, Event, RawSample
+from fltea.records.records import (
+    AXES,
+    AnyRecord,
+    AxisEstimate,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    DeviceEstimatorStats,
+    DeviceStatus,
+    Epoch,
+    Estimate,
+    EstimatorInfo,
+    LinkStats,
+    Stats,
+)
+from fltea.settings.config import Config, EstimatorConfig
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sources.synthetic import SyntheticSource
+from fltea.stream.pipeline import Pipeline
+from host_support import hello
+
+QUICK = EstimatorConfig(startup=50, window=200)
+BOTH = msgspec.structs.replace(QUICK, engine="both")
+ALONE = msgspec.structs.replace(QUICK, engine="device")
+BOARD = DeviceStatus(0, 0, 0, 0, 0, "user", cpu_share_percent=16.75, longest_step_us=8210)
+OWN = DeviceEstimatorStats(
+    begun=1,
+    startup_remaining=0,
+    every=10,
+    queue=0,
+    skipped=0,
+    longest_axis_us=2412,
+    estimates=100,
+    lost=0,
+    unplaced=0,
+    restarts=dict.fromkeys(AXES, 0),
+    interventions={},
+)
+
+
+class Events:
+    """A source of given events."""
+
+    live = prompt = False
+    unix_offset_ns = 0
+
+    def __init__(self, events: Iterable[Event]) -> None:
+        self._events = events
+
+    def events(self) -> Iterable[Event]:
+        return iter(self._events)
+
+    def link_stats(self) -> LinkStats:
+        return LinkStats()
+
+    def close(self) -> None:
+        pass
+
+
+def records(query: str, config: EstimatorConfig = QUICK) -> list[AnyRecord]:
+    """What the pipeline makes of synthetic noise."""
+    key = (query, repr(config))
+    if key not in _made:
+        _made[key] = _records(query, config)
+    return list(_made[key])
+
+
+_made: dict[tuple[str, str], list[AnyRecord]] = {}
+
+
+def _records(query: str, config: EstimatorConfig) -> list[AnyRecord]:
+    source = SyntheticSource(query, realtime=False)
+    pipeline = Pipeline(source, Config(name="due", estimator=config))
+    found = [record for event in source.events() for record in pipeline.feed(event)]
+    return [*found, pipeline.stats()]
+
+
+def with_breaks(
+    lengths: list[int], reason: str = "restart", config: EstimatorConfig = QUICK, accel: bool = False
+) -> list[AnyRecord]:
+    """Stretches of samples, each an epoch of its own; the noise is a counter's last bits, with an offset."""
+    events: list[Event] = [hello()]
+    k = 0
+    for length in lengths:
+        for _ in range(length):
+            raw = tuple(20 + (k * factor) % 7 for factor in (3, 5, 8))
+            force = (16384 + k % 5, k % 3, -k % 4) if accel else None
+            events.append(RawSample(k % 65536, k * 10_000 % 2**32, k * 10_000_000, raw, force, 0.0))
+            k += 1
+        events.append(Break(reason, k * 10_000_000))  # type: ignore[arg-type]
+    channels = ["gyro_x", "accel_x", "accel_y"] if accel else None
+    pipeline = Pipeline(Events(events), Config(name="due", estimator=config, channels=channels))  # type: ignore[arg-type]
+    found = [record for event in events for record in pipeline.feed(event)]
+    return [*found, pipeline.stats()]
+
+
+def told(*groups: list[AnyRecord], config: EstimatorConfig = QUICK) -> DeviceHistory:
+    """A history that has heard them all."""
+    history = DeviceHistory("due", config)
+    for group in groups:
+        for record in group:
+            history.write(record)
+    return history
+
+
+def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:
+    """The same records with every tenth estimate a device's, which comes `late` samples after its sample."""
+    made: list[AnyRecord] = []
+    waiting: list[Estimate] = []
+    for record in found:
+        match record:
+            case Estimate():
+                if record.seq % every == 0:
+                    waiting.append(record)
+                if waiting and waiting[0].seq <= record.seq - late:
+                    made.append(waiting.pop(0))
+            case _:
+                made.append(_with_device(record, "device", {"every": every, **own}))
+    return made
+
+
+def both(
+    found: Iterable[AnyRecord],
+    apart: Callable[[int], float | None] = lambda seq: 1e-7,
+    every: int = 10,
+    older: int = 0,
+    **own: Any,
+) -> list[AnyRecord]:
+    """The same records with a device's own estimates beside, α and f off by `apart` of the sample's number.
+
+    apart: None where they cannot be compared. older: steps that the device had made before the host's first.
+    """
+    made: list[AnyRecord] = []
+    first: int | None = None
+    for record in found:
+        made.append(_with_device(record, "both", {"every": every, **own}))
+        if not isinstance(record, Estimate):
+            continue
+        first = record.seq if first is None else first
+        if record.seq % every == 0:
+            d, age = apart(record.seq), record.seq - first + 1 + older
+            axes = {axis: _of_device(e, age, d) for axis, e in record.axes.items()}
+            place = record.seq, record.epoch, record.device_us, record.host_ns, record.variant
+            made.append(DeviceEstimates(*place, axes, d is not None, device=record.device))
+    return made
+
+
+def _of_device(e: AxisEstimate, age: int, apart: float | None) -> DeviceAxisEstimate:
+    assert e.alpha is not None
+    assert e.f is not None
+    d = apart or 0.0
+    numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state_dps, e.innovation_dps
+    differences = (None,) * 3 if apart is None else (d, -3 * d, d / 2)
+    return DeviceAxisEstimate(*numbers, True, age, *differences)
+
+
+def _with_device(record: AnyRecord, engine: str, own: dict[str, Any]) -> AnyRecord:
+    match record:
+        case Epoch(estimator=EstimatorInfo() as info):
+            info = msgspec.structs.replace(info, engine=engine, window=0)
+            return msgspec.structs.replace(record, estimator=info)
+        case Stats():
+            estimator = msgspec.structs.replace(OWN, **own)
+            return msgspec.structs.replace(record, board=BOARD, device_estimator=estimator)
+    return record

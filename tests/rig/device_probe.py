@@ -1,0 +1,100 @@
+"""The device's estimator from Python: tests/native/device_probe.cpp, one shared library for each variant."""
+
+import ctypes
+import subprocess
+import weakref
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from fltea.estimator.engine import Engine, EngineSettings, StateTuning
+from fltea.wire.layout import Estimate
+from memory_probe import BUILD, SOURCES
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+VARIANTS = ("joint", "triple")
+FIELDS = Estimate._fields
+
+COUNTS = np.ctypeslib.ndpointer(np.int16, flags="C")
+BYTES = np.ctypeslib.ndpointer(np.uint8, flags="C")
+DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
+
+
+class Baseline(NamedTuple):
+    """What the device found in its start-up window, and how often the axis had to begin anew."""
+
+    bias_dps: float
+    R: float
+    restarts: int
+
+
+@lru_cache
+def library(variant: str) -> ctypes.CDLL:
+    """Build, if out of date, and load the probe of one variant."""
+    goal = f"{BUILD}/device_probe-{variant}.so"
+    command = ["make", "-C", SOURCES, f"BUILD={BUILD}", goal]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(done.stdout + done.stderr)
+    probe = ctypes.CDLL(goal)
+    size, pointer = ctypes.c_size_t, ctypes.c_void_p
+    for name, result, *arguments in (
+        ("device_startup", ctypes.c_int),
+        ("device_lsb_per_dps", ctypes.c_double),
+        ("device_make", pointer),
+        ("device_free", None, pointer),
+        ("device_run", size, pointer, size, COUNTS, BYTES, DOUBLES),
+        ("device_baseline", None, pointer, DOUBLES),
+    ):
+        function = getattr(probe, name)
+        function.restype, function.argtypes = result, arguments
+    return probe
+
+
+STARTUP = library("joint").device_startup()
+LSB_PER_DPS = library("joint").device_lsb_per_dps()
+
+
+class Device:
+    """One axis as the device estimates it."""
+
+    def __init__(self, variant: str) -> None:
+        self._library = library(variant)
+        self._device = self._library.device_make()
+        weakref.finalize(self, self._library.device_free, self._device)
+
+    def run(self, counts: ArrayLike, missing: ArrayLike | None = None) -> dict[str, Array]:
+        """Take samples, oldest first; the fields of ESTIMATE after each beyond the start-up window."""
+        counts = np.ascontiguousarray(counts, dtype=np.int16)
+        lost = np.zeros(len(counts), np.uint8) if missing is None else np.asarray(missing, dtype=np.uint8)
+        rows = np.empty((len(counts), len(FIELDS)))
+        made = self._library.device_run(self._device, len(counts), counts, lost, rows)
+        return dict(zip(FIELDS, rows[:made].T, strict=True))
+
+    @property
+    def baseline(self) -> Baseline:
+        out = np.empty(3)
+        self._library.device_baseline(self._device, out)
+        return Baseline(float(out[0]), float(out[1]), int(out[2]))
+
+
+def host_engine(variant: str, R: float) -> Engine:
+    """One lane in double with the device's settings, over a memory of nine digits without an end."""
+    return Engine(
+        1,
+        EngineSettings(
+            window=None,
+            accuracy=9,
+            variant=variant,  # type: ignore[arg-type]
+            guard="consistent",
+            state=StateTuning(R=R),
+        ),
+    )
+
+
+def host_baseline(counts: ArrayLike) -> tuple[float, float]:
+    """Bias and R of a start-up window, in double, with the quantisation's variance as the least."""
+    window = np.asarray(counts) / LSB_PER_DPS
+    return float(window.mean()), max(float(window.var(ddof=1)), 1 / LSB_PER_DPS**2 / 12)

@@ -1,0 +1,95 @@
+"""A made-up board that estimates by itself: what it sends, in its order, and what a wire makes of it."""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from fltea.records.events import Chunk, Event, Opened
+from fltea.sources.wire_events import WireEvents
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
+from host_support import WIRE_HELLO
+from own_estimator import JOINT, OwnEstimator
+
+ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
+"""Settings that are not the host's own: another start-up window, and a gate of its own."""
+
+LSB_PER_DPS = 16.4
+PERIOD_US = 10_000
+START_NS = 10**9
+
+
+class Sent(NamedTuple):
+    """One frame. at: number of the sampling period in which it is sent."""
+
+    at: int
+    message: wire.Message
+    sequence: int
+
+
+def noise(n: int, seed: int = 1) -> list[tuple[int, ...]]:
+    """Counts of three axes at rest, with offsets."""
+    counts = np.rint(np.random.default_rng(seed).normal((3, -40, 0), 2.5, (n, 3)))
+    return [tuple(map(int, row)) for row in counts]
+
+
+class Board:
+    """Sends HELLO and ESTIMATOR every 100 samples, SAMPLE, and `late` samples after it ESTIMATE of each axis.
+
+    stated: None does not estimate. first: sequence of the first sample.
+    """
+
+    def __init__(
+        self,
+        stated: wire.Estimator | None = ESTIMATOR,
+        *,
+        hello: wire.Hello = WIRE_HELLO,
+        late: int = 0,
+        first: int = 0,
+    ) -> None:
+        self._hello, self._late, self._first = hello, late, first
+        self._own = None if stated is None else OwnEstimator(stated, LSB_PER_DPS, PERIOD_US * 1e-6)
+        self._sequences: dict[type[wire.Message], int] = {}
+        self._at = 0
+
+    def run(self, counts: Iterable[tuple[int, ...] | None]) -> Iterator[Sent]:
+        """Take samples, None for those that the board itself misses; yield what it sends."""
+        waiting: list[tuple[int, list[wire.Estimate]]] = []
+        for at, row in enumerate(counts):
+            self._at, number = at, (self._first + at) % 65536
+            if at % 100 == 0:
+                yield self._sent(self._hello)
+                if self._own is not None:
+                    yield self._sent(self._own.stated)
+            if row is not None:
+                yield Sent(at, wire.Sample(*row, 0, 0, 16384, 0, 0), number)
+            if self._own is not None:
+                waiting.append((at, self._own.step(row, number)))
+            while waiting and waiting[0][0] <= at - self._late:
+                yield from map(self._sent, waiting.pop(0)[1])
+
+    def _sent(self, message: wire.Message) -> Sent:
+        sequence = self._sequences.get(type(message), 0)
+        self._sequences[type(message)] = (sequence + 1) % 65536
+        return Sent(self._at, message, sequence)
+
+
+def chunks(sent: Iterable[Sent], start: int = 0) -> Iterator[Chunk]:
+    """Each frame as it arrives. start: number of the first sampling period."""
+    for at, message, sequence in sent:
+        yield Chunk(encode(message, sequence, at * PERIOD_US), START_NS + (start + at) * PERIOD_US * 1000, 0)
+
+
+def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0) -> Iterator[Event]:
+    """What a wire makes of it."""
+    if link is None:
+        link = WireEvents("board")
+        yield from link.feed(Opened(START_NS, 0), START_NS)
+    for chunk in chunks(sent, start):
+        yield from link.feed(chunk, chunk.host_ns)
+
+
+def changed(sent: Iterable[Sent], kind: type[wire.Message], **changes: object) -> Iterator[Sent]:
+    """The same with some fields of one kind of message replaced."""
+    for one in sent:
+        yield one._replace(message=one.message._replace(**changes)) if isinstance(one.message, kind) else one

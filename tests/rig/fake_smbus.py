@@ -1,0 +1,268 @@
+"""A Raspberry Pi with the chip model on its bus, in virtual time, behind the interface of smbus2.
+
+The bus takes real `smbus2.i2c_msg` objects, lasts as long as 400 kHz needs, and refuses what the controller
+of the Raspberry Pi 1 to 4 does: its Linux driver (i2c-bcm2835) answers EOPNOTSUPP if anything follows a read.
+"""
+
+import ctypes
+import errno
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from fltea.records.events import Event, RawSample
+from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, Sample
+from fltea.settings.config import load_config
+from fltea.sources.i2c.source import I2cSource
+from fltea.stream.pipeline import Pipeline
+from smbus2 import i2c_msg
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tools.due_emulator.mpu9250 import Mpu9250
+from tools.due_emulator.mpu9250_registers import FIFO_R_W
+from tools.due_emulator.noise import Motion, World
+
+S = 1_000_000_000
+MS = 1_000_000
+UNIX_OFFSET_NS = 1_700_000_000 * S
+READ = 1
+"""I2C_M_RD of Linux."""
+SYSTEM_CALL_NS = 50_000
+LONGEST_MESSAGE = 255
+"""Of some adapters; those of the Raspberry Pi take more."""
+TICK_NS = 100_000
+WRAP = 16_384
+NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000}
+Injection = Callable[[tuple[i2c_msg, ...]], int | None]
+
+
+class TellsTime:
+    """A world whose values tell when they were taken, and whether they belong together."""
+
+    def at(self, now_ns: int) -> Motion:
+        n = now_ns // TICK_NS
+        low, high = n % WRAP, n // WRAP % WRAP
+        rate = (low / 16.4, high / 16.4, (low ^ high) / 16.4)
+        return Motion(rate, (low / WRAP, high / WRAP, (low ^ high) / WRAP), 25.0)
+
+
+def taken_ns(gyro: tuple[float, ...], accel: tuple[float, ...] | None) -> int:
+    """When a sample of `TellsTime` was taken, to 0.1 ms; refuses a torn one."""
+    low, high, check = (round(value) for value in gyro)
+    assert low ^ high == check, f"a torn sample: {gyro}"
+    assert accel == (low, high, check), f"a torn sample: {gyro}, {accel}"
+    return (high * WRAP + low) * TICK_NS
+
+
+class FakeHost:
+    """The machine: its clock goes on with every use of it, and `stall` holds the program up.
+
+    at(ns, do): do something once that time is reached.
+    """
+
+    def __init__(self, start_ns: int = 0) -> None:
+        self.now_ns = start_ns
+        self._due: list[tuple[int, Callable[[], None]]] = []
+
+    def host_ns(self) -> int:
+        self.let_pass(1_000)
+        return self.now_ns
+
+    def unix_offset_ns(self) -> int:
+        return UNIX_OFFSET_NS
+
+    def sleep(self, seconds: float) -> None:
+        self.let_pass(round(seconds * 1e9) + 60_000)  # nobody wakes in time
+
+    def at(self, at_ns: int, do: Callable[[], None]) -> None:
+        self._due.append((at_ns, do))
+        self._due.sort(key=lambda due: due[0])
+
+    def stall(self, at_ns: int, for_ns: int) -> None:
+        self.at(at_ns, lambda: self.let_pass(for_ns))
+
+    def let_pass(self, ns: int) -> None:
+        self.now_ns += ns
+        while self._due and self._due[0][0] <= self.now_ns:
+            self._due.pop(0)[1]()
+
+
+class FakeBus:
+    """`smbus2.SMBus` with one chip. inject: errno that a transaction fails with, or None."""
+
+    def __init__(self, host: FakeHost, chip: Mpu9250, baud: int = 400_000) -> None:
+        self.host = host
+        self.chip = chip
+        self.inject: Injection = lambda messages: None
+        self.spoil: Callable[[int, bytes], bytes] = lambda register, data: data
+        self.broken_at = 0.5
+        self.is_open = False
+        self.busy_ns = self.transactions = 0
+        self._bit_ns = S // baud
+        self._passed_ns = self._register = 0
+
+    def open(self, path: str, address: int) -> "FakeBus":
+        self.is_open = True
+        return self
+
+    def close(self) -> None:
+        self.is_open = False
+
+    def i2c_rdwr(self, *messages: i2c_msg) -> None:
+        assert self.is_open
+        if any(m.flags & READ for m in messages[:-1]):
+            raise OSError(errno.EOPNOTSUPP, "only one read message supported, has to be last")
+        if any(len(m) > LONGEST_MESSAGE for m in messages):
+            raise OSError(errno.EOPNOTSUPP, "message too long")
+        self.transactions += 1
+        self._passed_ns = 0
+        error = self.inject(messages)
+        try:
+            for message in messages:
+                self._run(message, error)
+        finally:
+            self.chip.stop()
+            self.busy_ns += self._passed_ns
+            self.host.let_pass(self._passed_ns + SYSTEM_CALL_NS)
+
+    def _run(self, message: i2c_msg, error: int | None) -> None:
+        self._pass(1)
+        reads = bool(message.flags & READ)
+        if error in (errno.EREMOTEIO, errno.ENXIO) or not self.chip.start(message.addr, reads):
+            raise OSError(error or errno.EREMOTEIO, "Remote I/O error")
+        if not reads:
+            data = bytes(message)
+            self._register = data[0]
+            for byte in data:
+                self._pass(1)
+                if not self.chip.write(byte):
+                    raise OSError(errno.EREMOTEIO, "Remote I/O error")
+            if error is not None and len(data) > 1:
+                raise OSError(error, "Input/output error")
+            return
+        n = len(message)
+        stop = n if error is None else int(n * self.broken_at)
+        data = b""
+        while len(data) < stop:
+            part = min(14, stop - len(data))
+            data += self._read(part, last=len(data) + part == n)
+            self._pass(part)
+        if error is not None:
+            raise OSError(error, "Input/output error")
+        data = self.spoil(self._register, data)
+        ctypes.memmove(message.buf, data, n)
+
+    def _read(self, n: int, *, last: bool) -> bytes:
+        if self._register == FIFO_R_W:  # what `read` comes to, without its way for every byte
+            return bytes(self.chip.fifo.pop() for _ in range(n))
+        return bytes(self.chip.read(ack=not last or i < n - 1) for i in range(n))
+
+    def _pass(self, n: int) -> None:
+        self._passed_ns += 9 * n * self._bit_ns
+        self.chip.advance(self.host.now_ns + self._passed_ns)
+
+
+class Pi:
+    """`fltea run --source i2c:…` on that machine: events and records of all that happened."""
+
+    def __init__(
+        self,
+        world: World | None = None,
+        *,
+        url: str = "///dev/i2c-1?addr=0x68",
+        start_ns: int = 0,
+        overrides: dict[str, object] | None = None,
+        **chip: object,
+    ) -> None:
+        self.host = FakeHost(start_ns)
+        self.chip = Mpu9250(world or TellsTime(), **chip)
+        self.bus = FakeBus(self.host, self.chip)
+        self.source = I2cSource(url, open_bus=self.bus.open, host=self.host)
+        self.pipeline = Pipeline(self.source, load_config(None, overrides or NO_ESTIMATES))
+        self.events: list[Event] = []
+        self.records: list[AnyRecord] = []
+        self._heard = 0
+        self._running: Iterator[Event] = self.source.events()
+
+    def at(self, at_s: float, do: Callable[[], None]) -> "Pi":
+        """Do something to the chip, in its own time."""
+
+        def do_now() -> None:
+            self.chip.advance(self.host.now_ns)
+            do()
+
+        self.host.at(round(at_s * S), do_now)
+        return self
+
+    def run_until(self, at_s: float) -> "Pi":
+        """Run, and to the last sample of a burst."""
+        for event in self._running:
+            self.events.append(event)
+            self.records += self.pipeline.feed(event)
+            self._heard += isinstance(event, RawSample)
+            if self.host.now_ns >= at_s * S and self._heard == self.source.link_stats().frames:
+                break
+        return self
+
+    def of(self, kind: type) -> list:
+        """Records of a kind."""
+        return [record for record in self.records if isinstance(record, kind)]
+
+    @property
+    def raw(self) -> list[RawSample]:
+        return [event for event in self.events if isinstance(event, RawSample)]
+
+    @property
+    def epochs(self) -> list[str]:
+        return [epoch.reason for epoch in self.of(Epoch)]
+
+    @property
+    def missing(self) -> list[int]:
+        """Length of each gap [samples]."""
+        return [gap.missing for gap in self.of(Gap)]
+
+    @property
+    def told(self) -> list[str]:
+        return [error.kind for error in self.of(Error)]
+
+    @property
+    def texts(self) -> str:
+        return "\n".join(error.message for error in self.of(Error))
+
+    @property
+    def hello(self) -> Hello:
+        return self.of(Hello)[-1]
+
+    @property
+    def status(self):
+        """As of now, not as of the last that was sent."""
+        return self.source._status()
+
+    def check(self, ppm: float = 0.0) -> list[int]:
+        """Hold every sample against the moment at which it was taken; return those of the last epoch [ns].
+
+        Numbers and moments of one epoch agree to the sample, no sample arrived before it was taken, and what
+        was not delivered was counted.
+        """
+        period_ns = 10 * MS / (1 + ppm * 1e-6)
+        epoch, first, arrived_ns = -1, (0, 0), 0
+        times: list[int] = []
+        samples = self.of(Sample)
+        assert len(samples) == len(self.raw)
+        for sample, raw in zip(samples, self.raw, strict=True):
+            at_ns = taken_ns(raw.gyro, raw.accel)
+            if sample.epoch != epoch:
+                epoch, first, times = sample.epoch, (sample.seq, at_ns), []
+            steps = (at_ns - first[1]) / period_ns
+            assert abs(steps - (sample.seq - first[0])) < 0.05, f"number {sample.seq} is wrong by {steps}"
+            assert raw.host_ns >= at_ns, f"sample {sample.seq} arrived before it was taken"
+            assert raw.host_ns >= arrived_ns, f"sample {sample.seq} arrived before the one before"
+            arrived_ns = raw.host_ns
+            times.append(at_ns)
+        counts = self.pipeline.stats().samples
+        assert counts.duplicates == counts.before_hello == 0
+        assert counts.delivered == len(samples)
+        assert counts.delivered + counts.lost == samples[-1].seq - samples[0].seq + 1
+        assert counts.lost == self.status.overruns
+        return times

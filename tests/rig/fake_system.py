@@ -1,0 +1,105 @@
+"""A machine of our own making: a folder for its root, and set answers to what cannot be put into a folder."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from fltea.machine.doctor.finding import Finding
+from fltea.machine.host_system import Group, System
+from fltea.wire.transport import DUE_PROGRAMMING_PORT
+
+
+class FakeSystem(System):
+    """Everything may be used, nothing runs and nothing is plugged in, unless a test says so."""
+
+    def __init__(self, root: Path) -> None:
+        super().__init__(root)
+        self.ports: list[Any] = []
+        self.answers: dict[str, str] = {}
+        self.refused: set[str] = set()
+        self.group = Group(20, "dialout", True)
+        self.in_force: set[int] = set()
+        self.granted: set[int] = set()
+        self.kept: bool | None = True
+        self.free = 100_000_000_000
+        self.without: set[str] = set()
+        self.registers: dict[int, int | OSError] = {}
+
+    def serial_ports(self) -> list[Any]:
+        return self.ports
+
+    def run(self, *command: str) -> str | None:
+        return self.answers.get(command[0])
+
+    def user(self) -> str:
+        return "anna"
+
+    def groups_in_force(self) -> set[int]:
+        return self.in_force
+
+    def groups_granted(self) -> set[int]:
+        return self.granted
+
+    def may_use(self, name: str) -> bool:
+        return name not in self.refused
+
+    def group_of(self, name: str) -> Group | None:
+        return self.group if self.exists(name) else None
+
+    def clock_is_kept(self) -> bool | None:
+        return self.kept
+
+    def free_bytes(self, folder: Path) -> int:
+        return self.free
+
+    def has_module(self, name: str) -> bool:
+        return name not in self.without
+
+    def read_i2c_register(self, bus: str, address: int, register: int) -> int:
+        answer = self.registers.get(address, OSError(121, "Remote I/O error"))
+        if isinstance(answer, OSError):
+            raise answer
+        return answer
+
+    def put(self, name: str, content: str | bytes = "") -> None:
+        path = self.path(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+
+    def link(self, name: str, target: str) -> None:
+        path = self.path(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.symlink_to(self.path(target))
+
+    def process(self, pid: int, *command: str, opened: str | None = None) -> None:
+        self.put(f"/proc/{pid}/cmdline", "\0".join(command) + "\0")
+        self.put(f"/proc/{pid}/comm", Path(command[0]).name[:15] + "\n")
+        self.path(f"/proc/{pid}/fd").mkdir()
+        if opened is not None:
+            self.path(f"/proc/{pid}/fd/7").symlink_to(opened)
+
+    def plug(
+        self,
+        device: str,
+        vid: int | None = 0x2341,
+        pid: int | None = DUE_PROGRAMMING_PORT,
+        serial_number: str | None = "7523",
+        description: str = "Arduino Due Prog. Port",
+    ) -> None:
+        self.put(device)
+        self.ports.append(
+            SimpleNamespace(
+                device=device, vid=vid, pid=pid, serial_number=serial_number, description=description
+            )
+        )
+
+
+def told(findings: list[Finding], check: str) -> Finding:
+    """The one finding of this name."""
+    (found,) = [finding for finding in findings if finding.check == check]
+    return found
+
+
+def levels(findings: list[Finding]) -> dict[str, str]:
+    """Check to level; of several of one name the last."""
+    return {finding.check: finding.level for finding in findings}

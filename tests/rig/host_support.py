@@ -1,0 +1,76 @@
+"""What the tests of the host share: the command as a process, and its output read strictly."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+from fltea.records.records import AnyRecord, Hello
+from fltea.wire import layout as wire
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE_S = 60.0
+QUICK = ("--startup", "50", "--set", "estimator.window=200")
+"""An estimator that is fast rather than good."""
+
+WIRE_HELLO = wire.Hello(
+    wire.PROTOCOL_MAJOR,
+    wire.PROTOCOL_MINOR,
+    wire.SCHEMA_HASH,
+    boot_id=5,
+    device_id=bytes(range(16)),
+    firmware_version="1.2.3",
+    who_am_i=0x71,
+    sensor_starts=1,
+    sample_rate=100_000,
+    gyro_range=2000,
+    gyro_lsb=164,
+    accel_range=2,
+    accel_lsb=16384,
+    gyro_dlpf=184,
+    sampling_mode=wire.SamplingMode.TIMER,
+)
+
+_decoder = msgspec.json.Decoder(AnyRecord)
+
+
+def fltea(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "fltea", *arguments],
+        capture_output=True,
+        encoding="utf-8",
+        env={**os.environ, "COLUMNS": str(columns), "TERM": "dumb"},
+        timeout=PATIENCE_S,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+def strict_records(output: str | bytes) -> list[AnyRecord]:
+    """Records of an NDJSON output, each one whole line that says what its struct says and nothing else."""
+    data = output.encode() if isinstance(output, str) else output
+    assert not data or data.endswith(b"\n"), f"the last line is cut: {data[-80:]!r}"
+    found = []
+    for line in data.splitlines():
+        assert line.startswith(b'{"class":"'), line[:80]
+        record = _decoder.decode(line)  # refuses unknown fields, wrong types, and NaN
+        assert msgspec.json.encode(record) == line
+        found.append(record)
+    return found
+
+
+def hello(**changes: object) -> Hello:
+    """A HELLO as an MPU-9250 at ±2000 deg/s and 100 Hz gives it."""
+    usual = Hello(
+        source="test:",
+        host_ns=0,
+        rate_hz=100.0,
+        sampling_mode="timer",
+        boot_id=7,
+        device_id="a0",
+        who_am_i=0x71,
+        sensor_starts=1,
+        gyro_lsb_per_dps=16.4,
+        accel_lsb_per_g=16384.0,
+    )
+    return msgspec.structs.replace(usual, **changes)

@@ -1,0 +1,53 @@
+"""What the tests of `fltea identify` share: recordings of white noise, and settings that are fast."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from fltea.identify.axis import IdentifyOptions
+from fltea.identify.run import Settings
+from fltea.settings.config import AccelConfig, EstimatorConfig
+from identify_support import white
+
+RATE_HZ, LSB_PER_DPS = 100.0, 131.0
+QUICK = EstimatorConfig(window=100, startup=100)
+
+
+def settings(shuffles: int = 4, figures: bool = False) -> Settings:
+    return Settings(
+        IdentifyOptions(shuffles=shuffles), QUICK, AccelConfig(window=100, startup=100), figures=figures
+    )
+
+
+def counts(n: int, axes: int = 3, seed: int = 1) -> np.ndarray:
+    """White noise of 16 LSB and an offset, (n, axes)."""
+    return np.rint(16 * white(n, axes, seed).T + 40).astype(np.int32)
+
+
+def npz(path: Path, raw: np.ndarray, **extra: object) -> Path:
+    np.savez(path, gyro_raw=raw, lsb_per_dps=LSB_PER_DPS, fs_hz=RATE_HZ, **extra)
+    return path
+
+
+class Deadly:
+    """In place of a path: whoever reads it dies, the first `times` times.
+
+    Only a process that it is sent to does, for it does so when it is unpickled.
+    """
+
+    def __init__(self, path: Path, mark: Path, times: int) -> None:
+        self.path, self.mark, self.times = path, mark, times
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _die, (self.path, self.mark, self.times)
+
+
+def _die(path: Path, mark: Path, times: int) -> Path:
+    with mark.open("a") as file:
+        file.write("x")
+    if len(mark.read_text()) <= times:
+        os._exit(1)
+    return path

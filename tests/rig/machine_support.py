@@ -1,0 +1,167 @@
+"""Boards that run small programs, written in assembly and built when the test needs them."""
+
+import shutil
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import pytest
+from toolchain import missing
+
+from tools.due_emulator.board import Board
+from tools.due_emulator.machine import EmulationFault
+from tools.due_emulator.memory_map import RAM_BASE
+from tools.due_emulator.noise import Constant
+
+FOLDER = Path(__file__).resolve().parents[1] / "due_emulator"
+COMPILER = "arm-none-eabi-g++"
+FLAGS = [
+    "-mcpu=cortex-m3",
+    "-mthumb",
+    "-Os",
+    "-std=gnu++11",
+    "-fno-exceptions",
+    "-fno-rtti",
+    "-Wall",
+    "-Wextra",
+]
+FLAGS += ["-Werror", "-nostdlib", "-ffreestanding", "-fno-tree-loop-distribute-patterns"]
+
+PRELUDE = """
+.syntax unified
+.cpu cortex-m3
+.thumb
+.macro store address, value
+  ldr r0, =\\address
+  ldr r1, =\\value
+  str r1, [r0]
+.endm
+.macro load register, address
+  ldr r0, =\\address
+  ldr \\register, [r0]
+.endm
+.macro keep register, slot
+  ldr r0, =0x20070000 + 4 * \\slot
+  str \\register, [r0]
+.endm
+.macro wait address, bits
+1: load r1, \\address
+  ldr r2, =\\bits
+  tst r1, r2
+  beq 1b
+.endm
+.macro wait_forever
+2: wfi
+  b 2b
+.endm
+.macro full_speed
+  store 0x400E0A00, 0x400
+  store 0x400E0C00, 0x400
+  store 0x400E0620, 0x00370809
+  wait 0x400E0668, 1
+  store 0x400E0620, 0x01370809
+  wait 0x400E0668, 0x10000
+  store 0x400E0628, 0x200D3F01
+  wait 0x400E0668, 2
+  store 0x400E0630, 0x11
+  wait 0x400E0668, 8
+  store 0x400E0630, 0x12
+  wait 0x400E0668, 8
+.endm
+.macro handler number, name
+  .org 4 * \\number
+  .word \\name + 1
+.endm
+.section .vectors, "a"
+.word 0x20088000, reset + 1
+"""
+
+TICK_EACH_MS = """
+  store 0xE000E014, 3999
+  store 0xE000E018, 0
+  store 0xE000E010, 7
+"""
+COUNT = """
+count:
+  ldr r0, =0x20070000
+  ldr r1, [r0]
+  adds r1, #1
+  str r1, [r0]
+  bx lr
+"""
+"""A tick every millisecond, before the clock is changed, and a handler that counts in slot 0."""
+
+
+def program(text, handlers=None):
+    """Image of a program that begins with the text; handlers: exception number to its handler's label."""
+    return _build(_source(text, handlers), ".S")
+
+
+def linked_program(folder, text, handlers=None):
+    """The same as an ELF file in the folder, and its image."""
+    return _link(folder, _source(text, handlers), ".S")
+
+
+def cpp_program(path):
+    return _build(path.read_text(), ".cpp")
+
+
+def _source(text, handlers):
+    vectors = "".join(f"handler {n}, {label}\n" for n, label in sorted((handlers or {}).items()))
+    return f"{PRELUDE}{vectors}.org 4 * 61\n.text\nreset:\n{text}\n.ltorg\n"
+
+
+@cache
+def _build(source, suffix):
+    with tempfile.TemporaryDirectory() as name:
+        return _link(Path(name), source, suffix)[1]
+
+
+def _link(folder, source, suffix):
+    if shutil.which(COMPILER) is None:
+        missing(f"{COMPILER} is not installed (Debian: gcc-arm-none-eabi)")
+    (folder / f"program{suffix}").write_text(source)
+    elf, raw = folder / "program.elf", folder / "program.bin"
+    for command in (
+        [COMPILER, *FLAGS, "-T", FOLDER / "due.ld", folder / f"program{suffix}", "-lgcc", "-o", elf],
+        ["arm-none-eabi-objcopy", "-O", "binary", elf, raw],
+    ):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    return elf, raw.read_bytes()
+
+
+class Bench:
+    """A board with a program, what it sent, and the RAM slots in which it keeps results."""
+
+    def __init__(self, image, **options):
+        self.received = bytearray()
+        self.board = Board(image, **{"seed": 1, "world": Constant(), **options})
+        self.board.bridge.deliver = self._take
+
+    def _take(self, byte):
+        self.received.append(byte)
+        return True
+
+    def run(self, seconds):
+        self.board.run_until(seconds)
+        return self
+
+    def fault(self, seconds=1.0):
+        """Run and return the reason that ends it."""
+        with pytest.raises(EmulationFault) as caught:
+            self.board.run_until(seconds)
+        return caught.value.reason
+
+    def slot(self, n):
+        """A word of RAM, counted from its beginning."""
+        return int.from_bytes(self.board.memory.read(RAM_BASE + 4 * n, 4), "little")
+
+
+def run(text, seconds=0.01, handlers=None, **options):
+    return Bench(program(text, handlers), **options).run(seconds)
+
+
+def fault_of(text, seconds=0.1, handlers=None):
+    return Bench(program(text, handlers)).fault(seconds)

@@ -1,0 +1,117 @@
+"""What the tests of recordings share: what came over a wire, recorded as the daemon does, and read back."""
+
+import random
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import msgspec
+from fltea.records.events import Chunk, Failed, Opened, TransportEvent
+from fltea.records.records import AnyRecord, LinkStats
+from fltea.service.open_source import open_source
+from fltea.settings.config import Config, load_config
+from fltea.settings.outputs import RecordConfig
+from fltea.sinks.record import RecordSink
+from fltea.sources.synthetic import parse_noise
+from fltea.sources.wire_events import WireEvents
+from fltea.stream.pipeline import Pipeline
+from standin import Device
+
+MONOTONIC_NS, OFFSET_NS = 5_000_000_000, 1_800_000_000_123_456_789
+SMALL = {"estimator.window": 50, "estimator.startup": 20, "name": "due"}
+PERIOD_NS = 10_000_000
+
+
+def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[TransportEvent]:
+    """A device on a line: chunks cut anywhere, arrivals late, frames lost; between boots the port is away."""
+    rng = random.Random(seed)
+    now_ns, found = MONOTONIC_NS, list[TransportEvent]()
+
+    def offset_ns() -> int:
+        return OFFSET_NS + rng.randrange(-300, 300)
+
+    for boot in range(boots):
+        device = Device(parse_noise(f"seed={seed}"), boot_id=boot + 1)
+        if boot:
+            found.append(Failed("unplugged", "the port was lost.", now_ns, offset_ns()))
+            now_ns += 7 * 10**9
+        found.append(Opened(now_ns, offset_ns()))
+        pending = device.boot()
+        for k in range(samples):
+            frames = device.tick()
+            pending += b"" if k in (60, 61, 150) else frames
+            now_ns += PERIOD_NS
+            cut = rng.randrange(len(pending) + 1) if k < samples - 1 else len(pending)
+            if cut:
+                late_ns = int(rng.expovariate(1e-6))
+                found.append(Chunk(pending[:cut], now_ns + late_ns % PERIOD_NS, offset_ns()))
+            pending = pending[cut:]
+    return found
+
+
+class Live:
+    """A source made of transport events, as `SerialSource` is."""
+
+    live = prompt = True
+
+    def __init__(self) -> None:
+        self.wire = WireEvents("/dev/due")
+
+    @property
+    def unix_offset_ns(self) -> int:
+        return self.wire.unix_offset_ns
+
+    def link_stats(self) -> LinkStats:
+        return self.wire.link_stats()
+
+    def close(self) -> None: ...
+
+
+def record(
+    folder: Path,
+    items: Iterable[TransportEvent],
+    report: Callable[[str, str], None] = lambda kind, text: None,
+    device: str = "due",
+    end: bool = True,
+    engine: str = "compressed",
+    **settings: object,
+) -> tuple[list[AnyRecord], RecordSink]:
+    """Walk and record what came, as the daemon does; without `end` the file stays open."""
+    sink = RecordSink(RecordConfig(folder=str(folder), **settings), device, report)
+    source = Live()
+    pipeline = Pipeline(source, load_config(None, SMALL | {"name": device, "estimator.engine": engine}))
+    records = []
+    for item in items:
+        sink.write(item)
+        for event in source.wire.feed(item, item.host_ns):
+            for one in pipeline.feed(event):
+                records.append(one)
+                sink.write(one)
+        source.wire.resume(item.host_ns)
+        sink.flush()
+    if end:
+        sink.close()
+    return records, sink
+
+
+def kill(sink: RecordSink) -> None:
+    """What the end of a process leaves of a recorder: its file closed by the system, nothing written."""
+    assert sink._part is not None
+    sink._part._file.close()
+
+
+def replay(path: Path, **overrides: object) -> list[AnyRecord]:
+    """The records of a replay."""
+    config: Config = load_config(None, {**SMALL, "source": f"replay:{path}", **overrides})
+    source = open_source(config)
+    pipeline = Pipeline(source, config)
+    return [one for event in source.events() for one in pipeline.feed(event)]
+
+
+def of(records: Iterable[AnyRecord], *kinds: type) -> list[AnyRecord]:
+    """Those of some kinds."""
+    return [one for one in records if isinstance(one, kinds)]
+
+
+def without(records: Iterable[AnyRecord], *fields: str) -> list[AnyRecord]:
+    """The same without fields that differ by nature."""
+    return [msgspec.structs.replace(one, **dict.fromkeys(fields, "")) for one in records]

@@ -1,0 +1,236 @@
+"""Debian's mosquitto on a port of our own, certificates for it, and somebody who listens to it."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fltea.records.records import AnyRecord, Hello, Sample
+from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt.sink import MqttSink
+from paho.mqtt.client import Client, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from support import PATIENCE_S, wait_until
+from toolchain import missing
+
+WATCHER, DAEMON, STRANGER = ("watcher", "w-secret"), ("fltea", "hunter2:with colon"), ("stranger", "s-secret")
+ACL = "user watcher\ntopic read #\nuser fltea\ntopic readwrite fltea/#\n"
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def tool(name: str) -> str:
+    found = shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin")
+    return found or missing(f"{name} is not installed: sudo apt-get install mosquitto openssl")
+
+
+def openssl(*arguments: str | Path) -> None:
+    subprocess.run([tool("openssl"), *arguments], check=True, capture_output=True, timeout=PATIENCE_S)
+
+
+def make_authority(folder: Path) -> Path:
+    """A certificate authority, and below it one for localhost; returns the authority's certificate."""
+    folder.mkdir()
+    key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
+    ca, ca_key = folder / "ca.pem", folder / "ca.key"
+    openssl("req", "-x509", *key, "-keyout", ca_key, "-out", ca, "-subj", f"/CN={folder.name}", "-days", "2")
+    for name in ("server", "client"):
+        request, extensions = folder / f"{name}.csr", folder / f"{name}.ext"
+        openssl(
+            "req", "-new", *key, "-keyout", folder / f"{name}.key", "-out", request, "-subj", f"/CN={name}"
+        )
+        extensions.write_text("subjectAltName=DNS:localhost\n")
+        sign = ["-req", "-in", request, "-CA", ca, "-CAkey", ca_key, "-CAcreateserial", "-days", "2"]
+        openssl("x509", *sign, "-extfile", extensions, "-out", folder / f"{name}.pem")
+    return ca
+
+
+class Mosquitto:
+    """A broker that can go and come back on the same port, with what it retained.
+
+    authority: folder of `make_authority`; it then speaks TLS. secure: a password file and an access list.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        authority: Path | None = None,
+        secure: bool = False,
+        client_certificates: bool = False,
+    ) -> None:
+        folder.mkdir()
+        self._program = tool("mosquitto")
+        self.port = free_port()
+        lines = [
+            f"listener {self.port} 127.0.0.1",
+            "persistence true",
+            f"persistence_location {folder}/",
+            "queue_qos0_messages true",
+            "max_queued_messages 0",
+            f"allow_anonymous {'false' if secure else 'true'}",
+        ]
+        if os.geteuid() == 0:
+            lines.append("user root")
+        if authority is not None:
+            lines += [f"certfile {authority}/server.pem", f"keyfile {authority}/server.key"]
+            if client_certificates:
+                lines += [f"cafile {authority}/ca.pem", "require_certificate true"]
+        if secure:
+            passwords, access = folder / "passwords", folder / "acl"
+            passwords.touch(mode=0o600)
+            for user, password in (WATCHER, DAEMON, STRANGER):
+                command = [tool("mosquitto_passwd"), "-b", passwords, user, password]
+                subprocess.run(command, check=True, capture_output=True)
+            access.write_text(ACL)
+            access.chmod(0o600)
+            lines += [f"password_file {passwords}", f"acl_file {access}"]
+        self._settings = folder / "mosquitto.conf"
+        self._settings.write_text("\n".join(lines) + "\n")
+        self._log = folder / "log"
+        self.start()
+
+    def start(self) -> None:
+        with self._log.open("ab") as log:
+            self.process = subprocess.Popen([self._program, "-c", self._settings], stdout=log, stderr=log)
+
+        def listening() -> bool:
+            assert self.process.poll() is None, self._log.read_text()
+            with socket.socket() as probe:
+                return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+        wait_until(listening, "the broker")
+
+    def stop(self, number: signal.Signals = signal.SIGTERM) -> None:
+        self.process.send_signal(number)
+        self.process.wait(PATIENCE_S)
+
+    def freeze(self) -> None:
+        self.process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        self.process.send_signal(signal.SIGCONT)
+
+
+class Heard(NamedTuple):
+    topic: str
+    payload: bytes
+    qos: int
+    retained: bool
+
+
+class Watcher:
+    """Hears all that is published below `fltea/`, across restarts of the broker: it has a lasting session."""
+
+    def __init__(self, port: int, ca: Path | None = None, login: tuple[str, str] | None = None) -> None:
+        self.heard: list[Heard] = []
+        self._subscribed = threading.Event()
+        self._client = client = Client(
+            CallbackAPIVersion.VERSION2, f"watcher-{os.urandom(4).hex()}", protocol=MQTTProtocolVersion.MQTTv5
+        )
+        client.on_connect = self._on_connect
+        client.on_message = self._on_message
+        client.on_subscribe = lambda *_: self._subscribed.set()
+        client.reconnect_delay_set(0.1, 0.1)
+        if login is not None:
+            client.username_pw_set(*login)
+        if ca is not None:
+            client.tls_set(str(ca))
+        session = Properties(PacketTypes.CONNECT)
+        session.SessionExpiryInterval = 600
+        client.connect_async("localhost", port, clean_start=False, properties=session)
+        client.loop_start()
+        assert self._subscribed.wait(PATIENCE_S)
+
+    def _on_connect(self, client: Client, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:
+        if not flags.session_present:
+            client.subscribe("fltea/#", qos=1)
+
+    def _on_message(self, client: Client, userdata: Any, message: MQTTMessage) -> None:
+        self.heard.append(Heard(message.topic, bytes(message.payload), message.qos, message.retain))
+
+    def on(self, topic: str) -> list[Heard]:
+        return [one for one in list(self.heard) if one.topic == topic]
+
+    def close(self) -> None:
+        self._client.disconnect()
+        self._client.loop_stop()
+
+
+HELLO = Hello(source="test:", host_ns=0, rate_hz=100.0, sampling_mode="timer", device_id="a0", device="due")
+
+
+def sample(seq: int) -> Sample:
+    return Sample(seq, 1, seq * 10_000, seq, (0.5, -0.25, 0.0), device="due")
+
+
+def last_status(watcher: Watcher, topic: str = "fltea/a0/status") -> Any:
+    heard = watcher.on(topic)
+    return json.loads(heard[-1].payload)["status"] if heard else None
+
+
+class Driven:
+    """A sink in the hands of the test, which is its outlet."""
+
+    def __init__(self, port: int, **settings: Any) -> None:
+        self.told: list[tuple[str, str]] = []
+        tls = "mqtts" if settings.get("ca") else "mqtt"
+        config = MqttConfig(broker=f"{tls}://localhost:{port}", sample_every=1, **settings)
+        self.sink = MqttSink(config, "due", lambda kind, text: self.told.append((kind, text)))
+
+    def write(self, *records: AnyRecord) -> None:
+        for record in records:
+            self.sink.write(record)
+        self.sink.flush()
+
+    def until(self, condition: Callable[[], bool], what: str) -> None:
+        def met() -> bool:
+            self.sink.flush()
+            return condition()
+
+        wait_until(met, what)
+
+    def kinds(self) -> list[str]:
+        return [kind for kind, _ in self.told]
+
+    def until_told(self, kind: str) -> str:
+        self.until(lambda: kind in self.kinds(), kind)
+        return dict(self.told)[kind]
+
+
+class Stage(contextlib.ExitStack):
+    """Starts brokers, watchers and sinks, and leaves none behind."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self._folder = folder
+        self._brokers = 0
+
+    def broker(self, **settings: Any) -> Mosquitto:
+        self._brokers += 1
+        one = Mosquitto(self._folder / f"broker{self._brokers}", **settings)
+        self.callback(one.stop, signal.SIGKILL)
+        return one
+
+    def watcher(self, *arguments: Any) -> Watcher:
+        one = Watcher(*arguments)
+        self.callback(one.close)
+        return one
+
+    def drive(self, port: int, **settings: Any) -> Driven:
+        one = Driven(port, **settings)
+        self.callback(one.sink.close)
+        return one

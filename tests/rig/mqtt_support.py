@@ -1,0 +1,134 @@
+"""A broker that is none, and a sink of MQTT with a clock that the test turns."""
+
+import json
+from collections import deque
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import pytest
+from fltea.records.records import (
+    AnyRecord,
+    AxisEstimate,
+    Estimate,
+    Gap,
+    LinkStats,
+    Sample,
+    SampleStats,
+    Stats,
+)
+from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt import sink as mqtt
+from fltea.sinks.mqtt.connection import Acknowledged, Down, Up
+from fltea.sinks.mqtt.sink import MqttSink
+from host_support import hello
+
+S = 10**9
+AXIS = AxisEstimate(0.4, 0.1, -1.0, 0.2, 0.0, 0.0, True)
+
+
+def sample(seq: int = 0) -> Sample:
+    return Sample(seq, 1, seq, seq, (0.5,), device="due")
+
+
+def estimate(seq: int) -> Estimate:
+    return Estimate(seq, 1, seq, seq, "joint", {"gyro_x": AXIS}, device="due")
+
+
+def stats() -> Stats:
+    return Stats(
+        epoch=1,
+        host_ns=1,
+        rate_hz=None,
+        clock_ppm=None,
+        startup_remaining=0,
+        link=LinkStats(),
+        samples=SampleStats(0, 0, 0, 0, 0),
+        axes={},
+        board=None,
+        device="due",
+    )
+
+
+def gap(seq: int = 0) -> Gap:
+    return Gap(seq, 1, 1, 0, device="due")
+
+
+class FakeConnection:
+    """Takes everything and acknowledges what the test says. full: it can send nothing now."""
+
+    made: ClassVar[list["FakeConnection"]] = []
+
+    def __init__(self, broker: Any, client_id: str, will: tuple[str, bytes]) -> None:
+        self.events: deque[Any] = deque()
+        self.client_id, self.will = client_id, will
+        self.sent: list[tuple[str, bytes, int, bool]] = []
+        self.closed = self.full = False
+        self.made.append(self)
+
+    def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
+        if self.full:
+            return None
+        self.sent.append((topic, payload, qos, retain))
+        return len(self.sent)
+
+    def close(self) -> None:
+        self.closed = True
+        self.events.append(Down("broker_lost", "closed"))
+
+    def acknowledge(self, *topics: str, refusal: str | None = None) -> None:
+        """The broker acknowledges what was sent on these topics; on all, if none is named."""
+        for mid, (topic, *_) in enumerate(self.sent, 1):
+            if not topics or topic in topics:
+                self.events.append(Acknowledged(mid, refusal))
+
+    def on(self, kind: str, device: str = "a0") -> list[Any]:
+        return [json.loads(payload) for topic, payload, *_ in self.sent if topic == f"fltea/{device}/{kind}"]
+
+
+class Bench:
+    """A sink, a broker that is none, and a clock that the test turns."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.now_ns = 1000 * S
+        self.told: list[tuple[str, str]] = []
+        config = MqttConfig(broker="broker.example", **settings)
+        self.sink = MqttSink(config, "due", lambda kind, text: self.told.append((kind, text)))
+
+    def write(self, *records: AnyRecord) -> None:
+        for record in records:
+            self.sink.write(record)
+        self.sink.flush()
+
+    def happens(self, *events: Any) -> None:
+        self.connection.events.extend(events)
+        self.sink.flush()
+
+    def wait(self, seconds: float) -> None:
+        self.now_ns += int(seconds * S)
+        self.sink.flush()
+
+    @property
+    def connection(self) -> FakeConnection:
+        return FakeConnection.made[-1]
+
+    def statuses(self) -> list[str]:
+        return [one["status"] for one in self.connection.on("status")]
+
+
+def make_bench(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Bench]:
+    for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
+        monkeypatch.delenv(name, raising=False)
+    FakeConnection.made.clear()
+
+    def new(*, up: bool = True, **settings: Any) -> Bench:
+        one = Bench(**settings)
+        monkeypatch.setattr(mqtt, "host_ns", lambda: one.now_ns)
+        if up:
+            one.write(hello())
+            one.happens(Up())
+        return one
+
+    monkeypatch.setattr(mqtt, "Connection", FakeConnection)
+    monkeypatch.setattr(mqtt, "unix_offset_ns", lambda: 5)
+    monkeypatch.setattr(mqtt, "FAREWELL_S", 0.02)
+    return new

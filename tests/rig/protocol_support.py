@@ -1,0 +1,99 @@
+"""What the tests of the protocol share: the vector files, the definition, strategies with fixed seeds."""
+
+import math
+import struct
+from pathlib import Path
+
+import protocol_definition
+from fltea.wire import layout as wire
+from hypothesis import settings
+from hypothesis import strategies as st
+
+ROOT = Path(__file__).resolve().parents[2]
+VECTORS = ROOT / "protocol/vectors"
+TOOLS = ROOT / "tools"
+
+
+DEFINITION = (ROOT / "protocol/messages.toml").read_text()
+PROTOCOL = protocol_definition.load(DEFINITION)
+
+
+def fixed(max_examples: int = 300) -> settings:
+    """Hypothesis without chance: every run tries the same examples."""
+    return settings(derandomize=True, database=None, deadline=None, max_examples=max_examples)
+
+
+def table(name: str) -> list[tuple[str, str]]:
+    """Rows `left | right` of a vector file."""
+    lines = [line for line in (VECTORS / name).read_text().splitlines() if line and line[0] != "#"]
+    return [tuple(part.strip() for part in line.split("|")) for line in lines]
+
+
+def run(text: str) -> bytes:
+    """Hex bytes, `XX..YY` for a run that counts up, `-` for none."""
+    out = b""
+    for word in text.replace("-", "").split():
+        first, _, last = word.partition("..")
+        out += bytes(range(int(first, 16), int(last or first, 16) + 1))
+    return out
+
+
+def records(name: str) -> list[list[tuple[str, str]]]:
+    """Records of a vector file: blank lines between them, `key value` on a line."""
+    lines = [line for line in (VECTORS / name).read_text().splitlines() if not line.startswith("#")]
+    blocks = "\n".join(lines).strip("\n").split("\n\n")
+    return [
+        [(key, value) for key, _, value in (line.partition(" ") for line in b.split("\n"))] for b in blocks
+    ]
+
+
+def names(found: list[list[tuple[str, str]]]) -> list[str]:
+    return [dict(record)["name"] for record in found]
+
+
+_F32 = [3.4028234663852886e38, 2.0**-126, 2.0**-149, 0.0, math.inf, math.nan, 1.25]
+"""Largest, smallest normal, smallest, and numbers that go wrong in other ways; each with either sign."""
+
+
+def floats() -> st.SearchStrategy[float]:
+    """Every kind of f32; compare by `repr` (NaN, and -0.0 is not 0.0)."""
+    return st.one_of(st.floats(width=32), st.sampled_from([*_F32, *(-number for number in _F32)]))
+
+
+def quiet(kind: int, payload: bytes) -> bytes:
+    """The payload with every NaN quiet: on its way through a double a signalling one may become so."""
+    (message,) = (message for message in PROTOCOL.messages if message.id == kind)
+    data, offset = bytearray(payload), 0
+    for field in message.fields:
+        if field.type == "f32" and math.isnan(struct.unpack_from("<f", data, offset)[0]):
+            data[offset + 2] |= 0x40
+        offset += field.size
+    return bytes(data)
+
+
+_RANGES = {"u8": (0, 255), "u16": (0, 65535), "u32": (0, 2**32 - 1), "i16": (-32768, 32767)}
+
+
+def _values(field: protocol_definition.Field) -> st.SearchStrategy:
+    if field.is_text:
+        letters = st.characters(codec="ascii")
+        return st.text(letters, max_size=field.length).filter(lambda text: not text.endswith("\0"))
+    if field.length:
+        return st.binary(min_size=field.length, max_size=field.length)
+    if field.type == "f32":
+        return floats()
+    low, high = _RANGES[field.type]
+    return st.one_of(st.integers(low, high), st.sampled_from([low, high, 0]))
+
+
+def _messages(message: protocol_definition.Message) -> st.SearchStrategy[wire.Message]:
+    fields = {field.name: _values(field) for field in message.fields}
+    if message.name == "HELLO":  # any other version is refused before its fields are looked at
+        fields["protocol_major"] = st.just(wire.PROTOCOL_MAJOR)
+        fields["schema_hash"] = st.just(wire.SCHEMA_HASH)
+    return st.builds(wire.MESSAGES[message.id], **fields)
+
+
+messages = st.one_of([_messages(message) for message in PROTOCOL.messages])
+sequences = st.integers(0, 2**16 - 1)
+times = st.integers(0, 2**32 - 1)

@@ -1,0 +1,308 @@
+"""Sinks behind their queues: each loses only its own records, counts them, and ends in order."""
+
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+from fltea.records.ports import Item, Sink, SinkClosed
+from fltea.records.records import AnyRecord, Error, Gap
+from fltea.service.hub import Hub
+from fltea.service.outlet import LATENCY_BOUNDS_MS, Latency, Outlet
+from hypothesis import given
+from hypothesis import strategies as st
+
+PATIENCE_S = 20.0
+
+
+def gap(seq: int) -> Gap:
+    return Gap(seq, 1, 1, 0, device="due")
+
+
+class Memory(Sink):
+    """Keeps what it is given; can be held up, and can fail."""
+
+    def __init__(self, name: str = "memory", capacity: int = 10_000) -> None:
+        self.name = name
+        self.capacity = capacity  # type: ignore[misc]
+        self.items: list[Item] = []
+        self.overflows: list[tuple[int, int]] = []
+        self.go = threading.Event()
+        self.go.set()
+        self.entered = threading.Event()
+        self.fail: Callable[[], Exception] | None = None
+        self.flushes = 0
+        self.closed = False
+
+    def write(self, item: Item) -> None:
+        self.entered.set()
+        assert self.go.wait(PATIENCE_S)
+        if self.fail is not None:
+            raise self.fail()
+        self.items.append(item)
+
+    def flush(self) -> None:
+        self.flushes += 1
+
+    def on_overflow(self, count: int) -> None:
+        self.overflows.append((len(self.items), count))
+
+    def close(self) -> None:
+        self.closed = True
+
+    def held(self) -> "Memory":
+        self.go.clear()
+        return self
+
+
+class Wire(Memory):
+    takes_wire = True
+
+
+class Patient(Memory):
+    lossless = True
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
+def ends() -> tuple[list[Exception | None], Callable[[Outlet, Exception | None], None]]:
+    found: list[Exception | None] = []
+    return found, lambda outlet, error: found.append(error)
+
+
+def started(sink: Sink) -> tuple[Outlet, list[Exception | None]]:
+    found, on_end = ends()
+    outlet = Outlet(sink, on_end)
+    outlet.start()
+    return outlet, found
+
+
+def test_everything_in_order_flushed_and_closed() -> None:
+    sink = Memory()
+    outlet, ended = started(sink)
+    for k in range(0, 300, 3):
+        outlet.put([gap(k), gap(k + 1), gap(k + 2)])
+    outlet.close()
+    assert outlet.join(PATIENCE_S)
+    assert sink.items == [gap(k) for k in range(300)]
+    assert sink.closed
+    assert sink.flushes
+    assert ended == []
+    assert (outlet.stats().written, outlet.stats().dropped, outlet.stats().queued) == (300, 0, 0)
+
+
+def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
+    sink = Memory(capacity=10).held()
+    outlet, _ = started(sink)
+    outlet.put([gap(0)])
+    assert sink.entered.wait(PATIENCE_S)
+    outlet.put([gap(k) for k in range(1, 31)])
+    assert (outlet.stats().dropped, outlet.stats().queued) == (20, 11)
+    sink.go.set()
+    outlet.close()
+    assert outlet.join(PATIENCE_S)
+    assert sink.items == [gap(k) for k in range(11)]
+    assert sink.overflows == [(11, 20)]  # the queue was full of older ones
+    assert outlet.stats().written + outlet.stats().dropped == 31
+
+
+def test_a_patient_writer_loses_nothing() -> None:
+    sink = Memory(capacity=5)
+    outlet, _ = started(sink)
+    for k in range(500):
+        outlet.put([gap(k)], wait=True)
+    outlet.close()
+    assert outlet.join(PATIENCE_S)
+    assert sink.items == [gap(k) for k in range(500)]
+    assert outlet.stats().dropped == 0
+
+
+@pytest.mark.parametrize("error", [SinkClosed(), OSError(28, "No space left"), ZeroDivisionError()])
+def test_a_sink_that_ends_takes_nothing_more_and_counts_it(error: Exception) -> None:
+    sink = Memory()
+    sink.fail = lambda: error
+    outlet, ended = started(sink)
+    outlet.put([gap(0)])
+    assert outlet.join(PATIENCE_S)
+    outlet.put([gap(1), gap(2)], wait=True)
+    assert ended == [None if isinstance(error, SinkClosed) else error]
+    assert outlet.stats().dropped >= 2
+    assert outlet.stats().written == 0
+
+
+def test_what_a_sink_lost_itself_is_not_written() -> None:
+    sink = Memory()
+    outlet, _ = started(sink)
+    outlet.put([gap(k) for k in range(10)])
+    outlet.close()
+    outlet.join(PATIENCE_S)
+    sink.lost = 4
+    assert (outlet.stats().written, outlet.stats().dropped) == (6, 4)
+
+
+def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
+    """Every record is written, dropped or waiting; as the sink's own loss it counts once."""
+    sink = Memory().held()
+    outlet, _ = started(sink)
+    outlet.put([gap(0)])
+    assert sink.entered.wait(PATIENCE_S)
+    outlet.put([gap(k) for k in range(1, 10)])
+    sink.go.set()
+    wait_for(lambda: len(sink.items) == 10)
+    sink.entered.clear()
+    sink.held()
+    outlet.put([gap(k) for k in range(10, 30)])
+    assert sink.entered.wait(PATIENCE_S)
+    sink.lost = 7
+    stats = outlet.stats()
+    assert (stats.written, stats.dropped, stats.queued) == (10, 0, 20)  # not less than was written before
+    sink.fail = ZeroDivisionError
+    sink.go.set()
+    assert outlet.join(PATIENCE_S)
+    stats = outlet.stats()
+    assert (stats.written, stats.dropped, stats.queued) == (10, 20, 0)
+
+
+@given(st.lists(st.tuples(st.floats(0, 5000), st.integers(1, 5))))
+def test_latency_counts_every_record_in_its_class(values: list[tuple[float, int]]) -> None:
+    latency = Latency()
+    for ms, weight in values:
+        latency.add(ms, weight)
+    assert sum(latency.counts) == sum(weight for _, weight in values)
+    for k, bound in enumerate(LATENCY_BOUNDS_MS):
+        assert sum(latency.counts[: k + 1]) == sum(weight for ms, weight in values if ms <= bound)
+
+
+# --- the hub ---
+
+
+def hub() -> tuple[Hub, list[Exception | None]]:
+    stops: list[Exception | None] = []
+    return Hub(stops.append), stops
+
+
+def errors(sink: Memory) -> list[tuple[str, str | None]]:
+    return [(item.kind, item.device) for item in sink.items if isinstance(item, Error)]
+
+
+def test_each_output_gets_what_concerns_it() -> None:
+    all_outputs, _ = hub()
+    shared, left, right, log = Memory("stdout"), Memory("mqtt"), Memory("mqtt"), Memory("log")
+    all_outputs.add(shared)
+    all_outputs.add(left, "left")
+    all_outputs.add(right, "right")
+    all_outputs.add_log(log)
+    trouble: list[AnyRecord] = [gap(1), Error("silent", "text", 1, device="left")]
+    all_outputs.publish("left", trouble)
+    all_outputs.publish("right", [gap(2)])
+    all_outputs.publish("right", [Error("last", "told at the end", 1)], log=False)
+    assert all_outputs.close(PATIENCE_S)
+    assert sorted(map(str, shared.items)) == sorted(map(str, left.items + right.items))
+    assert left.items == trouble
+    assert log.items == trouble[1:]
+    assert all_outputs.stats("left").keys() == {"stdout", "mqtt"}
+    assert all_outputs.stats("left")["mqtt"].written == 2
+    assert [device for device, _ in all_outputs.outlets()] == [None, "left", "right"]
+
+
+def test_one_held_output_holds_up_no_other() -> None:
+    all_outputs, _ = hub()
+    slow, quick = Memory("slow", capacity=3).held(), Memory("quick")
+    all_outputs.add(slow)
+    all_outputs.add(quick)
+    for k in range(100):
+        all_outputs.publish("due", [gap(k)], wait=True)  # only the lossless are waited for
+    all_outputs._shared[1].close()
+    assert all_outputs._shared[1].join(PATIENCE_S)
+    assert len(quick.items) == 100
+    assert all_outputs.close(0.2) is False
+    slow.go.set()
+    assert all_outputs.close(PATIENCE_S)
+    stats = all_outputs.stats("due")["slow"]
+    assert stats.written + stats.dropped == 100
+    assert stats.dropped >= 96
+
+
+def test_without_a_limit_it_waits_until_somebody_asks_for_the_end() -> None:
+    all_outputs, _ = hub()
+    held, log = Memory("stdout").held(), Memory("log")
+    all_outputs.add(held)
+    all_outputs.add_log(log)
+    all_outputs.publish("due", [gap(1)])
+    assert held.entered.wait(PATIENCE_S)
+    asked = threading.Event()
+    threading.Timer(0.1, asked.set).start()
+    assert all_outputs.close(None, asked.is_set) is False
+    assert asked.is_set()
+    assert log.closed
+    held.go.set()
+    assert all_outputs.close(None)
+    assert held.items == [gap(1)]
+
+
+def test_a_report_reaches_every_output_of_the_device_and_the_log() -> None:
+    all_outputs, _ = hub()
+    shared, left, right, log = Memory("stdout"), Memory("record"), Memory("record"), Memory("log")
+    all_outputs.add(shared)
+    all_outputs.add(left, "left")
+    all_outputs.add(right, "right")
+    all_outputs.add_log(log)
+    all_outputs.report("left")("disk_full", "no room")
+    all_outputs.report()("state_failed", "no")
+    assert all_outputs.close(PATIENCE_S)
+    both = [("disk_full", "left"), ("state_failed", None)]
+    assert (errors(shared), errors(left), errors(log)) == (both, both, both)
+    assert errors(right) == [("state_failed", None)]
+
+
+@pytest.mark.parametrize("error", [SinkClosed(), OSError(28, "No space left")])
+def test_the_only_output_ends_the_program_and_one_among_others_does_not(error: Exception) -> None:
+    for others in (0, 1):
+        all_outputs, stops = hub()
+        failing, other = Memory("stdout"), Memory("mqtt")
+        failing.fail = lambda: error
+        all_outputs.add(failing)
+        if others:
+            all_outputs.add(other, "due")
+        all_outputs.publish("due", [gap(1)])
+        assert all_outputs._shared[0].join(PATIENCE_S)
+        assert all_outputs.close(PATIENCE_S)
+        expected = None if isinstance(error, SinkClosed) else error
+        assert stops == ([] if others else [expected])
+        assert errors(other) == ([("output_lost", None)] if others else [])
+
+
+def test_the_wire_goes_only_to_those_who_take_it() -> None:
+    all_outputs, _ = hub()
+    record = Wire("record")
+    all_outputs.add(record, "left")
+    all_outputs.add(Memory("mqtt"), "right")
+    assert all_outputs.tap("right", wait=False) is None
+    tap = all_outputs.tap("left", wait=False)
+    assert tap is not None
+    from fltea.records.events import Chunk
+
+    tap(Chunk(b"abc", 5))
+    all_outputs.publish("left", [gap(1)])
+    assert all_outputs.close(PATIENCE_S)
+    assert record.items == [Chunk(b"abc", 5), gap(1)]
+
+
+def test_when_the_last_output_goes_after_stdout_the_program_stops() -> None:
+    all_outputs, stops = hub()
+    first, last = Memory("stdout"), Memory("record")
+    all_outputs.add(first)
+    all_outputs.add(last, "due")
+    first.fail = SinkClosed
+    all_outputs.publish("due", [gap(1)])
+    assert all_outputs._shared[0].join(PATIENCE_S)
+    assert stops == []
+    last.fail = lambda: OSError(5, "gone")
+    all_outputs.publish("due", [gap(2)])
+    assert all_outputs._of["due"][0].join(PATIENCE_S)
+    assert [type(stop) for stop in stops] == [OSError]

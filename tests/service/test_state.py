@@ -1,0 +1,316 @@
+"""Snapshots: what goes on, bit for bit, and what must not."""
+
+import random
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+from fltea.records.errors import UsageError
+from fltea.records.events import Event, RawSample
+from fltea.records.records import AnyRecord, Epoch, Error, Estimate, LinkStats, Stats
+from fltea.service.state import DeviceState, StateFile
+from fltea.settings.config import Config, load_config
+from fltea.settings.outputs import StateConfig
+from fltea.stream.pipeline import Pipeline
+from host_support import hello
+
+PERIOD_NS = 10**7
+S = 10**9
+BEGIN_NS = 1_700_000_000 * S
+
+
+class NoSource:
+    live = prompt = True
+    unix_offset_ns = BEGIN_NS
+
+    def events(self) -> Iterator[Event]:
+        return iter(())
+
+    def link_stats(self) -> LinkStats:
+        return LinkStats()
+
+    def close(self) -> None: ...
+
+
+def config(**changes: object) -> Config:
+    small = {"estimator.window": 50, "estimator.startup": 20, "accel.startup": 30, "accel.window": 40}
+    return load_config(None, small | {key.replace("__", "."): value for key, value in changes.items()})
+
+
+def raw(k: int) -> RawSample:
+    noise = random.Random(k)
+    gyro, accel = ([round(noise.gauss(0, 3)) for _ in range(3)] for _ in range(2))
+    return RawSample(
+        k % 65536, k * 10_000, k * PERIOD_NS, tuple(gyro), (accel[0], accel[1], 16384 + accel[2])
+    )
+
+
+def walk(pipeline: Pipeline, *events: Event) -> list[AnyRecord]:
+    return [record for event in events for record in pipeline.feed(event)]
+
+
+def snapshot(settings: Config, samples: int = 200, **changes: object) -> DeviceState:
+    pipeline = Pipeline(NoSource(), settings)
+    walk(pipeline, hello(**changes), *map(raw, range(samples)))
+    state = pipeline.save()
+    assert state is not None
+    decoded = msgspec.json.decode(msgspec.json.encode(state), type=DeviceState)
+    assert decoded == state
+    return decoded
+
+
+def later(state: DeviceState, settings: Config, begin: int, end: int, **changes: object) -> list[AnyRecord]:
+    """Records of a run that begins with sample `begin`, by its own number, of a board that was reset."""
+    pipeline = Pipeline(NoSource(), settings, state=state)
+    said = hello(**{"boot_id": 99, "host_ns": begin * PERIOD_NS, **changes})
+    return walk(pipeline, said, *map(raw, range(begin, end)))
+
+
+def estimates(records: list[AnyRecord]) -> dict[int, object]:
+    return {r.seq: (r.axes, r.accel_axes) for r in records if isinstance(r, Estimate)}
+
+
+ALL = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_z"]
+
+
+@pytest.mark.parametrize("channels", [None, ["gyro_y", "accel_z"], ALL, ["accel_x"]])
+@pytest.mark.parametrize("missing", [0, 1, 30])
+def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
+    channels: list[str] | None, missing: int
+) -> None:
+    settings = config(channels=channels)
+    unbroken = Pipeline(NoSource(), settings)
+    events = [hello(), *map(raw, range(200)), *map(raw, range(200 + missing, 400))]
+    expected = estimates(walk(unbroken, *events))
+    records = later(snapshot(settings), settings, 200 + missing, 400)
+    [epoch] = [r for r in records if isinstance(r, Epoch)]
+    assert epoch.reason == "resumed"
+    assert epoch.resumed_after_s == pytest.approx((1 + missing) * 0.01)
+    found = estimates(records)
+    assert found == {seq: expected[seq] for seq in range(200 + missing, 400)}
+
+
+@pytest.mark.parametrize("missing", [0, 30])
+def test_the_running_test_of_whiteness_goes_on_too(missing: int) -> None:
+    settings = config(channels=ALL)
+    unbroken = Pipeline(NoSource(), settings)
+    walked = walk(unbroken, hello(), *map(raw, range(900)), *map(raw, range(900 + missing, 1300)))
+    found = later(snapshot(settings, 900), settings, 900 + missing, 1300)
+    assert estimates(found) == {k: e for k, e in estimates(walked).items() if k >= 900}
+    last = [r for r in found if isinstance(r, Estimate)][-1]
+    assert last.accel_axes is not None
+    assert {axis.order for axis in (*last.axes.values(), *last.accel_axes.values())} == {"undefined"}
+
+
+def test_a_snapshot_without_a_running_test_lets_it_begin_anew(tmp_path: Path) -> None:
+    """As version 1 wrote them."""
+    settings, path = config(), tmp_path / "state"
+    kept = snapshot(settings, 900)
+    assert kept.gyro is not None
+    device = msgspec.to_builtins(msgspec.structs.replace(kept))
+    del device["gyro"]["null"]
+    path.write_bytes(msgspec.json.encode({"version": 1, "devices": {"due": device}}))
+    old = state_file(path)[0].found["due"]
+    found = [r for r in later(old, settings, 900, 1950) if isinstance(r, Estimate)]
+    assert found[-1].axes["gyro_x"].null_p is not None
+    assert found[150].axes["gyro_x"].null_p is None
+    assert found[0].axes["gyro_x"].alpha is not None
+
+
+def test_a_running_test_that_cannot_be_read_is_told() -> None:
+    settings = config()
+    state = snapshot(settings)
+    assert state.gyro is not None
+    torn = msgspec.structs.replace(state, gyro=msgspec.structs.replace(state.gyro, null=b"1234567"))
+    [error] = [r for r in later(torn, settings, 200, 230) if isinstance(r, Error)]
+    assert error.kind == "state_unused"
+    assert "running test" in error.message
+
+
+def test_a_date_that_was_set_in_between_does_not_change_the_age() -> None:
+    """An epoch keeps the date of its beginning for its samples, for months; a snapshot must not."""
+    settings, source = config(), NoSource()
+    pipeline = Pipeline(source, settings)
+    walk(pipeline, hello(), *map(raw, range(100)))
+    source.unix_offset_ns = BEGIN_NS + 3600 * S
+    walk(pipeline, *map(raw, range(100, 200)))
+    state, after = pipeline.save(), NoSource()
+    after.unix_offset_ns = source.unix_offset_ns
+    records = walk(Pipeline(after, settings, state=state), hello(), *map(raw, range(250, 260)))
+    [epoch] = [r for r in records if isinstance(r, Epoch)]
+    assert (epoch.reason, epoch.resumed_after_s) == ("resumed", pytest.approx(0.51))
+
+
+def test_what_is_longer_ago_than_the_memory_is_bridged_by_its_length() -> None:
+    settings = config()
+    far, farther = (later(snapshot(settings), settings, k, k + 20) for k in (1000, 1300))
+    assert estimates(far)[1000] != estimates(farther)[1300]  # other samples
+    state = snapshot(settings)
+    moved = msgspec.structs.replace(state, unix_ns=state.unix_ns - 100 * S)
+    assert estimates(later(moved, settings, 1000, 1020)) == estimates(far)
+
+
+def test_bias_and_r_are_kept_and_no_start_up_window_begins() -> None:
+    settings = config()
+    state = snapshot(settings)
+    records = later(state, settings, 260, 300)
+    assert next(r for r in records if isinstance(r, Estimate)).seq == 260
+    stats = [r for r in records if isinstance(r, Stats)]
+    assert not stats or stats[-1].startup_remaining == 0
+    assert state.gyro is not None
+    pipeline = Pipeline(NoSource(), settings, state=state)
+    walk(pipeline, hello(), raw(260))
+    assert pipeline.stats().axes["gyro_x"].bias_dps == state.gyro.bias_dps[0]
+    assert pipeline.stats().axes["gyro_z"].R_dps2 == state.gyro.R[2]
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"device_id": "b1"}, "differs in: device_id"),
+        ({"who_am_i": 0x70}, "differs in: who_am_i"),
+        ({"gyro_lsb_per_dps": 131.0}, "differs in: scales"),
+        ({"rate_hz": 99.0}, "differs in: rate_hz"),
+        ({"gyro_dlpf_hz": 5.0}, "differs in: filter_hz"),
+    ],
+)
+def test_another_sensor_begins_anew_and_says_why(changes: dict[str, object], text: str) -> None:
+    records = later(snapshot(config()), config(), 200, 260, **changes)
+    [error] = [r for r in records if isinstance(r, Error)]
+    assert error.kind == "state_unused"
+    assert text in error.message
+    [epoch] = [r for r in records if isinstance(r, Epoch)]
+    assert (epoch.reason, epoch.resumed_after_s) == ("start", None)
+    assert min(estimates(records)) == 220
+
+
+@pytest.mark.parametrize(
+    "changes", [{"estimator__window": 60}, {"estimator__state.Q": 0.2}, {"channels": ["gyro_x"]}]
+)
+def test_other_settings_begin_anew(changes: dict[str, object]) -> None:
+    records = later(snapshot(config()), config(**changes), 200, 260)
+    assert [r.kind for r in records if isinstance(r, Error)] == ["state_unused"]
+
+
+def test_too_old_or_from_the_future() -> None:
+    settings = config(state__max_age_s=2.0)
+    state = snapshot(settings)
+    for unix_ns, text in ((state.unix_ns - 3 * S, "s old"), (state.unix_ns + 9 * S, "future")):
+        records = later(msgspec.structs.replace(state, unix_ns=unix_ns), settings, 200, 230)
+        [error] = [r for r in records if isinstance(r, Error)]
+        assert text in error.message
+    records = later(msgspec.structs.replace(state, unix_ns=state.unix_ns - S), settings, 200, 230)
+    assert [r.reason for r in records if isinstance(r, Epoch)] == ["resumed"]
+
+
+def test_a_damaged_engine_begins_anew() -> None:
+    state = snapshot(config())
+    assert state.gyro is not None
+    broken = msgspec.structs.replace(state.gyro, engine=state.gyro.engine[:-9] + b"123456789")
+    records = later(msgspec.structs.replace(state, gyro=broken), config(), 200, 260)
+    assert [r.kind for r in records if isinstance(r, Error)] == ["state_unused"]
+    assert min(estimates(records)) == 220
+
+
+def test_only_the_first_epoch_resumes() -> None:
+    settings = config()
+    pipeline = Pipeline(NoSource(), settings, state=snapshot(settings))
+    records = walk(pipeline, hello(), *map(raw, range(200, 220)), hello(boot_id=3), *map(raw, range(40)))
+    assert [r.reason for r in records if isinstance(r, Epoch)] == ["resumed", "restart"]
+
+
+def test_nothing_is_kept_of_a_start_up_window_or_of_the_reference() -> None:
+    for settings, samples in ((config(), 20), (config(channels=["gyro_x", "accel_x"]), 25)):
+        pipeline = Pipeline(NoSource(), settings)
+        walk(pipeline, hello(), *map(raw, range(samples - 1)))
+        assert pipeline.save() is None
+    printed = {"estimator__engine": "reference", "estimator__variant": "triple", "estimator__guard": "off"}
+    pipeline = Pipeline(NoSource(), config(**printed))
+    walk(pipeline, hello(), *map(raw, range(60)))
+    assert pipeline.save() is None
+
+
+# --- the file ---
+
+
+def state_file(path: Path, **settings: object) -> tuple[StateFile, list[tuple[str, str]]]:
+    said: list[tuple[str, str]] = []
+    return StateFile(StateConfig(str(path), **settings), lambda kind, text: said.append((kind, text))), said
+
+
+def test_all_devices_are_written_at_the_end_and_found_again(tmp_path: Path) -> None:
+    path = tmp_path / "fltea.state"
+    file, said = state_file(path)
+    one, two = snapshot(config()), snapshot(config(), 250)
+    file.put("left", two)
+    file.put("left", one)
+    file.put("right", two)
+    file.close()
+    again, _ = state_file(path)
+    assert again.found == {"left": one, "right": two}
+    again.put("right", one)
+    again.close()
+    assert state_file(path)[0].found == {"left": one, "right": one}
+    assert said == []
+    assert [p.name for p in tmp_path.iterdir()] == ["fltea.state"]
+
+
+def test_what_is_new_is_written_soon_and_not_a_period_later(tmp_path: Path) -> None:
+    """A program that is killed then has lost no more than a period."""
+    path = tmp_path / "state"
+    file, said = state_file(path, period_s=3600)
+    state = snapshot(config())
+    file.put("left", state)
+    deadline = time.monotonic() + 20
+    while not path.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert state_file(path)[0].found == {"left": state}
+    file.close()
+    assert said == []
+
+
+def test_a_folder_that_goes_is_told_once_and_the_old_file_kept(tmp_path: Path) -> None:
+    path = tmp_path / "folder" / "state"
+    path.parent.mkdir()
+    file, said = state_file(path, period_s=0.01)
+    path.parent.rmdir()
+    file.put("left", snapshot(config()))
+    while not said:
+        file.put("left", snapshot(config()))
+    file.put("left", snapshot(config()))
+    file.close()
+    assert [kind for kind, _ in said] == ["state_failed"]
+
+
+@pytest.mark.parametrize("content", [b"", b"{}", b"[1]", b'{"version":1,"devices":3}', b"\xff"])
+def test_a_file_that_is_none_of_ours_is_refused_and_left_alone(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_bytes(content)
+    with pytest.raises(UsageError, match="no snapshot of fltea"):
+        state_file(path)
+    assert path.read_bytes() == content
+
+
+def test_a_snapshot_of_another_version_is_told_and_replaced(tmp_path: Path) -> None:
+    """A service that was renewed must start again, though nobody is there to remove a file."""
+    path = tmp_path / "state"
+    path.write_bytes(b'{"version":99,"devices":{"due":{"new":1}},"more":2}')
+    file, said = state_file(path)
+    assert file.found == {}
+    [(kind, text)] = said
+    assert kind == "state_unused"
+    assert "another version of fltea (99)" in text
+    kept = snapshot(config())
+    file.put("due", kept)
+    file.close()
+    assert state_file(path)[0].found == {"due": kept}
+
+
+def test_a_file_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="there is no folder"):
+        state_file(tmp_path / "no" / "state")
+    with pytest.raises(UsageError, match="cannot be"):
+        state_file(tmp_path)

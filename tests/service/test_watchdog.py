@@ -1,0 +1,75 @@
+"""A walk that hangs is not called alive, and neither signals nor sources hold up the end."""
+
+import signal
+
+from fltea.service import daemon
+from fltea.service.daemon import STUCK_S, StopOnSignal, _Run
+from fltea.settings.config import load_config
+from fltea.sources.replay import ReplaySource
+
+
+def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
+    now_s = [1000.0]
+    monkeypatch.setattr(daemon.time, "monotonic", lambda: now_s[0])
+    stop = StopOnSignal()
+    run = _Run([load_config(None, {"name": name}) for name in ("left", "right")], stop)
+    fed: list[float] = []
+    monkeypatch.setattr(run._manager, "alive", lambda: fed.append(now_s[0]))
+
+    class Once:
+        """An event to wait for that comes after one look."""
+
+        def __init__(self) -> None:
+            self.set = False
+
+        def is_set(self) -> bool:
+            return self.set
+
+        def wait(self, timeout_s: float) -> None:
+            self.set = True
+
+    run._wait(Once())  # type: ignore[arg-type]
+    assert fed == [1000.0]
+    now_s[0] += STUCK_S + 1
+    run._moved_s["left"] = now_s[0]
+    run._wait(Once())  # type: ignore[arg-type]
+    assert fed == [1000.0]
+    run._moved_s["right"] = now_s[0]
+    run._wait(Once())  # type: ignore[arg-type]
+    assert fed == [1000.0, now_s[0]]
+
+
+def test_a_second_signal_in_the_midst_of_the_first_does_not_hang(monkeypatch) -> None:
+    """`Event.set` holds a lock that its own thread cannot take again."""
+    with StopOnSignal() as stop:
+        stop.armed = True
+        calls, was = [], stop.asked.set
+
+        def interrupted() -> None:
+            calls.append(1)
+            assert len(calls) == 1, "set again, within itself"
+            signal.raise_signal(signal.SIGTERM)
+            was()
+
+        monkeypatch.setattr(stop.asked, "set", interrupted)
+        signal.raise_signal(signal.SIGTERM)
+        assert stop.asked.is_set()
+
+
+def test_sources_that_hang_get_no_more_time_together_than_one_alone(monkeypatch) -> None:
+    now_s = [0.0]
+    monkeypatch.setattr(daemon.time, "monotonic", lambda: now_s[0])
+
+    class Hanging:
+        """A thread whose source does not let itself be closed."""
+
+        def __init__(self, **of_a_thread: object) -> None: ...
+
+        def start(self) -> None: ...
+
+        def join(self, timeout_s: float) -> None:
+            now_s[0] += timeout_s
+
+    monkeypatch.setattr(daemon.threading, "Thread", Hanging)
+    daemon._close([ReplaySource.__new__(ReplaySource) for _ in range(3)])
+    assert now_s == [daemon.PATIENCE_S]

@@ -1,0 +1,197 @@
+"""What the page says: plain words, units, and never an α without what white noise gives."""
+
+import json
+
+import msgspec
+import numpy as np
+import pytest
+from dashboard_support import records, told, with_breaks
+from fltea.estimator.white_band import Quantiles
+from fltea.records import clock
+from fltea.records.records import Error, Estimate, LinkStats, Order, OutputStats, Stats
+from fltea.sinks.page import facts
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
+from fltea.sinks.page.words import figure, with_std
+from host_support import hello
+
+WHITE = Quantiles(np.array([0.05, 0.1, 0.2]), np.array([-0.5, -0.2, -0.1]))
+UNKNOWN = Quantiles(np.full(3, np.nan), np.full(3, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("alpha", "f", "side", "words"),
+    [
+        (0.1, -0.2, "within", "they say nothing"),
+        (0.05, -0.1, "within", "they say nothing"),
+        (0.3, -0.2, "outside", "α is outside"),
+        (0.1, -0.6, "outside", "f is outside"),
+        (0.0, 0.0, "outside", "α and f are outside"),
+    ],
+)
+def test_verdict(alpha: float, f: float, side: str, words: str) -> None:
+    verdict = judge(alpha, f, WHITE)
+    assert verdict.side == side
+    assert words in verdict.text
+    assert ("not a test" in verdict.text) == (side == "outside")
+    assert ("not a test" in verdict.short) == (side == "outside")
+    for older in (RESUMED, HEARD_LATE):
+        assert judge(alpha, f, WHITE, older=older).text.endswith("too wide at first.")
+    assert "too wide" not in verdict.text
+
+
+@pytest.mark.parametrize(
+    ("order", "p", "words"),
+    [
+        (None, None, "Order unknown: the test of whiteness needs 1,000 samples that are not all the same."),
+        ("undefined", 0.31, "Order undefined: white noise is not rejected (p = 0.31, limit 0.001)."),
+        ("not white", 1e-9, "Not white (p < 0.001): record it and run fltea identify"),
+    ],
+)
+def test_whiteness_in_words(order: Order | None, p: float | None, words: str) -> None:
+    assert words in judge_whiteness(order, p)
+
+
+def test_no_alpha_is_shown_without_what_the_test_of_whiteness_says() -> None:
+    for samples, words, order in (
+        (900, "Order unknown", "unknown"),
+        (1200, "Order undefined", "undefined"),
+    ):
+        for axis in facts.axes(told(records(f"n={samples}")), 0):
+            assert axis["alpha"] is not None
+            assert axis["whiteness"].startswith(words)
+            assert axis["order"] == order
+    counter = facts.axes(told(with_breaks([1200])), 0)[0]  # a counter's last bits are anything but white
+    assert counter["order"] == "not white"
+    assert "run fltea identify" in counter["whiteness"]
+
+
+def test_nothing_is_claimed_where_nothing_is_known() -> None:
+    assert judge(None, None, WHITE).side == "unknown"
+    assert judge(0.3, -1.0, None).side == "unknown"
+    assert judge(0.3, -1.0, UNKNOWN).side == "unknown"
+
+
+def later(history: DeviceHistory, seconds: float) -> tuple[str, str]:
+    return facts.status(history, (history.heard_ns or clock.host_ns()) + int(seconds * 1e9))
+
+
+def test_status_before_anything_is_heard() -> None:
+    assert later(told(), 0) == ("wait", "waiting for the device")
+    assert later(told([hello()]), 0)[1].startswith("connected")
+    level, text = later(told([Error("no_port", "there is no /dev/x", 1)]), 0)
+    assert (level, text) == ("bad", "waiting for the device: there is no /dev/x")
+
+
+def test_status_of_start_up_counts_down() -> None:
+    found = records("n=49")
+    level, text = later(told(found), 0)
+    assert level == "wait"
+    assert text.startswith("start-up: 1 samples to go")
+    assert later(told(records("n=50")), 0)[0] == "good"
+
+
+def test_status_of_a_stall_tells_for_how_long_and_why() -> None:
+    history = told(with_breaks([200]))
+    assert later(history, 1)[0] == "good"
+    assert later(history, 4) == ("bad", "stalled for 4 s: no sample arrives")
+    history.write(Error("unplugged", "the port is gone", 1))
+    assert later(history, 400) == ("bad", "stalled for 6 min: the port is gone")
+
+
+def test_old_trouble_is_no_reason_for_a_new_stall() -> None:
+    history = told([Error("no_port", "there is no /dev/x", 1)], with_breaks([200]))
+    assert later(history, 4)[1] == "stalled for 4 s: no sample arrives"
+
+
+def test_recording_at_its_end_is_no_failure() -> None:
+    assert later(told(records("n=200")), 5) == ("wait", "at its end: no sample for 5 s")
+
+
+def test_status_after_a_restart_names_it() -> None:
+    found = with_breaks([200, 100])
+    last = found[-1]
+    assert isinstance(last, Stats)
+    found[-1] = msgspec.structs.replace(last, link=LinkStats(reconnects=1))
+    assert "(reconnected, epoch 2: the device restarted)" in later(told(found), 0)[1]
+
+
+def test_status_names_the_axis_that_is_not_valid() -> None:
+    history = told(records("n=200"))
+    assert history.estimate is not None
+    x = history.estimate.axes["gyro_x"]
+    gone = msgspec.structs.replace(x, alpha=None, f=None, state_dps=None, valid=False)
+    estimate = msgspec.structs.replace(history.estimate, axes={**history.estimate.axes, "gyro_x": gone})
+    history.write(estimate)
+    assert later(history, 0)[0] == "bad"
+    assert "gyro_x not valid" in later(history, 0)[1]
+    assert facts.axes(history, 0)[0]["alpha_text"] == "–"
+    assert facts.axes(history, 0)[0]["side"] == "unknown"
+
+
+def test_axis_is_what_its_records_say() -> None:
+    found = records("n=600&offset_dps=1.5")
+    history = told(found)
+    last = next(r for r in reversed(found) if isinstance(r, Estimate)).axes["gyro_y"]
+    shown = facts.axes(history, 0)[1]
+    assert (shown["name"], shown["alpha"], shown["f"]) == ("gyro_y", last.alpha, last.f)
+    assert shown["alpha_text"] == f"{last.alpha:.3f} ± {last.alpha_std:.3f}"
+    assert " … " in shown["alpha_white"]
+    assert shown["verdict"]
+    rows = dict(shown["rows"])
+    assert rows["offset removed"].startswith("1.5")
+    assert rows["state x̂"].endswith("deg/s")
+    assert rows["R"].endswith("(deg/s)²")
+
+
+def test_link_shows_every_loss() -> None:
+    stats = told(with_breaks([200])).stats
+    assert stats is not None
+    bad = LinkStats(bad_frames={"crc": 2, "cobs": 3, "partial": 9}, reconnects=1, overflow_bytes=4, refused=5)
+    worse = msgspec.structs.replace(stats, link=bad, outputs={"mqtt": OutputStats(10, 7, 0)})
+    rows = {label: (value, level) for label, value, level in facts.link(worse)}
+    assert rows["CRC errors"] == ("2", "bad")
+    assert rows["other bad frames"] == ("3 (cobs 3)", "bad")
+    assert rows["reconnects"] == ("1", "bad")
+    assert rows["bytes too many"] == ("4", "bad")
+    assert rows["frames not understood"] == ("5", "bad")
+    assert rows["dropped by output mqtt"] == ("7", "bad")
+    assert rows["lost samples"] == ("0", "plain")
+    assert facts.link(None) == []
+
+
+def test_device_is_what_hello_says() -> None:
+    rows = dict(facts.device(hello(sensor="MPU-9250", gyro_range_dps=2000.0), 31.256))
+    assert rows["sensor"] == "MPU-9250 (WHO_AM_I 0x71)"
+    assert rows["gyroscope range"] == "±2000 deg/s"
+    assert rows["temperature"] == "31.26 °C"
+    assert "protocol" not in rows, "what is not known is left out"
+
+
+def test_everything_is_json_without_nan() -> None:
+    history = told(with_breaks([60, 400]))
+    told_all = [
+        facts.axes(history, 0),
+        facts.link(history.stats),
+        facts.events(history),
+        facts.settings(history),
+    ]
+    json.dumps(told_all, allow_nan=False)
+    assert facts.events(history)[0]["text"].startswith("epoch 2")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.12345, "0.123"), (-2.5, "-2.500"), (1.5e139, "1.500e+139"), (-0.0004, "-0.000")]
+)
+def test_figure(value: float, text: str) -> None:
+    assert figure(value, 3) == text
+    assert with_std(value, None) == text
+    assert with_std(None, 1.0) == "–"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0, "0 s"), (119, "119 s"), (120, "2 min"), (7199, "119 min"), (7200, "2 h"), (200_000, "2 days")],
+)
+def test_duration(seconds: int, text: str) -> None:
+    assert facts.duration(seconds * 10**9) == text

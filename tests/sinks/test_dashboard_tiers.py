@@ -1,0 +1,112 @@
+"""The page's past: nothing recent is lost, nothing grows, and a bucket is what its samples say."""
+
+import numpy as np
+import pytest
+from fltea.sinks.page.tiers import MOST_ROWS, WINDOWS, Cursor, Ring, Tiers
+from hypothesis import given
+from hypothesis import strategies as st
+
+KINDS = ("mean", "max", "min", "mean", "max")
+RATE_HZ = 100.0
+
+
+def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: float = 10.0) -> np.ndarray:
+    """Rows as the history writes them: time, number, and one value to be summed up in three ways."""
+    rows = np.array([[begin_ms + k * step_ms, k, v, v, v] for k, v in enumerate(values)])
+    for row in rows:
+        tiers.append(row)
+    return rows
+
+
+def test_ring_keeps_the_last() -> None:
+    ring = Ring(4, 1)
+    for k in range(10):
+        ring.append(np.array([float(k)]))
+    assert ring.end == 10
+    assert ring.since(0).ravel().tolist() == [6, 7, 8, 9]
+    assert ring.since(8).ravel().tolist() == [8, 9]
+    assert ring.since(10).size == 0
+
+
+@given(st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=1, max_size=900))
+def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
+    tiers = Tiers(KINDS, RATE_HZ)
+    rows = fill(tiers, values)
+    np.testing.assert_array_equal(tiers.read(0, Cursor()).values, rows)
+    for window in (1, 2):
+        width_ms = WINDOWS[window].bucket_ms
+        buckets = rows[:, 0] // width_ms
+        found = tiers.read(window, Cursor()).values
+        complete = np.unique(buckets)[:-1]
+        assert len(found) == len(complete)
+        for row, bucket in zip(found, complete, strict=True):
+            inside = rows[buckets == bucket]
+            good = inside[np.isfinite(inside[:, 2]), 2]
+            assert row[1] == inside[-1, 1]
+            if not good.size:
+                assert np.isnan(row[2:]).all()
+                continue
+            assert (row[2], row[4]) == (good.min(), good.max())
+            if window == 1:  # of the coarser ones the mean is one of means
+                assert row[0] == pytest.approx(inside[:, 0].mean())
+                assert row[3] == pytest.approx(good.mean(), rel=1e-9, abs=1e-6)
+
+
+def test_bucket_without_a_value_has_none() -> None:
+    """A 0 would be drawn as an estimate."""
+    tiers = Tiers(KINDS, RATE_HZ)
+    fill(tiers, [float("nan")] * 100)
+    for window in (1, 2):
+        values = tiers.read(window, Cursor()).values
+        assert np.isnan(values[:, 2:]).all()
+        assert np.isfinite(values[:, :2]).all()
+
+
+@given(st.lists(st.integers(0, 500), min_size=1, max_size=6), st.integers(0, 2))
+def test_a_reader_gets_every_row_once(bursts: list[int], window: int) -> None:
+    tiers = Tiers(KINDS, RATE_HZ)
+    cursor, read, k = Cursor(), [], 0
+    for number, burst in enumerate(bursts):
+        for _ in range(burst):
+            tiers.append(np.array([1e12 + 10.0 * k, k, 0.0, 0.0, 0.0]))
+            k += 1
+        new = tiers.read(window, cursor)
+        assert new.fresh == (number == 0)
+        cursor = new.cursor
+        read += new.values[:, 1].tolist()
+    assert read == tiers.read(window, Cursor()).values[:, 1].tolist()
+
+
+def test_long_past_is_bounded_and_reaches_back_as_far_as_it_says() -> None:
+    tiers = Tiers(KINDS, RATE_HZ)
+    fill(tiers, [0.0] * 5_000, step_ms=25_000.0)  # 35 hours
+    for number in range(len(WINDOWS)):
+        new = tiers.read(number, Cursor())
+        assert len(new.values) <= new.capacity <= MOST_ROWS
+    day = tiers.read(4, Cursor()).values[:, 0]
+    assert day[-1] - day[0] == pytest.approx(WINDOWS[4].length_s * 1e3, rel=0.01)
+    assert Tiers(KINDS, 1e6).read(0, Cursor()).capacity == MOST_ROWS
+
+
+def test_cut_separates_what_was_from_what_comes_at_every_resolution() -> None:
+    tiers = Tiers(KINDS, RATE_HZ)
+    rows = fill(tiers, [1.0] * 1000)
+    tiers.cut(rows[-1, 0] + 5)
+    fill(tiers, [2.0] * 1000, begin_ms=rows[-1, 0] + 60_000)
+    for window in range(3):
+        values = tiers.read(window, Cursor()).values[:, 3]
+        gaps = np.flatnonzero(np.isnan(values))
+        assert gaps.size == 1
+        assert set(values[: gaps[0]]) == {1.0}
+        assert set(values[gaps[0] + 1 :]) == {2.0}
+
+
+def test_after_clearing_readers_begin_anew() -> None:
+    tiers, other = Tiers(KINDS, RATE_HZ), Tiers(KINDS, RATE_HZ)
+    fill(tiers, [1.0] * 10)
+    cursor = tiers.read(0, Cursor()).cursor
+    assert not tiers.read(0, cursor).fresh
+    assert other.read(0, cursor).fresh, "a cursor of another table is no cursor of this one"
+    tiers.clear()
+    assert tiers.read(0, cursor).fresh
+    assert tiers.read(0, cursor).values.size == 0

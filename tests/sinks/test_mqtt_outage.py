@@ -1,0 +1,230 @@
+"""The MQTT sink without a broker: what waits, what is lost, and when it tries again."""
+
+from collections.abc import Callable
+
+import pytest
+from fltea.sinks.mqtt import sink as mqtt
+from fltea.sinks.mqtt.connection import Down, Up
+from fltea.sinks.mqtt.sink import BACKLOG, IN_FLIGHT
+from host_support import hello
+from hypothesis import given
+from hypothesis import strategies as st
+from mqtt_support import Bench, FakeConnection, estimate, gap, make_bench, sample, stats
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Bench]:
+    return make_bench(monkeypatch)
+
+
+# --- what waits, and what is lost ---
+
+
+def test_what_comes_while_the_first_connection_is_made_is_not_lost(bench: Callable[..., Bench]) -> None:
+    b = bench(up=False, estimate_every=1)
+    b.write(hello(), *map(estimate, range(BACKLOG + 5)))
+    assert b.sink.lost == 5
+    b.happens(Up())
+    assert [one["seq"] for one in b.connection.on("estimate")] == list(range(BACKLOG))
+    assert {qos for topic, _, qos, _ in b.connection.sent if topic.endswith("estimate")} == {0}
+
+
+def test_outage_loses_streams_and_keeps_what_is_rare(bench: Callable[..., Bench]) -> None:
+    b = bench(estimate_every=1)
+    b.happens(Down("broker_lost", "gone"))
+    b.write(*map(estimate, range(20)), stats(), *map(gap, range(BACKLOG + 2)))
+    assert b.sink.lost == 23
+    b.wait(0.6)
+    b.happens(Up())
+    assert [one["seq"] for one in b.connection.on("gap")] == list(range(2, BACKLOG + 2))
+    assert b.connection.on("estimate") == []
+    assert b.told[0] == ("broker_lost", "gone")
+    assert b.told[1][0] == "broker_back"
+    assert "after 0.6 s" in b.told[1][1]
+    assert "23 records were lost" in b.told[1][1]
+
+
+def test_without_an_acknowledgement_after_it_a_stream_counts_as_lost(bench: Callable[..., Bench]) -> None:
+    b = bench(estimate_every=1)
+    b.write(*map(estimate, range(7)), stats(), *map(estimate, range(7, 10)))
+    b.connection.acknowledge("fltea/a0/stats")
+    b.happens(Down("broker_lost", "gone"))
+    assert b.sink.lost == 3
+
+
+def test_what_is_not_acknowledged_is_sent_again_but_no_old_status(bench: Callable[..., Bench]) -> None:
+    b = bench(estimate_every=1, stream_qos=1)
+    b.write(sample(), gap(1), estimate(2), stats())
+    b.happens(Down("broker_lost", "gone"))
+    assert b.sink.lost == 1
+    b.wait(3)
+    b.happens(Up())
+    kinds = [topic.rpartition("/")[2] for topic, *_ in b.connection.sent]
+    assert kinds == ["gap", "estimate", "hello", "status"]
+    assert b.statuses() == ["stalled"]
+    b.connection.acknowledge()
+    b.happens(Down("broker_lost", "gone"))
+    assert b.sink.lost == 1
+
+
+def test_slow_network_loses_streams_and_holds_back_what_is_rare(bench: Callable[..., Bench]) -> None:
+    b = bench(estimate_every=1)
+    b.connection.acknowledge()
+    b.write(*map(estimate, range(IN_FLIGHT + 4)), gap(), stats())
+    assert b.sink.lost == 5
+    assert b.connection.on("gap") == []
+    assert len(b.connection.on("estimate")) == IN_FLIGHT
+    b.happens(Down("broker_lost", "gone"))
+    assert b.sink.lost == 5 + IN_FLIGHT
+    b.wait(1)
+    b.happens(Up())
+    assert len(b.connection.on("gap")) == 1
+
+
+def test_socket_that_has_just_died_loses_streams_only(bench: Callable[..., Bench]) -> None:
+    b = bench(estimate_every=1)
+    b.connection.acknowledge()
+    b.connection.full = True
+    b.write(estimate(0), gap())
+    assert b.sink.lost == 1
+    b.happens(Down("broker_lost", "gone"))
+    b.wait(1)
+    b.happens(Up())
+    assert len(b.connection.on("gap")) == 1
+
+
+def test_end_without_a_broker_counts_what_waited(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    b.connection.acknowledge()
+    b.happens(Down("broker_lost", "gone"))
+    b.write(gap(), gap())
+    b.sink.close()
+    assert b.sink.lost == 2
+
+
+def test_refused_record_is_lost_and_told_once(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    b.connection.acknowledge()
+    b.write(gap(), gap())
+    b.connection.acknowledge("fltea/a0/gap", refusal="Not authorized")
+    b.happens()
+    assert b.sink.lost == 2
+    assert [kind for kind, _ in b.told] == ["broker_refused"]
+    assert "fltea/a0/#" in b.told[0][1]
+
+
+OUTAGES = st.lists(
+    st.sampled_from(["estimate", "gap", "stats", "up", "down", "acknowledge", "wait", "full"]), max_size=60
+)
+
+
+@given(OUTAGES, st.sampled_from([0, 1]))
+def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int) -> None:
+    """Whatever the broker does: none vanishes, and none but an unsure one is counted twice."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
+            patch.delenv(name, raising=False)
+        patch.setattr(mqtt, "Connection", FakeConnection)
+        patch.setattr(mqtt, "IN_FLIGHT", 6)
+        patch.setattr(mqtt, "BACKLOG", 4)
+        FakeConnection.made.clear()
+        b = Bench(estimate_every=1, stream_qos=qos)
+        patch.setattr(mqtt, "host_ns", lambda: b.now_ns)
+        b.write(hello())
+        written = acknowledged = 0
+        done: set[tuple[int, int]] = set()
+        for step in steps:
+            match step:
+                case "estimate" | "gap" | "stats":
+                    written += 1
+                    b.write({"estimate": estimate(1), "gap": gap(), "stats": stats()}[step])
+                case "up" if b.sink._connection is not None and not b.sink._up:
+                    b.happens(Up())
+                case "down" if b.sink._connection is not None:
+                    b.happens(Down("broker_lost", "gone"))
+                case "acknowledge" if b.sink._up:
+                    c = b.connection
+                    for mid, (*_, retain) in enumerate(c.sent, 1):
+                        acknowledged += (id(c), mid) not in done and not retain
+                        done.add((id(c), mid))
+                    c.acknowledge()
+                    last = [q for _, _, q, _ in c.sent]
+                    unsure = (
+                        last[::-1].index(1) if 1 in last else len(last)
+                    )  # after the last that proves anything
+                    acknowledged -= unsure
+                    done -= {(id(c), mid) for mid in range(len(last) - unsure + 1, len(last) + 1)}
+                    b.happens()
+                case "wait":
+                    b.wait(40)
+                case "full":
+                    b.connection.full = not b.connection.full
+            assert b.sink._in_flight() <= 6 + 2  # the two states are never held back
+            assert len(b.sink._backlog) <= 4
+            states = sum(m.retain for m, _ in b.sink._unacknowledged.values())
+            waiting = len(b.sink._backlog) + b.sink._in_flight() - states
+            assert acknowledged + waiting + b.sink.lost == written
+
+
+# --- trying again ---
+
+
+def test_backoff_grows_and_begins_anew_after_a_good_connection(bench: Callable[..., Bench]) -> None:
+    b = bench(up=False)
+    b.write(hello())
+    waits = []
+    for _ in range(8):
+        made = len(FakeConnection.made)
+        b.happens(Down("broker_lost", "gone"))
+        waited = 0.0
+        while len(FakeConnection.made) == made:
+            b.wait(0.5)
+            waited += 0.5
+        waits.append(waited)
+    assert waits == [0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 30.0, 30.0]
+    b.happens(Up())
+    b.wait(1)
+    b.happens(Down("broker_lost", "gone"))  # hung up on at once: no good connection
+    b.wait(29)
+    made = len(FakeConnection.made)
+    b.wait(1)
+    assert len(FakeConnection.made) == made + 1
+    b.happens(Up())
+    b.wait(11)
+    b.happens(Down("broker_lost", "gone"))
+    b.wait(0.5)
+    assert len(FakeConnection.made) == made + 2
+
+
+def test_one_outage_is_told_once_for_each_cause(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    for kind in ("broker_lost", "broker_lost", "broker_refused", "broker_lost", "broker_refused"):
+        b.happens(Down(kind, "text"))
+        b.wait(31)
+    b.happens(Up())
+    assert [kind for kind, _ in b.told] == ["broker_lost", "broker_refused", "broker_back"]
+    b.happens(Down("broker_lost", "text"))
+    assert [kind for kind, _ in b.told][3:] == ["broker_lost"]
+
+
+def test_connection_that_comes_to_nothing_is_given_up(bench: Callable[..., Bench]) -> None:
+    b = bench(up=False)
+    b.write(hello())
+    first = b.connection
+    b.wait(44)
+    assert not first.closed
+    b.wait(2)
+    assert first.closed
+    assert [kind for kind, _ in b.told] == ["broker_lost"]
+    b.wait(1)
+    assert b.connection is not first
+
+
+def test_after_an_outage_the_state_is_said_anew(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    b.write(sample())
+    b.happens(Down("broker_lost", "gone"))
+    b.wait(3)
+    b.happens(Up())
+    assert b.statuses() == ["stalled"]
+    assert len(b.connection.on("hello")) == 1

@@ -1,0 +1,175 @@
+"""Settings and secrets of MQTT: every mistake is named, and no password is ever repeated."""
+
+import ssl
+from pathlib import Path
+
+import pytest
+from fltea.records.errors import UsageError
+from fltea.settings.config import load_config
+from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt.broker import Broker
+from fltea.sinks.mqtt.sink import MqttSink
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+@pytest.fixture(autouse=True)
+def no_login(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.parametrize(
+    ("broker", "tls", "expected"),
+    [
+        ("pi", False, "mqtt://pi:1883"),
+        ("pi:1884", False, "mqtt://pi:1884"),
+        ("mqtt://pi", False, "mqtt://pi:1883"),
+        ("mqtts://pi", False, "mqtts://pi:8883"),
+        ("pi", True, "mqtts://pi:8883"),
+        ("mqtts://pi:1883/", False, "mqtts://pi:1883"),
+        ("192.168.1.4", False, "mqtt://192.168.1.4:1883"),
+        ("[::1]:1884", False, "mqtt://[::1]:1884"),
+    ],
+)
+def test_address(broker: str, tls: bool, expected: str) -> None:
+    assert str(MqttConfig(broker=broker, tls=tls).address()) == expected
+
+
+@pytest.mark.parametrize(
+    "broker",
+    ["", ":1883", "pi:x", "pi:0", "pi:70000", "http://pi", "pi/topic", "pi?x=1", "[::1", "a..b"],
+)
+def test_no_address(broker: str) -> None:
+    with pytest.raises(UsageError, match=r"mqtt: broker must be HOST, HOST:PORT"):
+        load_config(None, {"mqtt.broker": broker})
+
+
+WORD = st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_size=8)
+
+
+@given(
+    WORD, st.sampled_from(["{0}@pi", "u:{0}@pi:1883", "mqtt://u:{0}@pi", "mqtts://:{0}@pi", "mqtt://pi@{0}"])
+)
+def test_password_in_the_address_is_refused_and_not_repeated(password: str, form: str) -> None:
+    with pytest.raises(UsageError) as refused:
+        load_config(None, {"mqtt.broker": form.format(password)})
+    assert "FLTEA_MQTT_PASSWORD" in str(refused.value)
+    assert password not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"prefix": "a/+"}, "prefix must be a topic"),
+        ({"prefix": ""}, "prefix must be a topic"),
+        ({"prefix": "/a"}, "prefix must be a topic"),
+        ({"prefix": "$SYS"}, "prefix must be a topic"),
+        ({"estimate_every": 0}, "estimate_every must be 1 or more"),
+        ({"sample_every": -1}, "sample_every 0"),
+        ({"stream_qos": 2}, "stream_qos must be 0 or 1"),
+        ({"ca": "ca.pem"}, "ca has no use without TLS"),
+        ({"insecure": True}, "insecure has no use without TLS"),
+        ({"tls": True, "key": "k.pem"}, "give cert too"),
+        ({"password": "x"}, "mqtt.password: there is no such setting"),
+    ],
+)
+def test_wrong_settings_are_named(settings: dict[str, object], words: str) -> None:
+    overrides = {f"mqtt.{name}": value for name, value in {"broker": "pi", **settings}.items()}
+    with pytest.raises(UsageError, match=words):
+        load_config(None, overrides)
+
+
+# --- user and password ---
+
+
+def secret(folder: Path, text: str, mode: int = 0o600) -> str:
+    file = folder / "secret"
+    file.write_text(text)
+    file.chmod(mode)
+    return str(file)
+
+
+def test_login_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert (Broker(MqttConfig(broker="pi")).user, Broker(MqttConfig(broker="pi")).password) == (None, None)
+    monkeypatch.setenv("FLTEA_MQTT_USER", "me")
+    monkeypatch.setenv("FLTEA_MQTT_PASSWORD", "hunter2")
+    broker = Broker(MqttConfig(broker="pi"))
+    assert (broker.user, broker.password) == ("me", "hunter2")
+    assert "hunter2" not in repr(broker) + str(MqttConfig(broker="pi"))
+
+
+def test_login_from_a_file_goes_before_the_environment(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("FLTEA_MQTT_USER", "other")
+    file = secret(tmp_path, "me:hunter2:with:colons\n", 0o640)
+    broker = Broker(MqttConfig(broker="pi", password_file=file))
+    assert (broker.user, broker.password) == ("me", "hunter2:with:colons")
+
+
+@pytest.mark.parametrize("text", ["", "hunter2\n", "me:\n", ":hunter2\n", "me:hunter2\nmore\n"])
+def test_file_without_a_login_is_refused_and_not_repeated(tmp_path: Path, text: str) -> None:
+    with pytest.raises(UsageError, match="one line, USER:PASSWORD") as refused:
+        Broker(MqttConfig(broker="pi", password_file=secret(tmp_path, text)))
+    assert "hunter2" not in str(refused.value)
+
+
+def test_file_that_everybody_may_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="chmod o= "):
+        Broker(MqttConfig(broker="pi", password_file=secret(tmp_path, "me:hunter2", 0o604)))
+
+
+def test_file_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="No such file"):
+        Broker(MqttConfig(broker="pi", password_file=str(tmp_path / "none")))
+    binary = tmp_path / "binary"
+    binary.write_bytes(b"\xff\xfe")
+    with pytest.raises(UsageError, match="not UTF-8"):
+        Broker(MqttConfig(broker="pi", password_file=str(binary)))
+
+
+def test_password_without_a_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FLTEA_MQTT_PASSWORD", "hunter2")
+    with pytest.raises(UsageError, match="FLTEA_MQTT_USER is not") as refused:
+        Broker(MqttConfig(broker="pi"))
+    assert "hunter2" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("broker", "password", "warned"),
+    [("pi", True, True), ("pi", False, False), ("localhost", True, False), ("mqtts://pi", True, False)],
+)
+def test_password_in_clear_is_told(
+    monkeypatch: pytest.MonkeyPatch, broker: str, password: bool, warned: bool
+) -> None:
+    if password:
+        monkeypatch.setenv("FLTEA_MQTT_USER", "me")
+        monkeypatch.setenv("FLTEA_MQTT_PASSWORD", "hunter2")
+    told: list[tuple[str, str]] = []
+    MqttSink(MqttConfig(broker=broker), "due", lambda kind, text: told.append((kind, text)))
+    assert [kind for kind, _ in told] == ["broker_plain"] * warned
+    assert "hunter2" not in str(told)
+
+
+# --- certificates ---
+
+
+@pytest.mark.parametrize("name", ["ca", "cert"])
+def test_certificates_that_are_none(tmp_path: Path, name: str) -> None:
+    file = tmp_path / "x.pem"
+    with pytest.raises(UsageError, match=rf"mqtt\.{name} .*No such file"):
+        Broker(MqttConfig(broker="mqtts://pi", **{name: str(file)}))
+    file.write_text("no certificate")
+    with pytest.raises(UsageError, match=rf"mqtt\.{name} .*not a PEM file"):
+        Broker(MqttConfig(broker="mqtts://pi", **{name: str(file)}))
+
+
+def test_only_insecure_takes_any_certificate() -> None:
+    assert Broker(MqttConfig(broker="pi")).tls is None
+    strict = Broker(MqttConfig(broker="mqtts://pi")).tls
+    assert strict is not None
+    assert (strict.verify_mode, strict.check_hostname) == (ssl.CERT_REQUIRED, True)
+    lax = Broker(MqttConfig(broker="mqtts://pi", insecure=True)).tls
+    assert lax is not None
+    assert (lax.verify_mode, lax.check_hostname) == (ssl.CERT_NONE, False)

@@ -1,0 +1,207 @@
+"""The MQTT sink by itself: topics, payloads, and the status of the device."""
+
+import json
+from collections.abc import Callable
+
+import msgspec
+import pytest
+from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Sample
+from fltea.sinks.mqtt import sink as mqtt
+from fltea.sinks.mqtt.connection import Down, Up
+from fltea.sinks.mqtt.sink import BACKLOG
+from host_support import hello
+from hypothesis import given
+from hypothesis import strategies as st
+from mqtt_support import Bench, FakeConnection, estimate, gap, make_bench, sample, stats
+
+INFO = EstimatorInfo("joint", "compressed", "consistent", 3000, 500, "startup", "auto")
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Bench]:
+    return make_bench(monkeypatch)
+
+
+# --- what is published, and where ---
+
+
+def test_every_kind_has_a_topic_a_quality_and_the_line_of_ndjson(bench: Callable[..., Bench]) -> None:
+    b = bench(estimate_every=1, sample_every=1)
+    records = [
+        Epoch(1, "start", 0, 0, 0, 7, INFO, device="due"),
+        sample(),
+        estimate(0),
+        gap(),
+        stats(),
+        Error("silent", "nothing came", 1, device="due"),
+    ]
+    b.write(*records)
+    sent = {topic: (payload, qos, retain) for topic, payload, qos, retain in b.connection.sent}
+    assert set(sent) == {
+        f"fltea/a0/{kind}"
+        for kind in ("hello", "status", "epoch", "sample", "estimate", "gap", "stats", "error")
+    }
+    for record in (hello(), *records):
+        payload, qos, retain = sent[f"fltea/a0/{type(record).__name__.lower()}"]
+        assert payload == msgspec.json.encode(record)
+        assert qos == (0 if isinstance(record, Sample | Estimate) else 1)
+        assert retain == (record == hello())
+    assert sent["fltea/a0/status"][1:] == (1, True)
+
+
+def test_by_default_every_tenth_estimate_and_no_sample(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    b.write(*(record for seq in range(7, 51) for record in (sample(seq), estimate(seq))))
+    assert [one["seq"] for one in b.connection.on("estimate")] == [10, 20, 30, 40, 50]
+    assert b.connection.on("sample") == []
+    assert b.sink.lost == 0
+
+
+def test_samples_and_quality_on_request(bench: Callable[..., Bench]) -> None:
+    b = bench(sample_every=4, stream_qos=1, prefix="lab/3")
+    b.write(*map(sample, range(9)))
+    found = [(topic, qos) for topic, _, qos, _ in b.connection.sent if topic.endswith("sample")]
+    assert found == [("lab/3/a0/sample", 1)] * 3
+
+
+@given(st.text(min_size=1))
+def test_topic_of_any_device_is_one_level_and_no_pattern(name: str) -> None:
+    level = mqtt._device_id(hello(device_id=name), "due")
+    assert level
+    assert not set("+#/\0\n") & set(level)
+    assert len(level) == len(name)
+
+
+def test_device_without_an_identifier_has_its_name(bench: Callable[..., Bench]) -> None:
+    b = bench(up=False)
+    b.write(hello(device_id=None))
+    assert b.connection.will[0] == "fltea/due/status"
+
+
+def test_client_id_is_another_in_another_process(bench: Callable[..., Bench]) -> None:
+    bench()
+    bench()
+    ids = {connection.client_id for connection in FakeConnection.made}
+    assert len(ids) == 2
+    assert all(one.startswith("fltea-a0-") for one in ids)
+
+
+# --- before the first HELLO ---
+
+
+def test_what_is_rare_waits_for_the_first_hello_and_no_connection_is_made(
+    bench: Callable[..., Bench],
+) -> None:
+    b = bench(up=False)
+    b.write(*(Error("no_port", str(k), 1, device="due") for k in range(BACKLOG + 3)), stats())
+    b.wait(100)
+    assert FakeConnection.made == []
+    assert b.sink.lost == 3
+    b.write(hello())
+    b.happens(Up())
+    assert [one["message"] for one in b.connection.on("error")] == [str(k) for k in range(3, BACKLOG + 3)]
+
+
+# --- the status ---
+
+
+def test_status_follows_the_samples(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    assert b.statuses() == ["stalled"]
+    b.write(sample())
+    b.write(sample(), stats(), sample())
+    assert b.statuses() == ["stalled", "online"]
+    b.wait(1.9)
+    assert b.statuses()[-1] == "online"
+    b.wait(0.2)
+    b.wait(1.0)
+    assert b.statuses() == ["stalled", "online", "stalled"]
+    b.write(sample())
+    assert b.statuses()[-1] == "online"
+    said = b.connection.on("status")[-1]
+    assert said == {
+        "status": "online",
+        "since_ns": b.now_ns + 5,
+        "source": "test:",
+        "device_id": "a0",
+        "device": "due",
+        "reason": None,
+    }
+
+
+def test_status_is_said_again_with_the_time_since_when(bench: Callable[..., Bench]) -> None:
+    """The will of an earlier, half-dead connection may have overwritten it."""
+    b = bench()
+    b.wait(29)
+    assert len(b.statuses()) == 1
+    b.wait(2)
+    first, again = b.connection.on("status")
+    assert first == again
+
+
+def test_will_and_farewell(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    topic, payload = b.connection.will
+    will = json.loads(payload)
+    assert (topic, will["status"], will["reason"], will["since_ns"]) == (
+        "fltea/a0/status",
+        "offline",
+        "connection_lost",
+        None,
+    )
+    b.connection.acknowledge()
+    b.sink.close()
+    last = b.connection.on("status")[-1]
+    assert (last["status"], last["reason"]) == ("offline", "ended")
+    assert b.connection.closed
+    assert b.sink.lost == 0
+
+
+def test_farewell_waits_for_what_is_not_acknowledged(
+    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A broker that is hung up on while it answers may publish the will after the farewell."""
+    b = bench()
+    b.write(gap())
+    naps: list[bool] = []
+
+    def nap(seconds: float) -> None:
+        naps.append(b.connection.closed)
+        if len(naps) == 3:
+            b.connection.acknowledge()
+
+    monkeypatch.setattr(mqtt.time, "sleep", nap)
+    monkeypatch.setattr(mqtt, "FAREWELL_S", 60.0)
+    b.sink.close()
+    assert naps[:3] == [False] * 3
+    assert b.connection.closed
+
+
+def test_another_board_on_the_same_port(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    b.write(sample())
+    first = b.connection
+    b.write(hello(boot_id=8))
+    assert len(first.on("hello")) == 2
+    b.write(hello(device_id="b1"), gap())
+    second = b.connection
+    assert second is not first
+    assert first.closed
+    last = first.on("status")[-1]
+    assert (last["status"], last["reason"]) == ("offline", "replaced")
+    b.happens(Up())
+    assert second.will[0] == "fltea/b1/status"
+    assert second.client_id != first.client_id
+    assert len(second.on("gap", "b1")) == 1
+    assert second.on("status", "b1")[-1]["status"] == "stalled"
+
+
+def test_another_board_while_the_broker_is_away(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    b.write(sample(), gap())
+    b.happens(Down("broker_lost", "gone"))
+    b.write(hello(device_id="b1"))
+    b.happens(Up())
+    assert b.connection.on("status")[-1]["reason"] == "replaced"
+    assert len(b.connection.on("gap")) == 1
+    assert b.connection.on("status", "b1")[-1]["status"] == "stalled"

@@ -1,0 +1,412 @@
+"""Sinks: lines that any JSON reader takes, and a table that loses neither numbers nor units."""
+
+import io
+import json
+import math
+import os
+import re
+import threading
+import time
+from typing import Any
+
+import msgspec
+import pytest
+from fltea.records.ports import SinkClosed
+from fltea.records.records import (
+    AccelEstimate,
+    AnyRecord,
+    AxisEstimate,
+    AxisStats,
+    DeviceStatus,
+    Epoch,
+    Error,
+    Estimate,
+    EstimatorInfo,
+    Gap,
+    LinkStats,
+    Order,
+    Sample,
+    SampleStats,
+    Stats,
+)
+from fltea.sinks.ndjson import BLOCK, NdjsonSink
+from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, number, sparkline
+from host_support import hello, strict_records
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+HELLO = hello(
+    source="serial:/dev/ttyACM0", sensor="MPU-9250", gyro_range_dps=2000.0, firmware_version="0.1.0"
+)
+EPOCH = Epoch(
+    3, "gap", 700, 7_000_000, 7, 8, EstimatorInfo("triple", "reference", "off", 3000, 500, "startup", "auto")
+)
+GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "undefined")
+INVALID = AxisEstimate(None, None, None, None, None, None, False)
+STATS = Stats(
+    epoch=3,
+    host_ns=9,
+    rate_hz=99.317,
+    clock_ppm=-62.4,
+    startup_remaining=123,
+    link=LinkStats(bytes=5, frames=4, bad_frames={"crc": 2, "cobs": 3}, reconnects=1),
+    samples=SampleStats(1234, 56, 7, 8, 9),
+    axes={"gyro_x": AxisStats(0.1, 0.02, 0, {"order_box": 3})},
+    board=DeviceStatus(1, 2, 3, 4, 5, "user"),
+)
+ERROR = Error("silent", "nothing [bold]came[/bold] for [5 s]", 1)
+
+
+def estimate(host_ns: int = 0, **axes: AxisEstimate) -> Estimate:
+    return Estimate(701, 3, 7_010_000, host_ns, "triple", axes or {"gyro_x": GOOD, "gyro_y": INVALID})
+
+
+EVERY_KIND: list[AnyRecord] = [
+    HELLO,
+    EPOCH,
+    Sample(1, 2, 3, 4, (0.5, -0.25), (9.8, 0.0, 0.0), 21.5, 3),
+    estimate(),
+    Gap(4, 5, 6, 7),
+    STATS,
+    ERROR,
+]
+
+# --- NDJSON ---
+
+
+def written(*records: AnyRecord, samples: bool = True) -> bytes:
+    stream = io.BytesIO()
+    sink = NdjsonSink(stream, samples=samples)
+    for record in records:
+        sink.write(record)
+    sink.close()
+    return stream.getvalue()
+
+
+def test_one_object_a_line_with_its_class_first() -> None:
+    data = written(*EVERY_KIND)
+    assert strict_records(data) == EVERY_KIND
+    first_keys = [next(iter(json.loads(line).items())) for line in data.splitlines()]
+    kinds = ["hello", "epoch", "sample", "estimate", "gap", "stats", "error"]
+    assert first_keys == [("class", kind) for kind in kinds]
+
+
+def test_samples_only_on_request() -> None:
+    kinds = [record.__class__ for record in strict_records(written(*EVERY_KIND, samples=False))]
+    assert kinds == [kind.__class__ for kind in EVERY_KIND if not isinstance(kind, Sample)]
+
+
+def test_newlines_in_a_text_stay_inside_the_line() -> None:
+    assert written(Error("silent", "a\nb\r\n\u2028c", 1)).count(b"\n") == 1
+
+
+def refuse_constant(text: str) -> None:
+    raise AssertionError(text)
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=6, max_size=6))
+def test_never_a_number_that_is_none(values: list[float]) -> None:
+    """The pipeline puts null in its place; should one slip through, the line is still JSON."""
+    line = written(estimate(gyro_x=AxisEstimate(*values, valid=True)))
+    axis = json.loads(line, parse_constant=refuse_constant)["axes"]["gyro_x"]
+    for found, value in zip(axis.values(), values, strict=False):
+        assert found == (value if math.isfinite(value) else None)
+
+
+class Stream(io.RawIOBase):
+    """A stream that takes a few bytes at a time, or none, or fails."""
+
+    def __init__(self, failure: Exception | None = None, at_a_time: int = 1 << 20) -> None:
+        self.data, self.failure, self.at_a_time, self.calls = bytearray(), failure, at_a_time, 0
+
+    def write(self, data: Any) -> int | None:
+        if self.failure:
+            raise self.failure
+        self.calls += 1
+        taken = bytes(data[: self.at_a_time])
+        self.data += taken
+        return len(taken)
+
+
+def test_lines_go_out_together_at_a_flush_and_at_once_when_many() -> None:
+    stream = Stream()
+    sink = NdjsonSink(stream, samples=True)
+    for record in EVERY_KIND:
+        sink.write(record)
+    assert not stream.data
+    sink.flush()
+    assert stream.data == written(*EVERY_KIND)
+    assert stream.calls == 1
+    for _ in range(BLOCK // 100):
+        sink.write(ERROR)
+    assert stream.calls > 1
+
+
+@given(st.integers(1, 500))
+def test_stream_that_takes_little_at_a_time_gets_everything(at_a_time: int) -> None:
+    stream = Stream(at_a_time=at_a_time)
+    sink = NdjsonSink(stream, samples=True)
+    for record in EVERY_KIND:
+        sink.write(record)
+    sink.close()
+    assert stream.data == written(*EVERY_KIND)
+
+
+def test_a_full_pipe_that_does_not_block_is_waited_for() -> None:
+    """Whoever shares the pipe may have made it so."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    sink = NdjsonSink(io.FileIO(writer, "wb"), samples=True)
+    expected = 3000 * len(written(ERROR))
+    data = bytearray()
+
+    def read() -> None:
+        while len(data) < expected:
+            time.sleep(0.002)
+            data.extend(os.read(reader, 1 << 16))
+
+    thread = threading.Thread(target=read, daemon=True)
+    try:
+        thread.start()
+        for _ in range(3000):
+            sink.write(ERROR)
+        sink.close()
+        thread.join(20)
+        assert data == written(*[ERROR] * 3000)
+    finally:
+        os.close(reader)
+        sink._stream.close()
+
+
+@pytest.mark.parametrize("failure", [BrokenPipeError(), ValueError("I/O operation on closed file")])
+def test_closed_pipe_is_sink_closed(failure: Exception) -> None:
+    sink = NdjsonSink(Stream(failure), samples=True)
+    sink.write(STATS)
+    with pytest.raises(SinkClosed):
+        sink.flush()
+    with pytest.raises(SinkClosed):
+        sink.close()
+
+
+def test_full_disk_is_no_closed_pipe() -> None:
+    sink = NdjsonSink(Stream(OSError(28, "No space left on device")), samples=True)
+    sink.write(STATS)
+    with pytest.raises(OSError, match="No space left"):
+        sink.flush()
+
+
+def test_record_that_cannot_be_encoded_is_no_closed_pipe() -> None:
+    """An end that nobody asked for must not look like one."""
+    with pytest.raises(UnicodeEncodeError):
+        written(Error("silent", "a lone surrogate: \udcff", 1))
+
+
+# --- table ---
+
+
+def shown(*records: AnyRecord, width: int = 80) -> str:
+    console = Console(file=io.StringIO(), width=width, color_system=None)
+    sink = TableSink(console)
+    for record in records:
+        sink.write(record)
+    sink.close()
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+WIDTHS = pytest.mark.parametrize("width", [80, 100, 157, 158, 200])
+
+
+@WIDTHS
+def test_numbers_and_units_at_every_width(width: int) -> None:
+    text = shown(HELLO, EPOCH, estimate(), STATS, width=width)
+    for part in (
+        "serial:/dev/ttyACM0  MPU-9250  100 Hz  ±2000 deg/s  firmware 0.1.0",
+        "f [s^-α]",
+        "state [deg/s]",
+        "innovation [deg/s]",
+        "0.412 ± 0.031",
+        "-2.125 ± 0.250",
+        "+0.1234",
+        "-0.0567",
+        "gyro_y",
+        "not valid",
+        "epoch 3  sample 701  delivered 1234  lost 56",
+        "bad frames 5  reconnects 1  99.32 Hz  clock -62 ppm",
+        "epoch 3 begins at sample 700: gap",
+    ):
+        assert part in text
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    assert "undefined, p=0.31" in " ".join(text.split()), "α is not shown alone"
+    assert "run fltea identify" in " ".join(text.split())
+
+
+@WIDTHS
+def test_trends_are_shown_at_every_width(width: int) -> None:
+    rising = [
+        estimate(k * 10**9, gyro_x=msgspec.structs.replace(GOOD, alpha=k / 10, f=-k / 10)) for k in range(8)
+    ]
+    text = shown(HELLO, *rising, width=width)
+    assert BARS in text
+    assert BARS[::-1] in text
+
+
+def test_axis_that_is_not_valid_keeps_its_trend_and_shows_no_number() -> None:
+    text = shown(HELLO, estimate(gyro_x=GOOD), estimate(10**9, gyro_x=INVALID), width=200)
+    row = next(line for line in text.splitlines() if "gyro_x" in line)
+    assert "not valid" in row
+    assert BARS[0] in row
+    assert not re.search(r"\d", row.replace("gyro_x", ""))
+
+
+@WIDTHS
+@pytest.mark.parametrize(
+    ("null", "words"),
+    [
+        ((None, None), "unknown"),
+        ((0.0123, "undefined"), "undefined, p=0.012"),
+        ((1e-9, "not white"), "not white, p<0.001"),
+    ],
+)
+def test_what_the_test_of_whiteness_says_is_in_the_row_of_its_axis(
+    width: int, null: tuple[float | None, Order | None], words: str
+) -> None:
+    axis = msgspec.structs.replace(GOOD, null_p=null[0], order=null[1])
+    accel = AccelEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, *null)
+    record = msgspec.structs.replace(estimate(gyro_x=axis), accel_axes={"accel_z": accel})
+    lines = shown(HELLO, record, width=width).splitlines()
+    for name in ("gyro_x", "accel_z"):
+        assert any(name in line and words in line for line in lines)
+
+
+def test_missing_innovation_and_deviation_are_left_out() -> None:
+    axis = msgspec.structs.replace(GOOD, innovation_dps=None, alpha_std=None)
+    text = shown(HELLO, estimate(gyro_x=axis))
+    assert "0.412" in text
+    assert "0.412 ±" not in text
+    assert "None" not in text
+
+
+def test_diverging_numbers_do_not_burst_the_table() -> None:
+    axis = AxisEstimate(3.2, 0.1, -1.5e139, 2e138, 1e7, -1e300, True)
+    lines = shown(HELLO, *[estimate(k * 10**9, gyro_x=axis) for k in range(3)], width=100).splitlines()
+    text = "\n".join(lines)
+    for part in ("-1.500e+139", "2.000e+138", "+1.0000e+07", "-1.0000e+300"):
+        assert part in text
+    assert max(map(len, lines)) <= 100
+
+
+def test_before_and_during_the_start_up_window() -> None:
+    assert "waiting for the device" in shown()
+    assert "no estimate yet" in shown(HELLO)
+    assert "start-up window: 123 samples to go" in shown(HELLO, EPOCH, STATS)
+
+
+def test_new_epoch_clears_estimates_and_trends() -> None:
+    text = shown(HELLO, estimate(), EPOCH)
+    assert "0.412" not in text
+    assert "no estimate yet" in text
+    assert BARS[0] in shown(HELLO, estimate(), EPOCH, estimate())
+
+
+def test_errors_are_shown_as_they_are() -> None:
+    """rich takes [bold] and [5 s] for markup unless told otherwise."""
+    text = shown(HELLO, ERROR, Gap(40, 3, 1, 0))
+    assert "silent: nothing [bold]came[/bold] for [5 s]" in text
+    assert "gap: 3 samples lost from number 40" in text
+
+
+def test_last_four_events_are_shown() -> None:
+    text = shown(*[Gap(k, 1, 1, 0) for k in range(6)])
+    assert [f"number {k}" in text for k in range(6)] == [False, False, True, True, True, True]
+
+
+def test_source_with_brackets_is_shown_as_it_is() -> None:
+    assert "[red]/tmp/a[0].npz" in shown(hello(source="[red]/tmp/a[0].npz"))
+
+
+def test_fits_a_terminal_of_24_lines() -> None:
+    axes = dict.fromkeys(("gyro_x", "gyro_y", "gyro_z"), GOOD)
+    gaps = [Gap(k, 1, 1, 0) for k in range(4)]
+    assert len(shown(HELLO, EPOCH, *gaps, estimate(**axes), STATS).splitlines()) <= 24
+
+
+def test_terminal_is_redrawn_at_errors_and_left_with_the_last_state() -> None:
+    console = Console(file=io.StringIO(), width=100, force_terminal=True, color_system=None)
+    sink = TableSink(console)
+    sink.write(HELLO)
+    sink.write(ERROR)
+    assert isinstance(console.file, io.StringIO)
+    assert "silent: nothing" in console.file.getvalue()
+    sink.write(estimate())
+    sink.close()
+    assert "0.412 ± 0.031" in console.file.getvalue()
+
+
+def test_closed_pipe_of_the_table_is_sink_closed() -> None:
+    class Closed(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError
+
+    with pytest.raises(SinkClosed):
+        TableSink(PipedConsole(file=Closed(), width=80)).close()
+
+
+def test_several_devices_below_each_other() -> None:
+    two = [
+        msgspec.structs.replace(record, device=name)
+        for name in ("left", "right")
+        for record in (hello(source=f"serial:{name}"), EPOCH, estimate(), STATS)
+    ]
+    general = Error("output_lost", "nothing more is written", 1)
+    text = shown(*two, general)
+    assert text.index("serial:left") < text.index("serial:right") < text.index("output_lost")
+    assert text.count("0.412 ± 0.031") == 2
+    assert text.count("Pure white noise") == 1
+
+
+def test_axes_of_the_accelerometer_have_their_unit() -> None:
+    axis = AccelEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True)
+    text = shown(HELLO, EPOCH, msgspec.structs.replace(estimate(), accel_axes={"accel_z": axis}), width=150)
+    assert re.search(r"accel_z.*\+0\.0123.*-0\.0045", text)
+    assert "m/s²" in text
+
+
+# --- its parts ---
+
+
+def test_sparkline() -> None:
+    assert sparkline([]) == ""
+    assert sparkline([3.0]) == "▁"
+    assert sparkline([2.0, 2.0, 2.0]) == "▁▁▁"
+    assert sparkline([0, 1, 2, 3, 4, 5, 6, 7]) == BARS
+    assert sparkline([-1.0, 1.0, 0.0]) == "▁█▅"
+    assert sparkline([-1e308, 1e308, 0.0]) == "▁█▅"
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
+def test_sparkline_has_a_bar_a_number_in_order(values: list[float]) -> None:
+    bars = sparkline(values)
+    assert len(bars) == len(values)
+    heights = [BARS.index(bar) for bar in bars]
+    by_value = [height for _, height in sorted(zip(values, heights, strict=True))]
+    assert by_value == sorted(heights)
+    assert heights[values.index(min(values))] == 0
+
+
+def test_trend_takes_one_a_second_and_forgets_the_oldest() -> None:
+    trend = Trend()
+    for k in range(100 * (TREND_WIDTH + 5)):
+        trend.add(float(k), k * 10_000_000)
+    assert str(trend) == sparkline([100.0 * k for k in range(5, TREND_WIDTH + 5)])
+    assert len(str(trend)) == TREND_WIDTH
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0.000"), (-2.1254, "-2.125"), (999999.0, "999999.000"), (-1.25e6, "-1.250e+06")],
+)
+def test_number(value: float, text: str) -> None:
+    assert number(value, 3) == text

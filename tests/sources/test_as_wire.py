@@ -1,0 +1,174 @@
+"""Sources without a wire: what they say, as frames, comes out of the frames again."""
+
+import msgspec
+import pytest
+from fltea.records.errors import UsageError
+from fltea.records.events import Break, Chunk, Event, Failed, LinkDown, Opened, RawSample, Tick, Trouble
+from fltea.records.records import DeviceStatus, Hello
+from fltea.sources.as_wire import AsWire
+from fltea.sources.synthetic import SyntheticSource
+from fltea.sources.wire_events import WireEvents
+from fltea.wire import layout as wire
+from fltea.wire.messages import FrameReader
+from host_support import hello
+from hypothesis import given
+from hypothesis import strategies as st
+
+OFFSET_NS = 1_800_000_000_000_000_000
+counts = st.integers(-(2**15), 2**15 - 1)
+
+MPU = hello(
+    device_id=bytes(range(16)).hex(),
+    firmware_version="1.2.3",
+    sensor="MPU-9250",
+    protocol=f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}",
+    schema_hash=f"0x{wire.SCHEMA_HASH:08X}",
+    gyro_range_dps=2000.0,
+    accel_range_g=2.0,
+    gyro_dlpf_hz=184.0,
+    sampling_mode="fifo",
+)
+
+
+def round_trip(events: list[Event]) -> list[Event]:
+    encoder, decoder = AsWire(lambda: OFFSET_NS), WireEvents("")
+    found: list[Event] = []
+    for event in events:
+        for item in encoder.encode(event):
+            found += decoder.feed(item, item.host_ns)
+            decoder.resume(item.host_ns)
+            assert decoder.unix_offset_ns == OFFSET_NS
+    assert decoder.link_stats().bad_frames == {}
+    return found
+
+
+hellos = st.builds(
+    lambda boot, rate, lsb, accel, starts: msgspec.structs.replace(
+        MPU,
+        boot_id=boot,
+        rate_hz=round(rate * 0.001, 9),
+        gyro_lsb_per_dps=round(lsb * 0.1, 9),
+        accel_lsb_per_g=float(accel),
+        sensor_starts=starts,
+    ),
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 2**32 - 1),
+    st.integers(1, 2**16 - 1),
+    st.integers(0, 2**16 - 1),
+    st.integers(0, 2**16 - 1),
+)
+samples = st.builds(
+    RawSample,
+    sequence=st.integers(0, 2**16 - 1),
+    device_us=st.integers(0, 2**32 - 1),
+    host_ns=st.just(0),
+    gyro=st.tuples(counts, counts, counts),
+    accel=st.tuples(counts, counts, counts),
+    temperature=counts,
+    flags=st.integers(0, 255),
+)
+statuses = st.builds(
+    DeviceStatus,
+    *[st.integers(0, 2**32 - 1)] * 5,
+    reset_cause=st.sampled_from(["power_up", "user", "watchdog"]),
+)
+
+
+@given(st.lists(st.tuples(st.one_of(hellos, samples, statuses), st.integers(1, 10**8)), max_size=30))
+def test_what_goes_in_comes_out(found: list[tuple[Event, int]]) -> None:
+    events, now_ns = [], 0
+    for event, step_ns in found:
+        now_ns += step_ns
+        match event:
+            case Hello():
+                event = msgspec.structs.replace(event, host_ns=now_ns)
+            case RawSample():
+                event = event._replace(host_ns=now_ns)
+        events.append(event)
+    again = [event for event in round_trip(events) if not isinstance(event, Trouble)]
+    again = [
+        msgspec.structs.replace(event, source="test:") if isinstance(event, Hello) else event
+        for event in again
+    ]
+    assert again == events
+
+
+def test_synthetic_noise_keeps_every_count() -> None:
+    source = SyntheticSource("?n=300&seed=4", realtime=False)
+    before = list(source.events())
+    after = round_trip(before)
+    assert [e[:4] for e in after if isinstance(e, RawSample)] == [e[:4] for e in before[1:]]
+    assert isinstance(after[0], Hello)
+    assert (after[0].rate_hz, after[0].gyro_lsb_per_dps, after[0].sampling_mode) == (100.0, 16.4, "simulated")
+
+
+def test_a_lost_device_is_lost_again_for_the_same_reason() -> None:
+    lost = Trouble("i2c_lost", "nothing answers at 0x68.", 30)
+    events = [
+        hello(host_ns=10),
+        LinkDown(30),
+        lost,
+        Trouble("i2c_lost", "still nothing.", 40),
+        hello(host_ns=50),
+        LinkDown(60),
+        hello(host_ns=70),
+    ]
+    encoder = AsWire(lambda: OFFSET_NS)
+    items = [item for event in events for item in encoder.encode(event)]
+    assert [type(item) for item in items] == [Opened, Chunk, Failed, Opened, Chunk, Failed, Opened, Chunk]
+    assert items[2] == Failed("i2c_lost", "nothing answers at 0x68.", 30, OFFSET_NS)
+    assert (items[5].kind, items[5].host_ns) == ("link_down", 60)
+    kinds = [type(event) for event in round_trip(events)]
+    assert kinds == [Hello, LinkDown, Trouble, Hello, LinkDown, Trouble, Hello]
+
+
+def test_what_is_no_frame_gives_nothing() -> None:
+    encoder = AsWire(lambda: OFFSET_NS)
+    assert encoder.encode(Tick(5)) == []
+    assert encoder.encode(Trouble("sensor_relative", "a relative.", 6, fatal=False)) == []
+
+
+def test_sequences_count_by_type() -> None:
+    encoder = AsWire(lambda: OFFSET_NS)
+    raw = RawSample(7, 70_000, 1, (1, 2, 3))
+    data = b"".join(
+        item.data
+        for event in (hello(), hello(), raw, hello())
+        for item in encoder.encode(event)
+        if isinstance(item, Chunk)
+    )
+    frames = FrameReader().feed(data)
+    assert [(frame.type, frame.sequence, frame.device_us) for frame in frames] == [
+        (1, 0, 0),
+        (1, 1, 0),
+        (2, 7, 70_000),
+        (1, 2, 70_000),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("event", "text"),
+    [
+        (hello(gyro_lsb_per_dps=None), "its samples are deg/s, not counts"),
+        (hello(gyro_lsb_per_dps=16.384), r"gyro_lsb_per_dps 16\.384 can only be stated as 16\.4"),
+        (hello(rate_hz=100 / 3), r"rate_hz 33\.3333 can only be stated as 33\.333"),
+        (hello(gyro_lsb_per_dps=1e6), "Hello: .*"),
+        (RawSample(0, 0, 0, (1.5, 0.0, 0.0)), r"1\.5 is no count"),
+        (RawSample(0, 0, 0, (1.0,)), "1 axes of rate"),
+        (RawSample(0, 0, 0, (40_000, 0, 0)), "RawSample: .*"),
+        (Break("restart", 0), "an epoch that a replay was told to begin"),
+    ],
+)
+def test_what_a_frame_cannot_state_is_refused(event: Event, text: str) -> None:
+    with pytest.raises(UsageError, match=rf"cannot be recorded as frames: .*{text}.* fltea run --samples"):
+        AsWire(lambda: 0).encode(event)
+
+
+@pytest.mark.parametrize("name", [None, "i2c-1-0x68", "ff" * 16, "ff"])
+def test_a_devices_name_stays_its_own(name: str | None) -> None:
+    (found,) = [event for event in round_trip([hello(device_id=name)]) if isinstance(event, Hello)]
+    (again,) = [event for event in round_trip([hello(device_id=name)]) if isinstance(event, Hello)]
+    assert found.device_id == again.device_id
+    assert len(found.device_id or "") == 32
+    others = [event for event in round_trip([hello(device_id="other")]) if isinstance(event, Hello)]
+    assert others[0].device_id != found.device_id

@@ -1,0 +1,384 @@
+"""A replay of MCAP files: the same estimates to the last bit, whatever was cut off, damaged or is missing."""
+
+import os
+import time
+import tracemalloc
+from pathlib import Path
+
+import pytest
+from fltea.recording.scan import HEAD
+from fltea.recording.session import Entry
+from fltea.records.errors import UsageError
+from fltea.records.events import Chunk, Opened, RawSample, Tick, Trouble
+from fltea.records.records import DeviceStatus, Epoch, Error, Estimate, Gap, Hello, Sample
+from fltea.service.open_source import open_source
+from fltea.settings.config import load_config
+from fltea.sinks import record as record_module
+from fltea.sources.mcap import McapRecording, find_parts, read_entries
+from fltea.sources.replay import ReplaySource
+from fltea.wire import layout as wire
+from fltea.wire.messages import FrameReader
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.opcode import Opcode
+from mcap_support import OFFSET_NS, SMALL, of, record, replay, transport, without
+
+
+@pytest.fixture
+def many_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chunk after every item: the finest that there can be."""
+    monkeypatch.setattr(record_module, "FLUSH_NS", 0)
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.mcap"))
+
+
+# --- the same bits ---
+
+
+@pytest.mark.parametrize("rotation", [{}, {"rotate_s": 0.7}])
+def test_all_records_of_a_live_run_come_again(rotation: dict[str, float], tmp_path: Path) -> None:
+    items = transport(samples=300, boots=3)
+    live, _ = record(tmp_path, items, **rotation)
+    assert len(files(tmp_path)) == (1 if not rotation else 15)
+    again = replay(tmp_path)
+    for kind, n in ((Sample, 3 * 297), (Estimate, 3 * 277), (Gap, 6), (Epoch, 3)):
+        assert len(of(live, kind)) == n
+        assert of(again, kind) == of(live, kind)  # numbers, times and estimates, bit by bit
+    assert without(of(again, Hello), "source", "host_ns") == without(of(live, Hello), "source", "host_ns")
+    kinds = [error.kind for error in of(live, Error)]
+    assert [error.kind for error in of(again, Error)] == kinds == ["unplugged", "unplugged"]
+    assert of(again, Hello)[0].source == f"replay:{tmp_path}"
+
+
+def test_what_the_line_did_is_counted_again(tmp_path: Path) -> None:
+    items = transport(samples=100, boots=2)
+    broken = items[20]._replace(data=b"\xff" + items[20].data)
+    items[20] = broken
+    _, sink = record(tmp_path, items)
+    source = ReplaySource(tmp_path)
+    for _ in source.events():
+        pass
+    assert source.link_stats() == sink._wire.link_stats()
+    assert source.link_stats().bad_frames
+    assert source.link_stats().reconnects == 1
+
+
+def test_host_times_follow_each_epochs_own_clock(tmp_path: Path) -> None:
+    """The wall clock was set between two boots: the times of the second epoch are of the new one."""
+    hour_ns = 3600 * 10**9
+    items = transport(samples=100, boots=2)
+    second = items.index(next(i for i in items[1:] if isinstance(i, Opened)))
+    items[second:] = [item._replace(unix_offset_ns=item.unix_offset_ns + hour_ns) for item in items[second:]]
+    live, _ = record(tmp_path, items)
+    assert of(live, Sample)[-1].host_ns - of(live, Sample)[0].host_ns > hour_ns
+    assert of(replay(tmp_path), Sample) == of(live, Sample)
+
+
+def test_a_later_file_can_be_replayed_alone(tmp_path: Path) -> None:
+    live, _ = record(tmp_path, transport(samples=450), rotate_s=1.55)
+    last = files(tmp_path)[2]
+    again = replay(last)
+    assert isinstance(again[0], Hello)
+    numbers = [sample.seq for sample in of(again, Sample)]
+    assert numbers == [s.seq for s in of(live, Sample) if s.seq >= numbers[0]]
+    assert 308 <= numbers[0] <= 313  # at once, by the HELLO of the file's head
+    gyro = {s.seq: s.gyro_dps for s in of(live, Sample)}
+    assert all(sample.gyro_dps == gyro[sample.seq] for sample in of(again, Sample))
+
+
+def test_files_that_are_missing_are_a_gap(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=600), rotate_s=2.0)
+    files(tmp_path)[1].unlink()
+    again = replay(tmp_path)
+    (error,) = of(again, Error)
+    assert error.kind == "recording_gap"
+    assert "files are missing before" in error.message
+    gap = of(again, Gap)[-1]
+    assert 195 <= gap.missing <= 205
+    assert of(again, Sample)[-1].seq == 599
+    assert len(of(again, Sample)) + sum(g.missing for g in of(again, Gap)) == 600
+
+
+@pytest.mark.usefixtures("many_chunks")
+def test_a_damaged_chunk_costs_itself_alone(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=500), channels=())
+    path = files(tmp_path)[0]
+    data = bytearray(path.read_bytes())
+    middle = [at for at, kind, _ in _places(bytes(data)) if kind == Opcode.CHUNK][250]
+    data[middle + 60] ^= 0xFF
+    path.write_bytes(data)
+    again = replay(tmp_path)
+    (error,) = of(again, Error)
+    assert "is damaged at byte" in error.message
+    samples = of(again, Sample)
+    assert samples[-1].seq == 499
+    assert 0 < 500 - len(samples) <= 110  # up to the next HELLO
+
+
+@pytest.mark.usefixtures("many_chunks")
+def test_no_changed_byte_of_the_wire_is_ever_believed(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=8), channels=())
+    path = files(tmp_path)[0]
+    data, (part,) = path.read_bytes(), find_parts([path])
+    true = {entry.data for entry in read_entries(part) if isinstance(entry, Entry)}
+    at, _, length = [place for place in _places(data) if place[1] == Opcode.CHUNK][4]
+    for flipped in range(at + HEAD.size, at + HEAD.size + length):
+        path.write_bytes(data[:flipped] + bytes([data[flipped] ^ 4]) + data[flipped + 1 :])
+        found = {entry.data for entry in read_entries(part) if isinstance(entry, Entry)}
+        assert found <= true, flipped - at
+
+
+@pytest.mark.usefixtures("many_chunks")
+def test_chunks_that_are_not_there_are_noticed_by_their_numbers(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=300), channels=())
+    path = files(tmp_path)[0]
+    data = bytearray(path.read_bytes())
+    middle = [at for at, kind, _ in _places(bytes(data)) if kind == Opcode.CHUNK][120]
+    data[middle] = 0x7F  # a kind that no reader knows and all skip
+    path.write_bytes(data)
+    (error,) = of(replay(tmp_path), Error)
+    assert error.kind == "recording_gap"
+    assert "chunks from the wire are missing" in error.message
+
+
+def test_without_the_chunk_that_names_the_channels_the_rest_is_read(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=300), channels=())
+    path = files(tmp_path)[0]
+    data = bytearray(path.read_bytes())
+    first = next(at for at, kind, _ in _places(bytes(data)) if kind == Opcode.CHUNK)
+    data[first + 60] ^= 0xFF
+    path.write_bytes(data)
+    assert [type(event).__name__ for event in McapRecording(find_parts([path]), "x").events()] == []
+
+
+def _places(data: bytes) -> list[tuple[int, int, int]]:
+    """Offset, kind and length of every record."""
+    found, at = [], 8
+    while at < len(data) - 8:
+        kind, length = HEAD.unpack_from(data, at)
+        found.append((at, kind, length))
+        at += HEAD.size + length
+    return found
+
+
+# --- cut at any byte ---
+
+
+@pytest.mark.usefixtures("many_chunks")
+def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> None:
+    items = transport(samples=3)
+    record(tmp_path / "whole", items, channels=())
+    data = files(tmp_path / "whole")[0].read_bytes()
+    ends = [at + HEAD.size + length for at, kind, length in _places(data) if kind == Opcode.CHUNK]
+    head = _places(data)[1][0] + HEAD.size + _places(data)[1][2]  # the session's metadata
+    everything = [item for item in items if isinstance(item, Chunk)]
+    path = tmp_path / "cut.mcap"
+    before = find_parts(files(tmp_path / "whole"))[0]._replace(path=path)
+    for length in range(len(data)):
+        path.write_bytes(data[:length])
+        if length < head:
+            with pytest.raises(UsageError, match=r"cut\.mcap: is no recording of fltea, or was cut"):
+                find_parts([path])
+            continue
+        events = list(McapRecording([before], "x").events())
+        chunks = sum(end <= length for end in ends)
+        bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])  # the first is `Opened`
+        frames = FrameReader().feed(bytes_in)
+        samples = [frame for frame in frames if isinstance(frame.message, wire.Sample)]
+        assert len([event for event in events if isinstance(event, RawSample)]) == len(samples)
+        troubles = [event.kind for event in events if isinstance(event, Trouble)]
+        assert troubles == ["cut_recording"]
+    path.write_bytes(data)
+    assert not [e for e in McapRecording(find_parts([path]), "x").events() if isinstance(e, Trouble)]
+
+
+@given(st.integers(0, 2**32), st.integers(1, 40), st.sampled_from(["flip", "zeros", "insert", "drop"]))
+@settings(max_examples=150)
+def test_whatever_happened_to_a_file_it_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, place: int, length: int, how: str
+) -> None:
+    folder = tmp_path_factory.getbasetemp() / "damaged_source"
+    if not folder.exists():
+        record(folder, transport(samples=40))
+    data = bytearray(files(folder)[0].read_bytes())
+    at = place % len(data)
+    match how:
+        case "flip":
+            data[at] ^= 1 + place % 255
+        case "zeros":
+            data[at : at + length] = bytes(len(data[at : at + length]))
+        case "insert":
+            data[at:at] = bytes(range(length))
+        case "drop":
+            del data[at : at + length]
+    path = tmp_path_factory.getbasetemp() / "damaged.mcap"
+    path.write_bytes(data)
+    try:
+        samples = [e for e in McapRecording(find_parts([path]), "x").events() if isinstance(e, RawSample)]
+    except UsageError:
+        return
+    assert len(samples) <= 40
+
+
+@pytest.mark.usefixtures("many_chunks")
+def test_a_file_of_a_power_cut_ends_in_zeros(tmp_path: Path) -> None:
+    live, _ = record(tmp_path, transport(samples=100), end=False)
+    path = files(tmp_path)[0]
+    with path.open("ab") as file:
+        file.write(bytes(5000))
+    again = replay(tmp_path)
+    assert of(again, Error)[-1].kind == "cut_recording"
+    assert of(again, Sample) == of(live, Sample)
+
+
+# --- names ---
+
+
+def test_folder_session_and_file_name_the_same(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=200), rotate_s=1.0)
+    session = Path(str(files(tmp_path)[0]).removesuffix("_000.mcap"))
+    assert [part.path for part in find_parts([session])] == files(tmp_path)
+    assert [part.path for part in find_parts([tmp_path])] == files(tmp_path)
+    assert [part.path for part in find_parts(files(tmp_path)[::-1])] == files(tmp_path)
+    assert [part.path for part in find_parts(files(tmp_path)[:1])] == files(tmp_path)[:1]
+
+
+def test_several_sessions_are_listed_and_none_is_guessed(tmp_path: Path) -> None:
+    for _ in range(2):
+        record(tmp_path, transport(samples=100))
+    with pytest.raises(UsageError) as refusal:
+        replay(tmp_path)
+    lines = str(refusal.value).splitlines()
+    assert lines[0] == f"{tmp_path}: holds 2 recordings; name one of them:"
+    for line in lines[1:]:
+        name = line.split()[0]
+        assert "(device due, 1 file)" in line
+        assert len(of(replay(Path(name)), Sample)) == 98
+
+
+def test_what_is_no_recording(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "foreign.mcap").write_bytes(b"PK\3\4 no MCAP at all")
+    (tmp_path / "nothing.mcap").touch()
+    for name, text in (
+        ("empty", r"empty: no \.mcap file in this folder"),
+        ("none.mcap", r"there is no such file or recording"),
+        ("foreign.mcap", r"foreign\.mcap: cannot be read as a recording \(it is no MCAP file\)"),
+        ("nothing.mcap", r"nothing\.mcap: is no recording of fltea, or was cut"),
+        (".", r"no recording of fltea in it \(2 files cannot be read\)"),
+    ):
+        with pytest.raises(UsageError, match=text):
+            ReplaySource(tmp_path / name)
+
+
+def test_another_programs_mcap_file(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    with (tmp_path / "other.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/imu", "json", 0)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(UsageError, match=r"other\.mcap: is no recording of fltea"):
+        ReplaySource(tmp_path / "other.mcap")
+
+
+def test_a_later_format_is_refused_by_number(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=60))
+    path = files(tmp_path)[0]
+    data = path.read_bytes()
+    assert b"\6\0\0\0format\1\0\0\0001" in data
+    path.write_bytes(data.replace(b"\6\0\0\0format\1\0\0\0001", b"\6\0\0\0format\1\0\0\0002"))
+    with pytest.raises(UsageError, match="format 2; this program knows format 1"):
+        ReplaySource(path)
+
+
+def test_a_recovered_copy_stands_for_its_file(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=100))
+    path = files(tmp_path)[0]
+    copy = path.with_name(f"{path.stem}.recovered.mcap")
+    copy.write_bytes(path.read_bytes())
+    assert [part.path for part in find_parts([tmp_path])] == [copy]
+
+
+# --- settings of a replay ---
+
+
+def test_flags_of_other_kinds_are_refused(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=100))
+    with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
+        ReplaySource(tmp_path, shuffle=1)
+    with pytest.raises(UsageError, match=r"--columns, --units and --rate are for CSV"):
+        ReplaySource(tmp_path, rate_hz=100.0)
+
+
+@pytest.mark.parametrize(("startup", "good"), [(97, True), (98, False)])
+def test_recording_has_to_outlast_the_start_up_window(startup: int, good: bool, tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=100))
+    if good:
+        ReplaySource(tmp_path, startup=startup)
+        return
+    with pytest.raises(UsageError, match=rf"98 rows, but the start-up window .* {startup} "):
+        ReplaySource(tmp_path, startup=startup)
+
+
+def test_troubles_of_then_do_not_end_a_replay(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=100, boots=2))
+    troubles = [event for event in ReplaySource(tmp_path).events() if isinstance(event, Trouble)]
+    assert [trouble.kind for trouble in troubles] == ["unplugged"]
+    assert not any(trouble.fatal for trouble in troubles)
+
+
+def test_a_silent_line_is_told_again(tmp_path: Path) -> None:
+    items = transport(samples=100)
+    record(tmp_path, [*items, Chunk(b"", items[-1].host_ns + 9 * 10**9, OFFSET_NS)])
+    events = list(ReplaySource(tmp_path).events())
+    assert [event.kind for event in events if isinstance(event, Trouble)] == ["silent"]
+    ticks = [event.host_ns for event in events if isinstance(event, Tick)]
+    assert 15 <= len(ticks) <= 18
+
+
+def test_real_pace_waits_for_what_came(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record(tmp_path, transport(samples=100))
+    now_ns = [0]
+    monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: now_ns[0])
+    monkeypatch.setattr(time, "sleep", lambda s: now_ns.__setitem__(0, now_ns[0] + round(s * 1e9)))
+    times = []
+    for event in ReplaySource(tmp_path, realtime=True).events():
+        if not isinstance(event, DeviceStatus):
+            times.append(event.host_ns - now_ns[0])
+    assert len(times) > 98
+    assert max(times) - min(times) <= 10
+
+
+def test_the_offset_is_that_of_the_event(tmp_path: Path) -> None:
+    items = transport(samples=60)
+    record(tmp_path, items)
+    source = open_source(load_config(None, SMALL | {"source": f"replay:{tmp_path}"}))
+    offsets = {item.host_ns: item.unix_offset_ns for item in items}
+    assert source.unix_offset_ns == items[0].unix_offset_ns
+    for event in source.events():
+        if isinstance(event, RawSample):
+            assert source.unix_offset_ns == offsets[event.host_ns]
+
+
+def test_memory_does_not_grow_with_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(record_module, "FLUSH_NS", 0)
+
+    def peak(samples: int) -> int:
+        folder = tmp_path / str(samples)
+        record(folder, transport(samples=samples), channels=())
+        source = ReplaySource(folder)
+        tracemalloc.start()
+        for _ in source.events():
+            pass
+        found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert os.path.getsize(files(folder)[0]) > 100 * samples
+        return found
+
+    peak(100)
+    assert peak(2000) < 1.2 * peak(500) + 20_000

@@ -1,0 +1,335 @@
+"""Replay: a recording becomes the events that a device would have sent, every run the same ones."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from fltea.records.errors import UsageError
+from fltea.records.events import Event, LinkDown, RawSample
+from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, LinkStats, Sample
+from fltea.service.open_source import open_source
+from fltea.settings.config import load_config
+from fltea.sinks.ndjson import NdjsonSink
+from fltea.sources import pacing
+from fltea.sources.replay import ReplaySource
+from fltea.stream.pipeline import Pipeline
+from fltea.stream.place import Continuity
+from host_support import QUICK, fltea, hello, strict_records
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+COUNTS = np.random.default_rng(5).integers(-200, 200, (300, 3)).astype(np.int16)
+
+
+def npz_file(tmp_path: Path, **changes: object) -> Path:
+    path = tmp_path / "rest.npz"
+    arrays = {"gyro_raw": COUNTS, "fs_hz": 100.0, "lsb_per_dps": 16.4, **changes}
+    np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
+    return path
+
+
+def samples(source: ReplaySource) -> list[RawSample]:
+    return [event for event in source.events() if isinstance(event, RawSample)]
+
+
+def test_hello_first_then_every_sample(tmp_path: Path) -> None:
+    source = ReplaySource(npz_file(tmp_path, accel_raw=np.ones((300, 3))))
+    first, *rest = source.events()
+    assert isinstance(first, Hello)
+    assert (first.rate_hz, first.sampling_mode, first.gyro_lsb_per_dps) == (100.0, "recording", 16.4)
+    assert first.boot_id is None
+    assert [event.gyro for event in rest] == [tuple(row) for row in COUNTS.tolist()]
+    assert [event.sequence for event in rest] == list(range(300))
+    assert [event.device_us for event in rest] == [10_000 * k for k in range(300)]
+    assert [event.host_ns for event in rest] == [10_000_000 * k for k in range(300)]
+    assert {event.accel for event in rest} == {(1.0, 1.0, 1.0)}
+
+
+def test_a_second_run_gives_the_same_events(tmp_path: Path) -> None:
+    path = npz_file(tmp_path)
+    assert list(ReplaySource(path).events()) == list(ReplaySource(path).events())
+
+
+def test_host_times_are_those_of_the_recording(tmp_path: Path) -> None:
+    arrivals_s = 1e6 + np.sort(np.random.default_rng(1).random(300)) * 2.99
+    found = samples(ReplaySource(npz_file(tmp_path, t_host_s=arrivals_s)))
+    assert found[0].host_ns == 0
+    assert [raw.host_ns for raw in found] == pytest.approx((arrivals_s - arrivals_s[0]) * 1e9, abs=2)
+    assert [raw.device_us for raw in found] == [10_000 * k for k in range(300)]
+
+
+def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
+    n, rate_hz = 70_000, 10.0  # 7000 s: one wrap of each
+    path = npz_file(tmp_path, gyro_raw=None, gyro_dps=np.zeros((n, 1)), fs_hz=rate_hz)
+    found = samples(ReplaySource(path))
+    assert max(raw.sequence for raw in found) == 65535
+    assert (found[65536].sequence, found[-1].sequence) == (0, n - 1 - 65536)
+    assert max(raw.device_us for raw in found) < 2**32
+    assert found[-1].device_us == (n - 1) * 100_000 - 2**32
+    continuity = Continuity(0)
+    continuity.on_hello(Hello("", 0, rate_hz, ""))
+    placed = [continuity.on_sample(raw) for raw in found]
+    assert [p.seq for p in placed if p] == list(range(n))
+    assert continuity.lost == 0
+
+
+# --- times of a CSV file: gaps are gaps, and no sample is ever disbelieved ---
+
+
+def csv_file(tmp_path: Path, times_s: list[float]) -> Path:
+    path = tmp_path / "rest.csv"
+    rows = [f"{t!r},{k % 7}\n" for k, t in enumerate(times_s)]
+    path.write_text("time_s,gyro_x_dps\n" + "".join(rows))
+    return path
+
+
+def walked(source: ReplaySource) -> tuple[Continuity, list[str]]:
+    continuity, reasons = Continuity(100), []
+    for event in source.events():
+        if isinstance(event, Hello):
+            continuity.on_hello(event)
+        elif isinstance(event, RawSample):
+            placed = continuity.on_sample(event)
+            assert placed is not None
+            reasons += [placed.new_epoch] if placed.new_epoch else []
+    return continuity, reasons
+
+
+def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
+    times_s = [k * 0.01 for k in range(400) if k not in (50, 51, 52) and not 200 <= k < 350]
+    continuity, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
+    assert (continuity.delivered, continuity.lost, continuity.gaps) == (247, 153, 2)
+    assert reasons == ["start", "gap"]
+
+
+def test_half_an_hour_of_nothing_is_silence(tmp_path: Path) -> None:
+    times_s = [k * 0.01 + (10_000 if k >= 20 else 0) for k in range(40)]
+    continuity, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
+    assert (continuity.delivered, continuity.lost, reasons) == (40, 0, ["start", "silence"])
+
+
+@given(st.lists(st.floats(2e-6, 5.0), min_size=1, max_size=50), st.sampled_from([1.0, 100.0, 1000.0]))
+@settings(max_examples=100)
+def test_every_row_is_used_whatever_the_times(
+    tmp_path_factory: pytest.TempPathFactory, steps_s: list[float], rate_hz: float | None
+) -> None:
+    times_s = np.cumsum([0, *steps_s]).tolist()
+    continuity, _ = walked(ReplaySource(csv_file(tmp_path_factory.getbasetemp(), times_s), rate_hz=rate_hz))
+    assert (continuity.delivered, continuity.before_hello) == (len(times_s), 0)
+
+
+# --- shuffle ---
+
+
+@given(st.integers(0, 2**32))
+@settings(max_examples=20)
+def test_shuffle_is_a_permutation_and_times_stay(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
+    path = npz_file(tmp_path_factory.getbasetemp(), accel_raw=COUNTS + 1000)
+    plain, shuffled = samples(ReplaySource(path)), samples(ReplaySource(path, shuffle=seed))
+    assert [raw[:3] for raw in shuffled] == [raw[:3] for raw in plain]
+    assert [raw.gyro for raw in shuffled] != [raw.gyro for raw in plain]
+    assert sorted(raw.gyro for raw in shuffled) == sorted(raw.gyro for raw in plain)
+    assert all(raw.accel == tuple(g + 1000 for g in raw.gyro) for raw in shuffled)  # a sample stays whole
+
+
+def test_shuffle_is_the_seeds_and_says_so(tmp_path: Path) -> None:
+    path = npz_file(tmp_path)
+    first, again, other = (list(ReplaySource(path, shuffle=seed).events()) for seed in (1, 1, 2))
+    assert first == again
+    assert first[1:] != other[1:]
+    assert isinstance(first[0], Hello)
+    assert "shuffled, seed 1" in first[0].source
+
+
+# --- what is refused ---
+
+
+@pytest.mark.parametrize(("startup", "good"), [(299, True), (300, False), (301, False)])
+def test_recording_has_to_outlast_the_start_up_window(startup: int, good: bool, tmp_path: Path) -> None:
+    path = npz_file(tmp_path)
+    if good:
+        ReplaySource(path, startup=startup)
+        return
+    with pytest.raises(UsageError, match=rf"rest.npz: 300 rows, but the start-up window .* {startup} "):
+        ReplaySource(path, startup=startup)
+
+
+@pytest.mark.parametrize("kind", ["npz", "ndjson"])
+@pytest.mark.parametrize("flag", [{"columns": ["a"]}, {"units": "dps"}, {"rate_hz": 1.0}])
+def test_flags_of_csv_do_not_fit_other_kinds(kind: str, flag: dict[str, object], tmp_path: Path) -> None:
+    path = npz_file(tmp_path) if kind == "npz" else ndjson_file(tmp_path)
+    with pytest.raises(UsageError, match=r"--columns, --units and --rate are for CSV"):
+        ReplaySource(path, **flag)
+
+
+def test_shuffle_does_not_fit_ndjson(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
+        ReplaySource(ndjson_file(tmp_path), shuffle=1)
+
+
+def test_missing_file_folder_and_unknown_ending(tmp_path: Path) -> None:
+    for name in ("none.npz", "none.mcap"):
+        with pytest.raises(UsageError, match="there is no such file"):
+            ReplaySource(tmp_path / name)
+    with pytest.raises(UsageError, match=r"no \.mcap file in this folder"):
+        ReplaySource(tmp_path)
+    (tmp_path / "rest.wav").touch()
+    with pytest.raises(UsageError, match=r"rest\.wav: the kind is not known by its ending"):
+        ReplaySource(tmp_path / "rest.wav")
+
+
+def test_name_that_is_no_text_is_written_as_far_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "r\udcffst.npz"  # what Python makes of the byte 0xFF in a name
+    npz_file(tmp_path).rename(path)
+    first = next(ReplaySource(path).events())
+    assert isinstance(first, Hello)
+    assert first.source == f"replay:{tmp_path}/r?st.npz"
+
+
+@pytest.mark.parametrize("name", ["rest.CSV", "rest.txt"])
+def test_endings_of_csv(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text("gx\n1\n2\n")
+    assert len(samples(ReplaySource(tmp_path / name, columns=["gx"], rate_hz=1.0))) == 2
+
+
+# --- our own output ---
+
+
+def ndjson_file(tmp_path: Path) -> Path:
+    path = tmp_path / "own.ndjson"
+    result = fltea("run", "-s", "synthetic:?n=300", "--pace", "fast", "--once", "--samples", *QUICK)
+    path.write_text(result.stdout)
+    return path
+
+
+@pytest.mark.parametrize("lsb", ["16.4", "0", "131"])
+def test_own_output_replays_to_the_same_bits(lsb: str, tmp_path: Path) -> None:
+    path = tmp_path / "first.ndjson"
+    url = f"synthetic:?n=400&lsb_per_dps={lsb}&offset_dps=-3.3"
+    first = fltea("run", "-s", url, "--pace", "fast", "--once", "--samples", *QUICK)
+    path.write_text(first.stdout)
+    second = fltea("run", "-s", f"replay:{path}", "--once", "--samples", *QUICK)
+    assert (first.returncode, second.returncode) == (0, 0)
+    for kind in (Sample, Estimate):
+        before, after = (
+            [msgspec.structs.replace(r, device="") for r in strict_records(run.stdout) if isinstance(r, kind)]
+            for run in (first, second)
+        )
+        assert len(before) == (400 if kind is Sample else 350)
+        assert before == after
+
+
+# --- pace ---
+
+
+def test_real_pace_waits_for_each_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_ns = [0]
+    monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: now_ns[0])
+    monkeypatch.setattr(time, "sleep", lambda s: now_ns.__setitem__(0, now_ns[0] + round(s * 1e9)))
+    for event in ReplaySource(npz_file(tmp_path), realtime=True).events():
+        assert now_ns[0] == event.host_ns
+    assert now_ns[0] == 299 * 10_000_000
+
+
+def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Python sleeps on after a signal, so a wait is made of short ones."""
+    source = ReplaySource(csv_file(tmp_path, [0.0, 600.0, 1200.0]), realtime=True)
+    slept_s: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        slept_s.append(seconds)
+        source.close()
+
+    monkeypatch.setattr(time, "sleep", sleep)
+    assert len(samples(source)) == 1
+    assert slept_s == [pacing.SLICE_S]
+
+
+def test_pace_comes_from_the_configuration(tmp_path: Path) -> None:
+    path = npz_file(tmp_path)
+    for pace, realtime in (("auto", False), ("fast", False), ("real", True)):
+        config = load_config(None, {"source": f"replay:{path}", "pace": pace, "estimator.startup": 9})
+        source = open_source(config)
+        assert isinstance(source, ReplaySource)
+        assert source._realtime is realtime
+        assert (source.live, source.unix_offset_ns) == (False, 0)
+
+
+class Live:
+    """What a device on a port looked like to the pipeline."""
+
+    live = prompt = True
+    unix_offset_ns = 1_700_000_000_123_456_789
+
+    def events(self) -> Iterator[Event]:
+        yield from ()
+
+    def link_stats(self) -> LinkStats:
+        return LinkStats()
+
+    def close(self) -> None: ...
+
+
+def live_events() -> Iterator[Event]:
+    """Lost samples, a port or a sensor that was away, an overlong gap, and a restart, with late arrivals."""
+    rng = np.random.default_rng(3)
+    now_ns = 5_000_000_000
+    for boot_id, away in (
+        (1, {*range(90, 95), *range(140, 180), *range(260, 500)}),
+        (2, {33, *range(290, 300)}),
+    ):
+        yield hello(boot_id=boot_id, host_ns=now_ns)
+        for k in (k for k in range(600) if k not in away):
+            if k == 180:
+                yield LinkDown(now_ns)
+                yield hello(boot_id=boot_id, host_ns=now_ns)
+            if k == 300 and boot_id == 2:
+                yield hello(boot_id=boot_id, sensor_starts=2, host_ns=now_ns)
+            arrival_ns = now_ns + k * 10_000_000 + int(rng.exponential(3e6))
+            counts = tuple(rng.integers(-9, 9, 3).tolist())
+            yield RawSample(k % 65536, k * 10_000, arrival_ns, counts, (0, 0, 16384), -1042, flags=k % 4)
+        now_ns += 9_000_000_000
+
+
+def test_recorded_live_run_replays_to_the_same_bits(tmp_path: Path) -> None:
+    path = tmp_path / "live.ndjson"
+    small = {"estimator.window": 50, "estimator.startup": 20, "samples": True}
+    pipeline = Pipeline(Live(), load_config(None, small))
+    live = [record for event in live_events() for record in pipeline.feed(event)]
+    with path.open("wb") as stream:
+        sink = NdjsonSink(stream, samples=True)
+        for record in live:
+            sink.write(record)
+        sink.close()
+    config = load_config(None, {**small, "source": str(path)})
+    source = open_source(config)
+    pipeline = Pipeline(source, config)
+    again = [record for event in source.events() for record in pipeline.feed(event)]
+
+    def estimates(records: list[AnyRecord]) -> list[tuple[object, ...]]:
+        return [(r.epoch, r.seq, r.device_us, r.axes) for r in records if isinstance(r, Estimate)]
+
+    def breaks(records: list[AnyRecord]) -> list[tuple[object, ...]]:
+        return [
+            (r.epoch, r.seq, r.reason if isinstance(r, Epoch) else r.missing)
+            for r in records
+            if isinstance(r, Epoch | Gap)
+        ]
+
+    assert breaks(live) == [
+        (1, 0, "start"),
+        (1, 90, 5),
+        (1, 140, 40),
+        (1, 260, 240),
+        (2, 500, "gap"),
+        (3, 0, "restart"),
+        (3, 33, 1),
+        (3, 290, 10),
+        (4, 300, "sensor_restart"),
+    ]
+    assert breaks(again) == breaks(live)
+    assert len(estimates(live)) == 195 + 80 + 269 + 280
+    assert estimates(again) == estimates(live)

@@ -1,0 +1,68 @@
+"""The null test: its table, and that its p-values are what they say."""
+
+import numpy as np
+import pytest
+from fltea.spectrum.null_constants import PROBABILITIES
+from fltea.spectrum.null_test import critical_values, null_fits, p_value
+from fltea.spectrum.periodogram import binned, periodogram
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_support import H, long_recursion, white
+
+
+def p_values(y: np.ndarray) -> np.ndarray:
+    data = binned(periodogram(y, H))
+    return np.array([p_value(r, data.ordinates) for r in null_fits(data).likelihood_ratio.tolist()])
+
+
+def test_p_values_of_white_noise_are_uniform() -> None:
+    """200 series: 5 ± 4.6 % and 50 ± 10.6 % are three standard deviations of a binomial."""
+    found = p_values(white(600, 200, 1))
+    assert (found < 0.05).mean() == pytest.approx(0.05, abs=0.046)
+    assert (found < 0.5).mean() == pytest.approx(0.5, abs=0.106)
+
+
+@pytest.mark.parametrize("kind", ["one LSB per σ", "t4 tails"])
+def test_white_noise_of_other_kinds_too(kind: str) -> None:
+    """The null distribution is that of Gaussian ordinates; the samples need not be Gaussian."""
+    rng = np.random.default_rng(11)
+    y = np.rint(white(2000, 100, 7)) if kind == "one LSB per σ" else rng.standard_t(4, (100, 2000))
+    found = p_values(y)
+    assert (found < 0.05).mean() <= 0.12
+    assert (found < 0.5).mean() == pytest.approx(0.5, abs=0.15)
+
+
+@pytest.mark.parametrize(("alpha", "f"), [(0.3, -1.8), (0.6, -3.0)])
+def test_power(alpha: float, f: float) -> None:
+    """A third of the power in the state: nearly always rejected at 3,000 samples."""
+    x = np.array([long_recursion(alpha, H**alpha * f, 3000, seed) for seed in range(20)])
+    y = x / x.std() * np.sqrt(0.3) + np.sqrt(0.7) * white(3000, 20, 4)
+    assert (p_values(y) < 0.05).mean() >= 0.7
+
+
+def test_shuffling_makes_it_white() -> None:
+    x = long_recursion(0.6, -0.19, 1500, 1)
+    rng = np.random.default_rng(1)
+    assert p_values(x[np.newaxis])[0] < 1e-6
+    shuffled = p_values(np.array([rng.permutation(x) for _ in range(60)]))
+    assert (shuffled < 0.05).mean() <= 0.14
+
+
+@pytest.mark.parametrize("ordinates", [60, 500, 1500, 30_000, 10**7])
+def test_table_is_in_order_and_hardly_moves(ordinates: int) -> None:
+    values = critical_values(ordinates)
+    assert (np.diff(values) > 0).all()
+    assert 5 < values[PROBABILITIES.index(0.05)] < 8
+    assert 8 < values[PROBABILITIES.index(0.01)] < 12
+
+
+@given(st.floats(0, 2000), st.floats(0, 50), st.integers(64, 10**6))
+def test_p_value_falls(ratio: float, more: float, ordinates: int) -> None:
+    p, q = p_value(ratio, ordinates), p_value(ratio + more, ordinates)
+    assert 0 <= q <= p <= 1
+
+
+def test_p_value_at_the_table() -> None:
+    for probability, value in zip(PROBABILITIES, critical_values(1500).tolist(), strict=True):
+        assert p_value(value, 1500) == pytest.approx(probability)
+    assert p_value(-1e-9, 1500) == 1

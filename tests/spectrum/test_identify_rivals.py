@@ -1,0 +1,89 @@
+"""The contest of the models, the residual test, and the words for what was fitted."""
+
+import numpy as np
+import pytest
+from fltea.spectrum.periodogram import periodogram
+from fltea.spectrum.rivals import Contest, bend_hz, contest, fit_all, residual_ks
+from identify_support import H, ar, long_recursion, white
+
+
+def of(y: np.ndarray) -> Contest:
+    p = periodogram(y, H)
+    return contest(p, fit_all(p))
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("white", lambda: white(3000, 5, 1)),
+        ("ar1", lambda: ar((0.6,), 3000, 5, 2) + white(3000, 5, 3)),
+        ("two_ar1", lambda: ar((0.995,), 20_000, 3, 6) / 5 + ar((0.5,), 20_000, 3, 7)),
+        ("fractional", lambda: [long_recursion(0.6, -0.19, 20_000, seed) for seed in (8, 9)]),
+    ],
+)
+def test_the_right_one_wins(name: str, make: object) -> None:
+    """By BIC, in all but one of the series at most, and its residuals are white."""
+    found = [of(y) for y in make()]  # type: ignore[operator]
+    assert sum(c.best != name for c in found) <= (1 if len(found) > 2 else 0)
+    winners = [c for c in found if c.best == name]
+    assert sum(c.models[name].residual_ks > 1.36 for c in winners) <= 1
+    for c in found:
+        assert set(c.models) == {"white", "ar1", "ar2", "two_ar1", "fractional"}
+        assert c.models["white"].log_likelihood == 0
+        # Models within others.
+        gain = {key: model.log_likelihood for key, model in c.models.items()}
+        assert 0 <= gain["ar1"] + 0.1 <= min(gain["ar2"], gain["two_ar1"], gain["fractional"]) + 0.3
+
+
+@pytest.mark.parametrize("radius", [0.9, 0.98])
+def test_a_resonance_is_found_by_both_models_that_have_one(radius: float) -> None:
+    """The fractional model makes nearly the same ones, with α > 1."""
+    phi = 2 * radius * np.cos(1.2), -(radius**2)
+    for y in ar(phi, 6000, 3, 4) + white(6000, 3, 5):
+        models = of(y).models
+        assert abs(models["ar2"].log_likelihood - models["fractional"].log_likelihood) < 6
+        assert models["ar2"].log_likelihood > models["two_ar1"].log_likelihood + 100
+        assert models["fractional"].parameters["alpha"] > 1.5
+        assert models["ar2"].parameters["resonance_hz"] == pytest.approx(1.2 / (2 * np.pi * H), rel=0.02)
+
+
+def test_bic_by_hand() -> None:
+    c = of(ar((0.5,), 2000, 1, 1)[0])
+    for name, k in (("white", 0), ("ar1", 2), ("ar2", 3), ("two_ar1", 4), ("fractional", 3)):
+        model = c.models[name]
+        assert model.bic == pytest.approx(k * np.log(996) - 2 * model.log_likelihood)
+
+
+def test_residual_statistic() -> None:
+    """Of a right spectrum 5 % are above 1.36; of a wrong one nearly all are."""
+    rng = np.random.default_rng(1)
+    m = 1000
+    right = [residual_ks(rng.exponential(size=m), np.ones(m)) for _ in range(1000)]
+    assert (np.array(right) > 1.36).mean() == pytest.approx(0.05, abs=0.025)
+    slope = np.linspace(1.4, 0.6, m)
+    wrong = [residual_ks(rng.exponential(size=m) * slope, np.ones(m)) for _ in range(50)]
+    assert (np.array(wrong) > 1.36).mean() > 0.9
+    assert residual_ks(2 * np.ones(4), np.ones(4)) == 0
+    assert residual_ks(np.array([1.0, 0, 0, 0]), np.ones(4)) == pytest.approx(0.75 * 2)
+
+
+def test_bend_is_where_the_spectrum_has_halved() -> None:
+    phi = 0.9
+    lam = 2 * np.pi * H * bend_hz(phi, H)
+    assert (1 - phi) ** 2 / abs(1 - phi * np.exp(-1j * lam)) ** 2 == pytest.approx(0.5)
+    for flat in (-0.5, 0.01):
+        assert bend_hz(flat, H) == pytest.approx(50)
+
+
+def test_parameters_in_units() -> None:
+    scale = 7.0
+    y = scale * (ar((2 * 0.9 * np.cos(1.2), -0.81), 20_000, 1, 4)[0] + white(20_000, 1, 5)[0])
+    found = of(y).models["ar2"].parameters
+    assert found["resonance_hz"] == pytest.approx(1.2 / (2 * np.pi * H), rel=0.02)
+    assert found["s2"] == pytest.approx(scale**2, rel=0.2)
+    assert found["R"] == pytest.approx(scale**2, rel=0.2)
+    assert found["damping"] == pytest.approx(-np.log(0.9), rel=0.2)
+    two = of(ar((0.995,), 20_000, 1, 6)[0] / 5 + ar((0.5,), 20_000, 1, 7)[0]).models["two_ar1"].parameters
+    assert two["phi_slow"] > two["phi_fast"]
+    assert two["bend_slow_hz"] < two["bend_fast_hz"]
+    assert two["s2_fast"] + two["R"] == pytest.approx(1, rel=0.2)

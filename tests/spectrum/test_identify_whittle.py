@@ -1,0 +1,203 @@
+"""Fits of spectra: the search, known answers, invariances, nesting, intervals."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from fltea.noise import spectra as spectrum
+from fltea.spectrum import models
+from fltea.spectrum.null_test import null_fits
+from fltea.spectrum.periodogram import Binned, Periodogram, binned, periodogram, used_ordinates
+from fltea.spectrum.profile import FractionalFit, fractional_fit
+from fltea.spectrum.simplex import minimise
+from fltea.spectrum.whittle import Fit, fit, negative_log_likelihood
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from identify_support import H, ar, drawn, long_recursion, white
+
+NAMES = ("F", "alpha", "g", "f", "s2", "R")
+
+
+def test_simplex_finds_the_minima_of_many_starts_at_once() -> None:
+    """Rosenbrock's valley from all sides, each start with a valley of its own."""
+    starts = np.random.default_rng(1).uniform(-2, 2, (30, 2))
+
+    def valley(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        a = 1 + rows / 30
+        return 100 * (x[:, 1] - x[:, 0] ** 2) ** 2 + (a - x[:, 0]) ** 2
+
+    points, values = minimise(valley, starts, tolerance=1e-12, steps=2000)
+    np.testing.assert_allclose(points[:, 0], 1 + np.arange(30) / 30, atol=1e-4)
+    assert values.max() < 1e-8
+
+
+def test_white_fit_in_closed_form() -> None:
+    data = binned(periodogram(white(3000, 3, 2), H))
+    found = fit(data, models.WHITE)
+    mean = (data.power @ data.counts) / data.ordinates
+    np.testing.assert_allclose(found.scale, mean)
+    np.testing.assert_allclose(found.nll, data.ordinates * (np.log(mean) + 1))
+
+
+def test_likelihood_by_the_sum_over_ordinates() -> None:
+    """Single ordinates (short series), term by term."""
+    lam = 2 * np.pi * np.arange(4, 40) / 80
+    power = np.random.default_rng(1).exponential(size=len(lam))
+    data = binned(Periodogram(lam, power, H, 80))
+    s = 0.7 * spectrum.ar1(data.lam, 0.4)
+    by_hand = sum(c * (np.log(si) + p / si) for c, si, p in zip(data.counts, s, data.power[0], strict=True))
+    value, _ = negative_log_likelihood(data, s[np.newaxis], np.zeros(1, dtype=int), np.ones(1))
+    assert value[0] == pytest.approx(by_hand)
+
+
+@pytest.mark.parametrize(("phi", "noise"), [(0.9, 0.0), (0.5, 1.0), (-0.6, 0.5)])
+def test_ar1_is_found(phi: float, noise: float) -> None:
+    y = ar((phi,), 4000, 20, 3) + np.sqrt(noise) * white(4000, 20, 4)
+    found = fit(binned(periodogram(y, H)), models.AR1)
+    values = models.ar1_parameters(found.theta)[0]
+    assert np.median(values) == pytest.approx(phi, abs=0.05)
+
+
+def test_ar2_resonance_is_found() -> None:
+    y = ar((2 * 0.95 * np.cos(1.5), -(0.95**2)), 4000, 8, 5) + white(4000, 8, 6)
+    phi1, phi2, _ = models.ar2_parameters(fit(binned(periodogram(y, H)), models.AR2).theta)
+    np.testing.assert_allclose(phi1, 2 * 0.95 * np.cos(1.5), atol=0.05)
+    np.testing.assert_allclose(phi2, -(0.95**2), atol=0.03)
+
+
+def test_two_relaxations_are_found() -> None:
+    y = ar((0.99,), 20_000, 4, 7) + 4 * ar((0.5,), 20_000, 4, 8)
+    one, two, _, _ = models.two_ar1_parameters(fit(binned(periodogram(y, H)), models.TWO_AR1).theta)
+    np.testing.assert_allclose(np.maximum(one, two), 0.99, atol=0.01)
+    np.testing.assert_allclose(np.minimum(one, two), 0.5, atol=0.08)
+
+
+@pytest.mark.parametrize(("alpha", "f", "near"), [(0.4, -1.0, 0.15), (0.6, -3.0, 0.07), (0.8, -1.0, 0.07)])
+def test_fractional_noise_is_found(alpha: float, f: float, near: float) -> None:
+    """α, and 2 log L of the truth below the best like χ² with four degrees."""
+    y = np.array([long_recursion(alpha, H**alpha * f, 20_000, seed) for seed in range(16)])
+    data = binned(periodogram(y, H))
+    found = fit(data, models.FULL)
+    assert np.median(models.parameters(found.theta).alpha) == pytest.approx(alpha, abs=near)
+    truth = np.repeat(spectrum.fractional(data.lam, alpha, H**alpha * f)[np.newaxis], 16, axis=0)
+    deviance = 2 * (negative_log_likelihood(data, truth, np.arange(16))[0] - found.nll)
+    assert deviance.min() > 0
+    assert 0.5 < np.median(deviance) < 6
+
+
+@settings(max_examples=4)
+@given(st.integers(0, 1000), st.floats(1e-6, 1e6))
+def test_scale_multiplies_the_variances_and_nothing_else(seed: int, c: float) -> None:
+    lam = 2 * np.pi * used_ordinates(1500, H) / 1500
+    p = drawn(spectrum.fractional(lam, 0.6, -0.2) + 0.5, lam, 1500, seed)
+    one = fit(binned(p), models.FULL)
+    other = fit(binned(p._replace(power=p.power * c**2)), models.FULL)
+    np.testing.assert_allclose(other.theta, one.theta, rtol=1e-3, atol=1e-3)
+    assert other.scale[0] == pytest.approx(one.scale[0] * c**2, rel=1e-3)
+
+
+def test_sign_and_offset_do_not_matter() -> None:
+    y = white(2000, 1, 3)[0]
+    first = binned(periodogram(y, H)).power
+    np.testing.assert_allclose(binned(periodogram(7 - y, H)).power, first, rtol=1e-9)
+
+
+@settings(max_examples=5)
+@given(st.integers(0, 10_000), st.sampled_from([500, 3000]))
+def test_models_are_nested(seed: int, n: int) -> None:
+    """White within AR(1) within the alternative; none may be worse than what it contains."""
+    fits = null_fits(binned(periodogram(white(n, 4, seed), H)))
+    assert (fits.ar1.nll <= fits.white.nll + 1e-2).all()
+    assert (fits.ratio_to_ar1 >= -1e-3).all()
+    assert (fits.likelihood_ratio >= -1e-2).all()
+
+
+def test_series_do_not_influence_each_other() -> None:
+    y = np.stack(
+        [long_recursion(0.6, -0.2, 1000, 1), long_recursion(0.3, -0.5, 1000, 2), white(1000, 1, 1)[0]]
+    )
+    together = fit(binned(periodogram(y, H)), models.FULL)
+    for i in range(3):
+        alone = fit(binned(periodogram(y[i : i + 1], H)), models.FULL)
+        assert alone.nll[0] == pytest.approx(together.nll[i], abs=1e-6)
+
+
+@cache
+def _profiled(alpha: float, f: float, n: int, seed: int) -> tuple[Binned, Fit, FractionalFit]:
+    """Noise of s2 = 1 and R = 0.3, fitted; it takes a second, and tests share it."""
+    lam = 2 * np.pi * used_ordinates(n, H) / n
+    data = binned(drawn(spectrum.fractional(lam, alpha, H**alpha * f) + 0.3, lam, n, seed))
+    found = fit(data, models.FULL)
+    return data, found, fractional_fit(data, found, H)
+
+
+def test_intervals_cover_the_truth() -> None:
+    """95 % intervals of all parameters over 2 series: 12, of which few may miss."""
+    g = H**0.6 * -3.0
+    truth = dict(zip(NAMES, (g + 0.6, 0.6, g, -3.0, 1.0, 0.3), strict=True))
+    missed = []
+    for seed in range(2):
+        found = _profiled(0.6, -3.0, 10_000, seed)[2]
+        for name, true in truth.items():
+            p = getattr(found, name)
+            assert p.defined, name
+            assert p.low <= p.value <= p.high, name
+            if not p.low <= true <= p.high:
+                missed.append((seed, name))
+    assert len(missed) <= 2, missed
+    assert pytest.approx(found.s2.value * H ** (-2 * found.alpha.value)) == found.Q
+
+
+def test_intervals_shrink_with_the_record() -> None:
+    short, long = (_profiled(0.6, -3.0, n, 1)[2] for n in (10_000, 1_000_000))
+    for name in NAMES:
+        a, b = getattr(short, name), getattr(long, name)
+        assert b.high - b.low < 0.4 * (a.high - a.low), name
+
+
+def test_interval_of_F_below_minus_one() -> None:
+    """A resonance near half the rate: α near 2 and F = 2 cos θ, as α - 2^α < F < α allows."""
+    radius, angle = 0.9, 2.4
+    data = binned(periodogram(ar((2 * radius * np.cos(angle), -(radius**2)), 2000, 1, 1), H))
+    F = fractional_fit(data, fit(data, models.FULL), H).F
+    assert F.low is not None
+    assert F.high is not None
+    assert F.value < -1.2
+    assert F.low < F.value - 0.003
+    assert F.value + 0.003 < F.high < F.value + 0.1
+
+
+def test_interval_by_a_fine_search() -> None:
+    """The ends of α's interval are where the likelihood has fallen by 3.84, on a grid of its own."""
+    data, found, fitted = _profiled(0.6, -3.0, 10_000, 0)
+    interval = fitted.alpha
+    assert interval.low is not None
+    assert interval.high is not None
+    for end in (interval.low, interval.high):
+        g, w = np.meshgrid(np.linspace(-0.32, -0.08, 121), np.linspace(0.4, 0.999, 120))
+        shape = models.FULL.shape(data.lam, models.coordinates(end, g.ravel(), w.ravel()))
+        nll, _ = negative_log_likelihood(data, shape, np.zeros(g.size, dtype=int))
+        assert 2 * (nll.min() - found.nll[0]) == pytest.approx(3.84, abs=0.4)
+
+
+def test_intervals_where_there_is_no_white_noise() -> None:
+    """R = 0 is at the end of what is possible; the fit with R = 0 has 2 log L only 0.5 less than the best."""
+    alpha, g = 0.4, -(H**0.4)
+    data = binned(periodogram(long_recursion(alpha, g, 3000, 6), H))
+    found = fractional_fit(data, fit(data, models.FULL), H)
+    assert found.R.value > 0.3
+    assert found.R.low == 0
+    assert found.F.low is not None
+    assert found.F.low < 0.27
+    assert found.s2.high is not None
+    assert found.s2.high > 0.95
+
+
+def test_white_noise_leaves_the_order_undefined() -> None:
+    data = binned(periodogram(white(3000, 1, 2), H))
+    found = fit(data, models.FULL)
+    free = fractional_fit(data, found, H)
+    assert not free.alpha.defined
+    assert not free.f.defined
+    told = fractional_fit(data, found, H, white=True)
+    assert not any(getattr(told, name).defined for name in NAMES)

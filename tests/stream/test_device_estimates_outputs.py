@@ -1,0 +1,267 @@
+"""A device's own estimates in every output, in replays, and on the command line."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+from estimating_board import START_NS, Board, chunks, noise
+from fltea.archive.export import export
+from fltea.estimator.native_gyroscope import lane_settings
+from fltea.recording.schema import record_schema
+from fltea.records.errors import UsageError
+from fltea.records.events import Opened, TransportEvent
+from fltea.records.records import (
+    AnyRecord,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    DeviceEstimatorStats,
+    DeviceStatus,
+    Epoch,
+    Estimate,
+    LinkStats,
+    SampleStats,
+    Stats,
+)
+from fltea.service.daemon import _check_recordable
+from fltea.service.open_source import open_source
+from fltea.settings.config import EstimatorConfig, load_config
+from fltea.settings.outputs import RECORDED, RecordConfig
+from fltea.sinks.metrics import families as metrics_families
+from fltea.sinks.metrics.families import Families, Newest
+from fltea.sinks.record import KINDS
+from fltea.sinks.table import TableSink
+from host_support import fltea, strict_records
+from mcap_support import Live, of, record, replay, without
+from mqtt_support import Bench, make_bench
+from prometheus_client import CollectorRegistry, generate_latest
+from rich.console import Console
+
+GOOD = DeviceAxisEstimate(0.4125, 0.03, -2.125, 0.25, 0.1, 0.05, True, 471, 3.2e-7, -4.5e-6, 1e-9)
+ALONE = DeviceAxisEstimate(0.5, 0.03, -1.0, 0.25, 0.1, None, True, 9)
+INVALID = DeviceAxisEstimate(None, None, None, None, None, None, False, 471)
+BESIDE = DeviceEstimates(
+    500,
+    1,
+    5_000_000,
+    7,
+    "joint",
+    {"gyro_x": GOOD, "gyro_y": ALONE, "gyro_z": INVALID},
+    True,
+    device="due",
+)
+OWN = DeviceEstimatorStats(2, 0, 1, 3, 17, 2400, 1500, 4, 6, {"gyro_x": 1}, {"gyro_x": {"order_gate": 5}})
+STATS = Stats(
+    epoch=1,
+    host_ns=9,
+    rate_hz=100.0,
+    clock_ppm=0.0,
+    startup_remaining=0,
+    link=LinkStats(),
+    samples=SampleStats(1, 0, 0, 0, 0),
+    axes={},
+    board=DeviceStatus(0, 0, 0, 0, 0, "user", 43.25, 9100),
+    device_estimator=OWN,
+    device="due",
+)
+
+
+def board_items(samples: int = 160, *, estimates: bool = True) -> list[TransportEvent]:
+    board = Board() if estimates else Board(None)
+    return [Opened(START_NS, 0), *chunks(board.run(noise(samples)))]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a Due that estimates sent, recorded by a program that did not listen to its estimates."""
+    folder = tmp_path_factory.mktemp("own")
+    record(folder, board_items())
+    return folder
+
+
+# --- recordings ---
+
+
+def test_a_recording_of_raw_frames_replays_with_the_estimates_of_the_device(recording: Path) -> None:
+    alone = replay(recording, **{"estimator.engine": "device"})
+    both = replay(recording, **{"estimator.engine": "both"})
+    assert [e.seq for e in of(alone, Estimate)] == list(range(30, 160))
+    compared = of(both, DeviceEstimates)
+    assert [e.seq for e in compared] == list(range(30, 160))
+    assert all(e.comparable for e in compared)
+    for one, e in zip(of(alone, Estimate), compared, strict=True):
+        assert [a.alpha for a in one.axes.values()] == [a.alpha for a in e.axes.values()]
+
+
+def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: Path) -> None:
+    live, _ = record(tmp_path, board_items(), engine="both")
+    compared = of(live, DeviceEstimates)
+    out = tmp_path / "own.csv"
+    assert export([tmp_path], out, "device_estimates", 100) == len(compared) == 130
+    head, first = out.read_text().splitlines()[:2]
+    row = dict(zip(head.split(","), first.split(","), strict=True))
+    axis = compared[0].axes["gyro_y"]
+    assert float(row["alpha_gyro_y"]) == axis.alpha
+    assert float(row["f_gyro_y_s^-alpha"]) == axis.f
+    assert float(row["alpha_difference_gyro_y"]) == axis.alpha_difference
+    assert float(row["state_difference_gyro_y_dps"]) == axis.state_difference_dps
+    assert (row["age_gyro_y"], row["valid_gyro_y"], row["seq"]) == ("1", "1", "30")
+    again = replay(tmp_path, **{"estimator.engine": "both"})
+    assert without(of(again, Estimate, DeviceEstimates), "device") == without(
+        of(live, Estimate, DeviceEstimates), "device"
+    )
+
+
+def test_export_of_estimates_that_no_device_made_says_so(recording: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="engine both"):
+        export([recording], tmp_path / "none.csv", "device_estimates", 100)
+
+
+def test_every_class_of_record_can_be_recorded() -> None:
+    assert set(KINDS) == set(RECORDED) == set(RecordConfig().channels)
+    tags = {kind.__struct_config__.tag for kind in AnyRecord.__args__}
+    assert set(KINDS) == tags
+    schema = msgspec.json.decode(record_schema(DeviceEstimates))
+    of_axis = schema["properties"]["axes"]["properties"]["gyro_z"]
+    assert of_axis["properties"]["alpha_difference"] == {"type": "number"}
+    assert "alpha_difference" not in of_axis["required"]
+
+
+# --- the other outputs ---
+
+
+def test_mqtt_has_a_topic_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench: Callable[..., Bench] = make_bench(monkeypatch)
+    b = bench(estimate_every=50)
+    b.write(*(msgspec.structs.replace(BESIDE, seq=seq) for seq in range(500, 601)))
+    sent = [one for one in b.connection.sent if one[0] == "fltea/a0/device_estimate"]
+    assert [msgspec.json.decode(payload)["seq"] for _, payload, _, _ in sent] == [500, 550, 600]
+    assert sent[0][1:] == (msgspec.json.encode(BESIDE), 0, False)
+
+
+def test_mqtt_publishes_of_a_device_that_sends_few_as_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the numbers of the samples that it sends estimates of."""
+    b = make_bench(monkeypatch)(estimate_every=10)
+    b.write(*(msgspec.structs.replace(BESIDE, seq=seq) for seq in range(503, 560, 5)))
+    assert [one["seq"] for one in b.connection.on("device_estimate")] == [513, 523, 533, 543, 553]
+
+
+def test_mqtt_keeps_none_of_them_for_a_device_that_is_not_there_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+    b = make_bench(monkeypatch)(up=False)
+    b.write(BESIDE)
+    assert not b.sink._early
+
+
+def metrics(newest: Newest) -> dict[str, str]:
+    registry = CollectorRegistry()
+    registry.register(Families({"due": newest}, {}, list))
+    lines = generate_latest(registry).decode().splitlines()
+    return dict(line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
+
+
+def test_metrics_of_the_device_s_own_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(metrics_families, "host_ns", lambda: 6 * 10**9)
+    found = metrics(Newest(stats=STATS, device_estimate=BESIDE, device_estimate_ns=10**9))
+    x, y, z = (f'{{axis="gyro_{axis}",device="due"}}' for axis in "xyz")
+    assert found["fltea_device_axis_alpha" + x] == "0.4125"
+    assert found["fltea_device_axis_f" + x] == "-2.125"
+    assert found["fltea_device_axis_alpha_difference" + x] == "3.2e-07"
+    assert found["fltea_device_axis_f_difference" + x] == "-4.5e-06"
+    assert found["fltea_device_axis_alpha" + y] == "0.5"
+    assert "fltea_device_axis_alpha_difference" + y not in found
+    assert [found["fltea_device_axis_valid" + axis] for axis in (x, y, z)] == ["1.0", "1.0", "0.0"]
+    assert "fltea_device_axis_alpha" + z not in found
+    due = '{device="due"}'
+    assert found["fltea_board_cpu_ratio" + due] == "0.4325"
+    assert float(found["fltea_board_longest_step_seconds" + due]) == pytest.approx(9.1e-3)
+    assert found["fltea_device_skipped_samples_total" + due] == "17.0"
+    assert found["fltea_device_begun_total" + due] == "2.0"
+    assert found["fltea_device_queue_samples" + due] == "3.0"
+    assert found["fltea_device_estimates_total" + due] == "1500.0"
+    assert found["fltea_device_estimates_lost_total" + due] == "4.0"
+    assert found["fltea_device_estimates_unplaced_total" + due] == "6.0"
+    assert float(found["fltea_device_longest_axis_seconds" + due]) == pytest.approx(2.4e-3)
+    stale = metrics(Newest(stats=STATS, device_estimate=BESIDE, device_estimate_ns=10**9 - 1))
+    assert not any("fltea_device_axis" in name for name in stale)
+
+
+def test_metrics_of_a_device_that_does_not_estimate() -> None:
+    board = DeviceStatus(0, 0, 0, 0, 0, "user")
+    found = metrics(Newest(stats=msgspec.structs.replace(STATS, board=board, device_estimator=None)))
+    assert not any(name.startswith(("fltea_device_", "fltea_board_cpu")) for name in found)
+
+
+def test_table_shows_both_in_eighty_columns() -> None:
+    epoch = Epoch(1, "start", 0, 0, 0, 7, None, device="due")
+    console = Console(file=io.StringIO(), width=80, force_terminal=False)
+    table = TableSink(console)
+    for item in (epoch, BESIDE, STATS):
+        table.write(item)
+    table.close()
+    lines = console.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    rows = {line.split()[0]: line.split() for line in lines if line.startswith("gyro_")}
+    assert rows["gyro_x"] == ["gyro_x", "0.412", "+3.2e-07", "-2.125", "-4.5e-06"]
+    assert rows["gyro_y"] == ["gyro_y", "0.500", "not", "comparable", "-1.000", "not", "comparable"]
+    assert rows["gyro_z"] == ["gyro_z", "not", "valid"]
+    assert "device:  CPU 43.2 %  longest step of an axis 2.40 ms  skipped 17" in lines
+
+
+def test_table_forgets_the_device_with_the_epoch() -> None:
+    console = Console(file=io.StringIO(), width=80, force_terminal=False)
+    table = TableSink(console)
+    for item in (BESIDE, Epoch(2, "gap", 0, 0, 0, 7, None, device="due")):
+        table.write(item)
+    table.close()
+    assert "gyro_x" not in console.file.getvalue()
+
+
+# --- settings and the command line ---
+
+
+@pytest.mark.parametrize("engine", ["device", "both"])
+@pytest.mark.parametrize("source", ["synthetic:?alpha=0.3", "i2c:///dev/i2c-1?addr=0x68", "replay:rest.csv"])
+def test_only_a_wire_has_estimates_of_a_device(engine: str, source: str) -> None:
+    with pytest.raises(UsageError, match=rf"--engine {engine}: .*Arduino Due.*--engine compressed"):
+        open_source(load_config(None, {"source": source, "estimator.engine": engine}))
+
+
+@pytest.mark.parametrize("engine", ["device", "both"])
+def test_a_state_file_cannot_keep_them(engine: str, tmp_path: Path) -> None:
+    config = load_config(None, {"estimator.engine": engine, "state.file": str(tmp_path / "state")})
+    with pytest.raises(UsageError, match=f"begins anew with its boot.*--engine {engine}"):
+        _check_recordable(config, Live())
+
+
+@pytest.mark.parametrize("engine", ["device", "both"])
+def test_the_accelerometer_has_no_such_engine(engine: str) -> None:
+    with pytest.raises(UsageError, match=f"engine {engine} is not for the accelerometer"):
+        load_config(None, {"accel.engine": engine})
+
+
+@pytest.mark.parametrize("engine", ["direct", "reference"])
+def test_an_unlimited_window_needs_the_compressed_memory(engine: str) -> None:
+    printed = {"estimator.variant": "triple", "estimator.guard": "off"}
+    with pytest.raises(UsageError, match="window 0 is an unlimited one"):
+        load_config(None, {"estimator.engine": engine, "estimator.window": 0, **printed})
+
+
+def test_window_and_gate_reach_the_engine() -> None:
+    assert lane_settings(EstimatorConfig(window=0), 0.01, [1.0]).window is None
+    assert lane_settings(EstimatorConfig(), 0.01, [1.0]).window == 3000
+    assert lane_settings(EstimatorConfig(gate=7.5), 0.01, [1.0]).gate == 7.5
+    with pytest.raises(UsageError, match="gate must be 1 to 1000"):
+        load_config(None, {"estimator.gate": 0.5})
+
+
+def test_the_command_replays_a_recording_with_both(recording: Path) -> None:
+    found = fltea("run", "-s", recording, "--once", "--engine", "both")
+    assert found.returncode == 0, found.stderr
+    records = strict_records(found.stdout)
+    compared = of(records, DeviceEstimates)
+    assert len(compared) == 130
+    assert all(e.comparable for e in compared)
+    last = of(records, Stats)[-1]
+    assert last.device_estimator.estimates == 3 * 130
+    assert last.device_estimator.unplaced == 0

@@ -1,0 +1,299 @@
+"""The walk as a whole, on made-up events: what comes out, in which order, and what is counted."""
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+import pytest
+from fltea.estimator.running_null import RunningNull
+from fltea.records.errors import UsageError
+from fltea.records.events import Event, LinkDown, RawSample, Tick, Trouble
+from fltea.records.records import (
+    AnyRecord,
+    DeviceStatus,
+    Epoch,
+    Error,
+    Estimate,
+    Gap,
+    Hello,
+    LinkStats,
+    Sample,
+    Stats,
+)
+from fltea.settings.config import Config, load_config
+from fltea.sources.replay import ReplaySource
+from fltea.stream.pipeline import Pipeline
+
+PERIOD_NS = 10**7
+PRINTED = {"estimator__guard": "off", "estimator__variant": "triple"}
+T = TypeVar("T")
+
+
+class ListSource:
+    live = prompt = False
+    unix_offset_ns = 1_000_000_000_000
+
+    def events(self) -> Iterator[Event]:
+        return iter(())
+
+    def link_stats(self) -> LinkStats:
+        return LinkStats(frames=7)
+
+    def close(self) -> None: ...
+
+
+def config(**changes: object) -> Config:
+    small = {"estimator.window": 50, "estimator.startup": 20}
+    return load_config(None, {**small, **{k.replace("__", "."): v for k, v in changes.items()}})
+
+
+def hello(boot_id: int = 1, lsb: float | None = 16.4, sensor_starts: int = 1) -> Hello:
+    return Hello(
+        "test", 0, 100.0, "timer", boot_id=boot_id, gyro_lsb_per_dps=lsb, sensor_starts=sensor_starts
+    )
+
+
+def raw(k: int, gyro: tuple[float, ...] | None = None) -> RawSample:
+    noise = random.Random(k)
+    gyro = gyro or tuple(round(noise.gauss(0, 2)) for _ in range(3))
+    return RawSample(k % 65536, k * 10_000 % 2**32, k * PERIOD_NS, gyro)
+
+
+def feed(pipeline: Pipeline, *events: Event) -> list[AnyRecord]:
+    return [record for event in events for record in pipeline.feed(event)]
+
+
+def of(kind: type[T], records: list[AnyRecord]) -> list[T]:
+    return [r for r in records if isinstance(r, kind)]
+
+
+def test_order_of_records_and_first_estimate_after_the_startup_window() -> None:
+    records = feed(Pipeline(ListSource(), config()), hello(), *(raw(k) for k in range(25)))
+    assert [type(r).__name__ for r in records] == ["Hello", "Epoch"] + ["Sample"] * 20 + ["Stats"] + [
+        "Sample",
+        "Estimate",
+    ] * 5
+    epoch, stats, first = records[1], records[22], records[24]
+    assert isinstance(epoch, Epoch)
+    assert isinstance(stats, Stats)
+    assert isinstance(first, Estimate)
+    assert (epoch.epoch, epoch.reason, epoch.seq) == (1, "start", 0)
+    assert first.seq == 20
+    assert stats.startup_remaining == 0
+    assert stats.link.frames == 7
+    assert stats.axes["gyro_x"].R_dps2 is not None
+    assert first.host_ns == ListSource.unix_offset_ns + 20 * PERIOD_NS
+
+
+def test_samples_come_before_their_estimate() -> None:
+    records = feed(Pipeline(ListSource(), config()), hello(), *(raw(k) for k in range(22)))
+    assert [r.seq for r in of(Sample, records)] == list(range(22))
+    assert of(Sample, records)[3].gyro_dps == tuple(g / 16.4 for g in raw(3).gyro)
+    kinds = [type(r).__name__ for r in records[-4:]]
+    assert kinds == ["Sample", "Estimate", "Sample", "Estimate"]
+
+
+def test_a_short_gap_is_bridged_in_the_same_epoch() -> None:
+    events = [raw(k) for k in range(60) if not 30 <= k < 35]
+    pipeline = Pipeline(ListSource(), config())
+    records = feed(pipeline, hello(), *events)
+    assert of(Gap, records) == [Gap(30, 5, 1, ListSource.unix_offset_ns + 35 * PERIOD_NS, device="due")]
+    assert len(of(Epoch, records)) == 1
+    assert [e.seq for e in of(Estimate, records)] == [*range(20, 30), *range(35, 60)]
+    samples = pipeline.stats().samples
+    assert (samples.delivered, samples.lost, samples.gaps) == (55, 5, 1)
+
+
+def test_bridging_is_prediction_and_not_forgetting() -> None:
+    """After a gap the estimates differ from those of a run that never saw the missing samples' time."""
+    with_gap = of(
+        Estimate, feed(Pipeline(ListSource(), config()), hello(), *[raw(k) for k in range(80) if k != 50])
+    )
+    whole = of(Estimate, feed(Pipeline(ListSource(), config()), hello(), *(raw(k) for k in range(80))))
+    by_seq = {e.seq: e.axes["gyro_x"] for e in whole}
+    before = [e for e in with_gap if e.seq < 50]
+    assert all(e.axes["gyro_x"] == by_seq[e.seq] for e in before)
+    after = [e for e in with_gap if e.seq > 50]
+    assert all(e.axes["gyro_x"].valid for e in after)
+    assert after[0].axes["gyro_x"].state_dps != by_seq[51].state_dps
+
+
+def test_a_long_gap_begins_a_new_epoch_with_a_new_startup_window() -> None:
+    events = [raw(k) for k in range(100) if not 30 <= k < 50]
+    records = feed(Pipeline(ListSource(), config(link__max_gap=19)), hello(), *events)
+    assert [(g.seq, g.missing, g.epoch) for g in of(Gap, records)] == [(30, 20, 1)]
+    assert [(e.epoch, e.reason, e.seq) for e in of(Epoch, records)] == [(1, "start", 0), (2, "gap", 50)]
+    assert [e.seq for e in of(Estimate, records) if e.epoch == 2] == list(range(70, 100))
+    kinds = [type(r) for r in records]
+    assert kinds.index(Gap) < len(kinds) - 1 - kinds[::-1].index(Epoch)
+
+
+def test_a_restart_begins_anew_and_says_hello_once_a_boot() -> None:
+    first = [hello(1), raw(0), hello(1), raw(1)]
+    second = [hello(2), *(raw(k) for k in range(25))]
+    records = feed(Pipeline(ListSource(), config()), *first, *second)
+    assert [h.boot_id for h in of(Hello, records)] == [1, 2]
+    assert [(e.reason, e.boot_id) for e in of(Epoch, records)] == [("start", 1), ("restart", 2)]
+    assert all(e.epoch == 2 for e in of(Estimate, records))
+
+
+@pytest.mark.parametrize("sensor_starts", [1, 2])
+def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path, sensor_starts: int) -> None:
+    """Live, the sample that gave it away is dropped and a HELLO follows; the recording holds neither."""
+    late = [raw(k)._replace(device_us=(k * 10_000 + 7_000_000) % 2**32) for k in range(60, 100)]
+    after = hello(sensor_starts=sensor_starts)
+    events = [hello(), *(raw(k) for k in range(60)), after, late[0], after, *late[1:]]
+    live = feed(Pipeline(ListSource(), config()), *events)
+    assert [(e.reason, e.seq) for e in of(Epoch, live)] == [("start", 0), ("discontinuity", 61)]
+    path = tmp_path / "live.ndjson"
+    path.write_bytes(b"".join(msgspec.json.encode(r) + b"\n" for r in live))
+    source = ReplaySource(path)
+    again = feed(Pipeline(source, config()), *source.events())
+    assert [(e.reason, e.seq) for e in of(Epoch, again)] == [("start", 0), ("discontinuity", 61)]
+    assert [(e.seq, e.axes) for e in of(Estimate, again)] == [(e.seq, e.axes) for e in of(Estimate, live)]
+
+
+def test_after_link_down_nothing_is_believed_before_hello() -> None:
+    pipeline = Pipeline(ListSource(), config())
+    feed(pipeline, hello(), raw(0), raw(1), LinkDown(2 * PERIOD_NS))
+    assert feed(pipeline, raw(2), raw(3)) == []
+    records = feed(pipeline, hello(), raw(4))
+    assert [type(r).__name__ for r in records] == ["Hello", "Gap", "Sample"]
+    assert pipeline.stats().samples.before_hello == 2
+
+
+def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
+    events = [
+        raw(k, (random.Random(k).gauss(0, 0.1), 0.25, random.Random(k).gauss(0, 0.2))) for k in range(30)
+    ]
+    records = feed(Pipeline(ListSource(), config()), hello(lsb=None), *events)
+    assert [e.kind for e in of(Error, records)] == ["constant_axis"]
+    assert "gyro_y" in of(Error, records)[0].message
+    for estimate in of(Estimate, records):
+        assert [estimate.axes[a].valid for a in ("gyro_x", "gyro_y", "gyro_z")] == [True, False, True]
+        assert estimate.axes["gyro_y"].alpha is None
+    last = of(Stats, records)[-1].axes
+    assert last["gyro_y"].R_dps2 is None
+    assert last["gyro_x"].R_dps2 is not None
+
+
+@pytest.mark.parametrize("engine", ["compressed", "direct", "reference"])
+def test_running_test_of_whiteness_stands_beside_every_estimate(engine: str) -> None:
+    """On the samples, start-up window included, so it is the same whatever estimates them."""
+    lost = {700, 701}
+    events = [hello(), *(raw(k, (k % 5, *raw(k).gyro[1:])) for k in range(1300) if k not in lost)]
+    settings = config(estimator__engine=engine, **(PRINTED if engine == "reference" else {}))
+    records = feed(Pipeline(ListSource(), settings), *events)
+    test = RunningNull(3)
+    for record in records:
+        if isinstance(record, Gap):
+            test.skip(record.missing)
+        elif isinstance(record, Sample):
+            test.add(record.gyro_dps)
+        elif isinstance(record, Estimate):
+            assert tuple((a.null_p, a.order) for a in record.axes.values()) == test.standings
+    assert [one.order for one in test.standings] == ["not white", "undefined", "undefined"]
+
+
+def test_running_test_of_whiteness_begins_anew_with_an_epoch() -> None:
+    events = [hello(), *map(raw, range(1200)), hello(boot_id=2), *map(raw, range(1200, 1400))]
+    by_epoch = {
+        r.epoch: r.axes["gyro_x"].order for r in of(Estimate, feed(Pipeline(ListSource(), config()), *events))
+    }
+    assert by_epoch == {1: "undefined", 2: None}
+
+
+def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
+    """An offset of some deg/s that nobody removes makes the printed algorithm diverge."""
+    pipeline = Pipeline(ListSource(), config(estimator__bias="none", estimator__R=1e-4, **PRINTED))
+    events = [raw(k, tuple(g + 500 for g in raw(k).gyro)) for k in range(400)]
+    records = feed(pipeline, hello(), *events)
+    lines = msgspec.json.encode(records)
+    assert b"NaN" not in lines
+    assert b"Infinity" not in lines
+    invalid = [e for e in of(Estimate, records) if not e.axes["gyro_x"].valid]
+    assert invalid, "this case is there to diverge"
+    assert all(v is None for e in invalid for v in msgspec.structs.astuple(e.axes["gyro_x"])[:6])
+    assert pipeline.stats().axes["gyro_x"].restarts == len(invalid)
+    told = [e for e in of(Error, records) if e.kind == "axis_runaway"]
+    assert len(told) == 3, "each axis once a minute"
+
+
+def test_every_estimate_names_its_variant_and_every_epoch_its_estimator() -> None:
+    for settings in (
+        {"engine": "reference", "variant": "triple", "guard": "off"},
+        {"engine": "direct", "variant": "joint"},
+        {},
+    ):
+        changes = {f"estimator__{key}": value for key, value in settings.items()}
+        chosen = config(**changes)
+        records = feed(Pipeline(ListSource(), chosen), hello(), *(raw(k) for k in range(30)))
+        assert {e.variant for e in of(Estimate, records)} == {chosen.estimator.variant}
+        info = of(Epoch, records)[0].estimator
+        assert (info.engine, info.variant, info.guard) == (
+            chosen.estimator.engine,
+            chosen.estimator.variant,
+            chosen.estimator.guard,
+        )
+
+
+def test_native_engines_and_the_reference_give_the_same_estimates() -> None:
+    events = [hello(), *(raw(k) for k in range(300) if k not in (100, 101, 200))]
+    runs = {
+        engine: of(
+            Estimate,
+            feed(
+                Pipeline(
+                    ListSource(),
+                    config(estimator__engine=engine, estimator__guard="off", estimator__variant="triple"),
+                ),
+                *events,
+            ),
+        )
+        for engine in ("reference", "direct", "compressed")
+    }
+    for engine, tolerance in (("direct", 1e-10), ("compressed", 1e-5)):
+        for ours, theirs in zip(runs[engine], runs["reference"], strict=True):
+            for axis, one in theirs.axes.items():
+                other = ours.axes[axis]
+                assert other.alpha == pytest.approx(one.alpha, rel=tolerance, abs=tolerance)
+                assert other.f == pytest.approx(one.f, rel=tolerance, abs=tolerance)
+                assert other.state_dps == pytest.approx(one.state_dps, rel=tolerance, abs=tolerance)
+
+
+def test_guard_interventions_are_published_by_cause() -> None:
+    pipeline = Pipeline(ListSource(), config(estimator__R=1e-4, estimator__guard="consistent"))
+    records = feed(pipeline, hello(), *(raw(k, tuple(50 * g for g in raw(k).gyro)) for k in range(400)))
+    assert "axis_bound" in [e.kind for e in of(Error, records)]
+    assert pipeline.stats().axes["gyro_x"].interventions["state_bound"] > 100
+
+
+def test_stats_come_once_a_second_even_when_nothing_else_does() -> None:
+    pipeline = Pipeline(ListSource(), config())
+    records = feed(pipeline, *(Tick(k * 250_000_000) for k in range(21)))
+    assert len(of(Stats, records)) == len(records) == 5
+
+
+def test_trouble_and_device_counters_are_passed_on() -> None:
+    pipeline = Pipeline(ListSource(), config())
+    status = DeviceStatus(1, 2, 3, 4, 5, "watchdog")
+    records = feed(pipeline, Trouble("silent", "text", 5), status)
+    assert records == [Error("silent", "text", 5 + ListSource.unix_offset_ns, device="due")]
+    assert pipeline.stats().board == status
+
+
+def test_fixed_bias_and_r_need_no_startup_window() -> None:
+    pipeline = Pipeline(ListSource(), config(estimator__bias=0.5, estimator__R=[0.1, 0.2, 0.3]))
+    records = feed(pipeline, hello(), raw(0))
+    assert [type(r).__name__ for r in records] == ["Hello", "Epoch", "Sample", "Estimate"]
+    axes = pipeline.stats().axes
+    assert [a.R_dps2 for a in axes.values()] == [0.1, 0.2, 0.3]
+    assert [a.bias_dps for a in axes.values()] == [0.5] * 3
+
+
+def test_settings_that_do_not_fit_the_axes_are_the_users_mistake() -> None:
+    pipeline = Pipeline(ListSource(), config(estimator__R=[0.1, 0.2]))
+    with pytest.raises(UsageError, match="R needs one value, or 3"):
+        feed(pipeline, hello(), raw(0))

@@ -1,0 +1,299 @@
+"""The reader thread against pseudo-terminals, sockets and errors of the operating system."""
+
+import contextlib
+import errno
+import os
+import pty
+import socket
+import time
+import tty
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import pytest
+import serial
+from fltea.records.errors import UsageError
+from fltea.records.events import Chunk, Failed, Opened, TransportEvent
+from fltea.wire import transport
+from fltea.wire.transport import Reader, explain_open_failure
+
+PATIENCE_S = 20.0
+
+
+class FakeStatus(NamedTuple):
+    st_mode: int
+    st_gid: int
+
+
+@pytest.fixture
+def readers() -> Iterator[Callable[[str], Reader]]:
+    started: list[Reader] = []
+
+    def start(url: str) -> Reader:
+        started.append(reader := Reader(url, 250000))
+        reader.start()
+        return reader
+
+    yield start
+    for reader in started:
+        reader.close()
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, str]]:
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    name = os.ttyname(slave)
+    os.close(slave)
+    yield master, name
+    with contextlib.suppress(OSError):  # a test may have closed it
+        os.close(master)
+
+
+def next_of(kind: type[TransportEvent], events: Iterator[TransportEvent | None]) -> TransportEvent:
+    deadline = time.monotonic() + PATIENCE_S
+    for event in events:
+        if isinstance(event, kind):
+            return event
+        assert time.monotonic() < deadline, f"no {kind.__name__} came"
+    raise AssertionError("the reader ended")
+
+
+def received(n: int, events: Iterator[TransportEvent | None]) -> bytes:
+    data = b""
+    while len(data) < n:
+        chunk = next_of(Chunk, events)
+        assert isinstance(chunk, Chunk)
+        data += chunk.data
+    return data
+
+
+def test_bytes_of_a_pty_arrive_at_a_baud_rate_that_has_no_name(terminal, readers) -> None:
+    master, name = terminal
+    events = readers(name).events(0.05)
+    next_of(Opened, events)
+    os.write(master, bytes(range(256)))
+    assert received(256, events) == bytes(range(256))
+
+
+def test_an_unplugged_port_is_an_event_and_is_tried_again(terminal, readers) -> None:
+    master, name = terminal
+    events = readers(name).events(0.05)
+    next_of(Opened, events)
+    os.close(master)
+    lost = next_of(Failed, events)
+    assert isinstance(lost, Failed)
+    assert lost.kind == "unplugged"
+    missing = next_of(Failed, events)
+    assert isinstance(missing, Failed)
+    assert missing.kind == "no_port"
+
+
+def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, terminal, readers) -> None:
+    master, name = terminal
+
+    def broken() -> bytes:
+        raise TypeError("'NoneType' object cannot be interpreted as an integer")
+
+    monkeypatch.setattr(transport, "_reader_of", lambda port, url: broken)
+    events = readers(name).events(0.05)
+    for _ in range(2):  # the thread lives on
+        next_of(Opened, events)
+        os.write(master, b"x")
+        failed = next_of(Failed, events)
+        assert isinstance(failed, Failed)
+        assert "NoneType" in failed.message
+
+
+def test_a_second_reader_finds_the_port_busy_and_gets_it_when_it_is_free(terminal, readers) -> None:
+    _, name = terminal
+    first = readers(name)
+    next_of(Opened, first.events(0.05))
+    events = readers(name).events(0.05)
+    busy = next_of(Failed, events)
+    assert isinstance(busy, Failed)
+    assert busy.kind == "port_busy"
+    assert "ModemManager" in busy.message
+    first.close()
+    next_of(Opened, events)
+
+
+def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatch, terminal, readers) -> None:
+    """The port is ready, but when it is read another program has been faster: no data, or EAGAIN."""
+    master, name = terminal
+    read, outcomes = os.read, [b"", BlockingIOError(errno.EAGAIN, "try again")]
+
+    def read_late(fd: int, size: int) -> bytes:
+        data = read(fd, size)
+        if fd == master or not outcomes:
+            return data
+        outcome = outcomes.pop()
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+
+    monkeypatch.setattr(os, "read", read_late)
+    events = readers(name).events(0.05)
+    next_of(Opened, events)
+    for left in (1, 0):
+        os.write(master, b"taken")
+        deadline = time.monotonic() + PATIENCE_S
+        while len(outcomes) > left:
+            assert time.monotonic() < deadline
+            time.sleep(0.001)
+    os.write(master, b"ours")
+    found = next(event for event in events if event is not None)
+    assert isinstance(found, Chunk)
+    assert found.data == b"ours"
+
+
+def test_a_socket_and_its_loss(readers) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        events = readers(f"socket://127.0.0.1:{server.getsockname()[1]}").events(0.05)
+        client, _ = server.accept()
+        next_of(Opened, events)  # pyserial throws away what comes before
+        client.sendall(b"hello" * 100)
+        assert received(500, events) == b"hello" * 100
+        client.close()
+        lost = next_of(Failed, events)
+    assert isinstance(lost, Failed)
+    assert lost.kind == "unplugged"
+
+
+def test_nobody_listens_on_a_socket(readers) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    failed = next_of(Failed, readers(f"socket://127.0.0.1:{port}").events(0.05))
+    assert isinstance(failed, Failed)
+    assert failed.kind == "no_port"
+    assert "cannot connect" in failed.message
+
+
+def test_loop_opens(readers) -> None:
+    next_of(Opened, readers("loop://").events(0.05))
+
+
+def test_hwgrep_without_a_match_waits_for_one(readers) -> None:
+    failed = next_of(Failed, readers("hwgrep://no such board").events(0.05))
+    assert isinstance(failed, Failed)
+    assert failed.kind == "no_port"
+
+
+def test_close_ends_the_events_and_frees_the_port(terminal) -> None:
+    _, name = terminal
+    reader = Reader(name, 250000)
+    reader.start()
+    events = reader.events(0.05)
+    next_of(Opened, events)
+    reader.close()
+    assert all(event is None or isinstance(event, Chunk) for event in events)
+    with serial.Serial(name, exclusive=True):
+        pass
+
+
+def test_a_slow_consumer_costs_bytes_that_are_counted(monkeypatch, terminal) -> None:
+    monkeypatch.setattr(transport, "QUEUE_BYTES", 55)
+    master, name = terminal
+    reader = Reader(name, 250000)
+    reader.start()
+    deadline = time.monotonic() + PATIENCE_S
+    while reader._queue.empty():  # until it has opened the port, and thrown away what was in it
+        time.sleep(0.005)
+        assert time.monotonic() < deadline
+    sent = 0
+    while not reader.overflow_bytes:
+        sent += os.write(master, b"0123456789")
+        time.sleep(0.005)
+        assert time.monotonic() < deadline
+    time.sleep(0.3)
+    kept = 0
+    for event in reader.events(0.05):
+        if event is None:
+            break
+        kept += len(event.data) if isinstance(event, Chunk) else 0
+    reader.close()
+    assert kept + reader.overflow_bytes == sent
+
+
+@pytest.mark.parametrize("baud", [1200, 0, -1])
+def test_refused_baud_rates(baud: int) -> None:
+    with pytest.raises(UsageError, match="erases its flash" if baud == 1200 else "not possible"):
+        Reader("/dev/ttyACM0", baud)
+
+
+def test_an_unknown_kind_of_url_is_refused() -> None:
+    with pytest.raises(UsageError, match="no serial port that this program knows"):
+        Reader("carrier-pigeon://home", 250000)
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "words"),
+    [
+        (errno.EACCES, "no_permission", "usermod -aG"),
+        (errno.EPERM, "no_permission", "usermod -aG"),
+        (errno.EBUSY, "port_busy", "fltea devices"),
+        (errno.EAGAIN, "port_busy", "fltea devices"),
+        (errno.ENOENT, "no_port", "there is no port"),
+        (errno.ENODEV, "no_port", "there is no port"),
+        (errno.EIO, "open_failed", "cannot open"),
+    ],
+)
+def test_what_the_operating_system_says_is_explained(number: int, kind: str, words: str) -> None:
+    found, text = explain_open_failure("/dev/ttyX", serial.SerialException(number, os.strerror(number)))
+    assert found == kind
+    assert words in text
+
+
+def test_no_permission_names_the_group_that_owns_the_port(tmp_path, monkeypatch) -> None:
+    port = tmp_path / "port"
+    port.touch()
+    import grp
+
+    group = grp.getgrgid(20).gr_name
+    port.chmod(0o660)
+    monkeypatch.setattr(transport.os, "stat", lambda path: FakeStatus(0o20660, 20))
+    text = explain_open_failure(str(port), PermissionError(errno.EACCES, "denied"))[1]
+    assert f"join it with 'sudo usermod -aG {group}" in text
+
+
+@pytest.mark.parametrize(("mode", "gid"), [(0o20600, 20), (0o20660, 0), (0o20640, 20)])
+def test_no_group_is_advised_that_would_not_help(mode: int, gid: int, monkeypatch) -> None:
+    monkeypatch.setattr(transport.os, "stat", lambda path: FakeStatus(mode, gid))
+    text = explain_open_failure("/dev/ttyX", PermissionError(errno.EACCES, "denied"))[1]
+    assert "usermod" not in text
+    assert "udev" in text
+
+
+@pytest.mark.parametrize("url", ["hwgrep://[", "socket://localhost"])
+def test_urls_that_no_retry_can_cure_are_refused(url: str) -> None:
+    with pytest.raises(UsageError, match="no serial port that this program knows"):
+        Reader(url, 250000)
+
+
+def test_a_port_that_dies_at_once_is_tried_ever_more_slowly(monkeypatch) -> None:
+    waits: list[float] = []
+    reader = Reader("/dev/none", 250000)
+    monkeypatch.setattr(reader, "_open", lambda: serial.serial_for_url("loop://", timeout=0.01))
+    monkeypatch.setattr(type(serial.serial_for_url("loop://")), "read", _dead)
+
+    def wait(timeout: float) -> None:
+        waits.append(timeout)
+        if len(waits) == 6:
+            reader._stop.set()
+
+    monkeypatch.setattr(reader._stop, "wait", wait)
+    reader._run()
+    assert waits == [*transport.BACKOFF_S, transport.BACKOFF_S[-1]]
+
+
+def _dead(self: object, size: int = 1) -> bytes:
+    raise OSError(errno.EIO, "gone")
+
+
+def test_missing_ports_are_answered_with_those_that_exist(monkeypatch) -> None:
+    class Port:
+        device, description = "/dev/ttyACM7", "Arduino Due Prog. Port"
+
+    monkeypatch.setattr(transport.list_ports, "comports", lambda: [Port()])
+    text = explain_open_failure("/dev/ttyACM0", FileNotFoundError(errno.ENOENT, "none"))[1]
+    assert "/dev/ttyACM7 (Arduino Due Prog. Port)" in text
