@@ -7,6 +7,7 @@ recording makes others.
 
 import csv
 from array import array
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
@@ -14,32 +15,31 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fltea.recording.session import Entry
 from fltea.records.errors import UsageError
-from fltea.records.records import ACCEL_AXES, AXES, AccelEstimate, AxisEstimate, DeviceAxisEstimate
+from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
 from fltea.records.whole_file import whole_file
 from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 
+Array = NDArray[np.float64]
 What = Literal["samples", "estimates", "device_estimates"]
 OF_AN_AXIS = {
-    "alpha": "alpha_{}",
-    "alpha_std": "alpha_std_{}",
-    "f": "f_{}_s^-alpha",
-    "f_std": "f_std_{}_s^-alpha",
-    "state_dps": "state_{}_dps",
-    "innovation_dps": "innovation_{}_dps",
-    "state_ms2": "state_{}_ms2",
-    "innovation_ms2": "innovation_{}_ms2",
-    "valid": "valid_{}",
-    "null_p": "null_p_{}",
-    "order": "not_white_{}",
-    "age": "age_{}",
-    "alpha_difference": "alpha_difference_{}",
-    "f_difference": "f_difference_{}_s^-alpha",
-    "state_difference_dps": "state_difference_{}_dps",
+    "alpha": "alpha_{axis}",
+    "alpha_std": "alpha_std_{axis}",
+    "f": "f_{axis}_s^-alpha",
+    "f_std": "f_std_{axis}_s^-alpha",
+    "state": "state_{axis}_{unit}",
+    "innovation": "innovation_{axis}_{unit}",
+    "valid": "valid_{axis}",
+    "null_p": "null_p_{axis}",
+    "whiteness": "not_white_{axis}",
+    "age": "age_{axis}",
+    "alpha_difference": "alpha_difference_{axis}",
+    "f_difference": "f_difference_{axis}_s^-alpha",
+    "state_difference": "state_difference_{axis}_{unit}",
 }
 """Fields of an axis in an estimate, and the columns that they become."""
 
@@ -86,9 +86,9 @@ def decode(paths: Sequence[Path], max_gap: int) -> Iterator[Decoded]:
         source = open_mcap(paths, f"replay:{paths[0]}")()
     decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
     for event in source.events():
-        found = decoder.feed(event)
-        if isinstance(found, Decoded):
-            yield found
+        for found in decoder.feed(event):
+            if isinstance(found, Decoded):
+                yield found
 
 
 class DeviceTime:
@@ -100,18 +100,20 @@ class DeviceTime:
         self._first_ns = 0
         self._last: tuple[int, int, float] = (0, 0, 0.0)
 
-    def add(self, found: Decoded) -> float:
-        """Time of the next sample [s]; it always increases."""
-        sample = found.sample
+    def add(self, found: Decoded) -> Array:
+        """Times of the next samples [s], (n,); they always increase."""
+        block = found.block
         seq, device_us, time_s = self._last
+        first_us = int(block.device_us[0])
         if self._origin_us is None:
-            self._origin_us, self._first_ns = sample.device_us, sample.host_ns
-        elif found.new_epoch is not None and (sample.seq <= seq or sample.device_us <= device_us):
-            self._base_s = max((sample.host_ns - self._first_ns) * 1e-9, time_s + 1.0 / found.hello.rate_hz)
-            self._origin_us = sample.device_us
-        time_s = self._base_s + (sample.device_us - self._origin_us) * 1e-6
-        self._last = sample.seq, sample.device_us, time_s
-        return time_s
+            self._origin_us, self._first_ns = first_us, int(block.host_ns[0])
+        elif found.new_epoch is not None and (int(block.seq[0]) <= seq or first_us <= device_us):
+            host_s = (int(block.host_ns[0]) - self._first_ns) * 1e-9
+            self._base_s = max(host_s, time_s + 1.0 / found.hello.rate_hz)
+            self._origin_us = first_us
+        times: Array = self._base_s + (block.device_us - self._origin_us) * 1e-6
+        self._last = int(block.seq[-1]), int(block.device_us[-1]), float(times[-1])
+        return times
 
 
 def sample_table(decoded: Iterable[Decoded]) -> Table:
@@ -122,20 +124,12 @@ def sample_table(decoded: Iterable[Decoded]) -> Table:
     def rows() -> Iterator[list[Any]]:
         clock = DeviceTime()
         for found in decoded:
-            s = found.sample
-            gyro = [*s.gyro_dps, *([None] * (len(AXES) - len(s.gyro_dps)))]
-            accel = s.accel_ms2 or (None,) * len(ACCEL_AXES)
-            yield [
-                round(clock.add(found), 6),
-                *gyro,
-                *accel,
-                s.temperature_c,
-                s.epoch,
-                s.seq,
-                s.device_us,
-                s.host_ns,
-                s.flags,
-            ]
+            times = np.round(clock.add(found), 6).tolist()
+            for time_s, s in zip(times, found.block.samples(), strict=True):
+                gyro = [*s.gyro_dps, *([None] * (len(AXES) - len(s.gyro_dps)))]
+                accel = s.accel_ms2 or (None,) * len(ACCEL_AXES)
+                place = s.epoch, s.seq, s.device_us, s.host_ns, s.flags
+                yield [time_s, *gyro, *accel, s.temperature_c, *place]
 
     return Table(columns, rows())
 
@@ -147,45 +141,44 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
         UsageError: rate or scale change within the recording; an npz file has one of each.
     """
     clock = DeviceTime()
-    gyro, accel, temperature = array("d"), array("d"), array("d")
-    time_s, host_s = array("d"), array("d")
-    whole = {name: array("q") for name in ("epoch", "seq", "device_us", "host_ns", "flags")}
+    columns: defaultdict[str, list[Any]] = defaultdict(list)
     settings: tuple[float, float | None, float | None, int] | None = None
     first_ns = 0
     for found in decoded:
-        hello, sample, raw = found.hello, found.sample, found.raw
-        of_now = hello.rate_hz, hello.gyro_lsb_per_dps, hello.accel_lsb_per_g, len(raw.gyro)
+        hello, block, raw = found.hello, found.block, found.raw
+        of_now = hello.rate_hz, hello.gyro_lsb_per_dps, hello.accel_lsb_per_g, raw.gyro.shape[1]
         if settings is None:
-            settings, first_ns = of_now, raw.host_ns
+            settings, first_ns = of_now, int(raw.host_ns[0])
         if of_now != settings:
             raise UsageError(
                 "rate or scale change within this recording; export it as .csv, in physical units."
             )
-        gyro.extend(raw.gyro)
-        accel.extend(raw.accel or ())
-        temperature.append(np.nan if sample.temperature_c is None else sample.temperature_c)
-        time_s.append(clock.add(found))
-        host_s.append((raw.host_ns - first_ns) * 1e-9)
-        for name, values in whole.items():
-            values.append(getattr(sample, name))
+        n = len(block)
+        columns["time_s"].append(np.round(clock.add(found), 6))
+        columns["t_host_s"].append((raw.host_ns - first_ns) * 1e-9)
+        if hello.gyro_lsb_per_dps is None:
+            columns["gyro_dps"].append(raw.gyro)
+        else:
+            columns["gyro_raw"].append(raw.gyro.astype(np.int32))
+        if raw.accel is not None:
+            columns["accel_raw"].append(raw.accel.astype(np.int32))
+        no_temperature = np.full(n, np.nan)
+        columns["temperature_c"].append(no_temperature if block.temperature_c is None else block.temperature_c)
+        columns["epoch"].append(np.full(n, block.epoch))
+        for name in ("seq", "device_us", "host_ns"):
+            columns[name].append(getattr(block, name))
+        columns["flags"].append(np.zeros(n, np.int64) if block.flags is None else block.flags.astype(np.int64))
     if settings is None:
         return {}, 0
-    rate_hz, lsb, accel_lsb, axes = settings
-    arrays: dict[str, ArrayLike] = {
-        "fs_hz": rate_hz,
-        "time_s": np.round(time_s, 6),
-        "t_host_s": np.array(host_s),
-    }
-    rates = np.array(gyro).reshape(-1, axes)
-    if lsb is None:
-        arrays["gyro_dps"] = rates
-    else:
-        arrays |= {"gyro_raw": rates.astype(np.int32), "lsb_per_dps": lsb}
-    if accel_lsb and len(accel) == 3 * len(time_s):
-        arrays |= {"accel_raw": np.array(accel).reshape(-1, 3).astype(np.int32), "accel_lsb_per_g": accel_lsb}
-    if not np.isnan(temperature).all():
-        arrays["temperature_c"] = np.array(temperature)
-    return arrays | {name: np.array(values) for name, values in whole.items()}, len(time_s)
+    rate_hz, lsb, accel_lsb, _ = settings
+    whole: dict[str, Any] = {name: np.concatenate(parts) for name, parts in columns.items()}
+    rows = len(whole["time_s"])
+    if not accel_lsb or len(whole.get("accel_raw", ())) != rows:
+        whole.pop("accel_raw", None)
+    if np.isnan(whole["temperature_c"]).all():
+        del whole["temperature_c"]
+    scales = {"fs_hz": rate_hz, "lsb_per_dps": lsb, "accel_lsb_per_g": accel_lsb if "accel_raw" in whole else None}
+    return {**{name: value for name, value in scales.items() if value is not None}, **whole}, rows
 
 
 def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
@@ -204,21 +197,16 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
         raise UsageError(
             f"{paths[0]}: holds no estimates. Make them of its samples: fltea run -s replay:{paths[0]}"
         )
-    kinds: dict[str, type[msgspec.Struct]] = {"axes": AxisEstimate, "accel_axes": AccelEstimate}
-    if what == "device_estimates":
-        kinds = {"axes": DeviceAxisEstimate}
-    places = [
-        (part, axis, field)
-        for part, kind in kinds.items()
-        for axis in first.get(part, {})
-        for field in kind.__struct_fields__
-    ]
-    columns = ["time_s", *OF_ALL, *(OF_AN_AXIS[field].format(axis) for _, axis, field in places)]
+    kind = DeviceAxisEstimate if what == "device_estimates" else AxisEstimate
+    units = {axis: "ms2" if axis in ACCEL_AXES else "dps" for axis in first["axes"]}
+    places = [(axis, field) for axis in units for field in kind.__struct_fields__ if field in OF_AN_AXIS]
+    names = (OF_AN_AXIS[field].format(axis=axis, unit=units[axis]) for axis, field in places)
+    columns = ["time_s", *OF_ALL, *names]
 
     def rows() -> Iterator[list[Any]]:
         for record in chain([first], records):
             time_s = round((record["host_ns"] - first["host_ns"]) * 1e-9, 9)
-            values = (record.get(part, {}).get(axis, {}).get(field) for part, axis, field in places)
+            values = (record["axes"].get(axis, {}).get(field) for axis, field in places)
             yield [time_s, *(record[name] for name in OF_ALL), *(_number(value) for value in values)]
 
     return Table(columns, rows())
@@ -247,9 +235,9 @@ def _estimates(paths: Sequence[Path], topic: str) -> Iterator[dict[str, Any]]:
 
 
 def _number(value: float | bool | str | None) -> float | None:
-    """Truths as 1 and 0; so is whether an order is that of something not white."""
+    """Truths as 1 and 0; so is whether white noise is rejected."""
     if isinstance(value, str):
-        value = value == "not white"
+        value = value == "rejected"
     return int(value) if isinstance(value, bool) else value
 
 

@@ -89,18 +89,18 @@ def summarise(paths: Sequence[Path], max_gap: int) -> Summary:
             unix_ns = event.host_ns + source.unix_offset_ns
             hello = msgspec.structs.replace(event, host_ns=unix_ns, device=device)
             boots.add((event.boot_id, event.device_id))
-        found = decoder.feed(event)
-        if not isinstance(found, Decoded) or decoder.timebase is None:
-            continue
-        if found.new_epoch is not None:
-            epochs[found.new_epoch] += 1
-            of_epoch = 0
-        of_epoch += 1
-        if of_epoch >= longest[0]:
-            longest = of_epoch, decoder.timebase.rate_hz, decoder.timebase.clock_ppm
-        first_ns = found.sample.host_ns if first_ns is None else first_ns
-        last_ns = found.sample.host_ns
-    count = decoder.continuity
+        for found in decoder.feed(event):
+            if not isinstance(found, Decoded) or decoder.timebase is None:
+                continue
+            if found.new_epoch is not None:
+                epochs[found.new_epoch] += 1
+                of_epoch = 0
+            of_epoch += len(found.block)
+            if of_epoch >= longest[0]:
+                longest = of_epoch, decoder.timebase.rate_hz, decoder.timebase.clock_ppm
+            first_ns = int(found.block.host_ns[0]) if first_ns is None else first_ns
+            last_ns = int(found.block.host_ns[-1])
+    count = decoder.place
     return Summary(
         name=name,
         device=device,

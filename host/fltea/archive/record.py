@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from fltea.records import clock
+from fltea.records.block import Block
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Event, Trouble
 from fltea.records.ports import Source
@@ -18,7 +19,7 @@ from fltea.sinks.record import RecordSink
 from fltea.sources.as_wire import AsWire
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
-from fltea.stream.decode import Decoded, Decoder
+from fltea.stream.decode import Decoder
 
 STATUS_NS = 10**9
 STATUS_QUIET_NS = 60 * 10**9
@@ -96,7 +97,7 @@ class _Recorder:
 
     def summary(self) -> str:
         """One line: how much there is, and what is missing."""
-        count, rate_hz = self._decoder.continuity, None
+        count, rate_hz = self._decoder.place, None
         if self._decoder.timebase is not None:
             rate_hz = self._decoder.timebase.rate_hz
         at = "" if rate_hz is None else f" at {rate_hz:.2f} Hz"
@@ -109,19 +110,21 @@ class _Recorder:
             f"{self._sink.parts} file{'' if self._sink.parts == 1 else 's'} in {self._folder}{stopped}"
         )
 
-    def _records(self, event: Event) -> Iterator[AnyRecord]:
+    def _records(self, event: Event) -> Iterator[AnyRecord | Block]:
         if isinstance(event, Trouble):
             self._say(f"{event.kind}: {event.message}")
             unix_ns = event.host_ns + self._source.unix_offset_ns
             yield Error(event.kind, event.message, unix_ns, device=self._name)
-        match self._decoder.feed(event):
-            case Hello() as hello:
-                unix_ns = hello.host_ns + self._source.unix_offset_ns
-                yield msgspec.structs.replace(hello, host_ns=unix_ns, device=self._name)
-            case Decoded(sample=s, missing=missing):
-                if missing:
-                    yield Gap(s.seq - missing, missing, s.epoch, s.host_ns, device=self._name)
-                yield s
+        for found in self._decoder.feed(event):
+            if isinstance(found, Hello):
+                unix_ns = found.host_ns + self._source.unix_offset_ns
+                yield msgspec.structs.replace(found, host_ns=unix_ns, device=self._name)
+                continue
+            block, missing = found.block, found.missing
+            if missing:
+                first, first_ns = int(block.seq[0]), int(block.host_ns[0])
+                yield Gap(first - missing, missing, block.epoch, first_ns, device=self._name)
+            yield block
 
     def _tell(self, kind: str, message: str) -> None:
         self._say(f"{kind}: {message}")

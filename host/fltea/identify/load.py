@@ -3,7 +3,6 @@
 A spectrum of a series with holes is another one's, so nothing is bridged here. What is left out is counted.
 """
 
-from array import array
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -145,19 +144,19 @@ def load(request: Request) -> Loaded:
     longest = now = _Stretch(0)
     stretches = samples = 0
     for event in events:
-        found = decoder.feed(event)
-        if not isinstance(found, Decoded):
-            continue
-        if found.missing or found.new_epoch is not None or not now.fits(found):
-            now = _Stretch(samples)
-            stretches += 1
-        samples += 1
-        now.add(found, decoder)
-        if len(now) > len(longest):
-            longest = now
+        for found in decoder.feed(event):
+            if not isinstance(found, Decoded):
+                continue
+            if found.missing or found.new_epoch is not None or not now.fits(found):
+                now = _Stretch(samples)
+                stretches += 1
+            samples += len(found.block)
+            now.add(found, decoder)
+            if len(now) > len(longest):
+                longest = now
     if longest.hello is None:
         raise UsageError(f"{request.name}: holds no samples that can be used.")
-    c = decoder.continuity
+    c = decoder.place
     lost = c.lost, c.gaps, c.duplicates, c.before_hello
     counts = Counts(samples, len(longest), longest.first, stretches, *lost, *longest.flagged)
     axes, clock_ppm = longest.axes(), None if longest.no_clock else longest.ppm
@@ -198,7 +197,8 @@ class _Stretch:
         self.ppm: float | None = None
         self.no_clock = True
         self.flagged = [0, 0, 0]
-        self._gyro, self._accel = array("d"), array("d")
+        self._gyro: list[Array] = []
+        self._accel: list[Array] = []
         self._gyro_axes = self._accel_axes = 0
         self._samples = 0
 
@@ -211,24 +211,26 @@ class _Stretch:
         return a is None or (
             (a.rate_hz, a.gyro_lsb_per_dps, a.accel_lsb_per_g)
             == (b.rate_hz, b.gyro_lsb_per_dps, b.accel_lsb_per_g)
-            and len(found.sample.gyro_dps) == self._gyro_axes
-            and len(found.sample.accel_ms2 or ()) == self._accel_axes
+            and found.block.gyro_dps.shape[1] == self._gyro_axes
+            and (found.block.accel_ms2 is None) == (self._accel_axes == 0)
         )
 
     def add(self, found: Decoded, decoder: Decoder) -> None:
-        """Take the next one."""
-        sample, accel = found.sample, found.sample.accel_ms2 or ()
+        """Take the next ones."""
+        block = found.block
         if self.hello is None:
             self.hello = found.hello
-            self._gyro_axes, self._accel_axes = len(sample.gyro_dps), len(accel)
-        self._samples += 1
-        self._gyro.extend(sample.gyro_dps)
-        self._accel.extend(accel)
-        if sample.flags:
+            self._gyro_axes = block.gyro_dps.shape[1]
+            self._accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
+        self._samples += len(block)
+        self._gyro.append(block.gyro_dps)
+        if block.accel_ms2 is not None:
+            self._accel.append(block.accel_ms2)
+        if block.flags is not None and block.flags.any():
             for i, flag in enumerate((SampleFlags.LATE, SampleFlags.RETRIED, SampleFlags.SATURATED)):
-                self.flagged[i] += bool(sample.flags & flag)
+                self.flagged[i] += int(np.count_nonzero(block.flags & flag))
         # Of a recording without arrival times the device's are given out for them.
-        self.no_clock = self.no_clock and found.raw.host_ns == sample.device_us * 1000
+        self.no_clock = self.no_clock and bool((found.raw.host_ns == block.device_us * 1000).all())
         if decoder.timebase is not None:
             self.ppm = decoder.timebase.clock_ppm
 
@@ -240,7 +242,7 @@ class _Stretch:
             (AXES, self._gyro, self._gyro_axes, GYRO_UNIT, resolution_dps(self.hello)),
             (ACCEL_AXES, self._accel, self._accel_axes, ACCEL_UNIT, accel_resolution_ms2(self.hello)),
         ):
-            columns = np.array(values).reshape(len(self), width) if width else np.empty((len(self), 0))
+            columns = np.concatenate(values) if width else np.empty((len(self), 0))
             for name, column in zip(names, columns.T, strict=False):
                 found[name] = Series(np.ascontiguousarray(column), unit, lsb)
         return found

@@ -12,7 +12,7 @@ import msgspec
 
 from fltea.records.records import ACCEL_AXES, AXES
 
-NAMED = {"axes": AXES, "accel_axes": ACCEL_AXES}
+NAMED = {"axes": AXES + ACCEL_AXES}
 """Objects by axis: their keys are known, and a plot needs them."""
 
 _encode = msgspec.json.Encoder().encode

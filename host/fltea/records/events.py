@@ -1,8 +1,16 @@
 """What comes out of a port or a source, before it becomes records."""
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fltea.records.records import DeviceStatus, EpochReason, Hello
+
+
+Ints = NDArray[np.int64]
+Values = NDArray[np.float64] | NDArray[np.int16]
 
 
 class Opened(NamedTuple):
@@ -33,6 +41,10 @@ TransportEvent = Opened | Chunk | Failed
 """What a port gives."""
 
 
+SEQUENCE_WRAP = 1 << 16
+TIME_WRAP_US = 1 << 32
+
+
 class RawSample(NamedTuple):
     """One sample as the source has it: counts, and a sequence and a time that may still wrap.
 
@@ -47,6 +59,55 @@ class RawSample(NamedTuple):
     accel: tuple[float, ...] | None = None
     temperature: float | None = None
     flags: int = 0
+
+
+class RawBlock(NamedTuple):
+    """Successive samples as columns of n rows; what each means, `RawSample` says.
+
+    gyro (n, axes), accel (n, 3), all others (n,); accel, temperature and flags are None where there are none.
+    """
+
+    sequence: Ints
+    device_us: Ints
+    host_ns: Ints
+    gyro: Values
+    accel: Values | None = None
+    temperature: Values | None = None
+    flags: Ints | None = None
+
+    def rows(self, begin: int, end: int) -> "RawBlock":
+        """Some of its rows."""
+        return RawBlock._make(None if column is None else column[begin:end] for column in self)
+
+    def samples(self) -> Iterator[RawSample]:
+        """One by one."""
+        n = len(self.sequence)
+        accel = [None] * n if self.accel is None else map(tuple, self.accel.tolist())
+        return map(
+            RawSample,
+            self.sequence.tolist(),
+            self.device_us.tolist(),
+            self.host_ns.tolist(),
+            map(tuple, self.gyro.tolist()),
+            accel,
+            [None] * n if self.temperature is None else self.temperature.tolist(),
+            [0] * n if self.flags is None else self.flags.tolist(),
+        )
+
+
+def block_of(samples: Sequence[RawSample]) -> RawBlock:
+    """Samples, at least one and all of the same shape, as columns."""
+    sequence, device_us, host_ns, gyro, accel, temperature, flags = zip(*samples, strict=True)
+    first = samples[0]
+    return RawBlock(
+        np.array(sequence, dtype=np.int64),
+        np.array(device_us, dtype=np.int64),
+        np.array(host_ns, dtype=np.int64),
+        np.array(gyro, dtype=np.float64),
+        None if first.accel is None else np.array(accel, dtype=np.float64),
+        None if first.temperature is None else np.array(temperature, dtype=np.float64),
+        np.array(flags, dtype=np.int64),
+    )
 
 
 class DeviceAxis(NamedTuple):
@@ -140,5 +201,12 @@ class Tick(NamedTuple):
     host_ns: int
 
 
-Event = Hello | RawSample | DeviceStatus | DeviceAxis | DeviceEstimator | Trouble | LinkDown | Break | Tick
+Event = Hello | RawBlock | DeviceStatus | DeviceAxis | DeviceEstimator | Trouble | LinkDown | Break | Tick
 """What a source gives."""
+
+
+def host_ns_of(event: Event) -> int | None:
+    """When an event happened, of samples the last one, on the source's monotonic clock; None if it has no time."""
+    if isinstance(event, RawBlock):
+        return int(event.host_ns[-1])
+    return None if isinstance(event, DeviceStatus) else event.host_ns

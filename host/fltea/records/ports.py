@@ -1,10 +1,12 @@
 """The two ends of the walk: what a source gives, and what a sink takes."""
 
+import bisect
 from collections.abc import Callable, Iterator
 from typing import ClassVar, Protocol
 
 from fltea.records.events import Event, TransportEvent
-from fltea.records.records import AnyRecord, LinkStats
+from fltea.records.block import Block
+from fltea.records.records import AnyRecord, LinkStats, OutputStats
 
 
 class Source(Protocol):
@@ -32,7 +34,36 @@ class Source(Protocol):
         """Release everything; may be called from a signal handler's thread and twice."""
 
 
-Item = AnyRecord | TransportEvent
+LATENCY_BOUNDS_MS = (0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 250.0, 1000.0)
+
+
+class Latency:
+    """Histogram of the time from a sample's arrival to its way out, in ms."""
+
+    def __init__(self) -> None:
+        self.counts = [0] * (len(LATENCY_BOUNDS_MS) + 1)
+        self.sum_ms = 0.0
+
+    def add(self, ms: float, weight: int) -> None:
+        """Count `weight` records that took `ms` milliseconds."""
+        self.counts[bisect.bisect_left(LATENCY_BOUNDS_MS, ms)] += weight
+        self.sum_ms += ms * weight
+
+
+class OutputView(Protocol):
+    """What may be known of an output that runs."""
+
+    latency: Latency
+
+    @property
+    def name(self) -> str:
+        """Key of its counts in `stats.outputs`."""
+
+    def stats(self) -> OutputStats:
+        """Count what was written and what was lost."""
+
+
+Item = AnyRecord | Block | TransportEvent
 """What a sink may be given; what came over the wire, uninterpreted, only where `takes_wire`."""
 
 Report = Callable[[str, str], None]

@@ -14,8 +14,10 @@ AXES = ("gyro_x", "gyro_y", "gyro_z")
 ACCEL_AXES = ("accel_x", "accel_y", "accel_z")
 """Names of the accelerometer's axes, in the order of every tuple of specific forces."""
 
-Order = Literal["undefined", "not white"]
-"""What the running test of whiteness says: undefined while white noise is not rejected."""
+GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s^2"
+
+Whiteness = Literal["not rejected", "rejected"]
+"""What the running test says of white noise. While it is not rejected, an order is undefined."""
 
 EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence", "resumed"]
 
@@ -78,38 +80,26 @@ class Sample(Record, frozen=True, tag="sample"):
 
 
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The triple estimate of one axis after one sample; null where not valid.
+    """The estimate of one axis after one sample; null where not valid.
 
-    null_p and order are of the measurements, so also where the estimate is not valid; null until known.
+    state, innovation: in `unit`. null_p and whiteness are of the measurements, so also where the estimate is
+    not valid; null until known.
     """
 
     alpha: float | None
     alpha_std: float | None
     f: float | None
     f_std: float | None
-    state_dps: float | None
-    innovation_dps: float | None
+    state: float | None
+    innovation: float | None
     valid: bool
     null_p: float | None = None
-    order: Order | None = None
-
-
-class AccelEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The same of one axis of the accelerometer."""
-
-    alpha: float | None
-    alpha_std: float | None
-    f: float | None
-    f_std: float | None
-    state_ms2: float | None
-    innovation_ms2: float | None
-    valid: bool
-    null_p: float | None = None
-    order: Order | None = None
+    whiteness: Whiteness | None = None
+    unit: str = GYRO_UNIT
 
 
 class Estimate(Record, frozen=True, tag="estimate"):
-    """The estimates of all axes after one sample; accel_axes only where `--channels` names some."""
+    """The estimates of all axes after one sample, those of the accelerometer where `--channels` names some."""
 
     seq: int
     epoch: int
@@ -117,27 +107,19 @@ class Estimate(Record, frozen=True, tag="estimate"):
     host_ns: int
     variant: str
     axes: dict[str, AxisEstimate]
-    accel_axes: dict[str, AccelEstimate] | None = None
 
 
-class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class DeviceAxisEstimate(AxisEstimate, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The device's own estimate of one axis after one sample; null where not valid.
 
     age: steps since the device's start-up window, the first one is 1. The differences are the device's
     estimate minus the host's after the same sample; null where the two cannot be compared.
     """
 
-    alpha: float | None
-    alpha_std: float | None
-    f: float | None
-    f_std: float | None
-    state_dps: float | None
-    innovation_dps: float | None
-    valid: bool
     age: int
     alpha_difference: float | None = None
     f_difference: float | None = None
-    state_difference_dps: float | None = None
+    state_difference: float | None = None
 
 
 class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
@@ -214,25 +196,18 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the start-up window gave an axis, and how often it had to start again."""
+    """What the start-up window gave an axis, and how often it had to start again.
 
-    bias_dps: float | None
-    R_dps2: float | None
+    bias: in `unit`; R: in its square.
+    """
+
+    bias: float | None
+    R: float | None
     restarts: int
     interventions: dict[str, int]
     innovation_lag1: float | None = None
     innovation_nis: float | None = None
-
-
-class AccelStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The same of an axis of the accelerometer."""
-
-    bias_ms2: float | None
-    R_m2s4: float | None
-    restarts: int
-    interventions: dict[str, int]
-    innovation_lag1: float | None = None
-    innovation_nis: float | None = None
+    unit: str = GYRO_UNIT
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -280,7 +255,6 @@ class Stats(Record, frozen=True, tag="stats"):
     samples: SampleStats
     axes: dict[str, AxisStats]
     board: DeviceStatus | None
-    accel_axes: dict[str, AccelStats] | None = None
     outputs: dict[str, OutputStats] = {}
     device_estimator: DeviceEstimatorStats | None = None
 

@@ -1,9 +1,10 @@
 """All outputs of a running program: who gets which record, what each has lost, and what they have to say."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from fltea.records.events import TransportEvent
+from fltea.records.block import Block
 from fltea.records.ports import Item, Sink
 from fltea.records.records import AnyRecord, Error, OutputStats
 from fltea.service.outlet import Outlet
@@ -43,7 +44,7 @@ class Hub:
     def publish(
         self,
         device: str,
-        records: list[AnyRecord],
+        records: Sequence[AnyRecord | Block],
         arrived_ns: int | None = None,
         *,
         wait: bool = False,

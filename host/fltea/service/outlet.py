@@ -1,33 +1,22 @@
 """A sink behind a bounded queue and in a thread of its own: slow or broken, it loses only its own records."""
 
-import bisect
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
+from fltea.records.block import Block
 from fltea.records.clock import host_ns
-from fltea.records.ports import Item, Sink, SinkClosed
+from fltea.records.ports import Item, Latency, Sink, SinkClosed
 from fltea.records.records import OutputStats
 
 IDLE_S = 0.5
 REST_S = 0.002
 """Between two batches: records of many devices then go out together, not with a change of threads each."""
 
-LATENCY_BOUNDS_MS = (0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 250.0, 1000.0)
-
-
-class Latency:
-    """Histogram of the time from a sample's arrival to its way out, in ms."""
-
-    def __init__(self) -> None:
-        self.counts = [0] * (len(LATENCY_BOUNDS_MS) + 1)
-        self.sum_ms = 0.0
-
-    def add(self, ms: float, weight: int) -> None:
-        """Count `weight` records that took `ms` milliseconds."""
-        self.counts[bisect.bisect_left(LATENCY_BOUNDS_MS, ms)] += weight
-        self.sum_ms += ms * weight
+def weight(item: Item) -> int:
+    """How many records an item stands for."""
+    return item.weight if isinstance(item, Block) else 1
 
 
 class Outlet:
@@ -42,12 +31,18 @@ class Outlet:
         self.latency = Latency()
         self._on_end = on_end
         self._queue: deque[tuple[Item, int | None]] = deque()
+        self._waiting = 0  # records in the queue
         self._changed = threading.Condition()
         self._closing = self._ended = False
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
         self._lost_before: int | None = None  # the sink's own count, while a batch is in hand
         self._thread = threading.Thread(target=self._run, name=f"sink {sink.name}", daemon=True)
+
+    @property
+    def name(self) -> str:
+        """Key of its counts in `stats.outputs`."""
+        return self.sink.name
 
     def start(self) -> None:
         """Begin to write."""
@@ -61,21 +56,23 @@ class Outlet:
         with self._changed:
             for item in items:
                 if wait:
-                    while len(self._queue) >= self.sink.capacity and not (self._ended or self._closing):
+                    while self._waiting >= self.sink.capacity and not (self._ended or self._closing):
                         self._changed.notify_all()
                         self._changed.wait(IDLE_S)
-                if self._ended or len(self._queue) >= self.sink.capacity:
-                    self._dropped += 1
-                    self._overflow += 1
+                count = weight(item)
+                if self._ended or self._waiting >= self.sink.capacity:
+                    self._dropped += count
+                    self._overflow += count
                 else:
                     self._queue.append((item, arrived_ns))
+                    self._waiting += count
             self._changed.notify_all()
 
     def stats(self) -> OutputStats:
         """Count what was written and what was lost; what is being written still waits."""
         with self._changed:
             lost = self.sink.lost if self._lost_before is None else self._lost_before
-            return OutputStats(self._written - lost, self._dropped + lost, len(self._queue) + self._in_hand)
+            return OutputStats(self._written - lost, self._dropped + lost, self._waiting + self._in_hand)
 
     def close(self) -> None:
         """Take nothing more; what is queued still goes out (see `join`)."""
@@ -106,9 +103,10 @@ class Outlet:
                 self._changed.wait(IDLE_S)
             batch = list(self._queue)
             self._queue.clear()
+            count, self._waiting = self._waiting, 0
             overflow, self._overflow = self._overflow, 0
             closing = self._closing
-            self._in_hand, self._lost_before = len(batch), self.sink.lost
+            self._in_hand, self._lost_before = count, self.sink.lost
             self._changed.notify_all()
         for item, _ in batch:
             self.sink.write(item)
@@ -116,24 +114,19 @@ class Outlet:
             self.sink.on_overflow(overflow)
         self.sink.flush()
         with self._changed:
-            self._written += len(batch)
+            self._written += count
             self._in_hand, self._lost_before = 0, None
         now_ns = host_ns()
-        arrived_ns, weight = None, 0
-        for _, arrived in batch:  # what came in one burst has one latency
-            if arrived != arrived_ns:
-                if arrived_ns is not None:
-                    self.latency.add((now_ns - arrived_ns) * 1e-6, weight)
-                arrived_ns, weight = arrived, 0
-            weight += 1
-        if arrived_ns is not None:
-            self.latency.add((now_ns - arrived_ns) * 1e-6, weight)
+        for item, arrived_ns in batch:
+            if arrived_ns is not None:
+                self.latency.add((now_ns - arrived_ns) * 1e-6, weight(item))
         return bool(batch) or not closing
 
     def _end(self, error: Exception | None) -> None:
         with self._changed:
             self._ended = True
-            self._dropped += len(self._queue)
+            self._dropped += self._waiting
+            self._waiting = 0
             self._queue.clear()
             if self._lost_before is not None:  # how much of the last batch went out nobody knows
                 self._dropped += max(0, self._in_hand - (self.sink.lost - self._lost_before))

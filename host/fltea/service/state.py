@@ -1,9 +1,6 @@
 """Snapshots of the estimators in a file, so that a restarted daemon goes on where it stopped.
 
-The rule: same device, same sensor and settings, and not older than `max_age_s`. Then bias, R, and the filters
-with their memory go on; the time in between is bridged like a gap, by prediction alone, up to the length of
-the memory, beyond which nothing of it is left anyway. The first epoch has the reason `resumed`. A board that
-was reset in between (opening its port resets a Due) does not matter: its sensor's noise is the same.
+When one may be used, `fltea.stream.snapshot` says.
 """
 
 import contextlib
@@ -14,11 +11,9 @@ from pathlib import Path
 
 import msgspec
 
-from fltea.estimator.online import OnlineState
 from fltea.records.errors import UsageError
-from fltea.records.records import Hello
-from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
+from fltea.stream.snapshot import DeviceState
 
 VERSION = 2
 READABLE = (1, 2)
@@ -28,43 +23,9 @@ LOOK_S = 1.0
 """What is new is on the disk after this long; how often there is something, `period_s` says."""
 
 
-class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample."""
-
-    sensor: dict[str, str]
-    unix_ns: int
-    gyro: OnlineState | None
-    accel: OnlineState | None
-
-
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     version: int
     devices: dict[str, DeviceState]
-
-
-def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
-    """What has to be the same for a snapshot to be used."""
-    return {
-        "device_id": str(hello.device_id),
-        "who_am_i": str(hello.who_am_i),
-        "scales": f"{hello.gyro_lsb_per_dps} {hello.accel_lsb_per_g}",
-        "filter_hz": str(hello.gyro_dlpf_hz),
-        "rate_hz": str(hello.rate_hz),
-        "channels": str(config.channels),
-        "settings": msgspec.json.encode((config.estimator, config.accel)).decode(),
-    }
-
-
-def why_unused(state: DeviceState, hello: Hello, config: Config, now_unix_ns: int) -> str | None:
-    """Why a snapshot does not fit; None if it does."""
-    age_s = (now_unix_ns - state.unix_ns) * 1e-9
-    if age_s < 0:
-        return "it is from the future: was the clock set?"
-    if age_s > config.state.max_age_s:
-        return f"it is {age_s:.0f} s old (state.max_age_s is {config.state.max_age_s:g})"
-    now = sensor_of(hello, config)
-    other = [key for key, value in now.items() if state.sensor.get(key) != value]
-    return f"it differs in: {', '.join(other)}" if other else None
 
 
 class _Header(msgspec.Struct, frozen=True):

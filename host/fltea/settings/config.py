@@ -132,6 +132,7 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pace: Literal["auto", "real", "fast"] = "auto"
     once: bool = False
     samples: bool = False
+    every: int = 1
     link: LinkConfig = LinkConfig()
     replay: ReplayConfig = ReplayConfig()
     estimator: EstimatorConfig = EstimatorConfig()

@@ -6,9 +6,9 @@ from typing import BinaryIO
 import msgspec
 
 from fltea.records.ports import Item, Sink, SinkClosed
-from fltea.records.records import Sample
+from fltea.records.block import Block
 
-BLOCK = 1 << 16
+BUFFER = 1 << 16
 FULL_S = 0.005
 
 
@@ -28,12 +28,17 @@ class NdjsonSink(Sink):
         self._pending = bytearray()
 
     def write(self, item: Item) -> None:
-        """Add one line."""
-        if isinstance(item, Sample) and not self._samples:
+        """Add a line a record."""
+        if not isinstance(item, Block):
+            self._add(item)
             return
-        self._pending += self._encoder.encode(item)
+        for record in item.records(samples=self._samples):
+            self._add(record)
+
+    def _add(self, record: Item) -> None:
+        self._encoder.encode_into(record, self._pending, -1)
         self._pending += b"\n"
-        if len(self._pending) >= BLOCK:
+        if len(self._pending) >= BUFFER:
             self.flush()
 
     def flush(self) -> None:

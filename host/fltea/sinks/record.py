@@ -14,6 +14,7 @@ from fltea.recording.part import PartWriter
 from fltea.recording.schema import encode_message
 from fltea.recording.session import LINK, OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage, PartInfo
 from fltea.records import clock
+from fltea.records.block import Block
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, LinkDown, Opened, TransportEvent
 from fltea.records.ports import Item, Report, Sink
@@ -101,6 +102,9 @@ class RecordSink(Sink):
         """Take one item; a new file begins only before one from the wire."""
         if isinstance(item, Opened | Chunk | Failed):
             self._on_wire(item)
+        elif isinstance(item, Block):
+            for record in item.records(samples=Sample in self._topics, estimates=Estimate in self._topics):
+                self._on_record(record)
         elif type(item) in self._topics:
             self._on_record(item)
 

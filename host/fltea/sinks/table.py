@@ -9,10 +9,10 @@ from rich.table import Table
 from rich.text import Text
 
 from fltea.estimator.running_null import p_text
+from fltea.records.block import Block
 from fltea.records.events import Chunk, Failed, Opened
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.records import (
-    AccelEstimate,
     AnyRecord,
     AxisEstimate,
     DeviceEstimates,
@@ -103,6 +103,11 @@ class TableSink(Sink):
         """Remember what the record says and redraw a few times a second."""
         if isinstance(item, Opened | Chunk | Failed):
             return
+        if isinstance(item, Block):  # of a second at most
+            estimate = item.last_estimate()
+            if estimate is None:
+                return
+            item = estimate
         if item.device is None and self._views and isinstance(item, Error):
             self._general.add(item)
         else:
@@ -152,7 +157,7 @@ class DeviceView:
                 self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
             case Estimate():
                 self._estimate = record
-                for name, axis in _axes(record).items():
+                for name, axis in record.axes.items():
                     alpha, f = self._trends.setdefault(name, (Trend(), Trend()))
                     if axis.alpha is not None and axis.f is not None:
                         alpha.add(axis.alpha, record.host_ns)
@@ -202,13 +207,14 @@ class DeviceView:
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         table = Table(expand=False)
         table.add_column("axis")
-        unit = "[deg/s]" if not self._estimate.accel_axes else "[deg/s, m/s²]"
+        units = dict.fromkeys(axis.unit.replace("^2", "²") for axis in self._estimate.axes.values())
+        unit = f"[{', '.join(units)}]"
         for title in ("α", *(["order"] if wide else []), "f [s^-α]", f"state {unit}", f"innovation {unit}"):
             table.add_column(Text(title), justify="right")  # as plain text: [deg/s] is no markup
         if wide:
             table.add_column("α, last seconds", min_width=TREND_WIDTH)
             table.add_column("f, last seconds", min_width=TREND_WIDTH)
-        for name, axis in _axes(self._estimate).items():
+        for name, axis in self._estimate.axes.items():
             order = (_order(axis),) if wide else ()
             bars = map(str, self._trends[name]) if wide else ()
             if not axis.valid:
@@ -219,8 +225,8 @@ class DeviceView:
                 _with_std(axis.alpha, axis.alpha_std),
                 *order,
                 _with_std(axis.f, axis.f_std),
-                _rate(axis.state_dps if isinstance(axis, AxisEstimate) else axis.state_ms2),
-                _rate(axis.innovation_dps if isinstance(axis, AxisEstimate) else axis.innovation_ms2),
+                _rate(axis.state),
+                _rate(axis.innovation),
                 *bars,
             )
         return table
@@ -228,7 +234,7 @@ class DeviceView:
     def _rows_below(self, estimate: Estimate) -> Table:
         rows = Table.grid(padding=(0, 2))
         rows.add_row("", "order", "α, last seconds", "f, last seconds")
-        for name, axis in _axes(estimate).items():
+        for name, axis in estimate.axes.items():
             rows.add_row(name, _order(axis), *map(str, self._trends[name]))
         return rows
 
@@ -274,15 +280,12 @@ def _beside(value: float | None, difference: float | None) -> tuple[str, str]:
     return "" if value is None else number(value, 3), far
 
 
-def _axes(estimate: Estimate) -> dict[str, AxisEstimate | AccelEstimate]:
-    return {**estimate.axes, **(estimate.accel_axes or {})}
-
-
-def _order(axis: AxisEstimate | AccelEstimate) -> str:
-    """What the running test of whiteness says."""
+def _order(axis: AxisEstimate) -> str:
+    """What the running test of whiteness says of the order."""
     if axis.null_p is None:
         return "unknown"
-    return f"{axis.order}, {p_text(axis.null_p).replace(' ', '')}"
+    word = "not white" if axis.whiteness == "rejected" else "undefined"
+    return f"{word}, {p_text(axis.null_p).replace(' ', '')}"
 
 
 def _with_std(value: float | None, std: float | None) -> str:

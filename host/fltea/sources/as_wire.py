@@ -7,6 +7,8 @@ from collections.abc import Callable
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import (
+    SEQUENCE_WRAP,
+    TIME_WRAP_US,
     Break,
     Chunk,
     DeviceAxis,
@@ -15,13 +17,14 @@ from fltea.records.events import (
     Failed,
     LinkDown,
     Opened,
+    RawBlock,
     RawSample,
     Tick,
     TransportEvent,
     Trouble,
+    host_ns_of,
 )
 from fltea.records.records import DeviceStatus, Hello
-from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.wire import layout as wire
 from fltea.wire.in_units import hello_event
 from fltea.wire.messages import encode
@@ -54,8 +57,7 @@ class AsWire:
         Raises:
             UsageError: the protocol cannot state it: samples that are no counts, a rate finer than 0.001 Hz.
         """
-        if not isinstance(event, DeviceStatus):
-            self._host_ns = event.host_ns
+        self._host_ns = host_ns_of(event) or self._host_ns
         if isinstance(event, LinkDown):
             self._down = event
             return []
@@ -69,7 +71,11 @@ class AsWire:
         if not self._open:
             self._open = True
             found.append(Opened(self._host_ns, self._unix_offset_ns()))
-        found.append(Chunk(self._frame(event), self._host_ns, self._unix_offset_ns()))
+        if not isinstance(event, RawBlock):
+            found.append(Chunk(self._frame(event), self._host_ns, self._unix_offset_ns()))
+            return found
+        for sample in event.samples():
+            found.append(Chunk(self._frame(sample), sample.host_ns, self._unix_offset_ns()))
         return found
 
     def _lost(self, event: Event) -> list[TransportEvent]:

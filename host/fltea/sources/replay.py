@@ -1,7 +1,6 @@
 """A recording as a source: as fast as it can, or at its own pace; in its order, or shuffled."""
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -13,15 +12,25 @@ from fltea.recording.files import Recording, read_csv, read_npz
 from fltea.recording.ndjson import read_ndjson
 from fltea.records import clock
 from fltea.records.errors import UsageError
-from fltea.records.events import Break, Event, RawSample, Trouble
-from fltea.records.records import DeviceStatus, Epoch, Hello, LinkStats, Sample
+from fltea.records.events import (
+    SEQUENCE_WRAP,
+    TIME_WRAP_US,
+    Break,
+    Event,
+    RawBlock,
+    Trouble,
+    host_ns_of,
+)
+from fltea.records.records import Epoch, Hello, LinkStats, Sample
 from fltea.settings.extras import load
 from fltea.sources.pacing import sleep_until
-from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.wire.units import to_counts
 
 if TYPE_CHECKING:
     from fltea.sources.mcap import McapRecording, Part
+
+AT_ONCE = 8192
+"""Samples of a block."""
 
 FILE_SUFFIXES = (".npz", ".csv", ".txt", ".ndjson", ".jsonl")
 """Recordings that are one file, read whole; all else is MCAP: a file, a folder, or the name of a session."""
@@ -100,12 +109,14 @@ class ReplaySource:
         """Yield the recording's events, once."""
         begin_ns: int | None = None
         for event in self._events:
-            if self._realtime and not isinstance(event, DeviceStatus):
-                begin_ns = clock.host_ns() - event.host_ns if begin_ns is None else begin_ns
-                sleep_until(begin_ns + event.host_ns, lambda: self._closed)
-            if self._closed:
-                return
-            yield event
+            for part in _paced(event) if self._realtime else (event,):
+                host_ns = host_ns_of(part)
+                if self._realtime and host_ns is not None:
+                    begin_ns = clock.host_ns() - host_ns if begin_ns is None else begin_ns
+                    sleep_until(begin_ns + host_ns, lambda: self._closed)
+                if self._closed:
+                    return
+                yield part
 
     def link_stats(self) -> LinkStats:
         """Count what the recorded bytes held; of other recordings nothing can get lost on the way here."""
@@ -114,6 +125,16 @@ class ReplaySource:
     def close(self) -> None:
         """End the iteration."""
         self._closed = True
+
+
+def _paced(event: Event) -> Iterator[Event]:
+    """An event at its time: of samples those that came together."""
+    if not isinstance(event, RawBlock):
+        yield event
+        return
+    begins = [0, *(np.flatnonzero(np.diff(event.host_ns)) + 1).tolist()]
+    for begin, end in zip(begins, [*begins[1:], len(event.host_ns)], strict=True):
+        yield event.rows(begin, end)
 
 
 def open_mcap(paths: Sequence[Path], name: str) -> Callable[[], "McapRecording"]:
@@ -139,13 +160,18 @@ def _mcap_library() -> ModuleType:
 
 def _count_samples(recording: "McapRecording", limit: int) -> int:
     """Samples of a recording that may be long: counted no further than to the limit."""
-    samples = (event for event in recording.events() if isinstance(event, RawSample))
-    return sum(1 for _ in islice(samples, limit))
+    count = 0
+    for event in recording.events():
+        if isinstance(event, RawBlock):
+            count += len(event.sequence)
+            if count >= limit:
+                break
+    return count
 
 
 def _from_recording(name: str, recording: Recording, shuffle: int | None) -> Iterator[Event]:
     n = len(recording.gyro)
-    order = np.arange(n) if shuffle is None else np.random.default_rng(shuffle).permutation(n)
+    order = None if shuffle is None else np.random.default_rng(shuffle).permutation(n)
     device_us = np.round((recording.device_s - recording.device_s[0]) * 1e6).astype(np.int64)
     host_ns = device_us * 1000
     if recording.host_s is not None:
@@ -159,16 +185,17 @@ def _from_recording(name: str, recording: Recording, shuffle: int | None) -> Ite
         gyro_lsb_per_dps=recording.lsb_per_dps,
         accel_lsb_per_g=recording.accel_lsb_per_g,
     )
-    for k in range(n):
-        if recording.epoch is not None and k and recording.epoch[k] != recording.epoch[k - 1]:
-            yield Break("restart", int(host_ns[k]))
-        yield RawSample(
-            int(sequence[k]) % SEQUENCE_WRAP,
-            int(device_us[k]) % TIME_WRAP_US,
-            int(host_ns[k]),
-            tuple(recording.gyro[order[k]].tolist()),
-            None if recording.accel is None else tuple(recording.accel[order[k]].tolist()),
-        )
+    gyro = recording.gyro if order is None else recording.gyro[order]
+    accel = recording.accel if order is None or recording.accel is None else recording.accel[order]
+    raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, gyro, accel)
+    begins = [0]
+    if recording.epoch is not None:
+        begins += (np.flatnonzero(np.diff(recording.epoch)) + 1).tolist()
+    for begin, end in zip(begins, [*begins[1:], n], strict=True):
+        if begin:
+            yield Break("restart", int(host_ns[begin]))
+        for first in range(begin, end, AT_ONCE):
+            yield raw.rows(first, min(first + AT_ONCE, end))
 
 
 def _sequence(recording: Recording) -> NDArray[np.int64]:
@@ -183,14 +210,31 @@ def _from_ndjson(records: list[Hello | Sample | Epoch], cut: str | None) -> Iter
     """Our own output as events; numbers and times are unwrapped already, epochs begin where it says."""
     if cut is not None:
         yield Trouble("cut_recording", cut, records[0].host_ns, fatal=False)
-    hello = None
+    hello: Hello | None = None
+    waiting: list[Sample] = []
+
+    def block() -> Iterator[RawBlock]:
+        if waiting:
+            assert hello is not None  # read_ndjson refuses samples before it
+            yield to_counts(waiting, hello)
+            waiting.clear()
+
     for record in records:
         match record:
+            case Sample():
+                if len(waiting) == AT_ONCE or (waiting and not _alike(waiting[-1], record)):
+                    yield from block()
+                waiting.append(record)
             case Hello():
+                yield from block()
                 hello = record
                 yield record
             case Epoch(reason=reason) if reason != "gap":  # a gap is found anew, by the limit of now
+                yield from block()
                 yield Break(record.reason, record.host_ns)
-            case Sample():
-                assert hello is not None  # read_ndjson refuses samples before it
-                yield to_counts(record, hello)
+    yield from block()
+
+
+def _alike(a: Sample, b: Sample) -> bool:
+    """Whether two samples hold the same things."""
+    return (a.accel_ms2 is None, a.temperature_c is None) == (b.accel_ms2 is None, b.temperature_c is None)

@@ -10,11 +10,14 @@ import numpy as np
 from fltea.noise.simulation import FractionalNoise, quantise
 from fltea.records import clock
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.events import Event, RawSample
+from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Event, RawSample, block_of
 from fltea.records.records import AXES, Hello, LinkStats
 from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
-from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
+
+
+AT_ONCE = 256
+"""Samples of a block where none is waited for."""
 
 
 class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -120,14 +123,19 @@ class SyntheticSource:
         )
         k = 0
         while not self._closed and (s.n == 0 or k < s.n):
-            device_us = round(k * 1e6 / s.rate_hz)
-            due_ns = begin_ns + device_us * 1000
-            if self._realtime:
-                sleep_until(due_ns, lambda: self._closed)
-                if self._closed:
-                    return
-            yield RawSample(k % SEQUENCE_WRAP, device_us % TIME_WRAP_US, due_ns, noise.step())
-            k += 1
+            rows = []
+            for number in range(k, k + (1 if self._realtime else AT_ONCE)):
+                device_us = round(number * 1e6 / s.rate_hz)
+                due_ns = begin_ns + device_us * 1000
+                if self._realtime:
+                    sleep_until(due_ns, lambda: self._closed)
+                if self._closed or (s.n and number >= s.n):
+                    break
+                times = device_us % TIME_WRAP_US, due_ns
+                rows.append(RawSample(number % SEQUENCE_WRAP, *times, noise.step()))
+            if rows:
+                yield block_of(rows)
+            k += len(rows)
 
     def link_stats(self) -> LinkStats:
         """Nothing can get lost on no wire."""

@@ -3,24 +3,32 @@
 It does not know where the bytes come from: a port (`fltea.sources.serial`) or a recording of one.
 """
 
+from collections import Counter
 from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
 
 from fltea.records.events import (
     Chunk,
     Event,
     Failed,
+    Ints,
     LinkDown,
     Opened,
-    RawSample,
+    RawBlock,
     Tick,
     TransportEvent,
     Trouble,
 )
 from fltea.records.records import LinkStats
+from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.wire import layout as wire
+from fltea.wire.block_reader import BlockReader, SampleColumns
 from fltea.wire.faults import fault_text
+from fltea.wire.framing import BadFrame
 from fltea.wire.in_units import axis_event, estimator_event, hello_event, name_of, status_event
-from fltea.wire.messages import Frame, FrameReader, Refused
+from fltea.wire.messages import Frame, Refused
 from fltea.wire.sensors import NO_SENSOR, RELATIVES, SENSORS, sensor_name
 
 SILENCE_S = 5.0
@@ -30,8 +38,18 @@ LIMIT_NS = int(SILENCE_S * 1e9)
 STALL_S = 2.0
 """If the program itself was held up for this long, by whatever, silence proves nothing."""
 
-REPEAT_S = 60.0
-"""The same trouble is told again after this long."""
+
+class Chunks(NamedTuple):
+    """What came in which read, (chunks,): where it ends in the bytes, and when it came."""
+
+    end: Ints
+    host_ns: Ints
+    unix_offset_ns: Ints
+
+    @classmethod
+    def one(cls, data: bytes, host_ns: int, unix_offset_ns: int) -> "Chunks":
+        """A single one."""
+        return cls(np.array([len(data)]), np.array([host_ns]), np.array([unix_offset_ns]))
 
 
 class WireEvents:
@@ -44,7 +62,9 @@ class WireEvents:
         self.url = url
         self.unix_offset_ns = 0
         self._before_ns: int | None = None
-        self._frames = FrameReader()
+        self._frames = BlockReader()
+        self._counts: Counter[str] = Counter()
+        self._bytes = 0
         self._connected = False
         self._refused = False
         self._heard_hello = False
@@ -54,7 +74,7 @@ class WireEvents:
         self._told: tuple[str, int] | None = None
         self._sensor: tuple[int, int] | None = None
         self._told_sensors = {NO_SENSOR}
-        self._told_faults: dict[int, int] = {}
+        self._told_faults = OnceAMinute()
         self._connections = 0
         self._refused_frames = 0
 
@@ -72,15 +92,29 @@ class WireEvents:
             yield from self._on_transport(item)
         yield from self._watch(item.host_ns if item else now_ns)
 
+    def is_settled(self, until_ns: int) -> bool:
+        """Whether the line is open and a device known: then nothing needs watching for the next second."""
+        unread_since_ns = until_ns if self._unread_since_ns is None else self._unread_since_ns
+        known = self._connected and self._heard_hello and not self._refused
+        return known and until_ns - unread_since_ns < LIMIT_NS - 10**9
+
+    def feed_chunks(self, data: bytes, chunks: Chunks) -> Iterator[Event]:
+        """The same as feeding chunks one by one, for those of one second while the line `is_settled`."""
+        self._heard(int(chunks.host_ns[0]), len(data))
+        self._byte_ns = int(chunks.host_ns[-1])
+        yield from self._on_bytes(data, chunks)
+        self.unix_offset_ns = int(chunks.unix_offset_ns[-1])
+        self._before_ns = int(chunks.host_ns[-1])
+
     def resume(self, now_ns: int) -> None:
         """Say when the program came back for the next event: only what is longer was a stall of its own."""
         self._before_ns = now_ns
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
-        """Count what arrived and what was lost on the way."""
-        counts = dict(self._frames.counts)
+        """Count what was handed on, and what was lost on the way."""
+        counts = dict(self._counts)
         return LinkStats(
-            bytes=self._frames.bytes_in,
+            bytes=self._bytes,
             frames=counts.pop("frames", 0),
             unknown_type=counts.pop("unknown_type", 0),
             refused=self._refused_frames,
@@ -101,15 +135,62 @@ class WireEvents:
                 yield LinkDown(host_ns)
                 yield from self._tell(Trouble(kind, message, host_ns))
             case Chunk(data, host_ns, _):
-                if self._unread_since_ns is None or host_ns - self._byte_ns >= LIMIT_NS:
-                    self._unread_since_ns, self._unread_bytes = host_ns, 0
-                self._byte_ns = host_ns
-                self._unread_bytes += len(data)
-                for frame in self._frames.feed(data):
-                    yield from self._on_frame(frame, host_ns)
+                self._heard(host_ns, len(data))
+                yield from self._on_bytes(data, Chunks.one(data, host_ns, self.unix_offset_ns))
+
+    def _heard(self, host_ns: int, size_bytes: int) -> None:
+        if self._unread_since_ns is None or host_ns - self._byte_ns >= LIMIT_NS:
+            self._unread_since_ns, self._unread_bytes = host_ns, 0
+        self._byte_ns = host_ns
+        self._unread_bytes += size_bytes
+
+    def _on_bytes(self, data: bytes, chunks: Chunks) -> Iterator[Event]:
+        """Yield what bytes lead to.
+
+        What is handed on is counted behind it, up to its last byte: so the counts do not depend on how the
+        bytes were read.
+        """
+        before = self._frames.bytes_in
+        for item in self._frames.feed(data):
+            if isinstance(item, SampleColumns):
+                yield from self._on_samples(item, chunks, before)
+                continue
+            at = int(np.searchsorted(chunks.end, item.end))
+            self.unix_offset_ns = int(chunks.unix_offset_ns[at])
+            if isinstance(item.item, BadFrame):
+                self._counts[item.item.reason] += 1
+            else:
+                yield from self._on_frame(item.item, int(chunks.host_ns[at]))
+                self._counts["frames"] += isinstance(item.item, Frame)
+                self._readable(item.end, chunks)
+            self._bytes = before + item.end
+
+    def _on_samples(self, columns: SampleColumns, chunks: Chunks, before: int) -> Iterator[Event]:
+        """Hand samples on; those that do not follow on the one before may begin an epoch, with a date."""
+        n = len(columns.sequence)
+        if self._refused:
+            self._refused_frames += n
+        else:
+            at = np.searchsorted(chunks.end, columns.end)
+            raw = _raw_block(columns, chunks.host_ns[at])
+            breaks = np.flatnonzero(np.diff(raw.sequence) != 1) + 1
+            for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), n], strict=True):
+                self.unix_offset_ns = int(chunks.unix_offset_ns[at[begin]])
+                yield raw if end - begin == n else raw.rows(begin, end)
+        self._counts["frames"] += n
+        self._bytes = before + int(columns.end[-1])
+        self._readable(int(columns.end[-1]), chunks)
+
+    def _readable(self, end: int, chunks: Chunks) -> None:
+        """Take note of a good frame: what came in later chunks is not read yet."""
+        last = int(np.searchsorted(chunks.end, end))
+        if last + 1 == len(chunks.end):
+            self._unread_since_ns = None
+        else:
+            self._unread_since_ns = int(chunks.host_ns[last + 1])
+            self._unread_bytes = int(chunks.end[-1] - chunks.end[last])
 
     def _on_frame(self, frame: Frame | Refused, host_ns: int) -> Iterator[Event]:
-        self._unread_since_ns = None
         if isinstance(frame, Refused):
             self._refused = True
             self._refused_frames += 1
@@ -129,16 +210,6 @@ class WireEvents:
                 self._refused, self._heard_hello, self._told = False, True, None
                 yield hello_event(hello, f"serial:{self.url}", host_ns)
                 yield from self._on_sensor(hello, host_ns)
-            case wire.Sample() as s:
-                yield RawSample(
-                    frame.sequence,
-                    frame.device_us,
-                    host_ns,
-                    (s.gyro_x, s.gyro_y, s.gyro_z),
-                    (s.accel_x, s.accel_y, s.accel_z),
-                    s.temperature,
-                    s.flags,
-                )
             case wire.Status() as s:
                 yield status_event(s)
             case wire.Estimate() as e:
@@ -146,9 +217,7 @@ class WireEvents:
             case wire.Estimator() as e:
                 yield estimator_event(e, host_ns)
             case wire.Fault(code, detail):
-                told_ns = self._told_faults.get(code)
-                if told_ns is None or host_ns - told_ns > REPEAT_S * 1e9:
-                    self._told_faults[code] = host_ns
+                if self._told_faults.is_due(code, host_ns):
                     text = f"the device reports {name_of(wire.FaultCode, code)}: {fault_text(code, detail)}"
                     yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
 
@@ -157,7 +226,7 @@ class WireEvents:
         sensor, who = (hello.boot_id, hello.sensor_starts), hello.who_am_i
         if sensor != self._sensor:
             self._sensor = sensor
-            self._told_faults.clear()
+            self._told_faults.forget()
         if who in self._told_sensors:
             return
         self._told_sensors.add(who)
@@ -199,7 +268,7 @@ class WireEvents:
     def _tell(self, trouble: Trouble) -> Iterator[Trouble]:
         """Pass a trouble on unless it is the one told last."""
         told = self._told
-        news = told is None or told[0] != trouble.kind or trouble.host_ns - told[1] > REPEAT_S * 1e9
+        news = told is None or told[0] != trouble.kind or trouble.host_ns - told[1] > REPEAT_NS
         if news:
             self._told = (trouble.kind, trouble.host_ns)
             yield trouble
@@ -213,3 +282,15 @@ def hello_problem(hello: wire.Hello) -> str | None:
             "deg/s; neither can be 0. The firmware's settings are wrong."
         )
     return None
+
+
+def _raw_block(columns: SampleColumns, host_ns: Ints) -> RawBlock:
+    return RawBlock(
+        columns.sequence.astype(np.int64),
+        columns.device_us.astype(np.int64),
+        host_ns,
+        columns.gyro,
+        columns.accel,
+        columns.temperature,
+        columns.flags,
+    )

@@ -1,69 +1,74 @@
-"""A device's own estimates: which sample each belongs to, and how far it is from the host's.
+"""The stage for what a board estimates by itself: which sample each estimate belongs to, and how far it is from
+this computer's.
 
-`DeviceFollower` is told of everything in its order (messages, samples, what the host makes of them) and
-yields records. An estimate comes after its sample, by as much as the device is behind; one whose sample is
-not among the newest of this epoch is dropped and counted.
+An estimate comes after its sample, by as much as the board is behind; one whose sample is not among the newest of
+this epoch is dropped and counted.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
-from fltea.estimator.running_null import RunningNull, Standing
-from fltea.lab.reference import gyroscope
-from fltea.records.events import DeviceAxis, DeviceEstimator
+import numpy as np
+
+from fltea.estimator.running_null import RunningNull, Standing as Whiteness
+from fltea.records.block import Block
+from fltea.records.events import SEQUENCE_WRAP, DeviceAxis, DeviceEstimator, Event, Ints, LinkDown
 from fltea.records.records import (
     AXES,
+    GYRO_UNIT,
     AxisEstimate,
     AxisStats,
     DeviceAxisEstimate,
     DeviceEstimates,
     DeviceEstimatorStats,
     Estimate,
-    Sample,
 )
-from fltea.settings.config import BY_DEVICE, EstimatorConfig
-from fltea.stream.board_settings import host_settings
+from fltea.records.repeat import REPEAT_NS, OnceAMinute
+from fltea.settings.config import BY_DEVICE, Config, EstimatorConfig
+from fltea.stream.board_settings import host_settings, info_of, unused_settings
+from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
 
-SEQUENCE_WRAP = 1 << 16
 REMEMBERED = 256
-"""Samples for which an estimate may still come; the device drops samples when it is further behind."""
+"""Samples for which an estimate may still come; the board drops samples when it is further behind."""
 
 PATIENCE_NS = 5 * 10**9
-REPEAT_NS = 60 * 10**9
-
-
-class Notice(NamedTuple):
-    """Kind and text of an `error` record."""
-
-    kind: str
-    message: str
 
 
 class _Moment(NamedTuple):
-    """A sample, and the host's estimates after it. age: their steps since the start-up window."""
+    """A sample, row `row` of `block`. age: steps of the host's estimates since the start-up window."""
 
-    sample: Sample
-    host: dict[str, gyroscope.AxisEstimate]
+    seq: int
+    block: Block
+    row: int
     age: int
 
+    def place(self) -> tuple[int, int, int, int]:
+        """Number, epoch, and the times of device and host."""
+        block, row = self.block, self.row
+        return self.seq, block.epoch, int(block.device_us[row]), int(block.host_ns[row])
 
-class DeviceFollower:
-    """Follows one device.
+    def host(self) -> dict[str, AxisEstimate]:
+        """The host's estimates after it; empty in its start-up window, or if it makes none."""
+        found = [columns for columns in self.block.estimates if columns.unit == GYRO_UNIT]
+        return found[0].at(self.row) if found else {}
 
-    engine: "device" gives `Estimate` records of the device's estimates, "both" `DeviceEstimates` that compare
-    them with the host's. name: of the device, for the records.
+
+class BoardEstimates:
+    """Follows the board's own estimates.
+
+    Where it alone estimates, they become `Estimate` records; else `DeviceEstimates` compare them with this
+    computer's, which computes with the board's settings as soon as it knows them.
     """
 
-    def __init__(self, engine: str, name: str | None) -> None:
-        assert engine in BY_DEVICE
-        self.alone = engine == "device"
+    def __init__(self, config: Config) -> None:
+        self.alone = config.estimator.engine == "device"
         self.stated: DeviceEstimator | None = None
-        self._name = name
+        self._config = config
         self._settings: EstimatorConfig | None = None
         self._in_use: EstimatorConfig | None = None
         self._axes: tuple[str, ...] = ()
-        self._places: tuple[int, ...] = ()
+        self._places: list[int] = []
         self._null = RunningNull(0)
         self._moments: dict[int, _Moment] = {}
         self._window_end = 0
@@ -73,69 +78,112 @@ class DeviceFollower:
         self._sequence: int | None = None
         self._estimates = self._lost = self._unplaced = 0
         self._waits_since_ns: int | None = None
-        self._told_silent = self._told_bad = False
+        self._told_silent = self._told_bad = self._told_unused = False
         self._told_constant: set[str] = set()
-        self._told_invalid_ns: dict[str, int] = {}
+        self._told_invalid = OnceAMinute()
         self._told_skipped: tuple[int, int | None] = (0, None)
 
-    def settings(self, config: EstimatorConfig) -> EstimatorConfig:
-        """With what the host computes from now on: the device's, or its own while these are not known."""
-        self._in_use = self._settings or config
+    def host_settings(self) -> EstimatorConfig:
+        """With what this computer estimates from now on: the board's, or its own while these are not known."""
+        self._in_use = self._settings or self._config.estimator
         return self._in_use
 
-    def begin(self, axes: Sequence[str]) -> None:
-        """Begin an epoch: of these axes."""
-        self.forget_samples()
-        self._axes = tuple(axes)
-        self._places = tuple(AXES.index(axis) for axis in axes)
-        self._null = RunningNull(len(axes))
+    def begin(self, beginning: Beginning) -> None:
+        """Begin an epoch."""
+        self.forget()
+        wanted = self._config.channels
+        self._places = [
+            i for i, axis in enumerate(AXES[: beginning.gyro_axes]) if wanted is None or axis in wanted
+        ]
+        self._axes = tuple(AXES[i] for i in self._places)
+        self._null = RunningNull(len(self._axes))
         self._told_constant.clear()
 
-    def forget_samples(self) -> None:
-        """Believe no estimate of samples until now: the device, its boot or its sensor may be another."""
+    def forget(self) -> None:
+        """Believe no estimate of samples until now."""
         self._unplaced += len(self._group)
         self._moments.clear()
         self._group.clear()
         self._newest.clear()
         self._sequence = None
 
-    def forget_device(self) -> None:
-        """What follows may come from another device."""
-        self.forget_samples()
-        self.stated = self._settings = self._waits_since_ns = None
-        self._told_skipped = (0, None)
+    def bridge(self, count: int) -> None:
+        """Nothing of a board is ever saved."""
 
-    def on_missing(self, count: int) -> None:
-        """Take note of lost samples."""
+    def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
+        """Remember samples; their estimates come later."""
+        yield from self._unused(int(host_ns[0]))
         if self.alone:
-            self._null.skip(count)
-
-    def on_sample(
-        self, sample: Sample, now_ns: int, host: dict[str, gyroscope.AxisEstimate] | None
-    ) -> Iterator[Notice]:
-        """Take a sample. host: the host's estimates; None in its start-up window, or if it makes none."""
-        if self.alone:
-            self._null.add([sample.gyro_dps[place] for place in self._places])
-        if host is None:
-            self._window_end = sample.seq
-        self._moments[sample.seq] = _Moment(sample, host or {}, sample.seq - self._window_end)
-        if len(self._moments) > REMEMBERED:
+            self._null.skip(missing)
+            for row in block.gyro_dps[:, self._places].tolist():
+                self._null.add(row)
+        if not block.estimates:
+            self._window_end = int(block.seq[-1])
+        first = max(0, len(block) - REMEMBERED)
+        for row, seq in enumerate(block.seq[first:].tolist(), first):
+            self._moments[seq] = _Moment(seq, block, row, seq - self._window_end)
+        while len(self._moments) > REMEMBERED:
             del self._moments[next(iter(self._moments))]
-        if self.stated is not None:
+        yield block
+        yield from self._silent(host_ns)
+
+    def on_event(self, event: Event) -> Iterator[Item]:
+        """Take what the board says of its estimates."""
+        if isinstance(event, LinkDown):
+            self.forget()
+            self.stated = self._settings = self._waits_since_ns = None
+            self._told_skipped = (0, None)
+        elif isinstance(event, DeviceAxis):
+            yield from self._on_axis(event)
+        elif isinstance(event, DeviceEstimator):
+            yield from self._on_estimator(event)
+
+    def standing(self) -> Standing:
+        """How the board's estimator gets on."""
+        s = self.stated
+        standing = Standing(device=self._stats())
+        if self.alone:
+            standing.startup_remaining = s.remaining if s else 0
+            standing.axes = self._axes_stats()
+            standing.gyro = info_of(s) if s else None
+        return standing
+
+    def save(self) -> Saved | None:
+        """A board begins its window with each boot."""
+        return None
+
+    def _unused(self, now_ns: int) -> Iterator[Notice]:
+        """Tell once which settings were changed for nothing, since the board has its own."""
+        if self._told_unused:
+            return
+        self._told_unused = True
+        unused = unused_settings(self._config.estimator)
+        if unused:
+            engine = self._config.estimator.engine
+            text = (
+                f"{', '.join(unused)}: not used with engine {engine}, since the device estimates with the "
+                "settings of its firmware" + (", and so does this computer." if engine == "both" else ".")
+            )
+            yield Notice("settings_unused", text, now_ns)
+
+    def _silent(self, host_ns: Ints) -> Iterator[Notice]:
+        """Tell of a board that sends samples, and for some time no word of estimates."""
+        if self.stated is not None or self._told_silent:
             return
         if self._waits_since_ns is None:
-            self._waits_since_ns = now_ns
-        elif now_ns - self._waits_since_ns >= PATIENCE_NS and not self._told_silent:
+            self._waits_since_ns = int(host_ns[0])
+        late = np.flatnonzero(host_ns - self._waits_since_ns >= PATIENCE_NS)
+        if len(late):
             self._told_silent = True
             yield Notice(
                 "no_device_estimates",
                 f"the device sends samples, but in {PATIENCE_NS // 10**9} s no word of estimates of its own: "
                 "its firmware was built with estimation switched off, or is none of an Arduino Due. Flash "
                 "that of this program (fltea flash), or let this computer estimate: --engine compressed.",
+                int(host_ns[late[0]]),
             )
 
-    def on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:
-        """Take what the device says of its estimator."""
+    def _on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:
         self.stated, self._told_silent = stated, False
         try:
             self._settings = host_settings(stated)
@@ -144,7 +192,7 @@ class DeviceFollower:
             if not (self.alone or self._told_bad):
                 self._told_bad = True
                 text = f"the device's settings cannot be this program's, so nothing is compared: {problem}."
-                yield Notice("device_settings", text)
+                yield Notice("device_settings", text, stated.host_ns)
         told, told_ns = self._told_skipped
         if told_ns is None or stated.skipped < told:
             self._told_skipped = stated.skipped, stated.host_ns - REPEAT_NS
@@ -156,9 +204,10 @@ class DeviceFollower:
                 "boot): it had fallen behind, so its estimates are of fewer samples than there were, and "
                 "nothing is compared until it begins anew. No sample itself is lost by this. A lower rate in "
                 "the firmware's settings helps.",
+                stated.host_ns,
             )
 
-    def on_axis(self, e: DeviceAxis) -> Iterator[Notice | Estimate | DeviceEstimates]:
+    def _on_axis(self, e: DeviceAxis) -> Iterator[Item]:
         """Take the estimate of one axis; a record comes with the last axis of a sample, or after it."""
         self._estimates += 1
         if self._sequence is not None:
@@ -170,16 +219,16 @@ class DeviceFollower:
             return
         if e.axis not in self._axes:
             return
-        if self._group and self._group_of is not moment and self._group_of is not None:
-            yield self._record(self._group_of, self.stated.variant)
+        if self._group and self._group_of is not None and self._group_of.seq != moment.seq:
+            yield from self._record(self._group_of, self.stated.variant)
         yield from self._notices(e, self._newest.get(e.axis))
         self._newest[e.axis] = self._group[e.axis] = e
         self._group_of = moment
         if len(self._group) == len(self._axes):
-            yield self._record(moment, self.stated.variant)
+            yield from self._record(moment, self.stated.variant)
 
-    def axes_stats(self) -> dict[str, AxisStats]:
-        """What the device says of each axis, in place of what a host that estimates would say."""
+    def _axes_stats(self) -> dict[str, AxisStats]:
+        """What the board says of each axis, in place of what a host that estimates would say."""
         result = {}
         for axis, place in zip(self._axes, self._places, strict=True):
             bias = R = None
@@ -191,8 +240,7 @@ class DeviceFollower:
             result[axis] = AxisStats(bias, R, restarts, newest.interventions if newest else {})
         return result
 
-    def stats(self) -> DeviceEstimatorStats | None:
-        """How the device's estimator gets on; None while it has said nothing."""
+    def _stats(self) -> DeviceEstimatorStats | None:
         s = self.stated
         if s is None:
             return None
@@ -227,50 +275,52 @@ class DeviceFollower:
                 f"{e.axis} did not change over the device's start-up window, so R cannot be drawn from it, "
                 "and the axis stays invalid until the device begins anew. Is the sensor alive?"
             )
-            yield Notice("constant_axis", text)
-        told_ns = self._told_invalid_ns.get(e.axis)
-        if before and before.valid and not e.valid and (told_ns is None or e.host_ns - told_ns >= REPEAT_NS):
-            self._told_invalid_ns[e.axis] = e.host_ns
+            yield Notice("constant_axis", text, e.host_ns)
+        if before and before.valid and not e.valid and self._told_invalid.is_due(e.axis, e.host_ns):
             text = (
                 f"{e.axis} is not valid any more, says the device: it ran away, or needs the guard in more "
                 "than a quarter of its samples. Is the sensor at rest, and does R (see stats) fit it?"
             )
-            yield Notice("axis_bound", text)
+            yield Notice("axis_bound", text, e.host_ns)
 
-    def _record(self, moment: _Moment, variant: str) -> Estimate | DeviceEstimates:
+    def _record(self, moment: _Moment, variant: str) -> Iterator[Estimate | DeviceEstimates]:
         """The gathered estimates of one sample."""
-        group, self._group, s = self._group, {}, moment.sample
-        place = s.seq, s.epoch, s.device_us, s.host_ns, variant
+        group, self._group = self._group, {}
+        if moment.seq % self._config.every:
+            return
+        ordered = [axis for axis in self._axes if axis in group]
         if self.alone:
             standings = dict(zip(self._axes, self._null.standings, strict=True))
-            ordered = [axis for axis in self._axes if axis in group]
-            return Estimate(
-                *place,
-                {axis: _as_estimate(group[axis], standings[axis]) for axis in ordered},
-                device=self._name,
-            )
+            found = {axis: _as_estimate(group[axis], standings[axis]) for axis in ordered}
+            yield Estimate(*moment.place(), variant, found, device=self._config.name)
+            return
         same = self._settings is not None and self._settings == self._in_use
-        axes = {
-            axis: _compare(group[axis], moment.host.get(axis) if same else None, moment.age)
-            for axis in self._axes
-            if axis in group
-        }
+        host = moment.host() if same else {}
+        axes = {axis: _compare(group[axis], host.get(axis), moment.age) for axis in ordered}
         comparable = any(axis.alpha_difference is not None for axis in axes.values())
-        return DeviceEstimates(*place, axes, comparable, device=self._name)
+        yield DeviceEstimates(*moment.place(), variant, axes, comparable, device=self._config.name)
 
 
-def _as_estimate(e: DeviceAxis, null: Standing) -> AxisEstimate:
+def _as_estimate(e: DeviceAxis, null: Whiteness) -> AxisEstimate:
     valid, numbers = _numbers(e)
     return AxisEstimate(*numbers, valid, *null)
 
 
-def _compare(e: DeviceAxis, host: gyroscope.AxisEstimate | None, age: int) -> DeviceAxisEstimate:
-    """The device's estimate, and its difference from the host's where both are of the same steps."""
+def _compare(e: DeviceAxis, host: AxisEstimate | None, age: int) -> DeviceAxisEstimate:
+    """The board's estimate, and its difference from the host's where both are of the same steps."""
     valid, numbers = _numbers(e)
     if host is None or not (valid and host.valid) or e.skipped or e.age != age:
-        return DeviceAxisEstimate(*numbers, valid, e.age)
-    differences = e.alpha - host.alpha, e.f - host.f, e.state_dps - host.state_dps
-    return DeviceAxisEstimate(*numbers, valid, e.age, *map(_finite, differences))
+        return DeviceAxisEstimate(*numbers, valid, age=e.age)
+    if host.alpha is None or host.f is None or host.state is None:
+        return DeviceAxisEstimate(*numbers, valid, age=e.age)
+    return DeviceAxisEstimate(
+        *numbers,
+        valid,
+        age=e.age,
+        alpha_difference=_finite(e.alpha - host.alpha),
+        f_difference=_finite(e.f - host.f),
+        state_difference=_finite(e.state_dps - host.state),
+    )
 
 
 _Six = tuple[float | None, float | None, float | None, float | None, float | None, float | None]

@@ -1,23 +1,24 @@
-"""The first half of a sample's walk: source → continuity → timebase → units.
+"""The first half of a sample's walk: source → place → time → units.
 
-`fltea.stream.pipeline` goes on from here to the estimator; recordings are exported and summed up without one.
+`fltea.stream.pipeline` goes on from here to the estimators; recordings are exported and summed up without any.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from fltea.records.events import Break, Event, LinkDown, RawSample
-from fltea.records.records import EpochReason, Hello, Sample
-from fltea.stream.place import Continuity
+from fltea.records.block import Block
+from fltea.records.events import Break, Event, LinkDown, RawBlock
+from fltea.records.records import EpochReason, Hello
+from fltea.stream.place import Piece, Place
 from fltea.stream.time import Timebase
-from fltea.wire.units import to_units
+from fltea.wire.units import accel_ms2, gyro_dps, temperatures_c
 
 
 class Decoded(NamedTuple):
-    """One sample in physical units and in counts. missing: samples lost just before it."""
+    """Samples in physical units and in counts, without a gap. missing: samples lost just before them."""
 
-    sample: Sample
-    raw: RawSample
+    block: Block
+    raw: RawBlock
     hello: Hello
     missing: int
     new_epoch: EpochReason | None
@@ -30,32 +31,41 @@ class Decoder:
     """
 
     def __init__(self, unix_offset_ns: Callable[[], int], max_gap: int, device: str | None = None) -> None:
-        self.continuity = Continuity(max_gap)
+        self.place = Place(max_gap)
         self.timebase: Timebase | None = None
         self.epoch = 0
         self._unix_offset_ns = unix_offset_ns
         self._device = device
 
-    def feed(self, event: Event) -> Decoded | Hello | None:
-        """Take one event; a sample that can be used, or a HELLO that tells something new."""
+    def feed(self, event: Event) -> Iterator[Decoded | Hello]:
+        """Take one event; samples that can be used, and a HELLO that tells something new."""
         match event:
-            case Hello() if self.continuity.on_hello(event):
-                return event
+            case RawBlock():
+                for piece in self.place.on_block(event):
+                    yield self._decoded(piece)
+            case Hello() if self.place.on_hello(event):
+                yield event
             case LinkDown():
-                self.continuity.on_link_down()
+                self.place.on_link_down()
             case Break():
-                self.continuity.on_break(event.reason)
-            case RawSample():
-                return self._on_sample(event)
-        return None
+                self.place.on_break(event.reason)
 
-    def _on_sample(self, raw: RawSample) -> Decoded | None:
-        placed, hello = self.continuity.on_sample(raw), self.continuity.hello
-        if placed is None or hello is None:
-            return None
-        if placed.new_epoch is not None or self.timebase is None:
+    def _decoded(self, piece: Piece) -> Decoded:
+        raw, seq, device_us, missing, new_epoch = piece
+        hello = self.place.hello
+        assert hello is not None
+        if new_epoch is not None or self.timebase is None:
             self.epoch += 1
             self.timebase = Timebase(self._unix_offset_ns())
-        host_ns = self.timebase.add(placed.seq, placed.device_us, raw.host_ns)
-        sample = to_units(raw, hello, self.epoch, placed.seq, placed.device_us, host_ns, self._device)
-        return Decoded(sample, raw, hello, placed.missing, placed.new_epoch)
+        block = Block(
+            self._device,
+            self.epoch,
+            seq,
+            device_us,
+            self.timebase.add(seq, device_us, raw.host_ns),
+            gyro_dps(raw, hello),
+            accel_ms2(raw, hello),
+            temperatures_c(raw, hello),
+            raw.flags,
+        )
+        return Decoded(block, raw, hello, missing, new_epoch)

@@ -5,13 +5,14 @@ boot delivered + lost = due, also where the sensor was set up anew; where sequen
 the device was restarted or exchanged, and nothing is believed until its next HELLO.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
-from fltea.records.events import RawSample
+import numpy as np
+
+from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Ints, RawBlock
 from fltea.records.records import EpochReason, Hello
 
-SEQUENCE_WRAP = 1 << 16
-TIME_WRAP_US = 1 << 32
 MAX_SILENCE_NS = 30 * 60 * 10**9
 """After half an hour without a sample the wraps of device time (71.6 minutes) cannot be told."""
 
@@ -22,22 +23,30 @@ CLOCK_TOLERANCE = 0.02
 """Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period."""
 
 
-class Placed(NamedTuple):
-    """A sample with its place in the epoch.
+class Piece(NamedTuple):
+    """Samples that follow one another, with their place in the epoch.
 
-    missing: samples lost just before it, by number `seq - missing` to `seq - 1`.
+    missing: samples lost just before the first one, by number `seq[0] - missing` to `seq[0] - 1`.
     new_epoch: why time is broken before it, None where it is not.
     """
 
-    raw: RawSample
-    seq: int
-    device_us: int
+    raw: RawBlock
+    seq: Ints
+    device_us: Ints
     missing: int = 0
     new_epoch: EpochReason | None = None
 
 
-class Continuity:
-    """Turns wrapped samples into an unbroken count, or says where it broke.
+class _Row(NamedTuple):
+    """A sample before the next one."""
+
+    sequence: int
+    device_us: int
+    host_ns: int
+
+
+class Place:
+    """Turns wrapped samples into unbroken pieces, or says where they broke.
 
     max_gap: longest gap, in samples, that an epoch survives.
     Counters: `delivered`, `lost`, `gaps`, `duplicates`, `before_hello` (samples that could not
@@ -51,7 +60,7 @@ class Continuity:
         self._boot: tuple[int | None, str | None] | None = None
         self._sensor_starts: int | None = None
         self._pending: EpochReason | None = "start"
-        self._last: RawSample | None = None
+        self._last: _Row | None = None
         self._seq = self._device_us = 0
 
     def on_hello(self, hello: Hello) -> bool:
@@ -76,48 +85,101 @@ class Continuity:
         if self._pending in (None, "sensor_restart"):
             self._pending = reason
 
-    def on_sample(self, raw: RawSample) -> Placed | None:
-        """Place one sample; None for one that cannot be used (duplicate, or its HELLO is not known)."""
-        if self.hello is None:
-            self.before_hello += 1
-            return None
-        if self._last is None or self._pending not in (None, "sensor_restart"):
-            return self._begin(raw, self._pending or "start")
-        if raw.host_ns - self._last.host_ns > MAX_SILENCE_NS:
-            return self._begin(raw, self._pending or "silence")
-        sequence_step = (raw.sequence - self._last.sequence) % SEQUENCE_WRAP
-        time_step_us = (raw.device_us - self._last.device_us) % TIME_WRAP_US
-        if sequence_step == 0 and time_step_us == 0:
-            self.duplicates += 1
-            return None
-        period_us = 1e6 / self.hello.rate_hz
-        wraps = round((time_step_us / period_us - sequence_step) / SEQUENCE_WRAP)
-        step = sequence_step + wraps * SEQUENCE_WRAP
-        disagreement_us = abs(time_step_us - step * period_us)
-        host_step_us = (raw.host_ns - self._last.host_ns) / 1000
-        if (
-            step < 1
-            or disagreement_us > CLOCK_TOLERANCE * step * period_us + period_us
-            or abs(time_step_us - host_step_us) > MAX_HOST_DISAGREEMENT_US
-        ):
-            self._pending = "discontinuity"
-            self.on_link_down()
-            self.before_hello += 1
-            return None
-        missing = step - 1
-        self.lost += missing
-        self.gaps += missing > 0
-        self.delivered += 1
-        self._seq += step
-        self._device_us += time_step_us
-        self._last = raw
-        reason = self._pending or ("gap" if missing > self.max_gap else None)
-        self._pending = None
-        return Placed(raw, self._seq, self._device_us, missing, reason)
+    def on_block(self, raw: RawBlock) -> Iterator[Piece]:
+        """Cut samples into pieces without a gap; what cannot be used is counted and left out."""
+        n = len(raw.sequence)
+        plain = self._follow_on(raw)
+        begin = 0
+        while begin < n:
+            if self.hello is None:
+                self.before_hello += n - begin
+                return
+            breaks = np.flatnonzero(~plain[begin + 1 :])
+            end = begin + 1 + int(breaks[0]) if len(breaks) else n
+            piece = self._first(raw, begin, continues=bool(plain[begin]))
+            if piece is not None:
+                yield self._grown(piece, raw, begin, end)
+            elif self.hello is not None and end > begin + 1:  # a duplicate: what follows is judged by itself
+                plain[begin + 1] = False
+                end = begin + 1
+            begin = end
 
-    def _begin(self, raw: RawSample, reason: EpochReason) -> Placed:
+    def _follow_on(self, raw: RawBlock) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+        """Which samples are the next after the one before them by number, device's and host's clock; (n,)."""
+        last, hello = self._last, self.hello
+        n = len(raw.sequence)
+        if hello is None:
+            return np.zeros(n, dtype=bool)
+        before = last or _Row(0, 0, 0)
+        sequence = np.empty(n + 1, dtype=np.int64)
+        device_us, host_ns = np.empty_like(sequence), np.empty_like(sequence)
+        sequence[0], device_us[0], host_ns[0] = before
+        sequence[1:], device_us[1:], host_ns[1:] = raw.sequence, raw.device_us, raw.host_ns
+        period_us = 1e6 / hello.rate_hz
+        time_step_us = (device_us[1:] - device_us[:-1]) % TIME_WRAP_US
+        host_step_ns = host_ns[1:] - host_ns[:-1]
+        plain: np.ndarray[tuple[int], np.dtype[np.bool_]] = (
+            ((sequence[1:] - sequence[:-1]) % SEQUENCE_WRAP == 1)
+            & (np.abs(time_step_us - period_us) <= (CLOCK_TOLERANCE + 1) * period_us)
+            & (np.abs(time_step_us * 1000 - host_step_ns) <= MAX_HOST_DISAGREEMENT_US * 1000)
+            & (host_step_ns <= MAX_SILENCE_NS)
+        )
+        if last is None or self._pending is not None:
+            plain[0] = False
+        return plain
+
+    def _first(self, raw: RawBlock, row: int, *, continues: bool) -> Piece | None:
+        """Place the first sample of a piece; None for one that cannot be used."""
+        one = _Row(int(raw.sequence[row]), int(raw.device_us[row]), int(raw.host_ns[row]))
+        last, hello = self._last, self.hello
+        assert hello is not None
+        missing, reason = 0, self._pending
+        if last is None or reason not in (None, "sensor_restart"):
+            return self._begin(raw, row, one, reason or "start")
+        if one.host_ns - last.host_ns > MAX_SILENCE_NS:
+            return self._begin(raw, row, one, reason or "silence")
+        time_step_us = (one.device_us - last.device_us) % TIME_WRAP_US
+        step = 1
+        if not continues:
+            sequence_step = (one.sequence - last.sequence) % SEQUENCE_WRAP
+            if sequence_step == 0 and time_step_us == 0:
+                self.duplicates += 1
+                return None
+            period_us = 1e6 / hello.rate_hz
+            wraps = round((time_step_us / period_us - sequence_step) / SEQUENCE_WRAP)
+            step = sequence_step + wraps * SEQUENCE_WRAP
+            disagreement_us = abs(time_step_us - step * period_us)
+            host_step_us = (one.host_ns - last.host_ns) / 1000
+            if (
+                step < 1
+                or disagreement_us > CLOCK_TOLERANCE * step * period_us + period_us
+                or abs(time_step_us - host_step_us) > MAX_HOST_DISAGREEMENT_US
+            ):
+                self._pending = "discontinuity"
+                self.on_link_down()
+                self.before_hello += 1
+                return None
+            missing = step - 1
+            self.lost += missing
+            self.gaps += missing > 0
+            reason = reason or ("gap" if missing > self.max_gap else None)
         self._pending = None
-        self._last = raw
-        self._seq, self._device_us = raw.sequence, raw.device_us
-        self.delivered += 1
-        return Placed(raw, self._seq, self._device_us, 0, reason)
+        seq, device_us = self._seq + step, self._device_us + time_step_us
+        return Piece(raw, np.array([seq]), np.array([device_us]), missing, reason)
+
+    def _begin(self, raw: RawBlock, row: int, one: _Row, reason: EpochReason) -> Piece:
+        self._pending = None
+        return Piece(raw, np.array([one.sequence]), np.array([one.device_us]), 0, reason)
+
+    def _grown(self, piece: Piece, raw: RawBlock, begin: int, end: int) -> Piece:
+        """The piece with the samples that follow on its first one, and how far it has come."""
+        rows = raw if (begin, end) == (0, len(raw.sequence)) else raw.rows(begin, end)
+        seq, device_us = piece.seq, piece.device_us
+        if end - begin > 1:
+            steps_us = np.diff(rows.device_us.astype(np.int64, copy=False)) % TIME_WRAP_US
+            seq = seq[0] + np.arange(end - begin, dtype=np.int64)
+            device_us = np.concatenate((device_us, device_us[0] + np.cumsum(steps_us)))
+        self.delivered += end - begin
+        self._seq, self._device_us = int(seq[-1]), int(device_us[-1])
+        self._last = _Row(int(rows.sequence[-1]), int(rows.device_us[-1]), int(rows.host_ns[-1]))
+        return Piece(rows, seq, device_us, piece.missing, piece.new_epoch)

@@ -8,10 +8,13 @@ the last ten minutes gives the host time of any sample, free of jitter.
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 
-BLOCK_US = 1_000_000
-BLOCKS_KEPT = 600
-BLOCKS_FOR_PPM = 10
+from fltea.records.events import Ints
+
+SECOND_US = 1_000_000
+SECONDS_KEPT = 600
+SECONDS_FOR_PPM = 10
 DELAY_STD_S = 1e-3
 CLOCK_STD = 1e-2
 """Prior spread of the clocks' ratio: a sensor's own oscillator is within 1 %."""
@@ -26,9 +29,9 @@ class Timebase:
 
     def __init__(self, offset_ns: int) -> None:
         self._offset_ns = offset_ns
-        self._blocks: deque[tuple[float, float]] = deque(maxlen=BLOCKS_KEPT)
+        self._earliest_of: deque[tuple[float, float]] = deque(maxlen=SECONDS_KEPT)
         self._origin: tuple[int, int] | None = None
-        self._block_end_us = 0
+        self._second_end_us = 0
         self._earliest: tuple[float, float] | None = None
         self._slope_error = 0.0
         self._centre = (0.0, 0.0)
@@ -36,38 +39,61 @@ class Timebase:
         self._first: tuple[int, int] | None = None
         self._latest = (0, 0)
 
-    def add(self, seq: int, device_us: int, host_ns: int) -> int:
-        """Learn from one arrival; return the sample's host time in ns.
+    def add(self, seq: Ints, device_us: Ints, host_ns: Ints) -> Ints:
+        """Learn from arrivals, all (n,); return the samples' host times in ns, (n,).
 
         The result never runs backwards: where a new fit would, it goes on by one nanosecond.
         """
         if self._origin is None:
-            self._origin = (device_us, host_ns)
-            self._first = (seq, device_us)
-            self._block_end_us = device_us + BLOCK_US
-        self._latest = (seq, device_us)
+            self._origin = (int(device_us[0]), int(host_ns[0]))
+            self._first = (int(seq[0]), int(device_us[0]))
+            self._second_end_us = int(device_us[0]) + SECOND_US
+        self._latest = (int(seq[-1]), int(device_us[-1]))
         device_s = (device_us - self._origin[0]) * 1e-6
         delay_s = (host_ns - self._origin[1]) * 1e-9 - device_s
-        if device_us >= self._block_end_us:
-            self._close_block()
-            self._block_end_us = device_us + BLOCK_US
-        if self._earliest is None or delay_s < self._earliest[1]:
-            self._earliest = (device_s, delay_s)
-            if not self._blocks:
-                self._centre = self._earliest
-        estimate_s = device_s + self._centre[1] + self._slope_error * (device_s - self._centre[0])
-        now_ns = self._origin[1] + self._offset_ns + round(estimate_s * 1e9)
-        if self._last_ns is not None and now_ns <= self._last_ns:
-            now_ns = self._last_ns + 1
-        self._last_ns = now_ns
+        n = len(seq)
+        begin = 0
+        found = np.empty(n, dtype=np.int64)
+        while begin < n:
+            if device_us[begin] >= self._second_end_us:
+                self._close_second()
+                self._second_end_us = int(device_us[begin]) + SECOND_US
+            end = n
+            if device_us[-1] >= self._second_end_us:
+                end = int(np.searchsorted(device_us, self._second_end_us))
+            found[begin:end] = self._within_second(device_s[begin:end], delay_s[begin:end])
+            begin = end
+        self._last_ns = int(found[-1])
+        return found
+
+    def _within_second(self, device_s: NDArray[np.float64], delay_s: NDArray[np.float64]) -> Ints:
+        """Times of samples that all stand in the second that is open."""
+        assert self._origin is not None
+        best = int(delay_s.argmin())
+        earliest = self._earliest
+        if not self._earliest_of:  # in the first second every earlier arrival moves all that follow
+            least = np.minimum.accumulate(delay_s)
+            estimate_s = device_s + (least if earliest is None else np.minimum(least, earliest[1]))
+        if earliest is None or delay_s[best] < earliest[1]:
+            self._earliest = (float(device_s[best]), float(delay_s[best]))
+        if self._earliest_of:
+            centre_s, delay_of_centre_s = self._centre
+            estimate_s = device_s + delay_of_centre_s + self._slope_error * (device_s - centre_s)
+        now_ns = self._origin[1] + self._offset_ns + np.rint(estimate_s * 1e9).astype(np.int64)
+        if self._last_ns is not None and now_ns[0] <= self._last_ns:
+            now_ns[0] = self._last_ns + 1
+        if len(now_ns) > 1:
+            row = np.arange(len(now_ns))
+            now_ns = np.maximum.accumulate(now_ns - row) + row
+        self._last_ns = int(now_ns[-1])
         return now_ns
 
-    def _close_block(self) -> None:
+    def _close_second(self) -> None:
         if self._earliest is None:
             return
-        self._blocks.append(self._earliest)
+        self._earliest_of.append(self._earliest)
         self._earliest = None
-        device_s, delay_s = np.array(self._blocks).T
+        device_s, delay_s = np.array(self._earliest_of).T
         x, y = device_s - device_s.mean(), delay_s - delay_s.mean()
         ridge = (DELAY_STD_S / CLOCK_STD) ** 2
         self._slope_error = float(x @ y / (x @ x + ridge))
@@ -76,9 +102,9 @@ class Timebase:
     @property
     def clock_ppm(self) -> float | None:
         """How much faster the device's clock runs than the host's, in 1e-6; None at first."""
-        if len(self._blocks) < BLOCKS_FOR_PPM:
+        if len(self._earliest_of) < SECONDS_FOR_PPM:
             return None
-        if not any(delay_s for _, delay_s in self._blocks):
+        if not any(delay_s for _, delay_s in self._earliest_of):
             return None  # to the nanosecond: times of arrival that were made from the device's
         return (1.0 / (1.0 + self._slope_error) - 1.0) * 1e6
 

@@ -4,6 +4,11 @@ Sources: MPU-9250 register map RM-MPU-9250A-00, registers 65-66 and 117; MPU-605
 RM-MPU-6000A-00, registers 65-66 and 117.
 """
 
+import numpy as np
+from numpy.typing import NDArray
+
+Counts = NDArray[np.int16] | NDArray[np.float64]
+
 SENSORS = {
     0x71: "MPU-9250",
     0x73: "MPU-9255",
@@ -41,8 +46,8 @@ def temperature_counts(celsius: float, who_am_i: int | None) -> int:
     return round((celsius - 21.0) * 333.87)
 
 
-def temperature_c(raw: float, who_am_i: int | None) -> float:
-    """Die temperature in °C from the counts of TEMP_OUT."""
+def temperature_c(raw: Counts, who_am_i: int | None) -> NDArray[np.float64]:
+    """Die temperatures in °C from counts of TEMP_OUT."""
     if who_am_i == 0x68:
         return raw / 340.0 + 36.53
     return raw / 333.87 + 21.0

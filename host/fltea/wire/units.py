@@ -1,57 +1,56 @@
-"""Counts to physical units (pure)."""
+"""Counts to physical units, by the scales that HELLO gives, and back (pure)."""
 
-from fltea.records.events import RawSample
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.records.events import RawBlock
 from fltea.records.records import Hello, Sample
 from fltea.wire.sensors import temperature_c, temperature_counts
 
 STANDARD_GRAVITY_MS2 = 9.80665
 
-
-def to_units(
-    raw: RawSample,
-    hello: Hello,
-    epoch: int,
-    seq: int,
-    device_us: int,
-    host_ns: int,
-    device: str | None = None,
-) -> Sample:
-    """Scale one sample: deg/s, m/s², °C, by the scales that HELLO gives.
-
-    A null scale in HELLO means that the recording holds deg/s already.
-    """
-    lsb_per_dps = 1.0 if hello.gyro_lsb_per_dps is None else hello.gyro_lsb_per_dps
-    accel = None
-    if raw.accel is not None and hello.accel_lsb_per_g:
-        scale = STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g
-        accel = tuple(a * scale for a in raw.accel)
-    return Sample(
-        seq=seq,
-        epoch=epoch,
-        device_us=device_us,
-        host_ns=host_ns,
-        gyro_dps=tuple(g / lsb_per_dps for g in raw.gyro),
-        accel_ms2=accel,
-        temperature_c=None if raw.temperature is None else temperature_c(raw.temperature, hello.who_am_i),
-        flags=raw.flags,
-        device=device,
-    )
+Array = NDArray[np.float64]
 
 
-def to_counts(sample: Sample, hello: Hello) -> RawSample:
-    """Undo `to_units`, to the last bit: counts are whole numbers, so rounding restores them."""
-    lsb, accel = hello.gyro_lsb_per_dps, None
-    if sample.accel_ms2 is not None and hello.accel_lsb_per_g:
-        accel = tuple(round(a * hello.accel_lsb_per_g / STANDARD_GRAVITY_MS2) for a in sample.accel_ms2)
-    celsius = sample.temperature_c
-    return RawSample(
-        sample.seq,
-        sample.device_us,
-        sample.host_ns,
-        sample.gyro_dps if lsb is None else tuple(round(g * lsb) for g in sample.gyro_dps),
+def gyro_dps(raw: RawBlock, hello: Hello) -> Array:
+    """Rates in deg/s, (n, axes). A null scale in HELLO means that the recording holds deg/s already."""
+    return raw.gyro / (1.0 if hello.gyro_lsb_per_dps is None else hello.gyro_lsb_per_dps)
+
+
+def accel_ms2(raw: RawBlock, hello: Hello) -> Array | None:
+    """Specific forces in m/s², (n, 3); None where there are none, or no scale of them."""
+    if raw.accel is None or not hello.accel_lsb_per_g:
+        return None
+    return raw.accel * (STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g)
+
+
+def temperatures_c(raw: RawBlock, hello: Hello) -> Array | None:
+    """Die temperatures in °C, (n,); None where there are none."""
+    return None if raw.temperature is None else temperature_c(raw.temperature, hello.who_am_i)
+
+
+def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
+    """Undo the scaling of samples of one shape, to the last bit: counts are whole, so rounding restores them."""
+    lsb, first = hello.gyro_lsb_per_dps, samples[0]
+    gyro = np.array([sample.gyro_dps for sample in samples])
+    accel = temperature = None
+    if first.accel_ms2 is not None and hello.accel_lsb_per_g:
+        values = np.array([sample.accel_ms2 for sample in samples])
+        accel = np.rint(values * hello.accel_lsb_per_g / STANDARD_GRAVITY_MS2)
+    if first.temperature_c is not None:
+        temperature = np.array(
+            [temperature_counts(sample.temperature_c or 0.0, hello.who_am_i) for sample in samples]
+        )
+    return RawBlock(
+        np.array([sample.seq for sample in samples]),
+        np.array([sample.device_us for sample in samples]),
+        np.array([sample.host_ns for sample in samples]),
+        gyro if lsb is None else np.rint(gyro * lsb),
         accel,
-        None if celsius is None else temperature_counts(celsius, hello.who_am_i),
-        sample.flags,
+        temperature,
+        np.array([sample.flags for sample in samples]),
     )
 
 

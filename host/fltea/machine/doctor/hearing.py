@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.records import clock
-from fltea.records.events import Failed, LinkDown, Opened, RawSample, TransportEvent, Trouble
+from fltea.records.events import Failed, LinkDown, Opened, RawBlock, TransportEvent, Trouble
 from fltea.records.records import DeviceStatus, Hello, LinkStats
 from fltea.sources.wire_events import SILENCE_S, WireEvents
-from fltea.stream.place import Continuity
+from fltea.stream.place import Place
 from fltea.wire import layout as wire
 from fltea.wire.transport import Reader
 
@@ -68,7 +68,7 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
         UsageError: an unknown kind of URL, or 1200 baud.
     """
     heard, reader, events = Heard(), Reader(url, baud), WireEvents(url)
-    continuity = Continuity(max_gap=wire.BAUD)  # no gap is too long for a look
+    place = Place(max_gap=wire.BAUD)  # no gap is too long for a look
     arrivals: list[tuple[int, int]] = []
     begin_ns = clock.host_ns()
     hello_ns: int | None = None
@@ -81,14 +81,14 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
             for event in events.feed(item, now_ns):
                 match event:
                     case Hello():
-                        continuity.on_hello(event)
+                        place.on_hello(event)
                         heard.hello, hello_ns = event, hello_ns or now_ns
                     case LinkDown():
-                        continuity.on_link_down()
-                    case RawSample():
-                        placed = continuity.on_sample(event)
-                        if placed is not None:
-                            arrivals.append((placed.device_us, event.host_ns))
+                        place.on_link_down()
+                    case RawBlock():
+                        for piece in place.on_block(event):
+                            host_ns = piece.raw.host_ns.tolist()
+                            arrivals += zip(piece.device_us.tolist(), host_ns, strict=True)
                     case DeviceStatus():
                         heard.status = event
                     case Trouble():
@@ -99,7 +99,7 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
     finally:
         reader.close()
     heard.link = events.link_stats(reader.overflow_bytes)
-    heard.delivered, heard.lost = continuity.delivered, continuity.lost
+    heard.delivered, heard.lost = place.delivered, place.lost
     if len(arrivals) > 1:
         heard.seconds = (arrivals[-1][0] - arrivals[0][0]) * 1e-6
         heard.drift = drift(arrivals)

@@ -16,12 +16,9 @@ from prometheus_client.core import (
 from prometheus_client.registry import Collector
 
 from fltea import __version__
+from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.records import (
-    AccelEstimate,
-    AccelStats,
-    AxisEstimate,
-    AxisStats,
     DeviceAxisEstimate,
     DeviceEstimates,
     DeviceEstimatorStats,
@@ -31,7 +28,7 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
-from fltea.service.outlet import LATENCY_BOUNDS_MS, Outlet
+from fltea.records.ports import LATENCY_BOUNDS_MS, OutputView
 from fltea.wire import layout as wire
 
 FRESH_NS = 5 * 10**9
@@ -49,11 +46,26 @@ class Newest:
 
     hello: Hello | None = None
     stats: Stats | None = None
-    sample: Sample | None = None
-    estimate: Estimate | None = None
+    block: Block | None = None
+    estimate: Estimate | Block | None = None
     estimate_ns: int = 0
     device_estimate: DeviceEstimates | None = None
     device_estimate_ns: int = 0
+
+    def take(self, block: Block) -> None:
+        """Remember samples and estimates; records are made of them when somebody asks."""
+        self.block = block
+        if block.estimates and range(len(block))[block.due(block.every)]:
+            self.estimate, self.estimate_ns = block, host_ns()
+
+    def newest_sample(self) -> Sample | None:
+        """The last one."""
+        n = len(self.block) if self.block is not None else 0
+        return next(self.block.rows(n - 1, n).samples()) if self.block is not None else None
+
+    def newest_estimate(self) -> Estimate | None:
+        """The last one."""
+        return self.estimate.last_estimate() if isinstance(self.estimate, Block) else self.estimate
 
 
 class Families(Collector):
@@ -63,7 +75,7 @@ class Families(Collector):
         self,
         newest: dict[str, Newest],
         errors: dict[tuple[str, str], int],
-        outlets: Callable[[], Sequence[tuple[str | None, Outlet]]],
+        outlets: Callable[[], Sequence[tuple[str | None, OutputView]]],
     ) -> None:
         self._newest = newest
         self._errors = errors
@@ -85,9 +97,10 @@ class Families(Collector):
         yield from _axes_stats(stats)
         yield from _board(stats)
         yield from _device_estimator([(name, s.device_estimator) for name, s in stats if s.device_estimator])
-        yield from _sample([(name, d.sample) for name, d in devices if d.sample is not None])
+        yield from _sample([(name, s) for name, d in devices if (s := d.newest_sample()) is not None])
         oldest_ns = host_ns() - FRESH_NS
-        fresh = [(name, d.estimate) for name, d in devices if d.estimate and d.estimate_ns >= oldest_ns]
+        recent = [(name, d.newest_estimate()) for name, d in devices if d.estimate_ns >= oldest_ns]
+        fresh = [(name, estimate) for name, estimate in recent if estimate is not None]
         yield from _estimates(fresh)
         yield from _device_estimates(
             [
@@ -177,10 +190,7 @@ def _samples(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
 
 
 def _axes_stats(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
-    axes: list[tuple[str, str, AxisStats | AccelStats]] = []
-    for device, s in stats:
-        axes += [(device, axis, gyro) for axis, gyro in s.axes.items()]
-        axes += [(device, axis, accel) for axis, accel in (s.accel_axes or {}).items()]
+    axes = [(device, axis, one) for device, s in stats for axis, one in s.axes.items()]
     labels = ("device", "axis")
     restarts: Rows = [((device, axis), one.restarts) for device, axis, one in axes]
     yield _counter("fltea_axis_restarts", "Times that the axis began anew in this epoch.", labels, restarts)
@@ -267,10 +277,7 @@ def _sample(samples: Sequence[tuple[str, Sample]]) -> Iterator[Metric]:
 
 
 def _estimates(estimates: Sequence[tuple[str, Estimate]]) -> Iterator[Metric]:
-    axes: list[tuple[tuple[str, str], AxisEstimate | AccelEstimate]] = []
-    for device, e in estimates:
-        axes += [((device, axis), gyro) for axis, gyro in e.axes.items()]
-        axes += [((device, axis), accel) for axis, accel in (e.accel_axes or {}).items()]
+    axes = [((device, axis), one) for device, e in estimates for axis, one in e.axes.items()]
     labels = ("device", "axis")
     valid: Rows = [(names, float(one.valid)) for names, one in axes]
     yield _gauge("fltea_axis_valid", "1: the estimate holds; 0: it ran away, or was held.", labels, valid)
@@ -283,13 +290,13 @@ def _estimates(estimates: Sequence[tuple[str, Estimate]]) -> Iterator[Metric]:
     ):
         rows: Rows = [(names, getattr(one, key)) for names, one in axes]
         yield _gauge(f"fltea_axis_{key}", text, labels, rows)
-    white: Rows = [(names, one.order and float(one.order == "not white")) for names, one in axes]
+    white: Rows = [(names, one.whiteness and float(one.whiteness == "rejected")) for names, one in axes]
     text = "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, no order."
     yield _gauge("fltea_axis_not_white", text, labels, white)
 
 
-def _outputs(outlets: Sequence[tuple[str, Outlet]]) -> Iterator[Metric]:
-    stats = [((outlet.sink.name, device), outlet.stats()) for device, outlet in outlets]
+def _outputs(outlets: Sequence[tuple[str, OutputView]]) -> Iterator[Metric]:
+    stats = [((outlet.name, device), outlet.stats()) for device, outlet in outlets]
     labels = ("output", "device")
     yield _counter(
         "fltea_output_written", "Records that an output took.", labels, [(o, s.written) for o, s in stats]
@@ -310,5 +317,5 @@ def _outputs(outlets: Sequence[tuple[str, Outlet]]) -> Iterator[Metric]:
         for bound, count in zip(_BOUNDS_S, list(outlet.latency.counts), strict=True):
             total += count
             buckets.append((bound, float(total)))
-        latency.add_metric((outlet.sink.name, device), buckets, outlet.latency.sum_ms * 1e-3)
+        latency.add_metric((outlet.name, device), buckets, outlet.latency.sum_ms * 1e-3)
     yield latency

@@ -9,11 +9,11 @@ from http.server import ThreadingHTTPServer
 
 from prometheus_client import CollectorRegistry, MetricsHandler, ProcessCollector
 
+from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.ports import Item, Report, Sink
-from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Hello, Sample, Stats
-from fltea.service.outlet import Outlet
+from fltea.records.ports import Item, OutputView, Report, Sink
+from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Hello, Stats
 from fltea.settings.listen_address import listen_address
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families, Newest
@@ -36,7 +36,7 @@ class MetricsSink(Sink):
     def __init__(
         self,
         settings: MetricsConfig,
-        outlets: Callable[[], Sequence[tuple[str | None, Outlet]]],
+        outlets: Callable[[], Sequence[tuple[str | None, OutputView]]],
         report: Report,
     ) -> None:
         self._newest: dict[str, Newest] = {}
@@ -54,8 +54,8 @@ class MetricsSink(Sink):
 
     def write(self, item: Item) -> None:
         """Remember a record in place of the one before it."""
-        if isinstance(item, Sample):
-            self._of(item.device).sample = item
+        if isinstance(item, Block):
+            self._of(item.device).take(item)
         elif isinstance(item, Estimate):
             newest = self._of(item.device)
             newest.estimate, newest.estimate_ns = item, host_ns()

@@ -8,9 +8,10 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
+from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.ports import Item, Report, Sink
-from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, Hello, Record, Sample, Stats
+from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, Hello, Record, Stats
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up
@@ -108,19 +109,14 @@ class MqttSink(Sink):
     def write(self, item: Item) -> None:
         """Publish a record, or keep it until its device and the broker are there."""
         self._on_events()
-        if not isinstance(item, Record):
+        if isinstance(item, Block):
+            self._on_block(item)
+        elif not isinstance(item, Record):
             return
-        if isinstance(item, Hello):
+        elif isinstance(item, Hello):
             self._on_hello(item)
         elif self._hello is None:
             self._keep_early(item)
-        elif isinstance(item, Sample):
-            self._sample_ns = host_ns()
-            if self._status is not None and self._status.status != "online":
-                self._say("online")
-            every = self._settings.sample_every
-            if every and item.seq % every == 0:
-                self._stream("sample", item, self._settings.stream_qos)
         elif isinstance(item, Estimate):
             if self._is_due("estimate", item.seq):
                 self._stream("estimate", item, self._settings.stream_qos)
@@ -132,6 +128,24 @@ class MqttSink(Sink):
         else:
             self._keep(_Message(self._topic(type(item).__name__.lower()), self._encode(item), again=True))
             self._send_backlog()
+
+    def _on_block(self, block: Block) -> None:
+        """Publish the samples and estimates that are due."""
+        if self._hello is None:
+            return
+        self._sample_ns = host_ns()
+        if self._status is not None and self._status.status != "online":
+            self._say("online")
+        qos = self._settings.stream_qos
+        if self._settings.sample_every:
+            rows = range(len(block))[block.due(self._settings.sample_every)]
+            for row in rows:
+                self._stream("sample", next(block.rows(row, row + 1).samples()), qos)
+        if block.estimates:
+            for row in range(len(block))[block.due(block.every)]:
+                if self._is_due("estimate", int(block.seq[row])):
+                    for estimate in block.estimate_records(slice(row, row + 1)):
+                        self._stream("estimate", estimate, qos)
 
     def _is_due(self, kind: str, seq: int) -> bool:
         """Whether it is the first in `estimate_every` samples; a device may not send one for each."""
@@ -193,7 +207,7 @@ class MqttSink(Sink):
 
     def _keep_early(self, record: AnyRecord) -> None:
         """Keep what is worth it until the first HELLO says whose it is."""
-        if isinstance(record, Sample | Estimate | DeviceEstimates | Stats):
+        if isinstance(record, Estimate | DeviceEstimates | Stats):
             return
         self._early.append(record)
         if len(self._early) > BACKLOG:

@@ -3,9 +3,9 @@
 import math
 from typing import Any
 
-from fltea.records.records import AXES, AccelEstimate, AxisStats, Epoch, EstimatorInfo, Hello, Stats
+from fltea.records.records import AXES, Epoch, EstimatorInfo, Hello, Stats
 from fltea.sinks.page import facts_of_device
-from fltea.sinks.page.history import EPOCH_WORDS, DeviceHistory, axis_stats
+from fltea.sinks.page.history import EPOCH_WORDS, DeviceHistory
 from fltea.sinks.page.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
 from fltea.sinks.page.words import Level, counted, guard_words, quantity, span, with_std
 
@@ -64,7 +64,7 @@ def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
 
 def axes(history: DeviceHistory, window: int) -> list[dict[str, Any]]:
     """Numbers of every axis, with what white noise would give beside them. window: the one that is shown."""
-    stats = axis_stats(history.stats) if history.stats else {}
+    stats = history.stats.axes if history.stats else {}
     beside = facts_of_device.beside(history, window)
     return [
         _axis(history, name, history.newest.get(name), stats.get(name)) | {"beside": beside.get(name)}
@@ -84,10 +84,8 @@ def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[
     known = white is not None and math.isfinite(white.alpha[0])
     state = None
     if valid:
-        state = estimate.state_ms2 if isinstance(estimate, AccelEstimate) else estimate.state_dps
-    of_gyro = isinstance(stats, AxisStats)
-    bias = None if stats is None else stats.bias_dps if of_gyro else stats.bias_ms2
-    R = None if stats is None else stats.R_dps2 if of_gyro else stats.R_m2s4
+        state = estimate.state
+    bias, R = (None, None) if stats is None else (stats.bias, stats.R)
     power = follower.power if follower else None
     rows = [
         ["state x̂", quantity(state, unit, 4)],
@@ -107,8 +105,8 @@ def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[
         "f_text": with_std(f, estimate.f_std if valid else None),
         "alpha_white": span(white.alpha) if known and white else "–",
         "f_white": span(white.f) if known and white else "–",
-        "order": (estimate.order if estimate else None) or "unknown",
-        "whiteness": judge_whiteness(estimate.order, estimate.null_p) if estimate else "",
+        "whiteness": (estimate.whiteness if estimate else None) or "unknown",
+        "whiteness_text": judge_whiteness(estimate.whiteness, estimate.null_p) if estimate else "",
         "side": verdict.side,
         "verdict": verdict.text,
         "verdict_short": verdict.short,

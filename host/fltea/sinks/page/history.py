@@ -10,11 +10,8 @@ from fltea.records import clock
 from fltea.records.records import (
     ACCEL_AXES,
     AXES,
-    AccelEstimate,
-    AccelStats,
     AnyRecord,
     AxisEstimate,
-    AxisStats,
     DeviceAxisEstimate,
     DeviceEstimates,
     Epoch,
@@ -62,7 +59,7 @@ class DeviceHistory:
         self.stats: Stats | None = None
         self.sample: Sample | None = None
         self.estimate: Estimate | None = None
-        self.newest: dict[str, AxisEstimate | AccelEstimate] = {}
+        self.newest: dict[str, AxisEstimate] = {}
         self.newest_beside: dict[str, tuple[int, DeviceAxisEstimate]] = {}
         self.heard_late = False
         self.error: Error | None = None
@@ -146,10 +143,9 @@ class DeviceHistory:
         """What is taken off the samples of an axis: its bias, or in the start-up window the mean so far."""
         stats = self.stats
         if stats is not None and self.epoch is not None and stats.epoch == self.epoch.epoch:
-            found = axis_stats(stats).get(axis)
-            bias = found.bias_dps if isinstance(found, AxisStats) else found.bias_ms2 if found else None
-            if bias is not None:
-                return bias
+            found = stats.axes.get(axis)
+            if found is not None and found.bias is not None:
+                return found.bias
         follower = self.followers.get(axis)
         return follower.mean if follower else 0.0
 
@@ -183,7 +179,7 @@ class DeviceHistory:
                 follower.on_sample(_value(record, axis))
 
     def _on_estimate(self, record: Estimate) -> None:
-        found = axis_estimates(record)
+        found = record.axes
         self.estimate = record
         self.newest.update(found)
         if self._first_seq is None and record.axes:
@@ -242,7 +238,7 @@ class DeviceHistory:
         if every and every != self._every:
             self._every = every
             self._make_table_of_device()
-        both = axis_stats(record)
+        both = record.axes
         if both and tuple(both) != self.axes:
             self.axes = tuple(both)
             self._make_tables()
@@ -270,7 +266,7 @@ class DeviceHistory:
         if sample is None or sample.seq == self._written_seq or not self.axes:
             return
         self._written_seq = sample.seq
-        both = axis_estimates(estimate) if estimate is not None and estimate.seq == sample.seq else {}
+        both = estimate.axes if estimate is not None and estimate.seq == sample.seq else {}
         time_ms = sample.host_ns * 1e-6
         if time_ms - self._last_ms > SILENCE_MS:
             self._cut(self._last_ms if np.isfinite(self._last_ms) else time_ms)
@@ -350,16 +346,6 @@ EPOCH_WORDS = {
     "silence": "half an hour of silence",
     "resumed": "resumed from a snapshot",
 }
-
-
-def axis_stats(record: Stats) -> dict[str, AxisStats | AccelStats]:
-    """Statistics of the axes of both sensors."""
-    return {**record.axes, **(record.accel_axes or {})}
-
-
-def axis_estimates(record: Estimate) -> dict[str, AxisEstimate | AccelEstimate]:
-    """Estimates of the axes of both sensors."""
-    return {**record.axes, **(record.accel_axes or {})}
 
 
 def _value(sample: Sample, axis: str) -> float:

@@ -124,7 +124,7 @@ window.fltea = (() => {
     const chosen = f.axes.find(axis => axis.name === f.axis)
     for (const whiteness of document.querySelectorAll("figure .whiteness")) {
       whiteness.textContent = chosen ? chosen.whiteness : ""
-      whiteness.dataset.order = chosen ? chosen.order : "unknown"
+      whiteness.dataset.whiteness = chosen ? chosen.whiteness : "unknown"
     }
     for (const verdict of document.querySelectorAll("figure .verdict")) {
       verdict.textContent = chosen ? chosen.verdict_short : ""
@@ -168,7 +168,7 @@ window.fltea = (() => {
     set(".alpha-white", `white noise: ${axis.alpha_white}`)
     set(".f-white", `white noise: ${axis.f_white}`)
     set(".whiteness", axis.whiteness)
-    made.querySelector(".whiteness").dataset.order = axis.order
+    made.querySelector(".whiteness").dataset.whiteness = axis.whiteness
     set(".verdict", axis.verdict)
     made.querySelector(".verdict").dataset.side = axis.side
     set(".guard", guard("guard", axis.guard))

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from bokeh.document import Document
 
+from fltea.records.block import Block
 from fltea.records.ports import Item, Report, Sink
 from fltea.records.records import Record
 from fltea.settings.config import EstimatorConfig
@@ -47,10 +48,12 @@ class DashboardSink(Sink):
 
     def write(self, item: Item) -> None:
         """Remember a record."""
-        if isinstance(item, Record):
-            history = self._histories.get(item.device or "")
-            if history is not None:
-                history.write(item)
+        if not isinstance(item, Record | Block):
+            return
+        history = self._histories.get(item.device or "")
+        if history is not None:
+            for record in item.records() if isinstance(item, Block) else (item,):
+                history.write(record)
 
     def on_overflow(self, count: int) -> None:
         """Say on the pages that records are missing."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Literal
 
-from fltea.records.records import AccelEstimate, AxisEstimate, DeviceAxisEstimate
+from fltea.records.records import AxisEstimate, DeviceAxisEstimate
 from fltea.sinks.page.tiers import Kind, Tiers
 
 Table = Literal["rows", "white", "checks", "own", "beside"]
@@ -48,12 +48,11 @@ def places(table: Table, axes: Sequence[str], axis: str) -> dict[str, int]:
     return {name: i for i, name in enumerate(common)} | {name: first + i for i, name in enumerate(names)}
 
 
-def estimate(e: AxisEstimate | AccelEstimate | None) -> list[float | None]:
+def estimate(e: AxisEstimate | None) -> list[float | None]:
     """What an estimate says, in the order of `ESTIMATE`."""
     if e is None:
         return [None] * len(ESTIMATE)
-    state = e.state_dps if isinstance(e, AxisEstimate) else e.state_ms2
-    return [state, e.alpha, e.alpha_std, e.f, e.f_std]
+    return [e.state, e.alpha, e.alpha_std, e.f, e.f_std]
 
 
 def beside(e: DeviceAxisEstimate | None) -> list[float | None]:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 from fltea.estimator.running_null import FEWEST, LEVEL, p_text
 from fltea.estimator.white_band import Quantiles
-from fltea.records.records import Order
+from fltea.records.records import Whiteness
 
 Side = Literal["within", "outside", "unknown"]
 
@@ -65,10 +65,10 @@ def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, olde
     return Verdict("outside", text + older)
 
 
-def judge_whiteness(order: Order | None, p: float | None) -> str:
+def judge_whiteness(whiteness: Whiteness | None, p: float | None) -> str:
     """What the running test says of the samples, in a sentence."""
     if p is None:
         return f"Order unknown: the test of whiteness needs {FEWEST:,} samples that are not all the same."
-    if order == "undefined":
+    if whiteness == "not rejected":
         return f"Order undefined: white noise is not rejected ({p_text(p)}, limit {LEVEL:g})."
     return f"Not white ({p_text(p)}): record it and run fltea identify."

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from itertools import takewhile
 from typing import NamedTuple
 
-from fltea.records.events import RawSample
+from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, RawSample
 from fltea.sources.i2c.driver import (
     BURST_SAMPLES,
     RATE_HZ,
@@ -16,7 +16,6 @@ from fltea.sources.i2c.driver import (
     TransferFailed,
 )
 from fltea.sources.i2c.fifo_clock import FifoClock
-from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.wire.layout import FaultCode, SampleFlags
 
 PERIOD_US = round(1e6 / RATE_HZ)

@@ -18,7 +18,7 @@ from urllib.parse import parse_qsl, urlsplit
 from fltea import __version__
 from fltea.records import clock
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, LinkDown, Tick, Trouble
+from fltea.records.events import Event, LinkDown, Tick, Trouble, block_of
 from fltea.records.records import DeviceStatus, Hello, LinkStats
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c.bus import Bus, explain_open_failure
@@ -259,7 +259,7 @@ class I2cSource:
             else:
                 if samples:
                     self._tick_ns = samples[-1].host_ns + TICK_NS
-                yield from samples
+                    yield block_of(samples)
             yield from self._tell_losses()
 
     def _hello(self) -> Hello:

@@ -1,0 +1,194 @@
+"""What walks from the pipeline to the outputs: samples of one device without a gap, and their estimates.
+
+An output makes records of a block only as far as it prints them.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.records.events import Ints
+from fltea.records.records import AxisEstimate, Estimate, Sample
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class AxisColumns(NamedTuple):
+    """Estimates of the axes of one sensor after n samples, all (n, axes); NaN where there is no number.
+
+    state, innovation: in `unit`. null_p: of the running test, NaN while not known; white_rejected: what it
+    says then.
+    """
+
+    axes: tuple[str, ...]
+    unit: str
+    alpha: Array
+    alpha_std: Array
+    f: Array
+    f_std: Array
+    state: Array
+    innovation: Array
+    valid: Bools
+    null_p: Array
+    white_rejected: Bools
+
+    def rows(self, begin: int, end: int) -> "AxisColumns":
+        """Some of its rows."""
+        return AxisColumns(self.axes, self.unit, *(column[begin:end] for column in self[2:]))
+
+    def at(self, row: int) -> dict[str, AxisEstimate]:
+        """The estimates after one sample."""
+        return next(self.of_rows(slice(row, row + 1)))
+
+    def of_rows(self, chosen: slice) -> Iterator[dict[str, AxisEstimate]]:
+        """The estimates after each of the chosen samples, by axis."""
+        unit = self.unit
+        by_axis = []
+        for i, axis in enumerate(self.axes):
+            numbers = [_nullable(column[chosen, i]) for column in self[2:8]]
+            p = _nullable(self.null_p[chosen, i])
+            words = map(_WORDS.__getitem__, self.white_rejected[chosen, i].tolist())
+            whiteness = [None if q is None else word for q, word in zip(p, words, strict=True)]
+            valid = self.valid[chosen, i].tolist()
+            columns = zip(*numbers, valid, p, whiteness, strict=True)
+            by_axis.append([(axis, AxisEstimate(*row, unit)) for row in columns])
+        return map(dict, zip(*by_axis, strict=True))
+
+
+_WORDS = {False: "not rejected", True: "rejected"}
+
+
+def _nullable(column: Array) -> Sequence[float | None]:
+    """Numbers of a column, None for those that are not finite."""
+    values: list[float] = column.tolist()
+    if math.isfinite(sum(values)):
+        return values
+    return [value if math.isfinite(value) else None for value in values]
+
+
+@dataclass(frozen=True)
+class Block:
+    """n samples, rows of all columns, of one epoch.
+
+    seq, device_us: unwrapped; host_ns: Unix time. gyro_dps (n, axes); accel_ms2 (n, 3), temperature_c (n,)
+    and flags (n,) are None where there are none. estimates: of each sensor that has any; empty while the
+    start-up window fills. variant: that of the estimates. every: estimates are printed of samples whose number
+    is a multiple of it.
+    """
+
+    device: str | None
+    epoch: int
+    seq: Ints
+    device_us: Ints
+    host_ns: Ints
+    gyro_dps: Array
+    accel_ms2: Array | None = None
+    temperature_c: Array | None = None
+    flags: Ints | None = None
+    variant: str = ""
+    estimates: tuple[AxisColumns, ...] = ()
+    every: int = 1
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+    @cached_property
+    def weight(self) -> int:
+        """How many records it stands for."""
+        return len(self.seq) * (2 if self.estimates else 1)
+
+    def rows(self, begin: int, end: int) -> "Block":
+        """Some of its rows."""
+
+        def cut(column: Array | None) -> Array | None:
+            return None if column is None else column[begin:end]
+
+        return Block(
+            self.device,
+            self.epoch,
+            self.seq[begin:end],
+            self.device_us[begin:end],
+            self.host_ns[begin:end],
+            self.gyro_dps[begin:end],
+            cut(self.accel_ms2),
+            cut(self.temperature_c),
+            None if self.flags is None else self.flags[begin:end],
+            self.variant,
+            tuple(columns.rows(begin, end) for columns in self.estimates),
+            self.every,
+        )
+
+    def due(self, every: int) -> slice:
+        """The rows whose number is a multiple of `every`; the numbers of a block follow one another."""
+        return slice(-int(self.seq[0]) % every, None, every)
+
+    def last_estimate(self) -> Estimate | None:
+        """The newest that is due; None where there is none."""
+        rows = range(len(self))[self.due(self.every)]
+        return next(self.estimate_records(slice(rows[-1], rows[-1] + 1)), None) if rows else None
+
+    def records(self, *, samples: bool = True, estimates: bool = True) -> Iterator[Sample | Estimate]:
+        """The records of all rows in the order of the samples, the estimates of every `every`-th."""
+        if not (estimates and self.estimates):
+            yield from self.samples() if samples else ()
+            return
+        found = self.estimate_records(self.due(self.every))
+        if not samples:
+            yield from found
+            return
+        estimate = next(found, None)
+        for sample in self.samples():
+            yield sample
+            if estimate is not None and estimate.seq == sample.seq:
+                yield estimate
+                estimate = next(found, None)
+
+    def samples(self) -> Iterator[Sample]:
+        """A record a row."""
+        n = len(self)
+        nothing = [None] * n
+        columns = zip(
+            self.seq.tolist(),
+            self.device_us.tolist(),
+            self.host_ns.tolist(),
+            map(tuple, self.gyro_dps.tolist()),
+            nothing if self.accel_ms2 is None else map(tuple, self.accel_ms2.tolist()),
+            nothing if self.temperature_c is None else self.temperature_c.tolist(),
+            [0] * n if self.flags is None else self.flags.tolist(),
+            strict=True,
+        )
+        for seq, device_us, host_ns, gyro, accel, temperature, flags in columns:
+            yield Sample(
+                seq,
+                self.epoch,
+                device_us,
+                host_ns,
+                gyro,
+                accel,
+                temperature,
+                flags,
+                device=self.device,
+            )
+
+    def estimate_records(self, chosen: slice = slice(None)) -> Iterator[Estimate]:
+        """A record for each of the chosen rows; none while the start-up window fills."""
+        if not self.estimates:
+            return
+        epoch, variant, device = self.epoch, self.variant, self.device
+        first, *others = (columns.of_rows(chosen) for columns in self.estimates)
+        axes = first if not others else (a | b for a, b in zip(first, *others, strict=True))
+        places = zip(
+            self.seq[chosen].tolist(),
+            self.device_us[chosen].tolist(),
+            self.host_ns[chosen].tolist(),
+            axes,
+            strict=True,
+        )
+        for seq, device_us, host_ns, found in places:
+            yield Estimate(seq, epoch, device_us, host_ns, variant, found, device=device)

@@ -1,0 +1,254 @@
+"""The stage in which this computer estimates: the axes of both sensors, each sensor's in a bank."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.estimator.bank import Bank
+from fltea.estimator.online import OnlineState
+from fltea.estimator.supervisor import Reason
+from fltea.records.block import AxisColumns, Block
+from fltea.records.events import Event, Ints
+from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, AXES, GYRO_UNIT, AxisStats, EstimatorInfo
+from fltea.records.repeat import OnceAMinute
+from fltea.settings.config import Config, EstimatorConfig
+from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
+from fltea.wire.units import accel_resolution_ms2, resolution_dps
+
+Array = NDArray[np.float64]
+
+LONGEST_BRIDGE = 30_000
+"""Missing samples that an estimator of unlimited memory predicts: half a second's work."""
+
+
+class Estimated(NamedTuple):
+    """What the channels of a sensor make of a block; columns is None while their window fills."""
+
+    columns: AxisColumns | None
+    lost: list[tuple[int, str, Reason]]
+
+
+class Channels:
+    """Estimates the axes `names`, which are the columns `places` of each block, in the sensor's unit.
+
+    h: sampling period in s. resolution: one LSB in the sensor's unit, None where unknown. state: what
+    `save` returned, to go on from there.
+
+    Raises:
+        ValueError: settings that no filter can work with, or a state that does not fit them.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        places: Sequence[int],
+        config: EstimatorConfig,
+        h: float,
+        resolution: float | None,
+        unit: str,
+        state: OnlineState | None = None,
+    ) -> None:
+        self.config = config
+        self._names, self._places, self._unit = tuple(names), list(places), unit
+        self._bank = Bank(self._names, config, h, resolution, state)
+
+    @property
+    def startup_remaining(self) -> int:
+        """Samples until the start-up window is full."""
+        return self._bank.startup_remaining
+
+    def run(self, values: Array) -> Estimated:
+        """Take samples (n, axes of the sensor); no more than `startup_remaining` while the window fills."""
+        own = values if len(self._places) == values.shape[1] else values[:, self._places]
+        found = self._bank.run(own)
+        if found.columns is None:
+            return Estimated(None, [])
+        c = found.columns
+        columns = AxisColumns(
+            self._names,
+            self._unit,
+            c.alpha,
+            c.alpha_std,
+            c.f,
+            c.f_std,
+            c.x,
+            c.innovation,
+            c.valid,
+            found.null_p,
+            found.not_white,
+        )
+        return Estimated(columns, [(row, self._names[lane], why) for row, lane, why in found.lost])
+
+    def on_missing(self, count: int) -> None:
+        """Bridge lost samples."""
+        if count:
+            self._bank.on_missing(count)
+
+    def bridge(self, count: int) -> None:
+        """Bridge the time for which the program stood still, as far as the memory reaches."""
+        self.on_missing(min(count, self.config.window or LONGEST_BRIDGE))
+
+    def notices(self, host_ns: int) -> Iterator[Notice]:
+        """What there is to tell once the window is full."""
+        baseline = self._bank.baseline
+        for axis in baseline.constant_axes if baseline else ():
+            remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
+            text = (
+                f"{axis} did not change over the start-up window, so R cannot be drawn from it, and the axis "
+                f"stays invalid. Is the sensor alive? If such data are meant, give R: {remedy}."
+            )
+            yield Notice("constant_axis", text, host_ns)
+
+    def save(self) -> OnlineState | None:
+        """What a later run needs to go on; None while the start-up window fills."""
+        return self._bank.save()
+
+    def info(self) -> EstimatorInfo:
+        """What they are estimated with."""
+        c = self.config
+        bias = tuple(c.bias) if isinstance(c.bias, list) else c.bias
+        R = tuple(c.R) if isinstance(c.R, list) else c.R
+        return EstimatorInfo(c.variant, c.engine, c.guard, c.window, c.startup_needed, bias, R)
+
+    def stats(self) -> Iterator[tuple[str, AxisStats]]:
+        """Statistics of every axis."""
+        bank = self._bank
+        baseline = bank.baseline
+        for i, name in enumerate(self._names):
+            if baseline is None:
+                yield name, AxisStats(None, None, 0, {}, unit=self._unit)
+                continue
+            R = baseline.R[i]
+            yield (
+                name,
+                AxisStats(
+                    baseline.bias_dps[i],
+                    R if math.isfinite(R) else None,
+                    bank.restarts[name],
+                    bank.interventions.get(name, {}),
+                    _finite(bank.lag1[i]),
+                    _finite(bank.nis[i]),
+                    self._unit,
+                ),
+            )
+
+
+class HostEstimates:
+    """Lets the channels of both sensors take every sample.
+
+    settings: gives those of the gyroscope's axes, asked for whenever an epoch begins; None if a board alone
+    estimates them.
+    """
+
+    def __init__(self, config: Config, settings: Callable[[], EstimatorConfig] | None) -> None:
+        self._config = config
+        self._settings = settings
+        self._gyro: Channels | None = None
+        self._accel: Channels | None = None
+        self._told_lost = OnceAMinute()
+
+    def begin(self, beginning: Beginning) -> None:
+        """Begin an epoch, from what was saved if it fits."""
+        hello, n, has_accel, saved = beginning
+        wanted, h = self._config.channels, 1.0 / hello.rate_hz
+        gyro = [i for i, axis in enumerate(AXES[:n]) if wanted is None or axis in wanted]
+        accel = [i for i, axis in enumerate(ACCEL_AXES) if has_accel and axis in (wanted or ())]
+        self._gyro = self._accel = None
+        if gyro and self._settings is not None:
+            names, state = [AXES[i] for i in gyro], saved.gyro if saved else None
+            self._gyro = Channels(names, gyro, self._settings(), h, resolution_dps(hello), GYRO_UNIT, state)
+        if accel:
+            names, state = [ACCEL_AXES[i] for i in accel], saved.accel if saved else None
+            resolution = accel_resolution_ms2(hello)
+            self._accel = Channels(names, accel, self._config.accel, h, resolution, ACCEL_UNIT, state)
+
+    def bridge(self, count: int) -> None:
+        """Bridge the time for which the program stood still."""
+        for channels in self._channels():
+            channels.bridge(count)
+
+    def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
+        """Give the samples on with their estimates."""
+        for channels in self._channels():
+            channels.on_missing(missing)
+        begin, n = 0, len(block)
+        while begin < n:
+            filling = [c for c in self._channels() if c.startup_remaining]
+            end = min([n, *(begin + c.startup_remaining for c in filling)])
+            part = block if (begin, end) == (0, n) else block.rows(begin, end)
+            yield from self._estimate(part, host_ns[begin:end])
+            now_ns = int(host_ns[end - 1])
+            for channels in filling:
+                if not channels.startup_remaining:
+                    yield from channels.notices(now_ns)
+            begin = end
+
+    def on_event(self, event: Event) -> Iterator[Item]:
+        """Nothing else matters here."""
+        return iter(())
+
+    def forget(self) -> None:
+        """The next epoch begins with new channels anyway."""
+
+    def standing(self) -> Standing:
+        """Sum up."""
+        return Standing(
+            startup_remaining=max((c.startup_remaining for c in self._channels()), default=0),
+            axes={axis: stats for c in self._channels() for axis, stats in c.stats()},
+            gyro=self._gyro.info() if self._gyro else None,
+            accel=self._accel.info() if self._accel else None,
+        )
+
+    def save(self) -> Saved | None:
+        """Both sensors' estimators; None while one of them has nothing to keep."""
+        saved = Saved(self._gyro.save() if self._gyro else None, self._accel.save() if self._accel else None)
+        unfinished = (self._gyro and not saved.gyro) or (self._accel and not saved.accel)
+        return None if unfinished or not any(saved) else saved
+
+    def _channels(self) -> list[Channels]:
+        return [one for one in (self._gyro, self._accel) if one is not None]
+
+    def _estimate(self, block: Block, host_ns: Ints) -> Iterator[Item]:
+        found: list[AxisColumns] = []
+        lost: list[tuple[int, str, Reason]] = []
+        variant = ""
+        for channels, values in ((self._gyro, block.gyro_dps), (self._accel, block.accel_ms2)):
+            if channels is None or values is None:
+                continue
+            estimated = channels.run(values)
+            lost += estimated.lost
+            if estimated.columns is not None:
+                found.append(estimated.columns)
+                variant = variant or channels.config.variant
+        if found:
+            block = replace(block, variant=variant, estimates=tuple(found), every=self._config.every)
+        begin = 0
+        for row, axis, why in sorted(lost):
+            if self._told_lost.is_due(axis, int(host_ns[row])):
+                if row >= begin:
+                    yield block.rows(begin, row + 1)
+                    begin = row + 1
+                yield Notice(*explain_lost(axis, why), int(host_ns[row]))
+        if begin < len(block):
+            yield block.rows(begin, len(block)) if begin else block
+
+
+def explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
+    """Kind and text of the error that an axis has become invalid."""
+    if reason == "runaway":
+        return "axis_runaway", (
+            f"{axis} ran away (order or parameter beyond all bounds) and begins anew: an offset, a wrong R "
+            "or a moving sensor does this to the unguarded algorithm. --guard consistent holds it."
+        )
+    return "axis_bound", (
+        f"{axis} needs the guard in more than a quarter of its samples, so it is not valid until that ends: "
+        "is the sensor at rest, and does R (see stats) fit it?"
+    )
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

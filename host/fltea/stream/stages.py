@@ -1,0 +1,84 @@
+"""What a stage of the pipeline is, and what it is told when an epoch begins."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+from fltea.estimator.online import OnlineState
+from fltea.records.block import Block
+from fltea.records.events import Event, Ints
+from fltea.records.records import (
+    AnyRecord,
+    AxisStats,
+    DeviceEstimatorStats,
+    EstimatorInfo,
+    Hello,
+)
+
+
+class Notice(NamedTuple):
+    """Kind and text of an `error` record; host_ns: when, on the source's monotonic clock."""
+
+    kind: str
+    message: str
+    host_ns: int
+
+
+Item = AnyRecord | Block | Notice
+"""What a stage gives."""
+
+
+class Beginning(NamedTuple):
+    """An epoch begins. gyro_axes, accel: what its samples hold. saved: estimators to go on from, by sensor."""
+
+    hello: Hello
+    gyro_axes: int
+    accel: bool
+    saved: "Saved | None"
+
+
+class Saved(NamedTuple):
+    """What the estimators of a device need to go on; None where nothing is estimated."""
+
+    gyro: OnlineState | None
+    accel: OnlineState | None
+
+
+@dataclass
+class Standing:
+    """How a stage gets on; the pipeline puts the stages' together for `Stats` and `Epoch`."""
+
+    startup_remaining: int = 0
+    axes: dict[str, AxisStats] = field(default_factory=dict)
+    gyro: EstimatorInfo | None = None
+    accel: EstimatorInfo | None = None
+    device: DeviceEstimatorStats | None = None
+
+
+class Stage(Protocol):
+    """Takes samples in blocks, and gives them on with what it makes of them."""
+
+    def begin(self, beginning: Beginning) -> None:
+        """Begin an epoch.
+
+        Raises:
+            ValueError: settings, or a snapshot, that it cannot begin with.
+        """
+
+    def bridge(self, count: int) -> None:
+        """Bridge the samples for which the program stood still, at the beginning of an epoch that goes on."""
+
+    def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
+        """Take samples; host_ns (n,): their arrival, monotonic. missing: how many were lost just before."""
+
+    def on_event(self, event: Event) -> Iterator[Item]:
+        """Take anything else that the source says."""
+
+    def forget(self) -> None:
+        """Believe nothing of samples until now: the device, its boot or its sensor may be another."""
+
+    def standing(self) -> Standing:
+        """Sum up."""
+
+    def save(self) -> Saved | None:
+        """What `Beginning.saved` takes; None while there is nothing to keep."""
