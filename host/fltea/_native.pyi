@@ -1,4 +1,7 @@
-"""Native parts of fltea: the device's encoder (firmware/core), for tests, and the estimator engine."""
+"""Native parts of fltea.
+
+The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine.
+"""
 
 from typing import Any
 
@@ -15,6 +18,35 @@ def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> by
 
 # ValueError if a value does not fit its field.
 def encode_message(type: int, sequence: int, device_us: int, fields: tuple[Any, ...]) -> bytes: ...
+
+# See fltea.block_reader.
+class Decoder:
+    def __init__(self) -> None: ...
+
+    # What ends in these bytes. First n samples as columns: sequence, device_us, gyro (n, 3), accel (n, 3),
+    # temperature, flags, end; None instead of empty ones. Then all else in order: samples before it, end,
+    # reason (None for an intact frame), type, sequence, device_us (all 0 if there is a reason), payload or
+    # block. TypeError if data is not bytes-like, BufferError if its bytes do not follow each other.
+    def feed(
+        self, data: bytes | bytearray | memoryview
+    ) -> tuple[
+        tuple[
+            NDArray[np.uint16],
+            NDArray[np.uint32],
+            NDArray[np.int16],
+            NDArray[np.int16],
+            NDArray[np.int16],
+            NDArray[np.uint8],
+            NDArray[np.int64],
+        ]
+        | None,
+        list[tuple[int, int, str | None, int, int, int, bytes]],
+    ]: ...
+
+    # As after a port was closed and opened again.
+    def reset(self) -> None: ...
+    @property
+    def pending(self) -> int: ...
 
 # Measurements and inputs beyond ± this are refused.
 LARGEST_INPUT: float

@@ -1,5 +1,5 @@
-// fltea._native: the device's encoder, so that tests can compare its bytes with Python's, and the estimator
-// engine.
+// fltea._native: the device's encoder, so that tests can compare its bytes with Python's, the decoder of the
+// wire, and the estimator engine.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
@@ -12,6 +12,7 @@
 
 #include "cobs.h"
 #include "crc32.h"
+#include "decoder_binding.hpp"
 #include "engine_binding.hpp"
 #include "frame.h"
 #include "messages.h"
@@ -137,5 +138,6 @@ NB_MODULE(_native, m) {
           nb::arg("payload"));
     m.def("encode_message", &encode_message, nb::arg("type"), nb::arg("sequence"), nb::arg("device_us"),
           nb::arg("fields"));
+    bind_decoder(m);
     bind_engine(m);
 }

@@ -1,4 +1,4 @@
-"""Builds and runs the C++ tests of host/native's headers, so that pytest shows them beside the others."""
+"""Builds and runs the C++ tests of host/native, so that pytest shows them beside the others."""
 
 import subprocess
 from pathlib import Path
@@ -25,3 +25,8 @@ def test_doctest_with_sanitizers() -> None:
 @pytest.mark.timeout(300)
 def test_headers_compile_with_the_flags_of_the_device() -> None:
     make("strict")
+
+
+@pytest.mark.timeout(300)
+def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
+    make("fuzz")

@@ -1,0 +1,207 @@
+#include "decoder.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "crc32_table.hpp"
+
+namespace fltea {
+
+namespace {
+
+constexpr std::size_t kHeader = 7;
+constexpr std::size_t kCrc = 4;
+// Major, minor and schema hash, which begin the HELLO of every version.
+constexpr std::size_t kVersion = 6;
+constexpr std::size_t kSampleBlock = kHeader + Sample::size() + kCrc + 1;
+
+std::uint16_t load_u16(const std::uint8_t* bytes) {
+    return static_cast<std::uint16_t>(bytes[0] | bytes[1] << 8);
+}
+
+// Visitor of a SAMPLE's fields (messages.h) that takes them from its payload.
+class FieldReader {
+  public:
+    explicit FieldReader(const std::uint8_t* payload) : next_(payload) {}
+
+    void operator()(const char*, std::int16_t& field) {
+        field = static_cast<std::int16_t>(load_u16(next_));
+        next_ += 2;
+    }
+    void operator()(const char*, std::uint8_t& field) { field = *next_++; }
+
+  private:
+    const std::uint8_t* next_;
+};
+
+// Undoes COBS where it stands: the frame begins at block[1]. A frame is shorter than 255 bytes, so no code is
+// 0xFF, every code but the first stands for a 0x00, and nothing moves. False if it is no COBS block.
+bool undo_cobs(std::uint8_t* block, std::size_t n) {
+    static_assert(Decoder::kMaxBlock < 255, "a code of 0xFF would stand for no 0x00");
+    std::size_t at = 0;
+    while (at < n) {
+        const std::size_t code = block[at];
+        // Another thread may write to a bytearray while it is read; a 0x00 must not hold up this loop.
+        if (code == 0) return false;
+        block[at] = 0;
+        at += code;
+    }
+    return at == n;
+}
+
+// Bytes of payload; false if this version does not know the type.
+bool payload_size(std::uint8_t type, std::size_t& size) {
+    switch (type) {
+        case Hello::type():
+            size = Hello::size();
+            return true;
+        case Sample::type():
+            size = Sample::size();
+            return true;
+        case Status::type():
+            size = Status::size();
+            return true;
+        case Fault::type():
+            size = Fault::size();
+            return true;
+        case Estimate::type():
+            size = Estimate::size();
+            return true;
+        case Estimator::type():
+            size = Estimator::size();
+            return true;
+        default:
+            return false;
+    }
+}
+
+bool other_version(const std::uint8_t* payload, std::size_t n) {
+    return n >= kVersion && (payload[0] != kProtocolMajor || load_u32(payload + 2) != kSchemaHash);
+}
+
+// Why an intact frame cannot be used.
+Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t n) {
+    if (type == Hello::type() && other_version(payload, n)) return Reason::none;
+    std::size_t size = 0;
+    if (!payload_size(type, size)) return Reason::unknown_type;
+    return n == size ? Reason::none : Reason::length;
+}
+
+// What the end of a frame can look like to a receiver that heard only that end.
+bool may_be_cut(Reason reason) {
+    return reason == Reason::oversize || reason == Reason::cobs || reason == Reason::short_ ||
+           reason == Reason::crc;
+}
+
+}  // namespace
+
+const char* reason_name(Reason reason) {
+    switch (reason) {
+        case Reason::none:
+            return nullptr;
+        case Reason::partial:
+            return "partial";
+        case Reason::oversize:
+            return "oversize";
+        case Reason::cobs:
+            return "cobs";
+        case Reason::short_:
+            return "short";
+        case Reason::crc:
+            return "crc";
+        case Reason::unknown_type:
+            return "unknown_type";
+        case Reason::length:
+            return "length";
+    }
+    return nullptr;
+}
+
+void Decoder::bad(Reason reason, const std::uint8_t* block, std::size_t n, std::int64_t end,
+                  Decoded& found) const {
+    OtherRow other = {};
+    other.row = found.samples.size();
+    other.end = end;
+    other.reason = attaching_ && may_be_cut(reason) ? Reason::partial : reason;
+    other.offset = found.bytes.size();
+    other.size = n;
+    found.bytes.insert(found.bytes.end(), block, block + n);
+    found.others.push_back(other);
+}
+
+void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, Decoded& found) const {
+    std::uint8_t plain[kMaxBlock];
+    // A length known to the compiler spares the call of memcpy for nearly every frame.
+    if (n == kSampleBlock) {
+        std::memcpy(plain, block, kSampleBlock);
+    } else {
+        std::memcpy(plain, block, n);
+    }
+    if (!undo_cobs(plain, n)) return bad(Reason::cobs, block, n, end, found);
+    const std::uint8_t* frame = plain + 1;
+    if (n - 1 < kHeader + kCrc) return bad(Reason::short_, block, n, end, found);
+    const std::size_t before_crc = n - 1 - kCrc;
+    if (fast_crc32(frame, before_crc) != load_u32(frame + before_crc)) {
+        return bad(Reason::crc, block, n, end, found);
+    }
+    const std::uint8_t type = frame[0];
+    const std::uint8_t* payload = frame + kHeader;
+    const std::size_t size = before_crc - kHeader;
+    const Reason reason = judge_payload(type, payload, size);
+    if (reason != Reason::none) return bad(reason, block, n, end, found);
+    if (type == Sample::type()) {
+        SampleRow row;
+        row.end = end;
+        row.sequence = load_u16(frame + 1);
+        row.device_us = load_u32(frame + 3);
+        FieldReader read(payload);
+        Sample::visit_fields(row.sample, read);
+        found.samples.push_back(row);
+        return;
+    }
+    OtherRow other = {};
+    other.row = found.samples.size();
+    other.end = end;
+    other.type = type;
+    other.sequence = load_u16(frame + 1);
+    other.device_us = load_u32(frame + 3);
+    other.offset = found.bytes.size();
+    other.size = size;
+    found.bytes.insert(found.bytes.end(), payload, payload + size);
+    found.others.push_back(other);
+}
+
+void Decoder::feed(const std::uint8_t* data, std::size_t n, Decoded& found) {
+    found.samples.reserve(found.samples.size() + n / (kSampleBlock + 1) + 1);
+    for (std::size_t at = 0; at < n;) {
+        // A block may have as many bytes more; the one after them must be its 0x00.
+        const std::size_t room = discarding_ ? n : kMaxBlock - pending_;
+        const std::size_t reach = std::min(n - at, room + 1);
+        const void* zero = std::memchr(data + at, 0, reach);
+        const std::size_t length =
+            zero ? static_cast<std::size_t>(static_cast<const std::uint8_t*>(zero) - (data + at)) : reach;
+        const std::size_t next = at + length + (zero ? 1 : 0);
+        const std::int64_t end = static_cast<std::int64_t>(next);
+        if (discarding_) {
+            discarding_ = !zero;
+        } else if (!zero || pending_) {
+            const std::size_t taken = std::min(length, room);
+            std::memcpy(block_ + pending_, data + at, taken);
+            pending_ += taken;
+            if (zero) {
+                judge(block_, pending_, end, found);
+                pending_ = 0;
+            } else if (length > room) {
+                bad(Reason::oversize, block_, pending_, end, found);
+                pending_ = 0;
+                discarding_ = true;
+            }
+        } else if (length) {  // else an idle 0x00
+            judge(data + at, length, end, found);
+        }
+        if (zero) attaching_ = false;
+        at = next;
+    }
+}
+
+}  // namespace fltea
