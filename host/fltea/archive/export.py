@@ -163,11 +163,15 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
         if raw.accel is not None:
             columns["accel_raw"].append(raw.accel.astype(np.int32))
         no_temperature = np.full(n, np.nan)
-        columns["temperature_c"].append(no_temperature if block.temperature_c is None else block.temperature_c)
+        columns["temperature_c"].append(
+            no_temperature if block.temperature_c is None else block.temperature_c
+        )
         columns["epoch"].append(np.full(n, block.epoch))
         for name in ("seq", "device_us", "host_ns"):
             columns[name].append(getattr(block, name))
-        columns["flags"].append(np.zeros(n, np.int64) if block.flags is None else block.flags.astype(np.int64))
+        columns["flags"].append(
+            np.zeros(n, np.int64) if block.flags is None else block.flags.astype(np.int64)
+        )
     if settings is None:
         return {}, 0
     rate_hz, lsb, accel_lsb, _ = settings
@@ -177,7 +181,11 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
         whole.pop("accel_raw", None)
     if np.isnan(whole["temperature_c"]).all():
         del whole["temperature_c"]
-    scales = {"fs_hz": rate_hz, "lsb_per_dps": lsb, "accel_lsb_per_g": accel_lsb if "accel_raw" in whole else None}
+    scales = {
+        "fs_hz": rate_hz,
+        "lsb_per_dps": lsb,
+        "accel_lsb_per_g": accel_lsb if "accel_raw" in whole else None,
+    }
     return {**{name: value for name, value in scales.items() if value is not None}, **whole}, rows
 
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from fltea.records.records import DeviceStatus, EpochReason, Hello
 
-
 Ints = NDArray[np.int64]
 Values = NDArray[np.float64] | NDArray[np.int16]
 

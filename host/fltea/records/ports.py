@@ -4,8 +4,8 @@ import bisect
 from collections.abc import Callable, Iterator
 from typing import ClassVar, Protocol
 
-from fltea.records.events import Event, TransportEvent
 from fltea.records.block import Block
+from fltea.records.events import Event, TransportEvent
 from fltea.records.records import AnyRecord, LinkStats, OutputStats
 
 

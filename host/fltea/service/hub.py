@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable, Iterable, Sequence
 
-from fltea.records.events import TransportEvent
 from fltea.records.block import Block
+from fltea.records.events import TransportEvent
 from fltea.records.ports import Item, Sink
 from fltea.records.records import AnyRecord, Error, OutputStats
 from fltea.service.outlet import Outlet

@@ -14,6 +14,7 @@ IDLE_S = 0.5
 REST_S = 0.002
 """Between two batches: records of many devices then go out together, not with a change of threads each."""
 
+
 def weight(item: Item) -> int:
     """How many records an item stands for."""
     return item.weight if isinstance(item, Block) else 1

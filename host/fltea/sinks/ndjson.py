@@ -5,8 +5,8 @@ from typing import BinaryIO
 
 import msgspec
 
-from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.block import Block
+from fltea.records.ports import Item, Sink, SinkClosed
 
 BUFFER = 1 << 16
 FULL_S = 0.005

@@ -15,7 +15,6 @@ from fltea.records.records import AXES, Hello, LinkStats
 from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
 
-
 AT_ONCE = 256
 """Samples of a block where none is waited for."""
 

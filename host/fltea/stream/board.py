@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.estimator.running_null import RunningNull, Standing as Whiteness
+from fltea.estimator.running_null import RunningNull
+from fltea.estimator.running_null import Standing as Whiteness
 from fltea.records.block import Block
 from fltea.records.events import SEQUENCE_WRAP, DeviceAxis, DeviceEstimator, Event, Ints, LinkDown
 from fltea.records.records import (
@@ -25,7 +26,7 @@ from fltea.records.records import (
     Estimate,
 )
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
-from fltea.settings.config import BY_DEVICE, Config, EstimatorConfig
+from fltea.settings.config import Config, EstimatorConfig
 from fltea.stream.board_settings import host_settings, info_of, unused_settings
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
 

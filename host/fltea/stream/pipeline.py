@@ -203,7 +203,9 @@ class Pipeline:
         Returns what there is to tell, why the epoch begins, and how old the snapshot is.
         """
         notices: list[Item] = []
-        beginning = Beginning(hello, raw.gyro.shape[1], raw.accel is not None and bool(hello.accel_lsb_per_g), None)
+        beginning = Beginning(
+            hello, raw.gyro.shape[1], raw.accel is not None and bool(hello.accel_lsb_per_g), None
+        )
         if absent := self._absent(beginning):
             notices.append(Notice("no_axis", absent, self._now_ns))
         state, self._state = self._state, None

@@ -18,6 +18,7 @@ from prometheus_client.registry import Collector
 from fltea import __version__
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
+from fltea.records.ports import LATENCY_BOUNDS_MS, OutputView
 from fltea.records.records import (
     DeviceAxisEstimate,
     DeviceEstimates,
@@ -28,7 +29,6 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
-from fltea.records.ports import LATENCY_BOUNDS_MS, OutputView
 from fltea.wire import layout as wire
 
 FRESH_NS = 5 * 10**9

@@ -1,6 +1,6 @@
 """Blocks of samples out of the bytes of one port, by the native decoder.
 
-The rules are those of protocol/README.md. What comes out is what `fltea.messages.FrameReader` gives, which
+The rules are those of protocol/README.md. What comes out is what `fltea.wire.messages.FrameReader` gives, which
 stays as the oracle; only the samples come as columns instead of one object each.
 """
 
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea import _native
-from fltea.framing import BadFrame
-from fltea.messages import Frame, Refused, VersionMismatch, check_version
-from fltea.wire import MESSAGES, Hello
+from fltea.wire.framing import BadFrame
+from fltea.wire.messages import Frame, Refused, VersionMismatch, check_version
+from fltea.wire.layout import MESSAGES, Hello
 
 
 class SampleColumns(NamedTuple):
@@ -38,7 +38,7 @@ class Located(NamedTuple):
     """Anything that is not a sample, and where it ended."""
 
     item: Frame | Refused | BadFrame
-    """As `fltea.messages.FrameReader` gives it; a `Frame` is never a SAMPLE here."""
+    """As `fltea.wire.messages.FrameReader` gives it; a `Frame` is never a SAMPLE here."""
     end: int
     """Offset within the bytes of the call, just behind the closing 0x00 [bytes].
 
