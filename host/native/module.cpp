@@ -1,5 +1,5 @@
-// fltea._native: the device's encoder, so that tests can compare its bytes with Python's, and the estimator
-// engine.
+// fltea._native: the device's encoder, so that tests can compare its bytes with Python's, the estimator engine
+// and what runs under it.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
@@ -138,4 +138,6 @@ NB_MODULE(_native, m) {
     m.def("encode_message", &encode_message, nb::arg("type"), nb::arg("sequence"), nb::arg("device_us"),
           nb::arg("fields"));
     bind_engine(m);
+    bind_lanes(m);
+    bind_bank(m);
 }
