@@ -88,7 +88,8 @@ void AxisEstimator::step(const int16_t* count) {
         filter_->interventions[i] += acted[i] != 0 ? 1 : 0;
         acted[i] = 0;
     }
-    const engine::Supervisor<float>::Verdict verdict = supervisor_.judge(estimate.alpha, estimate.f, estimate.x, held);
+    const engine::Supervisor<float>::Verdict verdict =
+        supervisor_.judge(estimate.alpha, estimate.f, estimate.x, held);
     missing_ = count == nullptr;
     valid_ = verdict.valid;
     if (!verdict.restart) return;

@@ -116,8 +116,8 @@ class AxisBank {
                                   [this](const Lost& one) { return !live_[one.lane]; }),
                    lost.end());
         if (missing != nullptr) return;
-        const double *const innovation = out.columns[kLaneInnovation],
-                            *const std = out.columns[kLaneInnovationStd];
+        const double *const innovation = out.columns[kLaneInnovation], *const std =
+                                                                           out.columns[kLaneInnovationStd];
         for (std::size_t i = 0; i < rows * axes_; ++i) {
             Whiteness& white = white_[i % axes_];
             if (out.valid[i]) {

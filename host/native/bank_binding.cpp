@@ -79,7 +79,8 @@ class Bank {
         return as_list(lost);
     }
 
-    // Mean, variance (at least that of the resolution's rounding), and whether it never changed, of each axis.
+    // Mean, variance (at least that of the resolution's rounding), and whether it never changed, of each
+    // axis.
     std::vector<std::tuple<double, double, bool>> window(double resolution) const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<std::tuple<double, double, bool>> result;
@@ -102,10 +103,11 @@ class Bank {
                 throw nb::value_error("a bias must be finite and within 5e99");
             }
         }
-        bank_.start(std::make_unique<LaneRunner>(find_backend(instruction_set),
-                                                 shape_of(joint, guard, compressed, accuracy, window, settings),
-                                                 reinterpret_cast<const LaneSettings*>(settings.data())),
-                    bias.data(), live.data());
+        bank_.start(
+            std::make_unique<LaneRunner>(find_backend(instruction_set),
+                                         shape_of(joint, guard, compressed, accuracy, window, settings),
+                                         reinterpret_cast<const LaneSettings*>(settings.data())),
+            bias.data(), live.data());
     }
 
     std::vector<uint64_t> restarts() const {

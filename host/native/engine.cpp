@@ -262,14 +262,11 @@ class Packs {
                 if (any(restart)) pack.reset(restart);
                 calm = all_calm(supervisors, lanes);
             }
-            const Number columns[kColumns] = {estimate.alpha,
-                                              sqrt(max(estimate.alpha_variance, zero)),
-                                              estimate.f,
-                                              sqrt(max(estimate.f_variance, zero)),
-                                              estimate.x,
-                                              nan,
-                                              estimate.innovation,
-                                              sqrt(max(estimate.innovation_variance, zero))};
+            const Number columns[kColumns] = {
+                estimate.alpha,      sqrt(max(estimate.alpha_variance, zero)),
+                estimate.f,          sqrt(max(estimate.f_variance, zero)),
+                estimate.x,          nan,
+                estimate.innovation, sqrt(max(estimate.innovation_variance, zero))};
             for (int column = 0; column < kColumns; ++column) {
                 if (column != kP) put_column(select(valid, columns[column], nan), block.out[column], i, k);
             }

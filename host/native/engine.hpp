@@ -65,8 +65,8 @@ enum VerdictBits : int { kValid = 1, kRestarted = 2, kRanAway = 4, kBound = 8 };
 
 struct Backend {
     const char* name;
-    int width;   // lanes in a pack
-    int causes;  // counters a lane
+    int width;               // lanes in a pack
+    int causes;              // counters a lane
     std::size_t supervisor;  // bytes of one
 
     // Bytes of storage that an engine of this shape needs, aligned to 64.
@@ -82,8 +82,8 @@ struct Backend {
     // Size of a snapshot, and the snapshot: settings are not part of it.
     std::size_t (*snapshot)(const EngineShape& shape);
     void (*save)(const void* storage, const EngineShape& shape, unsigned char* out);
-    // False if the snapshot cannot come from an engine of this shape whose numbers are sound: some of them have
-    // been loaded then, so that it has to be thrown away or started again.
+    // False if the snapshot cannot come from an engine of this shape whose numbers are sound: some of them
+    // have been loaded then, so that it has to be thrown away or started again.
     bool (*load)(void* storage, const EngineShape& shape, const unsigned char* in);
 };
 

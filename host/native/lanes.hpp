@@ -52,13 +52,9 @@ class LaneRunner {
         block.samples = rows;
         block.y = y;
         block.missing = missing;
-        const int places[kLaneColumns] = {engine::kAlpha,
-                                          engine::kAlphaVariance,
-                                          engine::kF,
-                                          engine::kFVariance,
-                                          engine::kX,
-                                          engine::kInnovation,
-                                          engine::kInnovationVariance};
+        const int places[kLaneColumns] = {
+            engine::kAlpha,      engine::kAlphaVariance,     engine::kF, engine::kFVariance, engine::kX,
+            engine::kInnovation, engine::kInnovationVariance};
         for (int i = 0; i < kLaneColumns; ++i) block.out[places[i]] = columns[i];
         const engine::Watch under = {reinterpret_cast<unsigned char*>(supervisors_.data()), valid};
         engine_.watch(block, under);

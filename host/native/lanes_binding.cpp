@@ -1,4 +1,5 @@
-// fltea._native.Lanes: lanes under the supervisor for Python, on plain arrays (host/fltea/estimator/lanes.py).
+// fltea._native.Lanes: lanes under the supervisor for Python, on plain arrays
+// (host/fltea/estimator/lanes.py).
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -32,7 +33,8 @@ class Lanes {
         if (y.shape(1) != lanes || (missing && !fits(missing->shape(0), missing->shape(1))) ||
             !fits(valid.shape(0), valid.shape(1)) || out.shape(0) != fltea::kLaneColumns ||
             !fits(out.shape(1), out.shape(2))) {
-            throw nb::value_error("y, missing and valid must have shape (rows, lanes), out (columns, rows, lanes)");
+            throw nb::value_error(
+                "y, missing and valid must have shape (rows, lanes), out (columns, rows, lanes)");
         }
         const uint8_t* const gone = missing ? missing->data() : nullptr;
         check_numbers("y", y.data(), rows, lanes, gone, kLargestInput);

@@ -1,5 +1,5 @@
-// fltea._native: the device's encoder, so that tests can compare its bytes with Python's, the estimator engine
-// and what runs under it.
+// fltea._native: the device's encoder, so that tests can compare its bytes with Python's, the estimator
+// engine and what runs under it.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 

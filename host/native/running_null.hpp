@@ -20,9 +20,9 @@ constexpr double kFewest = 1000, kFewestPairs = 100;
 constexpr double kLevel = 0.001;
 constexpr int kEffective = 8;
 
-// Sums over pairs of blocks of one size; a row whose first number is NaN is a block that is not whole. The mean
-// of the first values is taken off as they come, against rounding and because the standard deviations need it;
-// what is left of the mean is taken out of the sums of products at the end.
+// Sums over pairs of blocks of one size; a row whose first number is NaN is a block that is not whole. The
+// mean of the first values is taken off as they come, against rounding and because the standard deviations
+// need it; what is left of the mean is taken out of the sums of products at the end.
 class Level {
   public:
     explicit Level(std::size_t axes)
@@ -50,8 +50,7 @@ class Level {
             for (std::size_t lag = 1; lag <= kLags; ++lag) pairs_[lag - 1] += present[t - lag] * present[t];
         }
         for (std::size_t axis = 0; axis < axes_; ++axis) {
-            for (std::size_t t = 0; t < kLags + kChunk; ++t)
-                y[t] = present[t] > 0 ? at(rows, t)[axis] : 0;
+            for (std::size_t t = 0; t < kLags + kChunk; ++t) y[t] = present[t] > 0 ? at(rows, t)[axis] : 0;
             add_axis(axis, y, present);
         }
         for (std::size_t i = 0; i < tail_.size(); ++i) tail_[i] = rows[(kChunk - kLags) * axes_ + i];
@@ -59,8 +58,8 @@ class Level {
 
     // The largest magnitude of the normal figures of an axis; NaN where the values never change.
     //
-    // Where values hardly ever change (a deviation of a fifth of an LSB) hardly any product is other than 0, and
-    // their own squares would say next to nothing of how they vary.
+    // Where values hardly ever change (a deviation of a fifth of an LSB) hardly any product is other than 0,
+    // and their own squares would say next to nothing of how they vary.
     double largest(std::size_t axis) const {
         const double mean = sum_[axis] / count_, mean2 = mean * mean;
         const double variance = sum_of_squares_[axis] / count_ - mean2;
@@ -215,10 +214,10 @@ class Level {
 
     std::size_t axes_;
     double count_ = 0;
-    std::vector<double> pairs_;                                          // (lags,)
-    std::vector<double> tail_;                                           // (lags, axes), the newest last
-    std::vector<double> products_, squares_, both_;                      // (lags, axes)
-    std::vector<double> sum_, sum_of_squares_, origin_;                  // (axes,)
+    std::vector<double> pairs_;                          // (lags,)
+    std::vector<double> tail_;                           // (lags, axes), the newest last
+    std::vector<double> products_, squares_, both_;      // (lags, axes)
+    std::vector<double> sum_, sum_of_squares_, origin_;  // (axes,)
 };
 
 // Probability that the largest magnitude of so many independent normal figures is no smaller.

@@ -1,6 +1,6 @@
 // Whether the innovations of a filter are white, and as large as it thinks. Of a filter whose model is right
-// they are uncorrelated, and their squares over the variance that it predicts have the mean 1 (Bar-Shalom, Li &
-// Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2).
+// they are uncorrelated, and their squares over the variance that it predicts have the mean 1 (Bar-Shalom, Li
+// & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2).
 #pragma once
 
 #include <cstddef>

@@ -1,8 +1,8 @@
-// The start-up window of one axis: mean and variance of its samples, which the filters need before their first
-// one. The algorithm assumes noise of zero mean and of known variance R, and it is not forgiving: an offset of
-// 1 deg/s on white noise of variance 0.0235 (deg/s)^2 makes the printed algorithm diverge, as does an R four
-// times too small; a real MPU-9250 has offsets of up to ±5 deg/s. One source for the board's counts and the
-// host's doubles.
+// The start-up window of one axis: mean and variance of its samples, which the filters need before their
+// first one. The algorithm assumes noise of zero mean and of known variance R, and it is not forgiving: an
+// offset of 1 deg/s on white noise of variance 0.0235 (deg/s)^2 makes the printed algorithm diverge, as does
+// an R four times too small; a real MPU-9250 has offsets of up to ±5 deg/s. One source for the board's counts
+// and the host's doubles.
 #pragma once
 
 #include <stdint.h>

@@ -1,11 +1,12 @@
-// Declares a lane lost or not to be trusted, and says why. The filters know nothing of it. Rules, judged after
-// each sample:
+// Declares a lane lost or not to be trusted, and says why. The filters know nothing of it. Rules, judged
+// after each sample:
 //
 // - runaway: an estimate that is not finite, or an order beyond ±kLostOrder. The lane is invalid with this
-//   sample and begins again with the next: initial values, empty memory. Only without a guard can this happen.
+//   sample and begins again with the next: initial values, empty memory. Only without a guard can this
+//   happen.
 // - bound: the guard had to hold the state in more than kBoundMost of the last kBoundSamples samples. Then R
-//   does not fit the data (the sensor moves, an offset was left, R was given wrong). The lane is invalid for as
-//   long as that lasts, and begins again when they are half of that or less.
+//   does not fit the data (the sensor moves, an offset was left, R was given wrong). The lane is invalid for
+//   as long as that lasts, and begins again when they are half of that or less.
 #pragma once
 
 #include <stddef.h>
@@ -17,8 +18,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// A diverged run can stay finite for ever, at orders of 10 to 60 with f up to 1e139. Noise has an order between
-// 0 and 2, and no run that stayed of use was seen beyond 3.5.
+// A diverged run can stay finite for ever, at orders of 10 to 60 with f up to 1e139. Noise has an order
+// between 0 and 2, and no run that stayed of use was seen beyond 3.5.
 constexpr int kLostOrder = 5;
 
 constexpr int kBoundSamples = 200;

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from fltea.config import EstimatorConfig
 from fltea.estimator.engine import Engine
-from fltea.estimator.native_gyroscope import STATE_BOUND, lane_settings
+from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.native_gyroscope import STATE_BOUND
 from fltea.estimator.supervisor import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fltea.config import EstimatorConfig
 from fltea.estimator.engine import Engine
-from fltea.estimator.native_gyroscope import lane_settings
+from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.supervisor import LOST_ORDER
 
 Array = NDArray[np.float64]
