@@ -60,14 +60,14 @@ struct AxisEstimator::Filter {
 };
 
 void AxisEstimator::begin() {
-    baseline_ = Baseline();
+    baseline_ = engine::Baseline<int16_t>();
     filter_ = nullptr;
     restarts_ = 0;
     begin_watch();
 }
 
 void AxisEstimator::begin_watch() {
-    supervisor_ = Supervisor();
+    supervisor_ = engine::Supervisor<float>();
     valid_ = false;
 }
 
@@ -88,7 +88,8 @@ void AxisEstimator::step(const int16_t* count) {
         filter_->interventions[i] += acted[i] != 0 ? 1 : 0;
         acted[i] = 0;
     }
-    const Supervisor::Verdict verdict = supervisor_.judge(estimate.alpha, estimate.f, estimate.x, held);
+    const engine::Supervisor<float>::Verdict verdict =
+        supervisor_.judge(estimate.alpha, estimate.f, estimate.x, held);
     missing_ = count == nullptr;
     valid_ = verdict.valid;
     if (!verdict.restart) return;

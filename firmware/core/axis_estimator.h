@@ -5,10 +5,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "baseline.h"
+#include "engine/baseline.hpp"
+#include "engine/supervisor.hpp"
 #include "messages.h"
 #include "settings.h"
-#include "supervisor.h"
 
 namespace fltea {
 
@@ -50,8 +50,8 @@ class AxisEstimator {
 
     static constexpr size_t kFilterBytes = 448;
 
-    Baseline baseline_;
-    Supervisor supervisor_;
+    engine::Baseline<int16_t> baseline_;
+    engine::Supervisor<float> supervisor_;
     Filter* filter_ = nullptr;  // in storage_, once the window is full and has given an R
     uint16_t restarts_ = 0;
     bool valid_ = false;

@@ -3,7 +3,7 @@
 The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,3 +89,91 @@ class Engine:
     def load(self, snapshot: bytes) -> None: ...
     @property
     def storage_bytes(self) -> int: ...
+
+# The supervisor's constants (firmware/core/engine/supervisor.hpp).
+LOST_ORDER: float
+BOUND_SAMPLES: int
+BOUND_MOST: int
+
+# Lanes under the supervisor; see fltea.estimator.lanes. Arguments as those of Engine.
+class Lanes:
+    def __init__(
+        self,
+        instruction_set: str,
+        joint: bool,
+        guard: int,
+        compressed: bool,
+        accuracy: int,
+        window: int,
+        settings: NDArray[np.float64],
+    ) -> None: ...
+
+    # y (rows, lanes) float64, missing (rows, lanes) uint8; fills out (7, rows, lanes) float64 and valid
+    # (rows, lanes) uint8; returns (row, lane, reason) of what became invalid. ValueError as of Engine.run.
+    def run(
+        self,
+        y: NDArray[np.float64],
+        missing: NDArray[np.uint8] | None,
+        out: NDArray[np.float64],
+        valid: NDArray[np.uint8],
+    ) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
+    def restarts(self) -> list[int]: ...
+
+    # Fills out (lanes, causes) int32.
+    def counts(self, out: NDArray[np.int32]) -> None: ...
+
+# A bias beyond ± this, and a sample, is refused.
+LARGEST_OFFSET: float
+
+# All axes of a sensor; see fltea.estimator.bank.
+class Bank:
+    def __init__(self, axes: int) -> None: ...
+
+    # y (rows, axes) float64; fills out (8, rows, axes) float64, the columns of Lanes and null_p, and flags
+    # (2, rows, axes) uint8, valid and not_white.
+    def run(
+        self, y: NDArray[np.float64], out: NDArray[np.float64], flags: NDArray[np.uint8]
+    ) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
+    def skip(self, count: int) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
+
+    # Mean, variance and constancy of each axis until `start`.
+    def window(self, resolution: float) -> list[tuple[float, float, bool]]: ...
+
+    # Arguments as of Lanes, then bias (axes,) float64 and live (axes,) uint8.
+    def start(
+        self,
+        instruction_set: str,
+        joint: bool,
+        guard: int,
+        compressed: bool,
+        accuracy: int,
+        window: int,
+        settings: NDArray[np.float64],
+        bias: NDArray[np.float64],
+        live: NDArray[np.uint8],
+    ) -> None: ...
+    def restarts(self) -> list[int]: ...
+    def counts(self, out: NDArray[np.int32]) -> None: ...
+
+    # (lag 1, NIS) of each axis, NaN while not known.
+    def whiteness(self) -> list[tuple[float, float]]: ...
+
+    # Engine, supervisors, running null.
+    def save(self) -> tuple[bytes, bytes, bytes]: ...
+
+    # ValueError for bytes that cannot come from `save`.
+    def load(self, engine: bytes, supervisors: bytes | None, restarts: list[int]) -> None: ...
+    def load_null(self, bytes: bytes) -> None: ...
+
+# The running test of whiteness alone; see fltea.estimator.running_null.
+class RunningNull:
+    def __init__(self, axes: int) -> None: ...
+
+    # y (rows, axes) float64, NaN in rows that were lost.
+    def add(self, y: NDArray[np.float64]) -> None: ...
+    def skip(self, count: int) -> None: ...
+    def p(self) -> list[float]: ...
+    def largest(self) -> list[float]: ...
+    def depth(self) -> int: ...
+    def save(self) -> bytes: ...
+    def load(self, bytes: bytes) -> None: ...

@@ -9,6 +9,7 @@
 #include "lane.hpp"
 #include "memory_compressed.hpp"
 #include "memory_direct.hpp"
+#include "supervisor.hpp"
 
 namespace fltea {
 namespace engine {
@@ -16,19 +17,25 @@ inline namespace FLTEA_INSTRUCTION_SET {
 namespace {
 
 typedef Pack<double, kWidth> Number;
+typedef Supervisor<double> OneSupervisor;
 const std::size_t kLanesInPack = kWidth;
 const std::size_t kAlignment = 64;
 
 std::size_t rounded_up(std::size_t bytes) { return (bytes + kAlignment - 1) / kAlignment * kAlignment; }
 std::size_t packs(const EngineShape& shape) { return (shape.lanes + kLanesInPack - 1) / kLanesInPack; }
 
+// More samples than any sensor gives, and far from where counters wrap.
+const std::uint64_t kMostPushed = std::uint64_t(1) << 52;
+
 // One kind of memory: how much it needs and how it is made.
 struct Direct {
     typedef DirectMemory<Number> Memory;
     static std::size_t storage(const EngineShape& shape) { return Memory::storage(shape.window); }
     static Memory make(Number* storage, const EngineShape& shape) { return Memory(storage, shape.window); }
+    static std::size_t history(const EngineShape& shape) { return Memory::history(shape.window); }
     static bool plausible(const Memory::Position& at, const EngineShape& shape) {
-        return at.position < shape.window;
+        return at.pushed <= kMostPushed && at.position < shape.window &&
+               (at.position + at.pushed) % shape.window == 0;
     }
 };
 
@@ -39,8 +46,24 @@ struct Compressed {
     static CompressedConfig config(const EngineShape& shape) {
         return compressed_config(shape.window, shape.accuracy);
     }
-    static bool plausible(const Memory::Position&, const EngineShape&) { return true; }
+    static std::size_t history(const EngineShape& shape) { return Memory::history(config(shape)); }
+    static bool plausible(const Memory::Position& at, const EngineShape&) { return at.pushed <= kMostPushed; }
 };
+
+// Whether the filters of a lane can have come of their steps, all their numbers being finite.
+bool sound(const StateBelief<Number>& state, int lane) {
+    return state.P[lane] >= 0 && state.V[lane] >= 0 && state.reach[lane] >= 0;
+}
+bool sound_order(double order, Guard guard) { return guard == Guard::off || (order >= 0 && order <= 2); }
+bool sound(const Triple<Number>& filters, int lane, Guard guard) {
+    const Walk<Number>&order = filters.order, &parameter = filters.parameter;
+    return sound(filters.state, lane) && sound_order(order.mean[lane], guard) && order.P[lane] >= 0 &&
+           order.Q[lane] >= 0 && parameter.P[lane] >= 0 && parameter.Q[lane] >= 0;
+}
+bool sound(const Joint<Number>& filters, int lane, Guard guard) {
+    return sound(filters.state, lane) && sound_order(filters.alpha[lane], guard) && filters.P.aa[lane] >= 0 &&
+           filters.P.bb[lane] >= 0 && filters.Q.aa[lane] >= 0 && filters.Q.bb[lane] >= 0;
+}
 
 // An engine of one variant and memory: its packs one after another, each a Lane and the storage of its
 // memory.
@@ -71,6 +94,10 @@ class Packs {
         for (std::size_t i = 0; i < packs(shape_); ++i) run_pack(lane(i), i, block);
     }
 
+    void watch(const Block& block, const Watch& watch) {
+        for (std::size_t i = 0; i < packs(shape_); ++i) watch_pack(lane(i), i, block, watch);
+    }
+
     void reset(const std::uint8_t* mask) {
         for (std::size_t i = 0; i < packs(shape_); ++i) lane(i).reset(flags(mask, i));
     }
@@ -85,7 +112,7 @@ class Packs {
         }
     }
 
-    // Pack after pack, bytes as they are: State, the memory's own data, its storage.
+    // Pack after pack, bytes as they are: State, the memory's own data, its storage with the tables in it.
     std::size_t snapshot() const {
         return packs(shape_) * (sizeof(typename PackOfLanes::State) + sizeof(Position) +
                                 Kind::storage(shape_) * sizeof(Number));
@@ -102,13 +129,17 @@ class Packs {
 
     // False if a snapshot of the right size cannot come from this engine; it is then to be thrown away.
     bool load(const unsigned char* in) {
+        const std::size_t history = Kind::history(shape_), all = Kind::storage(shape_);
         for (std::size_t i = 0; i < packs(shape_); ++i) {
             in = get(in, &lane(i).state(), sizeof(typename PackOfLanes::State));
             Position position;
             in = get(in, &position, sizeof position);
             if (!Kind::plausible(position, shape_)) return false;
             lane(i).memory().set_position(position);
-            in = get(in, memory_storage(i), Kind::storage(shape_) * sizeof(Number));
+            // The tables are this engine's own: nothing that comes from elsewhere can spoil them.
+            get(in, memory_storage(i), history * sizeof(Number));
+            in += all * sizeof(Number);
+            if (!sound_pack(i)) return false;
         }
         return true;
     }
@@ -166,25 +197,105 @@ class Packs {
         return values;
     }
 
+    // The sample of row k.
+    void take(std::size_t i, const Block& block, std::size_t k, Sample<Number>& sample) const {
+        const std::size_t row = k * shape_.lanes;
+        sample.y = numbers(block.y + row, i);
+        if (block.u) sample.u = numbers(block.u + row, i);
+        if (block.missing) {
+            sample.missing = flags(block.missing + row, i);
+            sample.y = select(sample.missing, Number(0.0), sample.y);  // whatever stands there
+        }
+    }
+
+    void put_column(const Number& values, double* column, std::size_t i, std::size_t k) const {
+        __builtin_memcpy(column + k * shape_.lanes + i * kLanesInPack, &values, used(i) * sizeof(double));
+    }
+
     void run_pack(PackOfLanes& pack, std::size_t i, const Block& block) const {
         Sample<Number> sample = {Number(0.0), Number(0.0), everywhere<Number>(false)};
         for (std::size_t k = 0; k < block.samples; ++k) {
-            const std::size_t row = k * shape_.lanes;
-            sample.y = numbers(block.y + row, i);
-            if (block.u) sample.u = numbers(block.u + row, i);
-            if (block.missing) {
-                sample.missing = flags(block.missing + row, i);
-                sample.y = select(sample.missing, Number(0.0), sample.y);  // whatever stands there
-            }
+            take(i, block, k, sample);
             Estimate<Number> estimate;
             pack.step(sample, estimate);
             static_assert(sizeof estimate == kColumns * sizeof(Number), "one column is one number");
-            const double* columns = reinterpret_cast<const double*>(&estimate);
+            const Number* columns = &estimate.alpha;
             for (int column = 0; column < kColumns; ++column) {
-                double* to = block.out[column] + row + i * kLanesInPack;
-                __builtin_memcpy(to, columns + column * kWidth, used(i) * sizeof(double));
+                put_column(columns[column], block.out[column], i, k);
             }
         }
+    }
+
+    void watch_pack(PackOfLanes& pack, std::size_t i, const Block& block, const Watch& watch) const {
+        static_assert(alignof(OneSupervisor) == 1, "supervisors stand in bytes, one after the other");
+        OneSupervisor* const supervisors =
+            static_cast<OneSupervisor*>(static_cast<void*>(watch.supervisors)) + i * kLanesInPack;
+        const int lanes = static_cast<int>(used(i));
+        const Number nan = Number(__builtin_nan("")), zero = Number(0.0);
+        bool calm = all_calm(supervisors, lanes);
+        Sample<Number> sample = {Number(0.0), Number(0.0), everywhere<Number>(false)};
+        for (std::size_t k = 0; k < block.samples; ++k) {
+            take(i, block, k, sample);
+            Estimate<Number> estimate;
+            const Number before = pack.state().counts[kStateBound];
+            pack.step(sample, estimate);
+            std::uint8_t* const verdicts = watch.verdicts + k * shape_.lanes + i * kLanesInPack;
+            const MaskOf<Number> held = pack.state().counts[kStateBound] > before;
+            const MaskOf<Number> good = (abs(estimate.alpha) <= Number(double(kLostOrder))) &
+                                        is_finite(estimate.f) & is_finite(estimate.x) & !held;
+            MaskOf<Number> valid = everywhere<Number>(true);
+            if (calm && all(good)) {
+                __builtin_memset(verdicts, kValid, used(i));
+            } else {
+                MaskOf<Number> restart = everywhere<Number>(false);
+                for (int l = 0; l < lanes; ++l) {
+                    const OneSupervisor::Verdict verdict =
+                        supervisors[l].judge(estimate.alpha[l], estimate.f[l], estimate.x[l], held[l]);
+                    verdicts[l] = static_cast<std::uint8_t>((verdict.valid ? kValid : 0) |
+                                                            (verdict.restart ? kRestarted : 0) |
+                                                            (verdict.news == Loss::runaway ? kRanAway : 0) |
+                                                            (verdict.news == Loss::bound ? kBound : 0));
+                    valid.set(l, verdict.valid);
+                    restart.set(l, verdict.restart);
+                    if (verdict.restart) supervisors[l] = OneSupervisor();
+                }
+                if (any(restart)) pack.reset(restart);
+                calm = all_calm(supervisors, lanes);
+            }
+            const Number columns[kColumns] = {
+                estimate.alpha,      sqrt(max(estimate.alpha_variance, zero)),
+                estimate.f,          sqrt(max(estimate.f_variance, zero)),
+                estimate.x,          nan,
+                estimate.innovation, sqrt(max(estimate.innovation_variance, zero))};
+            for (int column = 0; column < kColumns; ++column) {
+                if (column != kP) put_column(select(valid, columns[column], nan), block.out[column], i, k);
+            }
+        }
+    }
+
+    static bool all_calm(const OneSupervisor* supervisors, int lanes) {
+        bool calm = true;
+        for (int l = 0; l < lanes; ++l) calm = calm && supervisors[l].calm();
+        return calm;
+    }
+
+    // Whether what has been loaded can have come of steps: idle lanes do not matter.
+    bool sound_pack(std::size_t i) const {
+        const typename PackOfLanes::State& state = lane(i).state();
+        const Number* const numbers = static_cast<const Number*>(static_cast<const void*>(&state));
+        const Number* const memory = memory_storage(i);
+        const std::size_t n = sizeof state / sizeof(Number), history = Kind::history(shape_);
+        for (int l = 0; l < static_cast<int>(used(i)); ++l) {
+            bool good = sound(state.filters, l, static_cast<Guard>(shape_.guard));
+            for (std::size_t k = 0; k < n; ++k) good = good && __builtin_isfinite(numbers[k][l]);
+            for (std::size_t k = 0; k < history; ++k) good = good && __builtin_isfinite(memory[k][l]);
+            for (int cause = 0; cause < kCauses; ++cause) {
+                const double count = state.counts[cause][l];
+                good = good && count >= 0 && count <= double(kMostPushed) && __builtin_floor(count) == count;
+            }
+            if (!good) return false;
+        }
+        return true;
     }
 
     unsigned char* base_;
@@ -229,6 +340,14 @@ struct Run {
     template <class P>
     void operator()(P engine) {
         engine.run(block);
+    }
+};
+struct RunWatched {
+    const Block& block;
+    const Watch& under;
+    template <class P>
+    void operator()(P engine) {
+        engine.watch(block, under);
     }
 };
 struct Reset {
@@ -281,6 +400,10 @@ void run(void* engine, const EngineShape& shape, const Block& block) {
     Run action = {block};
     with_packs(engine, shape, action);
 }
+void watch(void* engine, const EngineShape& shape, const Block& block, const Watch& under) {
+    RunWatched action = {block, under};
+    with_packs(engine, shape, action);
+}
 void reset(void* engine, const EngineShape& shape, const std::uint8_t* mask) {
     Reset action = {mask};
     with_packs(engine, shape, action);
@@ -315,9 +438,11 @@ bool load(void* engine, const EngineShape& shape, const unsigned char* in) {
 const Backend FLTEA_JOIN(engine_, FLTEA_INSTRUCTION_SET) = {FLTEA_STRING(FLTEA_INSTRUCTION_SET),
                                                             kWidth,
                                                             kCauses,
+                                                            sizeof(OneSupervisor),
                                                             storage,
                                                             start,
                                                             run,
+                                                            watch,
                                                             reset,
                                                             counts,
                                                             snapshot,

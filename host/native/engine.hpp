@@ -53,16 +53,28 @@ struct Block {
     double* out[kColumns];
 };
 
+// A run under the supervisor (supervisor.hpp). Lanes that it lost begin again with the next row, and their
+// supervisors with them. Of the block's columns, variances become standard deviations, kP is not written, and
+// all are NaN where a lane is not valid.
+struct Watch {
+    unsigned char* supervisors;  // Backend::supervisor bytes a lane; zeros have seen nothing
+    std::uint8_t* verdicts;      // (samples, lanes): VerdictBits
+};
+
+enum VerdictBits : int { kValid = 1, kRestarted = 2, kRanAway = 4, kBound = 8 };
+
 struct Backend {
     const char* name;
-    int width;   // lanes in a pack
-    int causes;  // counters a lane
+    int width;               // lanes in a pack
+    int causes;              // counters a lane
+    std::size_t supervisor;  // bytes of one
 
     // Bytes of storage that an engine of this shape needs, aligned to 64.
     std::size_t (*storage)(const EngineShape& shape);
     // Builds an engine in `storage`; `settings` has one entry a lane.
     void (*start)(void* storage, const EngineShape& shape, const LaneSettings* settings);
     void (*run)(void* storage, const EngineShape& shape, const Block& block);
+    void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
     // Lanes whose mask is not 0 begin anew.
     void (*reset)(void* storage, const EngineShape& shape, const std::uint8_t* mask);
     // (lanes, causes), row after row.
@@ -70,7 +82,8 @@ struct Backend {
     // Size of a snapshot, and the snapshot: settings are not part of it.
     std::size_t (*snapshot)(const EngineShape& shape);
     void (*save)(const void* storage, const EngineShape& shape, unsigned char* out);
-    // False if the snapshot cannot come from an engine of this shape.
+    // False if the snapshot cannot come from an engine of this shape whose numbers are sound: some of them
+    // have been loaded then, so that it has to be thrown away or started again.
     bool (*load)(void* storage, const EngineShape& shape, const unsigned char* in);
 };
 

@@ -21,8 +21,10 @@ class DirectMemory {
   public:
     // Number of T that the constructor needs for a window of `window` >= 1 samples.
     static std::size_t storage(std::size_t window) {
-        return 4 * window + (window + kReciprocals + Lanes<T>::count - 1) / Lanes<T>::count;
+        return history(window) + (window + kReciprocals + Lanes<T>::count - 1) / Lanes<T>::count;
     }
+    // How many of them, from the first on, are the past; the others are tables.
+    static std::size_t history(std::size_t window) { return 4 * window; }
 
     // `storage` holds storage(window) elements, aligned for T, and stays the caller's.
     DirectMemory(T* storage, std::size_t window)

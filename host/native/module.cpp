@@ -1,5 +1,5 @@
 // fltea._native: the device's encoder, so that tests can compare its bytes with Python's, the decoder of the
-// wire, and the estimator engine.
+// wire, the estimator engine and what runs under it.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
@@ -140,4 +140,6 @@ NB_MODULE(_native, m) {
           nb::arg("fields"));
     bind_decoder(m);
     bind_engine(m);
+    bind_lanes(m);
+    bind_bank(m);
 }

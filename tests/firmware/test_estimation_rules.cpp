@@ -6,13 +6,13 @@
 #include <limits>
 #include <vector>
 
-#include "baseline.h"
+#include "engine/baseline.hpp"
+#include "engine/supervisor.hpp"
 #include "moments.h"
-#include "supervisor.h"
 #include "workload.h"
 
-using fltea::Baseline;
-using fltea::Supervisor;
+typedef fltea::engine::Baseline<int16_t> Baseline;
+typedef fltea::engine::Supervisor<float> Supervisor;
 
 namespace {
 

@@ -1,7 +1,9 @@
 // Compiled with the device's flags only, never run: the filters compile for every number type and memory.
+#include "baseline.hpp"
 #include "lane.hpp"
 #include "memory_compressed.hpp"
 #include "memory_direct.hpp"
+#include "supervisor.hpp"
 
 namespace fltea {
 namespace engine {
@@ -17,6 +19,8 @@ typedef Pack<double, kWidth> Wide;
 FLTEA_USE(float);
 FLTEA_USE(double);
 FLTEA_USE(Wide);
+template class Supervisor<float>;
+template class Supervisor<double>;
 
 }  // namespace FLTEA_INSTRUCTION_SET
 }  // namespace engine

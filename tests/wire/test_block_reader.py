@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from fltea import _native, wire
-from fltea.block_reader import BlockReader, Decoded, Located, SampleColumns
-from fltea.framing import BadFrame, Deframer, encode_frame
-from fltea.messages import REASONS, Frame, FrameReader, Refused, encode
+from fltea import _native
+from fltea.wire import layout as wire
+from fltea.wire.block_reader import BlockReader, Decoded, Located, SampleColumns
+from fltea.wire.framing import BadFrame, Deframer, encode_frame
+from fltea.wire.messages import REASONS, Frame, FrameReader, Refused, encode
 from hypothesis import given
 from hypothesis import strategies as st
 from protocol_support import fixed, messages, names, records, sequences, times

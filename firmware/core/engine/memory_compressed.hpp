@@ -28,6 +28,8 @@ class CompressedMemory {
         const Nodes nodes(config);
         return history_size(nodes) + (table_size(nodes) + Lanes<T>::count - 1) / Lanes<T>::count;
     }
+    // How many of them, from the first on, are the past; the others are tables.
+    static std::size_t history(const CompressedConfig& config) { return history_size(Nodes(config)); }
 
     // `storage` holds storage(config) elements, aligned for T, and stays the caller's.
     CompressedMemory(T* storage, const CompressedConfig& config) : nodes_(config), history_(storage) {

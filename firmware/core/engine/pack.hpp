@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "instruction_set.hpp"
 #include "soft_sqrt.hpp"
 
 // Arduino.h has macros of these names.
@@ -24,19 +25,12 @@
 #undef max
 #undef min
 
-#if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__FMA__)
+#if defined(__AVX2__) && defined(__FMA__)
 #include <immintrin.h>
-#define FLTEA_INSTRUCTION_SET avx512
-#elif defined(__AVX2__) && defined(__FMA__)
-#include <immintrin.h>
-#define FLTEA_INSTRUCTION_SET avx2
-#else
-#if defined(__SSE2__)
+#elif defined(__SSE2__)
 #include <emmintrin.h>
 #elif defined(__aarch64__)
 #include <arm_neon.h>
-#endif
-#define FLTEA_INSTRUCTION_SET baseline
 #endif
 
 namespace fltea {

@@ -1,39 +1,18 @@
-"""The start-up window: what must be known of the data before the first estimate.
-
-The algorithm assumes noise of zero mean and of known measurement variance R, and it is not forgiving. An
-offset of 1 deg/s on white noise of variance 0.0235 (deg/s)² makes the printed algorithm diverge, as does an
-R four times too small; a real MPU-9250 has offsets of up to ±5 deg/s. Therefore the first samples are
-collected with the device at rest: their mean is the bias, their variance is R.
-"""
+"""The arithmetic of the start-up window in numpy, sample by sample; `baseline` says what it is for."""
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
+from fltea.estimator.baseline import Baseline, BaselineRule
 
-class Baseline(NamedTuple):
-    """What the start-up window found, one entry an axis."""
-
-    bias_dps: tuple[float, ...]
-    """to be subtracted from each sample"""
-    R: tuple[float, ...]
-    """measurement variance in (deg/s)²; NaN for the axes in `constant_axes`"""
-    constant_axes: tuple[str, ...]
-    """axes that never changed: they give no R, so they are invalid"""
+__all__ = ["Baseline", "Startup"]
 
 
-class Startup:
-    """Collects `length` samples and turns them into a Baseline.
-
-    `bias` is "startup" (mean of the window), "none", one value in deg/s, or one an axis. `R` is "auto"
-    (variance of the window, n-1 in the denominator), one value in (deg/s)², or one an axis.
-    `resolution_dps` is the size of one count, if known: its quantisation variance, resolution²/12, is the
-    least that `R="auto"` gives. If neither needs a window, `needed` is 0 and `baseline()` is ready at once.
-    Raises ValueError for wrong counts, values that are not finite, R <= 0, or a window too short for its
-    purpose.
-    """
+class Startup(BaselineRule):
+    """Collects `length` samples and turns them into a Baseline; arguments and errors as of `BaselineRule`."""
 
     def __init__(
         self,
@@ -43,19 +22,8 @@ class Startup:
         R: Literal["auto"] | float | Sequence[float],
         resolution_dps: float | None = None,
     ) -> None:
-        self.axes = tuple(axes)
-        self._given_bias = self._check_bias(bias)
-        self._given_R = self._check_R(R)
-        if resolution_dps is not None and not (math.isfinite(resolution_dps) and resolution_dps > 0):
-            raise ValueError(f"resolution_dps is the size of one count and must be > 0, got {resolution_dps}")
-        self._floor = 0.0 if resolution_dps is None else resolution_dps**2 / 12
-        shortest = 2 if self._given_R is None else 1 if self._given_bias is None else 0
-        if length < shortest:
-            raise ValueError(
-                f"the start-up window must have at least {shortest} samples, got {length}; "
-                "to do without it, give both bias and R"
-            )
-        self.needed = length if shortest else 0
+        super().__init__(axes, length, bias, R, resolution_dps)
+        self._floor = self.resolution**2 / 12
         self._samples: list[tuple[float, ...]] = []
 
     def add(self, y_dps: Sequence[float]) -> Baseline | None:
@@ -90,32 +58,3 @@ class Startup:
         else:
             R = np.array(self._given_R)
         return Baseline(tuple(map(float, bias)), tuple(map(float, R)), constant)
-
-    def _check_bias(self, bias: str | float | Sequence[float]) -> tuple[float, ...] | None:
-        """Values of the bias, None if the window shall give them."""
-        if isinstance(bias, str):
-            if bias == "startup":
-                return None
-            if bias == "none":
-                return (0.0,) * len(self.axes)
-            raise ValueError(
-                f'bias must be "startup", "none" or {len(self.axes)} values in deg/s, got "{bias}"'
-            )
-        values = (bias,) * len(self.axes) if isinstance(bias, int | float) else tuple(bias)
-        if len(values) != len(self.axes) or not all(math.isfinite(value) for value in values):
-            raise ValueError(f"bias needs one finite value in deg/s, or {len(self.axes)}, got {list(values)}")
-        return values
-
-    def _check_R(self, R: str | float | Sequence[float]) -> tuple[float, ...] | None:
-        """Values of R, None if the window shall give them."""
-        if isinstance(R, str):
-            if R == "auto":
-                return None
-            raise ValueError(f'R must be "auto" or a variance in (deg/s)², got "{R}"')
-        values = (R,) * len(self.axes) if isinstance(R, int | float) else tuple(R)
-        if len(values) != len(self.axes):
-            raise ValueError(f"R needs one value, or {len(self.axes)}, got {list(values)}")
-        for axis, value in zip(self.axes, values, strict=True):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"R of {axis} is a variance in (deg/s)² and must be > 0, got {value}")
-        return values

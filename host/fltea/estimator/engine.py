@@ -35,7 +35,7 @@ from fltea.estimator.engine_settings import (
     OrderTuning,
     ParameterTuning,
     StateTuning,
-    native_table,
+    native_arguments,
 )
 
 Array = NDArray[np.float64]
@@ -118,15 +118,7 @@ class Engine:
         self.settings = settings
         self.instruction_set = instruction_set or instruction_sets()[0]
         self._table = settings.table(lanes)
-        self._native = _native.Engine(
-            self.instruction_set,
-            settings.variant == "joint",
-            ("off", "faithful", "consistent").index(settings.guard),
-            settings.memory == "compressed",
-            settings.accuracy,
-            settings.window or 0,
-            native_table(self._table),
-        )
+        self._native = _native.Engine(*native_arguments(settings, self.instruction_set, self._table))
 
     def step(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
         """Take one sample of every lane: y, the input u that led to it (default 0), both (lanes,).

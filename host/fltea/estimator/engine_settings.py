@@ -187,6 +187,22 @@ def native_table(table: Array) -> Array:
     return result
 
 
+NativeArguments = tuple[str, bool, int, bool, int, int, Array]
+
+
+def native_arguments(settings: EngineSettings, instruction_set: str, table: Array) -> NativeArguments:
+    """What every native class that runs the engine is made with; `table` is settings.table(lanes)."""
+    return (
+        instruction_set,
+        settings.variant == "joint",
+        ("off", "faithful", "consistent").index(settings.guard),
+        settings.memory == "compressed",
+        settings.accuracy,
+        settings.window or 0,
+        native_table(table),
+    )
+
+
 class _Columns:
     """Turns a field into one number a lane."""
 

@@ -8,15 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fltea.estimator.engine import (
-    CAUSES,
-    Engine,
-    EngineSettings,
-    JointTuning,
-    OrderTuning,
-    ParameterTuning,
-    StateTuning,
-)
+from fltea.estimator.engine import CAUSES, Engine
+from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.supervisor import Reason, Supervisor
 from fltea.lab.reference.gyroscope import INVALID, AxisEstimate
 from fltea.settings.config import EstimatorConfig
@@ -110,25 +103,6 @@ class NativeGyroscope:
             axis: {cause: int(n) for cause, n in zip(CAUSES, counts[i], strict=True) if n}
             for i, axis in enumerate(self.axes)
         }
-
-
-def lane_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> EngineSettings:
-    """What the engine is told: a lane for each R, sampling period h in s."""
-    order, parameter, state, joint = config.order, config.parameter, config.state, config.joint
-    return EngineSettings(
-        h=h,
-        window=config.window or None,
-        memory="direct" if config.engine == "direct" else "compressed",
-        variant=config.variant,
-        guard=config.guard,
-        gate=config.gate,
-        state=StateTuning(P0=state.P0, Q=state.Q, x0=state.x0, R=tuple(R)),
-        order=OrderTuning(P0=order.P0, Q0=order.Q0, alpha0=order.alpha0, delta=order.delta),
-        parameter=ParameterTuning(P0=parameter.P0, Q0=parameter.Q0, f0=parameter.f0, delta=parameter.delta),
-        joint=JointTuning(
-            P0=joint.P0, Q0=joint.Q0, alpha0=joint.alpha0, beta0=joint.beta0, delta=joint.delta
-        ),
-    )
 
 
 def _std(variance: float) -> float:

@@ -1,26 +1,13 @@
 """One epoch of estimation: start-up window, then the estimator, sample by sample."""
 
-import msgspec
-
 from fltea.estimator.bias import Baseline, Startup
 from fltea.estimator.native_gyroscope import NativeGyroscope
+from fltea.estimator.online_state import OnlineState
 from fltea.estimator.supervisor import Reason
 from fltea.lab.reference.gyroscope import INVALID, AxisEstimate, GyroscopeEstimator
 from fltea.settings.config import EstimatorConfig
 
-
-class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an estimator needs to go on where another one stopped: its baseline and its engine, saved.
-
-    null: the running test of whiteness, which stands beside the estimator; None in snapshots of version 1.
-    """
-
-    axes: tuple[str, ...]
-    bias_dps: tuple[float, ...]
-    R: tuple[float, ...]
-    restarts: dict[str, int]
-    engine: bytes
-    null: bytes | None = None
+__all__ = ["OnlineEstimator", "OnlineState"]
 
 
 class OnlineEstimator:

@@ -75,16 +75,20 @@ def unpack(data: bytes) -> Saved:
     if _CRC.unpack_from(data, end)[0] != zlib.crc32(data[:end]):
         raise ValueError("the snapshot is damaged: its checksum is wrong")
     table_start = _HEAD.size + header_size
-    header: dict[str, Any] = json.loads(data[_HEAD.size : table_start])
-    table = np.frombuffer(data, "<f8", table_size // 8, table_start).astype(np.float64)
-    table = table.reshape(header["lanes"], len(FIELDS))
-    return Saved(
-        lanes=header["lanes"],
-        instruction_set=header["instruction_set"],
-        settings=_settings(header, table),
-        settings_hash=header["settings_hash"],
-        state=data[table_start + table_size : end],
-    )
+    try:
+        header: dict[str, Any] = json.loads(data[_HEAD.size : table_start])
+        table = np.frombuffer(data, "<f8", table_size // 8, table_start).astype(np.float64)
+        table = table.reshape(header["lanes"], len(FIELDS))
+        return Saved(
+            lanes=header["lanes"],
+            instruction_set=str(header["instruction_set"]),
+            settings=_settings(header, table),
+            settings_hash=header["settings_hash"],
+            state=data[table_start + table_size : end],
+        )
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        # Only bytes that somebody made on purpose come so far.
+        raise ValueError(f"not a snapshot of this version of the engine: {error}") from error
 
 
 def _common(settings: EngineSettings) -> dict[str, Any]:

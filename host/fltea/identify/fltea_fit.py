@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from fltea.estimator.bias import Baseline, Startup
 from fltea.estimator.engine import CAUSES, Engine
-from fltea.estimator.native_gyroscope import STATE_BOUND, lane_settings
+from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.native_gyroscope import STATE_BOUND
 from fltea.estimator.online import OnlineEstimator
 from fltea.estimator.supervisor import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER
 from fltea.settings.config import EstimatorConfig

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.estimator.engine import Engine
-from fltea.estimator.native_gyroscope import lane_settings
+from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.supervisor import LOST_ORDER
 from fltea.settings.config import EstimatorConfig
 

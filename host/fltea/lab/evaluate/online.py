@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.estimator.engine import Engine
-from fltea.estimator.native_gyroscope import STATE_BOUND, lane_settings
+from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.native_gyroscope import STATE_BOUND
 from fltea.estimator.supervisor import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER
 from fltea.settings.config import EstimatorConfig
 

@@ -1,0 +1,96 @@
+// The start-up window of one axis: mean and variance of its samples, which the filters need before their
+// first one. The algorithm assumes noise of zero mean and of known variance R, and it is not forgiving: an
+// offset of 1 deg/s on white noise of variance 0.0235 (deg/s)^2 makes the printed algorithm diverge, as does
+// an R four times too small; a real MPU-9250 has offsets of up to ±5 deg/s. One source for the board's counts
+// and the host's doubles.
+#pragma once
+
+#include <stdint.h>
+
+#include "instruction_set.hpp"
+
+namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// How samples of a type are summed.
+template <class T>
+struct Sums;
+
+// Counts: exactly, in integers.
+template <>
+struct Sums<int16_t> {
+    typedef float Real;
+    typedef uint16_t Size;
+    typedef int32_t Sum, Pairs;
+    typedef int64_t Squares;
+    static constexpr bool kFromFirst = false;
+};
+
+// Numbers in a unit: less the first of them, so that the squares hold no more of the mean than a window of n
+// samples has of it, and lose at most a factor n of their digits to it.
+template <>
+struct Sums<double> {
+    typedef double Real, Sum, Pairs, Squares;
+    typedef uint64_t Size;
+    static constexpr bool kFromFirst = true;
+};
+
+template <class T>
+class Baseline {
+  public:
+    typedef typename Sums<T>::Real Real;
+    typedef typename Sums<T>::Size Size;
+
+    void add(T value) {
+        if (Sums<T>::kFromFirst && n_ == 0) first_ = value;
+        const Sum centred = Sums<T>::kFromFirst ? value - first_ : value;
+        ++n_;
+        sum_ += centred;
+        squares_ += static_cast<Squares>(centred) * centred;
+    }
+
+    Size samples() const { return n_; }
+
+    // An axis that never changed has no R.
+    bool constant() const { return spread() == 0; }
+
+    // Mean, in the unit of the samples.
+    Real bias() const {
+        const Real mean = static_cast<Real>(sum_) / static_cast<Real>(n_);
+        return Sums<T>::kFromFirst ? static_cast<Real>(first_) + mean : mean;
+    }
+
+    // Variance of a sample, at least that of rounding to the resolution; for two samples or more.
+    Real variance(Real resolution = Real(1)) const {
+        const Real rounding = resolution * resolution / Real(12);
+        const Real pairs = static_cast<Real>(static_cast<Pairs>(n_) * static_cast<Pairs>(n_ - 1));
+        const Real found = static_cast<Real>(spread()) / pairs;
+        return found < rounding ? rounding : found;
+    }
+
+    // What is left of a count without the mean; in integers up to the division.
+    Real centred(T value) const {
+        static_assert(!Sums<T>::kFromFirst, "sums must be those of the samples themselves");
+        return static_cast<Real>(static_cast<Sum>(value) * n_ - sum_) / static_cast<Real>(n_);
+    }
+
+  private:
+    typedef typename Sums<T>::Sum Sum;
+    typedef typename Sums<T>::Pairs Pairs;
+    typedef typename Sums<T>::Squares Squares;
+
+    // n (n - 1) times the variance.
+    Squares spread() const {
+        return static_cast<Squares>(n_) * squares_ - static_cast<Squares>(sum_) * static_cast<Squares>(sum_);
+    }
+
+    Squares squares_ = 0;
+    Sum sum_ = 0;
+    Size n_ = 0;
+    T first_ = 0;
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
+}  // namespace fltea

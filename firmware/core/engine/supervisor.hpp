@@ -1,0 +1,83 @@
+// Declares a lane lost or not to be trusted, and says why. The filters know nothing of it. Rules, judged
+// after each sample:
+//
+// - runaway: an estimate that is not finite, or an order beyond ±kLostOrder. The lane is invalid with this
+//   sample and begins again with the next: initial values, empty memory. Only without a guard can this
+//   happen.
+// - bound: the guard had to hold the state in more than kBoundMost of the last kBoundSamples samples. Then R
+//   does not fit the data (the sensor moves, an offset was left, R was given wrong). The lane is invalid for
+//   as long as that lasts, and begins again when they are half of that or less.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "instruction_set.hpp"
+
+namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// A diverged run can stay finite for ever, at orders of 10 to 60 with f up to 1e139. Noise has an order
+// between 0 and 2, and no run that stayed of use was seen beyond 3.5.
+constexpr int kLostOrder = 5;
+
+constexpr int kBoundSamples = 200;
+constexpr int kBoundMost = kBoundSamples / 4;
+
+// Why a lane has just become invalid.
+enum class Loss : uint8_t { none = 0, runaway = 1, bound = 2 };
+
+// T: float or double.
+template <class T>
+class Supervisor {
+  public:
+    struct Verdict {
+        bool valid;    // the estimate may be published
+        bool restart;  // the lane has to begin again with the next sample, and its supervisor with it
+        Loss news;
+    };
+
+    // After each sample. held: the guard held the state in it.
+    Verdict judge(T alpha, T f, T state, bool held) {
+        if (!(alpha <= kLostOrder && alpha >= -kLostOrder) || f - f != 0 || state - state != 0) {
+            return Verdict{false, true, Loss::runaway};
+        }
+        uint8_t& eight = held_[at_ / 8];
+        const uint8_t bit = static_cast<uint8_t>(1u << at_ % 8);
+        if (eight & bit) --count_;
+        eight = static_cast<uint8_t>(held ? eight | bit : eight & ~bit);
+        if (held) ++count_;
+        at_ = static_cast<uint8_t>(at_ + 1 == kBoundSamples ? 0 : at_ + 1);
+        if (!distrusted_ && count_ <= kBoundMost) return Verdict{true, false, Loss::none};
+        const Loss news = distrusted_ ? Loss::none : Loss::bound;
+        distrusted_ = count_ > kBoundMost / 2;
+        return Verdict{false, !distrusted_, news};
+    }
+
+    // No sample of the last ones was held: a good one then changes nothing but the place in a ring of zeros,
+    // so judge() need not be called for it.
+    bool calm() const { return count_ == 0; }
+
+    // Whether this can have come of judge(), for one whose bytes were kept somewhere.
+    bool plausible() const {
+        int held = 0;
+        for (uint8_t eight : held_) {
+            for (; eight != 0; eight = static_cast<uint8_t>(eight & (eight - 1))) ++held;
+        }
+        return at_ < kBoundSamples && count_ == held && distrusted_ <= 1 &&
+               (distrusted_ ? count_ > kBoundMost / 2 : count_ <= kBoundMost);
+    }
+
+  private:
+    static_assert(kBoundSamples % 8 == 0 && kBoundSamples <= 255, "places and counts are bytes");
+
+    uint8_t held_[kBoundSamples / 8] = {};
+    uint8_t at_ = 0;
+    uint8_t count_ = 0;
+    uint8_t distrusted_ = 0;  // 0 or 1
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
+}  // namespace fltea

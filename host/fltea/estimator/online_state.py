@@ -1,0 +1,44 @@
+"""What a bank needs to go on where another one stopped."""
+
+import math
+
+import msgspec
+
+from fltea import _native
+from fltea.estimator.engine_settings import LARGEST
+
+MOST_RESTARTS = 1 << 52
+
+
+class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A baseline and what stands behind it, saved.
+
+    engine: the filters with their memory. null: the running test of whiteness; None in snapshots of
+    version 1. supervisors: what they have seen; None in snapshots of versions 1 and 2.
+    """
+
+    axes: tuple[str, ...]
+    bias_dps: tuple[float, ...]
+    R: tuple[float, ...]
+    restarts: dict[str, int]
+    engine: bytes
+    null: bytes | None = None
+    supervisors: bytes | None = None
+
+    def check(self, axes: tuple[str, ...]) -> None:
+        """Raise ValueError, with what is wrong, unless the plain part of it is sound and of these axes."""
+        if self.axes != axes:
+            raise ValueError(f"it is of the axes {', '.join(self.axes)}")
+        for name, values in (("bias_dps", self.bias_dps), ("R", self.R)):
+            if len(values) != len(axes):
+                raise ValueError(f"its {name} has {len(values)} numbers for {len(axes)} axes")
+        for axis, bias, R in zip(axes, self.bias_dps, self.R, strict=True):
+            if not abs(bias) <= _native.LARGEST_OFFSET:
+                raise ValueError(f"its bias of {axis} cannot be ({bias:g})")
+            if not (math.isfinite(R) and 1 / LARGEST <= R <= LARGEST):
+                raise ValueError(f"its R of {axis} is no variance ({R:g})")
+        for axis, count in self.restarts.items():
+            if axis not in axes:
+                raise ValueError(f"it has restarts of {axis!r}, which is none of its axes")
+            if not 0 <= count <= MOST_RESTARTS:
+                raise ValueError(f"it has {count} restarts of {axis}")

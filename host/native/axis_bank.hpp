@@ -1,0 +1,149 @@
+// All axes of one sensor: start-up window, filters under the supervisor, and the running tests that stand
+// beside them, for any number of rows at a time.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "baseline.hpp"
+#include "lanes.hpp"
+#include "running_null.hpp"
+#include "whiteness.hpp"
+
+namespace fltea {
+
+// Where a block of estimates goes: each (rows, axes).
+struct BankBlock {
+    double* columns[kLaneColumns];  // NaN where not valid
+    double* null_p;                 // NaN while not known
+    std::uint8_t* valid;            // 0 or 1
+    std::uint8_t* not_white;
+};
+
+class AxisBank {
+  public:
+    // axes: one or more.
+    explicit AxisBank(std::size_t axes)
+        : axes_(axes), window_(axes), null_(axes), white_(axes), bias_(axes, 0), live_(axes, 0) {}
+
+    std::size_t axes() const { return axes_; }
+    bool started() const { return lanes_ != nullptr; }
+
+    // What the rows until start() were like.
+    const engine::Baseline<double>& window(std::size_t axis) const { return window_[axis]; }
+
+    // The window is full: from here on the lanes, one for each axis, take the rows less `bias`. Axes that are
+    // not `live` stay invalid, whatever their lanes would say.
+    void start(std::unique_ptr<LaneRunner> lanes, const double* bias, const std::uint8_t* live) {
+        lanes_ = std::move(lanes);
+        bias_.assign(bias, bias + axes_);
+        live_.assign(live, live + axes_);
+    }
+
+    LaneRunner* lanes() { return lanes_.get(); }
+    RunningNull& null() { return null_; }
+    const Whiteness& whiteness(std::size_t axis) const { return white_[axis]; }
+
+    // Takes rows of y (rows, axes), all finite; what became invalid with one of them is added to `lost`.
+    void run(const double* y, std::size_t rows, const BankBlock& out, std::vector<Lost>& lost) {
+        for (std::size_t first = 0; first < rows; first += kSlab) {
+            const std::size_t n = std::min(std::size_t(kSlab), rows - first), place = first * axes_;
+            if (started()) {
+                for (std::size_t i = 0; i < n * axes_; ++i) {
+                    const std::size_t axis = i % axes_;
+                    centred_[i] = live_[axis] ? y[place + i] - bias_[axis] : 0;
+                }
+                run_lanes(nullptr, n, shifted(out, place), first, lost);
+            } else {
+                collect(y + place, n, shifted(out, place));
+            }
+            for (std::size_t k = place; k < place + n * axes_; k += axes_) {
+                null_.add(y + k);
+                for (std::size_t axis = 0; axis < axes_; ++axis) {
+                    out.null_p[k + axis] = null_.p(axis);
+                    out.not_white[k + axis] = null_.not_white(axis);
+                }
+            }
+        }
+    }
+
+    // Bridges lost rows by prediction alone; in the start-up window only the running null is told. Rows in
+    // `lost` count from the first of those that are missing.
+    void skip(std::size_t count, std::vector<Lost>& lost) {
+        for (std::size_t i = 0; i < count; ++i) null_.skip();
+        if (count > 0) {
+            for (Whiteness& one : white_) one.skip();
+        }
+        if (!started()) return;
+        const std::vector<std::uint8_t> missing(kSlab * axes_, 1);
+        std::vector<double> unread(kLaneColumns * kSlab * axes_);
+        std::vector<std::uint8_t> valid(kSlab * axes_);
+        BankBlock out = {{}, nullptr, valid.data(), nullptr};
+        for (std::size_t i = 0; i < kLaneColumns; ++i) out.columns[i] = unread.data() + i * kSlab * axes_;
+        for (std::size_t first = 0; first < count; first += kSlab) {
+            run_lanes(missing.data(), std::min(std::size_t(kSlab), count - first), out, first, lost);
+        }
+    }
+
+  private:
+    // Rows at a time, so that what one step leaves is near for the next one.
+    enum : std::size_t { kSlab = 128 };
+
+    static BankBlock shifted(const BankBlock& out, std::size_t place) {
+        BankBlock result = out;
+        for (double*& column : result.columns) column += place;
+        result.valid += place;
+        return result;
+    }
+
+    void collect(const double* y, std::size_t rows, const BankBlock& out) {
+        for (std::size_t i = 0; i < rows * axes_; ++i) window_[i % axes_].add(y[i]);
+        for (double* column : out.columns) std::fill(column, column + rows * axes_, __builtin_nan(""));
+        std::fill(out.valid, out.valid + rows * axes_, std::uint8_t(0));
+    }
+
+    void run_lanes(const std::uint8_t* missing, std::size_t rows, const BankBlock& out, std::size_t first,
+                   std::vector<Lost>& lost) {
+        const std::size_t before = lost.size();
+        lanes_->run(centred_.data(), missing, rows, out.columns, out.valid, lost, first);
+        for (std::size_t axis = 0; axis < axes_; ++axis) {
+            if (!live_[axis]) forget(axis, rows, out);
+        }
+        lost.erase(std::remove_if(lost.begin() + static_cast<std::ptrdiff_t>(before), lost.end(),
+                                  [this](const Lost& one) { return !live_[one.lane]; }),
+                   lost.end());
+        if (missing != nullptr) return;
+        const double *const innovation = out.columns[kLaneInnovation], *const std =
+                                                                           out.columns[kLaneInnovationStd];
+        for (std::size_t i = 0; i < rows * axes_; ++i) {
+            Whiteness& white = white_[i % axes_];
+            if (out.valid[i]) {
+                white.add(innovation[i], std[i]);
+            } else {
+                white.skip();
+            }
+        }
+    }
+
+    // Leaves nothing of what the lane of an axis that is not live has made.
+    void forget(std::size_t axis, std::size_t rows, const BankBlock& out) {
+        for (std::size_t i = axis; i < rows * axes_; i += axes_) {
+            for (double* column : out.columns) column[i] = __builtin_nan("");
+            out.valid[i] = 0;
+        }
+    }
+
+    std::size_t axes_;
+    std::vector<engine::Baseline<double>> window_;
+    RunningNull null_;
+    std::vector<Whiteness> white_;
+    std::vector<double> bias_;
+    std::vector<std::uint8_t> live_;
+    std::vector<double> centred_ = std::vector<double>(kSlab * axes_);
+    std::unique_ptr<LaneRunner> lanes_;
+};
+
+}  // namespace fltea

@@ -1,0 +1,249 @@
+// fltea._native.Bank and RunningNull: all axes of a sensor for Python, on plain arrays
+// (host/fltea/estimator/bank.py).
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <mutex>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include "axis_bank.hpp"
+#include "engine_binding.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+using fltea::AxisBank;
+using fltea::LaneRunner;
+using fltea::Lost;
+using fltea::engine::LaneSettings;
+using Places = nb::ndarray<uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// Half, so that it stays within what the engine takes when the bias is taken off.
+constexpr double kLargestOffset = kLargestInput / 2;
+
+nb::bytes null_bytes(const fltea::RunningNull& null) {
+    const std::vector<double> numbers = null.save();
+    return nb::bytes(numbers.data(), numbers.size() * sizeof(double));
+}
+
+void load_null(fltea::RunningNull& null, const nb::bytes& bytes) {
+    std::vector<double> numbers(bytes.size() / sizeof(double));
+    if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(double));
+    if (bytes.size() % sizeof(double) != 0 || !null.load(numbers.data(), numbers.size())) {
+        throw nb::value_error("its running test of whiteness cannot be read");
+    }
+}
+
+class Bank {
+  public:
+    explicit Bank(size_t axes) : bank_(checked(axes)) {}
+
+    // out: (columns of the lanes and null_p, rows, axes); flags: (2, rows, axes), valid and not_white.
+    nb::list run(Rows y, Results out, Places flags) {
+        const size_t rows = y.shape(0), axes = bank_.axes();
+        const size_t columns = fltea::kLaneColumns;
+        if (y.shape(1) != axes || out.shape(0) != columns + 1 || out.shape(1) != rows ||
+            out.shape(2) != axes || flags.shape(0) != 2 || flags.shape(1) != rows || flags.shape(2) != axes) {
+            throw nb::value_error("y must have shape (rows, axes), out and flags (columns, rows, axes)");
+        }
+        check_numbers("y", y.data(), rows, axes, nullptr, kLargestOffset);
+        fltea::BankBlock block;
+        for (size_t i = 0; i < columns; ++i) block.columns[i] = out.data() + i * rows * axes;
+        block.null_p = out.data() + columns * rows * axes;
+        block.valid = flags.data();
+        block.not_white = flags.data() + rows * axes;
+        std::vector<Lost> lost;
+        {
+            nb::gil_scoped_release release;
+            const std::lock_guard<std::mutex> alone(mutex_);
+            bank_.run(y.data(), rows, block, lost);
+        }
+        return as_list(lost);
+    }
+
+    nb::list skip(size_t count) {
+        std::vector<Lost> lost;
+        {
+            nb::gil_scoped_release release;
+            const std::lock_guard<std::mutex> alone(mutex_);
+            bank_.skip(count, lost);
+        }
+        return as_list(lost);
+    }
+
+    // Mean, variance (at least that of the resolution's rounding), and whether it never changed, of each
+    // axis.
+    std::vector<std::tuple<double, double, bool>> window(double resolution) const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        std::vector<std::tuple<double, double, bool>> result;
+        for (size_t axis = 0; axis < bank_.axes(); ++axis) {
+            const auto& window = bank_.window(axis);
+            result.emplace_back(window.bias(), window.variance(resolution), window.constant());
+        }
+        return result;
+    }
+
+    void start(const std::string& instruction_set, bool joint, int guard, bool compressed, int accuracy,
+               size_t window, Rows settings, Numbers bias, Mask live) {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        const size_t axes = bank_.axes();
+        if (settings.shape(0) != axes || bias.shape(0) != axes || live.shape(0) != axes) {
+            throw nb::value_error("settings, bias and live must have one entry an axis");
+        }
+        for (size_t axis = 0; axis < axes; ++axis) {
+            if (!(std::fabs(bias.data()[axis]) <= kLargestOffset)) {
+                throw nb::value_error("a bias must be finite and within 5e99");
+            }
+        }
+        bank_.start(
+            std::make_unique<LaneRunner>(find_backend(instruction_set),
+                                         shape_of(joint, guard, compressed, accuracy, window, settings),
+                                         reinterpret_cast<const LaneSettings*>(settings.data())),
+            bias.data(), live.data());
+    }
+
+    std::vector<uint64_t> restarts() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return lanes().restarts();
+    }
+
+    void counts(Counts out) const {
+        check_counts(out, lanes().engine());
+        const std::lock_guard<std::mutex> alone(mutex_);
+        lanes().counts(out.data());
+    }
+
+    // lag1 and NIS of each axis; NaN before there are enough innovations.
+    std::vector<std::pair<double, double>> whiteness() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        std::vector<std::pair<double, double>> result;
+        for (size_t axis = 0; axis < bank_.axes(); ++axis) {
+            const fltea::Whiteness& one = bank_.whiteness(axis);
+            result.emplace_back(one.lag1(), one.nis());
+        }
+        return result;
+    }
+
+    // Engine, supervisors, running null.
+    std::tuple<nb::bytes, nb::bytes, nb::bytes> save() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return {as_bytes(lanes().save()), as_bytes(lanes().save_supervisors()), null_bytes(bank_.null())};
+    }
+
+    void load(nb::bytes engine, std::optional<nb::bytes> supervisors, const std::vector<uint64_t>& restarts) {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        if (restarts.size() != bank_.axes()) throw nb::value_error("restarts must have one entry an axis");
+        if (!lanes().load(data_of(engine), engine.size())) {
+            throw nb::value_error("its numbers cannot come from an engine of this kind");
+        }
+        if (supervisors && !lanes().load_supervisors(data_of(*supervisors), supervisors->size())) {
+            throw nb::value_error("what its supervisors have seen cannot be read");
+        }
+        lanes().set_restarts(restarts);
+    }
+
+    void load_null(nb::bytes bytes) {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        ::load_null(bank_.null(), bytes);
+    }
+
+  private:
+    static size_t checked(size_t axes) {
+        if (axes == 0) throw nb::value_error("a bank has at least one axis");
+        return axes;
+    }
+
+    LaneRunner& lanes() const {
+        if (!bank_.started()) throw nb::value_error("the start-up window is not full");
+        return *bank_.lanes();
+    }
+
+    mutable AxisBank bank_;
+    mutable std::mutex mutex_;
+};
+
+// The running test alone.
+class Null {
+  public:
+    explicit Null(size_t axes) : null_(axes) {
+        if (axes == 0) throw nb::value_error("a test has at least one axis");
+    }
+
+    // y: NaN in the rows that were lost.
+    void add(Rows y) {
+        if (y.shape(1) != null_.axes()) throw nb::value_error("y must have shape (rows, axes)");
+        nb::gil_scoped_release release;
+        const std::lock_guard<std::mutex> alone(mutex_);
+        for (size_t k = 0; k < y.shape(0); ++k) null_.add(y.data() + k * null_.axes());
+    }
+
+    void skip(size_t count) {
+        nb::gil_scoped_release release;
+        const std::lock_guard<std::mutex> alone(mutex_);
+        for (size_t i = 0; i < count; ++i) null_.skip();
+    }
+
+    std::vector<double> p() const { return of_axes(&fltea::RunningNull::p); }
+    std::vector<double> largest() const { return of_axes(&fltea::RunningNull::largest); }
+    int depth() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return null_.depth();
+    }
+
+    nb::bytes save() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return null_bytes(null_);
+    }
+    void load(nb::bytes bytes) {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        load_null(null_, bytes);
+    }
+
+  private:
+    std::vector<double> of_axes(double (fltea::RunningNull::*figure)(size_t) const) const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        std::vector<double> result;
+        for (size_t axis = 0; axis < null_.axes(); ++axis) result.push_back((null_.*figure)(axis));
+        return result;
+    }
+
+    fltea::RunningNull null_;
+    mutable std::mutex mutex_;
+};
+
+}  // namespace
+
+void bind_bank(nb::module_& m) {
+    m.attr("LARGEST_OFFSET") = kLargestOffset;
+    nb::class_<Bank>(m, "Bank")
+        .def(nb::init<size_t>(), nb::arg("axes"))
+        .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("flags"))
+        .def("skip", &Bank::skip, nb::arg("count"))
+        .def("window", &Bank::window, nb::arg("resolution"))
+        .def("start", &Bank::start, nb::arg("instruction_set"), nb::arg("joint"), nb::arg("guard"),
+             nb::arg("compressed"), nb::arg("accuracy"), nb::arg("window"), nb::arg("settings"),
+             nb::arg("bias"), nb::arg("live"))
+        .def("restarts", &Bank::restarts)
+        .def("counts", &Bank::counts, nb::arg("out"))
+        .def("whiteness", &Bank::whiteness)
+        .def("save", &Bank::save)
+        .def("load", &Bank::load, nb::arg("engine"), nb::arg("supervisors").none(), nb::arg("restarts"))
+        .def("load_null", &Bank::load_null, nb::arg("bytes"));
+    nb::class_<Null>(m, "RunningNull")
+        .def(nb::init<size_t>(), nb::arg("axes"))
+        .def("add", &Null::add, nb::arg("y"))
+        .def("skip", &Null::skip, nb::arg("count"))
+        .def("p", &Null::p)
+        .def("largest", &Null::largest)
+        .def("depth", &Null::depth)
+        .def("save", &Null::save)
+        .def("load", &Null::load, nb::arg("bytes"));
+}

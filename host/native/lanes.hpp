@@ -1,0 +1,110 @@
+// Lanes under the supervisor: the engine, what watches it, and the restarts. The one runner of lanes, of a
+// daemon's axes as of shuffled copies and simulated runs.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "owned_engine.hpp"
+#include "supervisor.hpp"
+
+namespace fltea {
+
+// A lane has become invalid with a row of a block.
+struct Lost {
+    std::size_t row, lane;
+    engine::Loss reason;
+};
+
+// Columns of a block of lanes, each (rows, lanes): NaN where the lane is not valid.
+enum LaneColumn : int {
+    kLaneAlpha,
+    kLaneAlphaStd,
+    kLaneF,
+    kLaneFStd,
+    kLaneX,
+    kLaneInnovation,  // NaN where the sample is missing, too
+    kLaneInnovationStd,
+    kLaneColumns
+};
+
+class LaneRunner {
+  public:
+    typedef engine::Supervisor<double> Supervisor;
+
+    LaneRunner(const engine::Backend& backend, const engine::EngineShape& shape,
+               const engine::LaneSettings* settings)
+        : engine_(backend, shape, settings), supervisors_(shape.lanes), restarts_(shape.lanes, 0) {}
+
+    std::size_t lanes() const { return engine_.lanes(); }
+    const OwnedEngine& engine() const { return engine_; }
+
+    // Rows of all lanes, one after the other. y: finite where not missing. missing: (rows, lanes), or null.
+    // valid: (rows, lanes), 0 or 1. What was lost is added to `lost`, row after row; `first` is the number
+    // of this block's first row there.
+    void run(const double* y, const std::uint8_t* missing, std::size_t rows,
+             double* const (&columns)[kLaneColumns], std::uint8_t* valid, std::vector<Lost>& lost,
+             std::size_t first = 0) {
+        static_assert(sizeof(Supervisor) == engine::kBoundSamples / 8 + 3,
+                      "supervisors are bytes without gaps");
+        engine::Block block = engine::Block();
+        block.samples = rows;
+        block.y = y;
+        block.missing = missing;
+        const int places[kLaneColumns] = {
+            engine::kAlpha,      engine::kAlphaVariance,     engine::kF, engine::kFVariance, engine::kX,
+            engine::kInnovation, engine::kInnovationVariance};
+        for (int i = 0; i < kLaneColumns; ++i) block.out[places[i]] = columns[i];
+        const engine::Watch under = {reinterpret_cast<unsigned char*>(supervisors_.data()), valid};
+        engine_.watch(block, under);
+        const std::size_t n = rows * lanes();
+        for (std::size_t i = 0; i < n; ++i) {
+            const int verdict = valid[i];
+            if (verdict == engine::kValid) continue;
+            valid[i] = 0;
+            const std::size_t lane = i % lanes();
+            if (verdict & engine::kRestarted) ++restarts_[lane];
+            if (verdict & engine::kRanAway) {
+                lost.push_back(Lost{first + i / lanes(), lane, engine::Loss::runaway});
+            } else if (verdict & engine::kBound) {
+                lost.push_back(Lost{first + i / lanes(), lane, engine::Loss::bound});
+            }
+        }
+    }
+
+    // Since the lanes were made.
+    const std::vector<std::uint64_t>& restarts() const { return restarts_; }
+    void set_restarts(const std::vector<std::uint64_t>& restarts) { restarts_ = restarts; }
+
+    // (lanes, causes): how often the guard stepped in, since each lane's last start.
+    void counts(std::int32_t* out) const { engine_.counts(out); }
+
+    std::vector<unsigned char> save() const { return engine_.save(); }
+    bool load(const unsigned char* bytes, std::size_t size) { return engine_.load(bytes, size); }
+
+    // What the supervisors have seen.
+    std::vector<unsigned char> save_supervisors() const {
+        const unsigned char* const bytes = reinterpret_cast<const unsigned char*>(supervisors_.data());
+        return std::vector<unsigned char>(bytes, bytes + supervisors_.size() * sizeof(Supervisor));
+    }
+
+    // False, and nothing has changed, if these cannot be so many supervisors.
+    bool load_supervisors(const unsigned char* bytes, std::size_t size) {
+        if (size != supervisors_.size() * sizeof(Supervisor)) return false;
+        std::vector<Supervisor> loaded(supervisors_.size());
+        std::memcpy(static_cast<void*>(loaded.data()), bytes, size);
+        for (const Supervisor& one : loaded) {
+            if (!one.plausible()) return false;
+        }
+        supervisors_ = loaded;
+        return true;
+    }
+
+  private:
+    OwnedEngine engine_;
+    std::vector<Supervisor> supervisors_;
+    std::vector<std::uint64_t> restarts_;
+};
+
+}  // namespace fltea

@@ -1,0 +1,142 @@
+"""What tests of the bank share: the sample-by-sample oracle in the bank's own columns, and cuts of rows."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from fltea.settings.config import EstimatorConfig
+from fltea.estimator.bank import Bank, BankBlock
+from fltea.estimator.lanes import Lost
+from numpy.typing import NDArray
+from numpy_null import RunningNull
+from sample_by_sample import OnlineEstimator, Whiteness
+
+Array = NDArray[np.float64]
+H = 0.01
+AXES = ("gyro_x", "gyro_y", "gyro_z")
+COLUMNS = BankBlock._fields[1:-1]
+"""All of the columns."""
+
+
+class Walked(NamedTuple):
+    """What an estimator made of all rows: columns (n, axes) by name, and its counts at the end."""
+
+    columns: dict[str, NDArray[np.float64] | NDArray[np.bool_]]
+    lost: list[Lost]
+    """rows count samples that were there"""
+    restarts: dict[str, int]
+    interventions: dict[str, dict[str, int]]
+    lag1: dict[str, float | None]
+    nis: dict[str, float | None]
+    bias: tuple[float, ...]
+    R: tuple[float, ...]
+    constant: tuple[str, ...]
+
+
+Gaps = dict[int, int]
+"""So many samples are missing before that row."""
+
+
+def by_sample(
+    y: Array, config: EstimatorConfig, lsb: float | None = None, gaps: Gaps | None = None
+) -> Walked:
+    """The oracle's way."""
+    axes = AXES[: y.shape[1]]
+    live, null = OnlineEstimator(axes, config, H, lsb), RunningNull(len(axes))
+    white = {axis: Whiteness() for axis in axes}
+    rows, lost = [], []
+    for k, row in enumerate(y.tolist()):
+        missing = (gaps or {}).get(k, 0)
+        live.on_missing(missing)
+        null.skip(missing)
+        if missing:
+            for one in white.values():
+                one.skip()
+        found = live.on_sample(tuple(row))
+        null.add(row)
+        for axis, e in (found or {}).items():
+            if e.valid:
+                white[axis].add(e.innovation_dps, e.innovation_std_dps)
+            else:
+                white[axis].skip()
+        lost += [Lost(k, axes.index(axis), why) for axis, why in live.lost.items()]
+        seven = [tuple(e[:7]) for e in found.values()] if found else [(math.nan,) * 7] * len(axes)
+        p = [math.nan if s.p is None else s.p for s in null.standings]
+        valid = [e.valid for e in found.values()] if found else [False] * len(axes)
+        not_white = [s.order == "not white" for s in null.standings]
+        rows.append([*np.array(seven).T, p, valid, not_white])
+    columns = {name: np.array([row[i] for row in rows]) for i, name in enumerate(COLUMNS)}
+    assert live.baseline is not None
+    return Walked(
+        columns,
+        lost,
+        live.restarts,
+        {axis: live.interventions.get(axis, {}) for axis in axes},
+        {axis: one.lag1 for axis, one in white.items()},
+        {axis: one.nis for axis, one in white.items()},
+        *live.baseline,
+    )
+
+
+def blocks(n: int, cuts: Sequence[int]) -> list[range]:
+    """All rows in order, cut at `cuts`."""
+    edges = sorted({0, n, *(cut for cut in cuts if 0 < cut < n)})
+    return [range(a, b) for a, b in itertools.pairwise(edges)]
+
+
+def by_bank(
+    y: Array,
+    config: EstimatorConfig,
+    lsb: float | None = None,
+    gaps: Gaps | None = None,
+    cuts: Sequence[int] = (),
+    bank: Bank | None = None,
+) -> Walked:
+    """The bank's way, in blocks that end at the cuts, at the gaps and with the start-up window."""
+    axes = AXES[: y.shape[1]]
+    bank = bank or Bank(axes, config, H, lsb)
+    parts, lost = [], []
+    for block in blocks(len(y), [*cuts, *(gaps or {}), bank.startup_remaining]):
+        bank.on_missing((gaps or {}).get(block.start, 0))
+        found = bank.run(y[block.start : block.stop])
+        assert found.estimated == (block.start >= config.startup_needed)
+        lost += [one._replace(row=one.row + block.start) for one in found.lost]
+        parts.append(found)
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
+    assert bank.baseline is not None
+    return Walked(columns, lost, bank.restarts, bank.interventions, bank.lag1, bank.nis, *bank.baseline)
+
+
+def assert_same(found: Walked, expected: Walked) -> None:
+    """To the bit."""
+    for name in COLUMNS:
+        np.testing.assert_array_equal(found.columns[name], expected.columns[name], err_msg=name)
+    assert found[1:] == expected[1:]
+
+
+def assert_close(found: Walked, expected: Walked, tolerance: float = 1e-9) -> None:
+    """To the rounding of the start-up window's mean and of the running null's sums."""
+    np.testing.assert_allclose(found.bias, expected.bias, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(found.R, expected.R, rtol=1e-12)
+    assert found.constant == expected.constant
+    for name in COLUMNS:
+        a, b = found.columns[name], expected.columns[name]
+        if a.dtype == bool:
+            np.testing.assert_array_equal(a, b, err_msg=name)
+        elif name == "null_p":  # published with three digits, of which the last may fall the other way
+            np.testing.assert_allclose(a, b, rtol=1.1e-2, err_msg=name)
+            assert np.mean(a[~np.isnan(a)] == b[~np.isnan(b)]) > 0.95 if (~np.isnan(a)).any() else True
+        else:
+            np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance, err_msg=name)
+    assert found.lost == expected.lost
+    assert found.restarts == expected.restarts
+    assert found.interventions == expected.interventions
+    for mine, others in ((found.lag1, expected.lag1), (found.nis, expected.nis)):
+        for axis, value in others.items():
+            if value is None or not math.isfinite(value):
+                assert mine[axis] is None
+            else:
+                assert mine[axis] is not None
+                assert math.isclose(mine[axis], value, rel_tol=1e-8, abs_tol=1e-9)

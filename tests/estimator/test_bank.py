@@ -1,0 +1,200 @@
+"""The bank against the oracle that takes one sample at a time, and against itself in other blocks."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bank_support import AXES, COLUMNS, Array, Gaps, H, assert_close, assert_same, by_bank, by_sample
+from fltea.settings.config import EstimatorConfig
+from fltea.estimator.bank import Bank
+from fltea.simulate import FractionalNoise
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+LSB = 1 / 16.4
+
+
+def config(**more: object) -> EstimatorConfig:
+    return EstimatorConfig(**({"startup": 100, "window": 200} | more))  # type: ignore[arg-type]
+
+
+PRINTED = {"variant": "triple", "guard": "off"}
+SETTINGS = [
+    {},
+    PRINTED,
+    {"variant": "triple", "guard": "faithful"},
+    {"engine": "direct", "window": 30},
+    {"window": 0},
+    {"bias": [0.5, -1.0, 2.0], "R": [0.02, 0.03, 0.04]},
+    {"bias": "none", "R": 0.02},
+    {"bias": 0.5},
+    {"R": 0.02},
+]
+
+
+def noise(n: int, axes: int = 3, seed: int = 0, quantised: bool = True) -> Array:
+    y = np.random.default_rng(seed).standard_normal((n, axes)) * 0.153 + np.array([0.5, -1.0, 2.0])[:axes]
+    return np.rint(y / LSB) * LSB if quantised else y
+
+
+@pytest.mark.parametrize("changes", SETTINGS, ids=str)
+@pytest.mark.parametrize("lsb", [LSB, None])
+def test_equals_the_oracle_on_noise(changes: dict[str, object], lsb: float | None) -> None:
+    y = noise(1500, quantised=lsb is not None)
+    assert_close(by_bank(y, config(**changes), lsb, cuts=[700]), by_sample(y, config(**changes), lsb))
+
+
+@pytest.mark.parametrize("changes", [{}, PRINTED], ids=str)
+def test_equals_the_oracle_with_gaps(changes: dict[str, object]) -> None:
+    gaps = {30: 5, 99: 1, 100: 2, 400: 1, 401: 60, 900: 300}
+    y = noise(1300)
+    assert_close(by_bank(y, config(**changes), LSB, gaps), by_sample(y, config(**changes), LSB, gaps))
+
+
+def test_equals_the_oracle_with_runaways_and_tells_each() -> None:
+    y = noise(2500)
+    y[:, 1] += 1.0  # an offset that nobody takes off
+    changes = PRINTED | {"bias": [0.5, -1.0, 2.0], "R": [0.0235, 0.0235, 0.002]}
+    found, expected = (f(y, config(**changes), LSB, {1200: 40}) for f in (by_bank, by_sample))
+    assert sum(expected.restarts.values()) > 3
+    assert expected.lost
+    assert_close(found, expected, 1e-6)  # a run that diverges multiplies any rounding
+
+
+def test_equals_the_oracle_where_the_guard_has_to_hold() -> None:
+    """Withdrawn while a quarter of the samples are held, and begun again after."""
+    y = noise(2000)
+    y[600:1100, 0] += 30 * np.random.default_rng(1).choice([-1, 1], 500)
+    found = by_bank(y, config(), LSB)
+    assert_close(found, by_sample(y, config(), LSB))
+    assert found.restarts == {"gyro_x": 1, "gyro_y": 0, "gyro_z": 0}
+    assert [(one.lane, one.reason) for one in found.lost] == [(0, "bound")]
+
+
+@pytest.mark.parametrize("constant", [[1], [0, 2], [0, 1, 2]])
+def test_axes_that_never_change_stay_invalid(constant: list[int]) -> None:
+    y = noise(1200)
+    y[:400, constant] = 0.25
+    found = by_bank(y, config(), LSB)
+    assert found.constant == tuple(AXES[i] for i in constant)
+    assert not found.columns["valid"][:, constant].any()
+    assert np.isnan(found.columns["alpha_std"][:, constant]).all()
+    assert_close(found, by_sample(y, config(), LSB))
+
+
+@pytest.mark.parametrize("name", ["mpu6050_sunsided_10min", "mpu6050_tomisuarez_100s"])
+def test_equals_the_oracle_on_real_recordings(name: str, recordings: Path) -> None:
+    file = np.load(recordings / f"{name}.npz")
+    lsb = 1 / float(file["lsb_per_dps"])
+    y, gaps = file["gyro_raw"][:6000] * lsb, {2000: 7}
+    assert_close(by_bank(y, EstimatorConfig(), lsb, gaps, [3000]), by_sample(y, EstimatorConfig(), lsb, gaps))
+
+
+@settings(max_examples=60)
+@given(
+    cuts=st.lists(st.integers(1, 999), max_size=12),
+    gaps=st.dictionaries(st.integers(1, 999), st.integers(1, 300), max_size=4),
+    changes=st.sampled_from([{}, PRINTED | {"R": 0.002}, {"engine": "direct", "window": 30}]),
+    constant=st.booleans(),
+)
+def test_any_cut_of_the_rows_gives_the_same_to_the_bit(
+    cuts: list[int], gaps: Gaps, changes: dict[str, object], constant: bool
+) -> None:
+    y = noise(1000)
+    y[200:400, 0] *= 40
+    if constant:
+        y[:, 2] = 1.0
+    whole = by_bank(y, config(**changes), LSB, gaps)
+    assert_same(by_bank(y, config(**changes), LSB, gaps, cuts), whole)
+
+
+def test_row_by_row_is_the_same_to_the_bit() -> None:
+    y = noise(400)
+    assert_same(by_bank(y, config(), LSB, cuts=range(400)), by_bank(y, config(), LSB))
+
+
+def test_the_running_null_sees_what_is_not_white_and_covers_the_start_up_window() -> None:
+    y = noise(1280)
+    source = FractionalNoise(0.6, -3.0, 40.0, 1e-4, H, 3000, np.random.default_rng(3))
+    y[:, 0] = [source.step()[0] for _ in range(len(y))]
+    found = by_bank(y, config(), LSB).columns
+    assert np.isnan(found["null_p"][:1023]).all()  # 1,000 samples, and then a whole chunk
+    assert found["not_white"][1023:].tolist() == [[True, False, False]] * 257
+    assert not np.isnan(found["null_p"][1023:]).any()
+    for first in range(0, 1280, 128):
+        chunk = found["null_p"][first + 127 - 128 + 1 : first + 127]
+        assert first < 127 or len(np.unique(chunk, axis=0)) == 1 or np.isnan(chunk).all()
+
+
+def test_the_start_up_window_takes_no_more_than_it_needs() -> None:
+    bank, y = Bank(AXES, config(), H, LSB), noise(300)
+    assert bank.startup_remaining == 100
+    assert bank.save() is None
+    with pytest.raises(ValueError, match="101 samples, but the start-up window takes 100 more"):
+        bank.run(y[:101])
+    first = bank.run(y[:40])
+    assert not first.estimated
+    assert bank.baseline is None
+    assert (bank.startup_remaining, bank.restarts["gyro_x"], bank.interventions["gyro_x"]) == (60, 0, {})
+    last = bank.run(y[40:100])
+    assert not last.estimated
+    assert np.isnan(last.alpha).all()
+    assert not last.valid.any()
+    assert bank.baseline is not None
+    np.testing.assert_allclose(bank.baseline.bias_dps, y[:100].mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(bank.baseline.R, y[:100].var(axis=0, ddof=1), rtol=1e-13)
+    assert bank.run(y[100:101]).estimated
+
+
+def test_what_cannot_be_a_sample_is_refused_and_changes_nothing() -> None:
+    one, other = (Bank(AXES, config(), H, LSB) for _ in range(2))
+    y = noise(300)
+    for k in range(0, 300, 100):
+        for wrong in (np.nan, np.inf, -1e100):
+            bad = y[k : k + 100].copy()
+            bad[50, 1] = wrong
+            with pytest.raises(ValueError, match=r"y\[50\], lane 1"):
+                one.run(bad)
+        a, b = one.run(y[k : k + 100]), other.run(y[k : k + 100])
+        for name in COLUMNS:
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    for shape in ((3,), (2, 2), (1, 1, 3)):
+        with pytest.raises(ValueError, match="y must have the axes gyro_x, gyro_y, gyro_z"):
+            one.run(np.zeros(shape))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"bias": [1.0]}, "bias needs one finite value"),
+        ({"bias": 1e308}, "bias needs one finite value"),
+        ({"R": [0.1, 0.2]}, "R needs one value"),
+        ({"R": 1e-200, "bias": 0.0}, "state.R must be"),
+    ],
+)
+def test_settings_that_no_bank_can_work_with(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Bank(AXES, config(**changes), H, LSB)
+
+
+def test_samples_that_vary_beyond_measure_or_below_it() -> None:
+    y = noise(100, quantised=False)
+    bank = Bank(AXES, config(), H, None)
+    bank.run(1e-120 * y)
+    assert bank.baseline is not None
+    assert bank.baseline.constant_axes == AXES
+    with pytest.raises(ValueError, match=r"state\.R must be"):
+        Bank(AXES, config(), H, None).run(1e60 * y)
+
+
+def test_losses_while_bridging_are_told() -> None:
+    """Unguarded, a prediction over a long gap can run away by itself."""
+    bank, lost = Bank(AXES, config(bias="none", R=1e-3, **PRINTED), H, None), []
+    y = noise(400, quantised=False)
+    for k in range(0, 400, 20):
+        bank.run(y[k : k + 20])
+        lost += bank.on_missing(3000)
+    assert lost
+    assert {one.reason for one in lost} == {"runaway"}
+    assert all(0 <= one.row < 3000 for one in lost)
+    assert sum(bank.restarts.values()) >= len(lost)

@@ -1,0 +1,217 @@
+"""Snapshots of a bank: what goes on to the bit, and what is refused with a reason."""
+
+import math
+import struct
+
+import msgspec
+import numpy as np
+import pytest
+from bank_support import AXES, COLUMNS, Array, H
+from fltea.settings.config import EstimatorConfig
+from fltea.estimator import snapshot
+from fltea.estimator.bank import Bank
+from fltea.estimator.online_state import OnlineState
+from hypothesis import given
+from hypothesis import strategies as st
+
+CONFIG = EstimatorConfig(startup=50, window=40)
+
+
+def noise(n: int, seed: int = 0) -> Array:
+    return np.random.default_rng(seed).standard_normal((n, 3)) * 0.153 + 0.7
+
+
+def saved(config: EstimatorConfig = CONFIG, samples: int = 400, seed: int = 0) -> tuple[Bank, OnlineState]:
+    bank, y = Bank(AXES, config, H, None), noise(samples, seed)
+    bank.run(y[: bank.startup_remaining])
+    bank.run(y[config.startup_needed :])
+    state = bank.save()
+    assert state is not None
+    assert msgspec.json.decode(msgspec.json.encode(state), type=OnlineState) == state
+    return bank, state
+
+
+def resumed(state: OnlineState, config: EstimatorConfig = CONFIG) -> Bank:
+    return Bank(AXES, config, H, None, state)
+
+
+CONFIGS = [
+    {},
+    {"variant": "triple", "guard": "off"},
+    {"variant": "triple", "guard": "faithful"},
+    {"engine": "direct"},
+    {"window": 0},
+    {"window": 3000},
+    {"window": 10},
+    {"bias": 0.7, "R": 0.02},
+]
+
+
+@pytest.mark.parametrize("changes", CONFIGS, ids=str)
+@pytest.mark.parametrize("samples", [53, 400, 1100])
+def test_goes_on_to_the_bit(changes: dict[str, object], samples: int) -> None:
+    config = EstimatorConfig(**({"startup": 50, "window": 40} | changes))  # type: ignore[arg-type]
+    bank, state = saved(config, samples)
+    other = resumed(state, config)
+    assert (other.baseline, other.startup_remaining, other.restarts) == (bank.baseline, 0, bank.restarts)
+    assert other.save() == state
+    y = noise(700, 1)
+    for one in (bank, other):
+        one.on_missing(3)
+    a, b = bank.run(y), other.run(y)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+    assert bank.save() == other.save()
+
+
+def test_what_the_supervisors_have_seen_goes_on() -> None:
+    """A sensor that is being thrown about is not valid either after a restart of the program."""
+    bank = Bank(AXES, CONFIG, H, None)
+    bank.run(noise(50))
+    y = noise(200, 1)
+    y[:, 1] += 30 * np.random.default_rng(1).choice([-1, 1], 200)
+    assert not bank.run(y).valid[-1, 1]
+    state = bank.save()
+    assert state is not None
+    assert not resumed(state).run(noise(1)).valid[0, 1]
+    forgotten = msgspec.structs.replace(state, supervisors=None)
+    assert resumed(forgotten).run(noise(1)).valid[0, 1]
+
+
+def test_nothing_is_kept_of_a_start_up_window_or_with_a_constant_axis() -> None:
+    bank = Bank(AXES, CONFIG, H, None)
+    assert bank.save() is None
+    y = noise(60)
+    y[:, 2] = 1.0
+    bank.run(y[:50])
+    bank.run(y[50:])
+    assert bank.save() is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"axes": ("gyro_x", "gyro_y")}, "axes gyro_x, gyro_y"),
+        ({"bias_dps": (0.0,)}, "bias_dps has 1 numbers for 3 axes"),
+        ({"R": ()}, "R has 0 numbers for 3 axes"),
+        ({"bias_dps": (0.0, 1e308, 0.0)}, r"bias of gyro_y cannot be \(1e\+308\)"),
+        ({"bias_dps": (math.nan, 0.0, 0.0)}, "bias of gyro_x"),
+        ({"R": (0.02, 0.02, 0.0)}, "R of gyro_z is no variance"),
+        ({"R": (0.02, -1.0, 0.02)}, "R of gyro_y is no variance"),
+        ({"R": (math.inf, 0.02, 0.02)}, "R of gyro_x is no variance"),
+        ({"R": (0.5, 0.5, 0.5)}, "other settings"),
+        ({"restarts": {"gyro_x": -1}}, "-1 restarts of gyro_x"),
+        ({"restarts": {"gyro_x": 1 << 60}}, "restarts of gyro_x"),
+        ({"restarts": {"mag_x": 0}}, "restarts of 'mag_x'"),
+        ({"engine": b""}, "not a snapshot of an engine"),
+        ({"null": b"1234567"}, "running test of whiteness"),
+        ({"null": b""}, "running test of whiteness"),
+        ({"supervisors": b""}, "supervisors"),
+        ({"supervisors": b"\xff" * 84}, "supervisors"),
+        ({"supervisors": bytes(27) + b"\1" + bytes(56)}, "supervisors"),
+    ],
+    ids=str,
+)
+def test_what_is_not_wholly_sound_is_refused_with_the_reason(changes: dict[str, object], reason: str) -> None:
+    _, state = saved()
+    with pytest.raises(ValueError, match=reason):
+        resumed(msgspec.structs.replace(state, **changes))
+
+
+def with_native_state(state: OnlineState, native: bytes) -> OnlineState:
+    """With another engine in it, under a right checksum."""
+    was = snapshot.unpack(state.engine)
+    table = was.settings.table(was.lanes)
+    engine = snapshot.pack(was.lanes, was.settings, was.instruction_set, table, native)
+    return msgspec.structs.replace(state, engine=engine)
+
+
+@pytest.mark.parametrize("changes", CONFIGS, ids=str)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1e300], ids=str)
+def test_an_engine_of_numbers_that_cannot_be_is_refused_despite_its_checksum(
+    changes: dict[str, object], value: float
+) -> None:
+    config = EstimatorConfig(**({"startup": 50, "window": 40} | changes))  # type: ignore[arg-type]
+    _, state = saved(config)
+    native = snapshot.unpack(state.engine).state
+    with pytest.raises(ValueError, match="cannot come from an engine"):
+        resumed(with_native_state(state, struct.pack("<d", value) * (len(native) // 8)), config)
+
+
+@pytest.mark.parametrize("changes", CONFIGS[:4], ids=str)
+@given(data=st.data(), value=st.sampled_from([math.nan, math.inf, -math.inf]))
+def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
+    changes: dict[str, object], data: st.DataObject, value: float
+) -> None:
+    """Idle lanes and tables do not matter: what is taken goes on as if nothing had been there."""
+    config = EstimatorConfig(**({"startup": 50, "window": 40} | changes))  # type: ignore[arg-type]
+    _bank, state = saved(config)
+    native = bytearray(snapshot.unpack(state.engine).state)
+    place = data.draw(st.integers(0, len(native) // 8 - 1)) * 8
+    struct.pack_into("<d", native, place, value)
+    try:
+        found = resumed(with_native_state(state, bytes(native)), config).run(noise(60, 1))
+    except ValueError as error:
+        assert "cannot come from an engine" in str(error)  # noqa: PT017
+    else:
+        expected = resumed(state, config).run(noise(60, 1))
+        for name in COLUMNS:
+            np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+
+
+@given(data=st.data())
+def test_bytes_that_somebody_made_end_in_a_reason_or_in_estimates(data: st.DataObject) -> None:
+    """Any bytes in any of its parts: a ValueError, or a bank that works and is valid before long."""
+    _, state = saved()
+    native = bytearray(snapshot.unpack(state.engine).state)
+    parts = {
+        "engine": native,
+        "null": bytearray(state.null or b""),
+        "supervisors": bytearray(state.supervisors or b""),
+    }
+    part = parts[data.draw(st.sampled_from(sorted(parts)))]
+    for place, value in data.draw(
+        st.dictionaries(st.integers(0, len(part) - 1), st.integers(0, 255), max_size=8)
+    ).items():
+        part[place] = value
+    made = with_native_state(state, bytes(native))
+    made = msgspec.structs.replace(made, null=bytes(parts["null"]), supervisors=bytes(parts["supervisors"]))
+    try:
+        bank = resumed(made)
+    except ValueError:
+        return
+    bank.run(noise(400, 2))
+    assert bank.run(noise(400, 3)).valid[-100:].all()
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"{}",
+        b"[]",
+        b"3",
+        b'{"lanes": 3}',
+        b'{"lanes": "3"}',
+        b'{"lanes": -3}',
+        b"\xff\xfe",
+        b"[" * 100_000,
+    ],
+    ids=lambda header: header[:12],
+)
+def test_a_header_of_the_engine_that_is_none_is_refused(header: bytes) -> None:
+    _, state = saved()
+    table = snapshot.unpack(state.engine).settings.table(3).astype("<f8").tobytes()
+    body = struct.pack("<8sIIII", b"FLTEAENG", 1, len(header), len(table), 0) + header + table
+    made = body + struct.pack("<I", snapshot.zlib.crc32(body))
+    with pytest.raises(ValueError, match="not a snapshot of this version"):
+        resumed(msgspec.structs.replace(state, engine=made))
+
+
+def test_version_1_and_2_had_less() -> None:
+    """No supervisors, and no running null: both begin again."""
+    bank, state = saved(samples=2000)
+    old = msgspec.structs.replace(state, null=None, supervisors=None)
+    a, b = bank.run(noise(100, 1)), resumed(old).run(noise(100, 1))
+    np.testing.assert_array_equal(a.alpha, b.alpha)
+    assert not np.isnan(a.null_p).any()
+    assert np.isnan(b.null_p).all()
