@@ -111,7 +111,7 @@ class DeviceTime:
             host_s = (int(block.host_ns[0]) - self._first_ns) * 1e-9
             self._base_s = max(host_s, time_s + 1.0 / found.hello.rate_hz)
             self._origin_us = first_us
-        times: Array = self._base_s + (block.device_us - self._origin_us) * 1e-6
+        times: Array = np.float64(self._base_s) + (block.device_us - self._origin_us) * np.float64(1e-6)
         self._last = int(block.seq[-1]), int(block.device_us[-1]), float(times[-1])
         return times
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator import snapshot
 from fltea.estimator.baseline import Baseline, Moments, rule_of
 from fltea.estimator.engine import CAUSES, instruction_sets
@@ -19,6 +18,7 @@ from fltea.estimator.engine_settings import EngineSettings, native_arguments
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lost
 from fltea.estimator.online_state import OnlineState
+from fltea.settings.config import EstimatorConfig
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

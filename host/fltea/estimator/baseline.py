@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fltea import _native
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.engine_settings import LARGEST
+from fltea.settings.config import EstimatorConfig
 
 
 class Baseline(NamedTuple):

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.engine_settings import (
     EngineSettings,
     JointTuning,
@@ -10,6 +9,7 @@ from fltea.estimator.engine_settings import (
     ParameterTuning,
     StateTuning,
 )
+from fltea.settings.config import EstimatorConfig
 
 
 def lane_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> EngineSettings:

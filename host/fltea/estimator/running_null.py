@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.records.records import Order
+from fltea.records.records import Whiteness
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class Standing(NamedTuple):
     """p: how often white noise would look at least as unlike white, at one moment; None while not known."""
 
     p: float | None
-    order: Order | None
+    whiteness: Whiteness | None
 
 
 UNKNOWN = Standing(None, None)
@@ -267,4 +267,4 @@ def _standing(largest: float, effective: int) -> Standing:
     if not effective or math.isnan(largest):
         return UNKNOWN
     p = float(f"{p_value(largest, effective):.3g}")
-    return Standing(p, "not white" if p < LEVEL else "undefined")
+    return Standing(p, "rejected" if p < LEVEL else "not rejected")

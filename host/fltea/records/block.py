@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ class AxisColumns(NamedTuple):
 
     def rows(self, begin: int, end: int) -> "AxisColumns":
         """Some of its rows."""
-        return AxisColumns(self.axes, self.unit, *(column[begin:end] for column in self[2:]))
+        return AxisColumns._make((self.axes, self.unit, *(column[begin:end] for column in self[2:])))
 
     def at(self, row: int) -> dict[str, AxisEstimate]:
         """The estimates after one sample."""
@@ -56,8 +56,8 @@ class AxisColumns(NamedTuple):
             words = map(_WORDS.__getitem__, self.white_rejected[chosen, i].tolist())
             whiteness = [None if q is None else word for q, word in zip(p, words, strict=True)]
             valid = self.valid[chosen, i].tolist()
-            columns = zip(*numbers, valid, p, whiteness, strict=True)
-            by_axis.append([(axis, AxisEstimate(*row, unit)) for row in columns])
+            columns: Iterator[Any] = zip(*numbers, valid, p, whiteness, strict=True)
+            by_axis.append([(axis, AxisEstimate(*row, unit=unit)) for row in columns])
         return map(dict, zip(*by_axis, strict=True))
 
 

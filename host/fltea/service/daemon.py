@@ -13,10 +13,11 @@ from types import FrameType
 from typing import TypeGuard
 
 from fltea.records import clock
+from fltea.records.block import Block
 from fltea.records.errors import FlteaError, SourceFailed, UsageError
-from fltea.records.events import Trouble
+from fltea.records.events import Trouble, host_ns_of
 from fltea.records.ports import Source
-from fltea.records.records import AnyRecord, DeviceStatus, Error
+from fltea.records.records import AnyRecord, Error
 from fltea.service.hub import Hub
 from fltea.service.open_outputs import open_outputs
 from fltea.service.open_source import open_source
@@ -198,7 +199,7 @@ class _Run:
             if config.once and source.live and failure is None:
                 failure = next(filter(_is_vain, records), None)
             if records:
-                arrived_ns = event.host_ns if source.live and not isinstance(event, DeviceStatus) else None
+                arrived_ns = host_ns_of(event) if source.live else None
                 self._hub.publish(name, records, arrived_ns, wait=not source.prompt, log=failure is None)
             if failure is not None:
                 break
@@ -225,7 +226,7 @@ class _Run:
             self._stop.asked.set()
 
 
-def _is_vain(record: AnyRecord) -> TypeGuard[Error]:
+def _is_vain(record: AnyRecord | Block) -> TypeGuard[Error]:
     """Whether a record says that what was asked for will not come from this device."""
     return isinstance(record, Error) and record.kind == "no_device_estimates"
 

@@ -292,5 +292,5 @@ def _raw_block(columns: SampleColumns, host_ns: Ints) -> RawBlock:
         columns.gyro,
         columns.accel,
         columns.temperature,
-        columns.flags,
+        columns.flags.astype(np.int64),
     )

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.estimator.bank import Bank
-from fltea.estimator.online import OnlineState
-from fltea.estimator.supervisor import Reason
+from fltea.estimator.lanes import Reason
+from fltea.estimator.online_state import OnlineState
 from fltea.records.block import AxisColumns, Block
 from fltea.records.events import Event, Ints
 from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, AXES, GYRO_UNIT, AxisStats, EstimatorInfo
@@ -65,28 +65,26 @@ class Channels:
         """Take samples (n, axes of the sensor); no more than `startup_remaining` while the window fills."""
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
         found = self._bank.run(own)
-        if found.columns is None:
+        if not found.estimated:
             return Estimated(None, [])
-        c = found.columns
         columns = AxisColumns(
             self._names,
             self._unit,
-            c.alpha,
-            c.alpha_std,
-            c.f,
-            c.f_std,
-            c.x,
-            c.innovation,
-            c.valid,
+            found.alpha,
+            found.alpha_std,
+            found.f,
+            found.f_std,
+            found.x,
+            found.innovation,
+            found.valid,
             found.null_p,
             found.not_white,
         )
         return Estimated(columns, [(row, self._names[lane], why) for row, lane, why in found.lost])
 
-    def on_missing(self, count: int) -> None:
-        """Bridge lost samples."""
-        if count:
-            self._bank.on_missing(count)
+    def on_missing(self, count: int) -> list[tuple[str, Reason]]:
+        """Bridge lost samples; the axes that became invalid meanwhile, and why."""
+        return [(self._names[lane], why) for _, lane, why in self._bank.on_missing(count)]
 
     def bridge(self, count: int) -> None:
         """Bridge the time for which the program stood still, as far as the memory reaches."""
@@ -117,7 +115,8 @@ class Channels:
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
         """Statistics of every axis."""
         bank = self._bank
-        baseline = bank.baseline
+        baseline, restarts, interventions = bank.baseline, bank.restarts, bank.interventions
+        lag1, nis = bank.lag1, bank.nis
         for i, name in enumerate(self._names):
             if baseline is None:
                 yield name, AxisStats(None, None, 0, {}, unit=self._unit)
@@ -128,10 +127,10 @@ class Channels:
                 AxisStats(
                     baseline.bias_dps[i],
                     R if math.isfinite(R) else None,
-                    bank.restarts[name],
-                    bank.interventions.get(name, {}),
-                    _finite(bank.lag1[i]),
-                    _finite(bank.nis[i]),
+                    restarts[name],
+                    interventions[name],
+                    lag1[name],
+                    nis[name],
                     self._unit,
                 ),
             )
@@ -173,8 +172,9 @@ class HostEstimates:
 
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
         """Give the samples on with their estimates."""
-        for channels in self._channels():
-            channels.on_missing(missing)
+        for channels in self._channels() if missing else ():
+            for axis, why in channels.on_missing(missing):
+                yield from self._lost(axis, why, int(host_ns[0]))
         begin, n = 0, len(block)
         while begin < n:
             filling = [c for c in self._channels() if c.startup_remaining]
@@ -228,13 +228,17 @@ class HostEstimates:
             block = replace(block, variant=variant, estimates=tuple(found), every=self._config.every)
         begin = 0
         for row, axis, why in sorted(lost):
-            if self._told_lost.is_due(axis, int(host_ns[row])):
+            for notice in self._lost(axis, why, int(host_ns[row])):
                 if row >= begin:
                     yield block.rows(begin, row + 1)
                     begin = row + 1
-                yield Notice(*explain_lost(axis, why), int(host_ns[row]))
+                yield notice
         if begin < len(block):
             yield block.rows(begin, len(block)) if begin else block
+
+    def _lost(self, axis: str, why: Reason, now_ns: int) -> Iterator[Notice]:
+        if self._told_lost.is_due(axis, now_ns):
+            yield Notice(*explain_lost(axis, why), now_ns)
 
 
 def explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
@@ -248,7 +252,3 @@ def explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
         f"{axis} needs the guard in more than a quarter of its samples, so it is not valid until that ends: "
         "is the sensor at rest, and does R (see stats) fit it?"
     )
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None

@@ -143,16 +143,24 @@ class Pipeline:
         if reason is not None:
             standing = self._standing()
             times = int(block.device_us[0]), int(block.host_ns[0])
-            infos = standing.gyro, standing.accel, resumed_after_s
-            yield Epoch(block.epoch, reason, first, *times, hello.boot_id, *infos, device=name)
+            yield Epoch(
+                block.epoch,
+                reason,
+                first,
+                *times,
+                hello.boot_id,
+                standing.gyro,
+                standing.accel,
+                resumed_after_s,
+                device=name,
+            )
             missing = 0
         items: Iterable[Item] = [block]
         for stage in self._stages:
             items = _through(stage, items, raw, missing)
         self._sample_ns = int(raw.host_ns[-1])
         yield from self._records(items)
-        if self._decoder.place.hello is None:  # what followed in the block broke off
-            self._forget()
+        self._now_ns = self._sample_ns
 
     def _records(self, items: Iterable[Item]) -> Iterator[Output]:
         for item in items:

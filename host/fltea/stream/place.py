@@ -176,7 +176,7 @@ class Place:
         rows = raw if (begin, end) == (0, len(raw.sequence)) else raw.rows(begin, end)
         seq, device_us = piece.seq, piece.device_us
         if end - begin > 1:
-            steps_us = np.diff(rows.device_us.astype(np.int64, copy=False)) % TIME_WRAP_US
+            steps_us: Ints = (rows.device_us[1:] - rows.device_us[:-1]) % TIME_WRAP_US
             seq = seq[0] + np.arange(end - begin, dtype=np.int64)
             device_us = np.concatenate((device_us, device_us[0] + np.cumsum(steps_us)))
         self.delivered += end - begin

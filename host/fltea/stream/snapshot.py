@@ -8,7 +8,7 @@ was reset in between (opening its port resets a Due) does not matter: its sensor
 
 import msgspec
 
-from fltea.estimator.online import OnlineState
+from fltea.estimator.online_state import OnlineState
 from fltea.records.records import Hello
 from fltea.settings.config import Config
 from fltea.stream.stages import Saved

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
-from fltea.estimator.online import OnlineState
+from fltea.estimator.online_state import OnlineState
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints
 from fltea.records.records import (

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from fltea.records.events import Ints
 
+Array = NDArray[np.float64]
+
 SECOND_US = 1_000_000
 SECONDS_KEPT = 600
 SECONDS_FOR_PPM = 10
@@ -49,8 +51,8 @@ class Timebase:
             self._first = (int(seq[0]), int(device_us[0]))
             self._second_end_us = int(device_us[0]) + SECOND_US
         self._latest = (int(seq[-1]), int(device_us[-1]))
-        device_s = (device_us - self._origin[0]) * 1e-6
-        delay_s = (host_ns - self._origin[1]) * 1e-9 - device_s
+        device_s = (device_us - self._origin[0]) * np.float64(1e-6)
+        delay_s = (host_ns - self._origin[1]) * np.float64(1e-9) - device_s
         n = len(seq)
         begin = 0
         found = np.empty(n, dtype=np.int64)
@@ -66,7 +68,7 @@ class Timebase:
         self._last_ns = int(found[-1])
         return found
 
-    def _within_second(self, device_s: NDArray[np.float64], delay_s: NDArray[np.float64]) -> Ints:
+    def _within_second(self, device_s: Array, delay_s: Array) -> Ints:
         """Times of samples that all stand in the second that is open."""
         assert self._origin is not None
         best = int(delay_s.argmin())

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.wire.framing import BadFrame
-from fltea.wire.messages import Frame, Refused, VersionMismatch, check_version
 from fltea.wire.layout import MESSAGES, Hello
+from fltea.wire.messages import Frame, Refused, VersionMismatch, check_version
 
 
 class SampleColumns(NamedTuple):

@@ -23,7 +23,7 @@ def accel_ms2(raw: RawBlock, hello: Hello) -> Array | None:
     """Specific forces in m/s², (n, 3); None where there are none, or no scale of them."""
     if raw.accel is None or not hello.accel_lsb_per_g:
         return None
-    return raw.accel * (STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g)
+    return np.asarray(raw.accel * (STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g), dtype=np.float64)
 
 
 def temperatures_c(raw: RawBlock, hello: Hello) -> Array | None:
