@@ -56,8 +56,9 @@ class AxisColumns(NamedTuple):
             words = map(_WORDS.__getitem__, self.white_rejected[chosen, i].tolist())
             whiteness = [None if q is None else word for q, word in zip(p, words, strict=True)]
             valid = self.valid[chosen, i].tolist()
-            columns: Iterator[Any] = zip(*numbers, valid, p, whiteness, strict=True)
-            by_axis.append([(axis, AxisEstimate(*row, unit=unit)) for row in columns])
+            units = [unit] * len(valid)
+            columns: Iterator[Any] = zip(*numbers, valid, p, whiteness, units, strict=True)
+            by_axis.append([(axis, AxisEstimate(*row)) for row in columns])
         return map(dict, zip(*by_axis, strict=True))
 
 
@@ -78,8 +79,8 @@ class Block:
 
     seq, device_us: unwrapped; host_ns: Unix time. gyro_dps (n, axes); accel_ms2 (n, 3), temperature_c (n,)
     and flags (n,) are None where there are none. estimates: of each sensor that has any; empty while the
-    start-up window fills. variant: that of the estimates. every: estimates are printed of samples whose number
-    is a multiple of it.
+    start-up window fills. variant: that of the estimates. every: estimates are printed of the samples whose
+    number is a multiple of it.
     """
 
     device: str | None

@@ -99,7 +99,7 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Estimate(Record, frozen=True, tag="estimate"):
-    """The estimates of all axes after one sample, those of the accelerometer where `--channels` names some."""
+    """The estimates of all axes after one sample; the accelerometer's only where `--channels` names them."""
 
     seq: int
     epoch: int

@@ -1,7 +1,6 @@
 """One run of the program: a pipeline for every source, the outputs, and an orderly end."""
 
 import contextlib
-import math
 import os
 import select
 import signal
@@ -10,24 +9,18 @@ import threading
 import time
 from collections.abc import Sequence
 from types import FrameType
-from typing import TypeGuard
 
-from fltea.records import clock
-from fltea.records.block import Block
 from fltea.records.errors import FlteaError, SourceFailed, UsageError
-from fltea.records.events import Trouble, host_ns_of
 from fltea.records.ports import Source
-from fltea.records.records import AnyRecord, Error
 from fltea.service.hub import Hub
+from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
 from fltea.service.open_source import open_source
 from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
+from fltea.service.walk import Walk
 from fltea.settings.config import BY_DEVICE, Config
-from fltea.sources.as_wire import AsWire
 from fltea.sources.replay import ReplaySource
-from fltea.sources.serial import SerialSource
-from fltea.stream.pipeline import Pipeline
 
 PATIENCE_S = 0.6
 """What an output gets after a signal to write what it has; with what the sources need it stays below 1 s."""
@@ -102,7 +95,7 @@ class _Run:
         self._lock = threading.Lock()
         self._running = len(configs)
         self._manager = ServiceManager()
-        self._moved_s = {config.name or "": time.monotonic() for config in configs}
+        self._walks: list[Walk] = []
 
     def run(self) -> tuple[FlteaError | None, bool]:
         """Run to the end; what failed, and whether every output could be closed."""
@@ -121,10 +114,18 @@ class _Run:
             _close(sources)
             self._hub.close(PATIENCE_S)
             raise
-        threads = [
-            threading.Thread(target=self._pump, args=(source, config, state), name=f"walk {config.name}")
-            for source, config in zip(sources, configs, strict=True)
+        self._walks = [
+            Walk(source, config, self._hub, state) for source, config in zip(sources, configs, strict=True)
         ]
+        on_lines = [walk for walk in self._walks if has_line(walk)]
+        lines = LineLoop(on_lines, self._end) if on_lines else None
+        threads = [
+            threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
+            for walk in self._walks
+            if not has_line(walk)
+        ]
+        if lines is not None:
+            threads.append(threading.Thread(target=lines.run, name="lines"))
         for thread in threads:
             thread.daemon = True
             thread.start()
@@ -134,6 +135,8 @@ class _Run:
         if self._failure is None and not (live or configs[0].once or self._stop.asked.is_set()):
             self._stay()
         self._manager.stopping()
+        if lines is not None:
+            lines.close()
         _close(sources)
         asked = self._stop.asked.is_set() or self._failure is not None
         deadline_s = time.monotonic() + PATIENCE_S
@@ -154,7 +157,7 @@ class _Run:
     def _wait(self, event: threading.Event) -> None:
         while not (event.is_set() or self._stop.asked.is_set()):
             event.wait(0.1)
-            if time.monotonic() - min(self._moved_s.values()) < STUCK_S:
+            if time.monotonic() - min(walk.moved_s for walk in self._walks) < STUCK_S:
                 self._manager.alive()
 
     def _stay(self) -> None:
@@ -163,56 +166,30 @@ class _Run:
         print(text, file=sys.stderr, flush=True)
         self._wait(threading.Event())
 
-    def _pump(self, source: Source, config: Config, state: StateFile | None) -> None:
+    def _pump(self, walk: Walk) -> None:
         """Walk one source to its end, in a thread of its own."""
         try:
-            failure = self._walk(source, config, state)
-        except FlteaError as error:
-            self._end(error)
-        except Exception as error:  # a fault of ours must not leave a daemon that looks alive
-            self._end(FlteaError(f"{config.name}: internal fault: {type(error).__name__}: {error}"))
-            raise
+            for event in walk.source.events():
+                walk.take(event)
+                if walk.failure is not None:
+                    break
+            walk.finish()
+        except Exception as error:
+            self._end(walk, error)
+            if not isinstance(error, FlteaError):
+                raise
         else:
-            self._end(SourceFailed(failure.message) if failure else None)
+            self._end(walk, None)
 
-    def _walk(self, source: Source, config: Config, state: StateFile | None) -> Trouble | Error | None:
-        """Move everything from source to outputs; the trouble that ended it, if one did."""
-        name = config.name or ""
-        found = state.found.get(name) if state else None
-        pipeline = Pipeline(source, config, lambda: self._hub.stats(name), found)
-        tap, as_wire = self._hub.tap(name, wait=not source.prompt), None
-        if isinstance(source, SerialSource):
-            source.tap = tap
-        elif tap is not None:
-            as_wire = AsWire(lambda: source.unix_offset_ns)
-        period_ns = int(config.state.period_s * 1e9)
-        save_ns = clock.host_ns() + period_ns
-        failure: Trouble | Error | None = None
-        for event in source.events():
-            self._moved_s[name] = time.monotonic()
-            if as_wire is not None and tap is not None:
-                for item in as_wire.encode(event):
-                    tap(item)
-            if config.once and isinstance(event, Trouble) and event.fatal:
-                failure = event
-            records = list(pipeline.feed(event))
-            if config.once and source.live and failure is None:
-                failure = next(filter(_is_vain, records), None)
-            if records:
-                arrived_ns = host_ns_of(event) if source.live else None
-                self._hub.publish(name, records, arrived_ns, wait=not source.prompt, log=failure is None)
-            if failure is not None:
-                break
-            if state is not None and clock.host_ns() >= save_ns:
-                save_ns = clock.host_ns() + period_ns
-                _deposit(pipeline, state, name)
-        self._moved_s[name] = math.inf
-        self._hub.publish(name, [pipeline.stats()], wait=not source.prompt)
-        if state is not None:
-            _deposit(pipeline, state, name)
-        return failure
-
-    def _end(self, failure: FlteaError | None) -> None:
+    def _end(self, walk: Walk, error: Exception | None) -> None:
+        """A walk has ended: by itself, or with a fault, which must not leave a daemon that looks alive."""
+        failure: FlteaError | None = None
+        if isinstance(error, FlteaError):
+            failure = error
+        elif error is not None:
+            failure = FlteaError(f"{walk.name}: internal fault: {type(error).__name__}: {error}")
+        elif walk.failure is not None:
+            failure = SourceFailed(walk.failure.message)
         with self._lock:
             self._running -= 1
             self._failure = self._failure or failure
@@ -224,17 +201,6 @@ class _Run:
             if error is not None and self._failure is None:
                 self._failure = FlteaError(f"cannot write the output: {error}.")
             self._stop.asked.set()
-
-
-def _is_vain(record: AnyRecord | Block) -> TypeGuard[Error]:
-    """Whether a record says that what was asked for will not come from this device."""
-    return isinstance(record, Error) and record.kind == "no_device_estimates"
-
-
-def _deposit(pipeline: Pipeline, state: StateFile, name: str) -> None:
-    snapshot = pipeline.save()
-    if snapshot is not None:
-        state.put(name, snapshot)
 
 
 def _close(sources: Sequence[Source]) -> None:

@@ -6,7 +6,7 @@ from fltea.records import clock
 from fltea.records.events import Event, TransportEvent
 from fltea.records.records import LinkStats
 from fltea.sources.wire_events import WireEvents
-from fltea.wire.transport import Reader
+from fltea.wire.transport import Port, Reader
 
 TICK_S = 0.5
 
@@ -14,14 +14,20 @@ TICK_S = 0.5
 class SerialSource:
     """Frames from a serial port as events; every failure is a `Trouble`, and reading goes on.
 
-    tap: is given whatever comes from the port before anything interprets it; to be set before `events`.
+    It reads by itself (`events`), or somebody reads `port` and feeds it (`take`).
+
+    tap: is given whatever comes from the port before anything interprets it; to be set before that.
+
+    Raises:
+        UsageError: an unknown kind of URL, or 1200 baud.
     """
 
     live = prompt = True
 
     def __init__(self, url: str, baud: int) -> None:
         self.url = url
-        self._reader = Reader(url, baud)
+        self.port = Port(url, baud)
+        self._reader: Reader | None = None
         self._wire = WireEvents(url)
         self.tap: Callable[[TransportEvent], None] | None = None
 
@@ -31,19 +37,25 @@ class SerialSource:
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield what the device says until `close`."""
+        """Yield what the device says until `close`; a thread of its own reads the port."""
+        self._reader = Reader(self.port)
         self._reader.start()
         self._wire.resume(clock.host_ns())
         for item in self._reader.events(TICK_S):
-            if item is not None and self.tap is not None:
-                self.tap(item)
-            yield from self._wire.feed(item, clock.host_ns())
-            self._wire.resume(clock.host_ns())
+            yield from self.take(item)
+
+    def take(self, item: TransportEvent | None) -> Iterator[Event]:
+        """Yield what something that came from the port leads to; None says that nothing came for a while."""
+        if item is not None and self.tap is not None:
+            self.tap(item)
+        yield from self._wire.feed(item, clock.host_ns())
+        self._wire.resume(clock.host_ns())
 
     def link_stats(self) -> LinkStats:
         """Count what arrived and what was lost on the way."""
-        return self._wire.link_stats(self._reader.overflow_bytes)
+        return self._wire.link_stats(self._reader.overflow_bytes if self._reader else 0)
 
     def close(self) -> None:
-        """Stop reading and release the port."""
-        self._reader.close()
+        """Stop reading and release the port; one that somebody else reads is theirs to close."""
+        if self._reader is not None:
+            self._reader.close()

@@ -1,8 +1,7 @@
-"""The stage for what a board estimates by itself: which sample each estimate belongs to, and how far it is from
-this computer's.
+"""The stage for what a board estimates by itself: which sample each estimate belongs to, how far it is from ours.
 
-An estimate comes after its sample, by as much as the board is behind; one whose sample is not among the newest of
-this epoch is dropped and counted.
+An estimate comes after its sample, by as much as the board is behind; one whose sample is not among the newest
+of this epoch is dropped and counted.
 """
 
 import math
@@ -85,7 +84,7 @@ class BoardEstimates:
         self._told_skipped: tuple[int, int | None] = (0, None)
 
     def host_settings(self) -> EstimatorConfig:
-        """With what this computer estimates from now on: the board's, or its own while these are not known."""
+        """With what this computer estimates from now on: the board's settings, once they are known."""
         self._in_use = self._settings or self._config.estimator
         return self._in_use
 

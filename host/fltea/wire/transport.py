@@ -1,4 +1,4 @@
-"""Serial URL to bytes: a reader thread that turns every failure into an event, and reconnects.
+"""Serial URL to bytes: ports that turn every failure into an event, and reconnect.
 
 pyserial's own ReaderThread dies silently on an unplugged port (its `in_waiting` raises a bare
 OSError); here any exception closes the port, says why and tries again with backoff.
@@ -14,7 +14,7 @@ import select
 import stat
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from urllib.parse import urlsplit
 
 import serial
@@ -124,24 +124,113 @@ def _permission_remedy(path: str) -> str:
     )
 
 
-class Reader:
-    """Reads a serial URL in a thread of its own until closed.
+class Port:
+    """One serial URL: how it is opened and read, and when it is tried again.
 
     url: whatever `serial.serial_for_url` opens. The port is taken exclusively. Opening raises DTR where
-    there is one (which resets a Due); nothing here touches it. `overflow_bytes` counts what had to be
-    thrown away because the consumer was too slow.
+    there is one (which resets a Due); nothing here touches it.
     """
 
     def __init__(self, url: str, baud: int) -> None:
         check_url(url, baud)
         self.url = url
         self.baud = baud
+        self._serial: serial.Serial | None = None
+        self._failures = 0
+
+    @property
+    def has_descriptor(self) -> bool:
+        """Whether the operating system can say when there is something to read."""
+        return "://" not in self.url or self.url.startswith((SOCKET, "hwgrep://"))
+
+    def open(self) -> Opened | Failed:
+        """Open it; may take seconds where a network has to be asked."""
+        port = None
+        try:
+            port = serial.serial_for_url(self.url, baudrate=self.baud, do_not_open=True)
+            port.timeout = READ_TIMEOUT_S
+            port.exclusive = True
+            port.open()
+        except Exception as error:  # whatever a driver raises must not end the reading
+            return Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns())
+        self._serial = port
+        return Opened(host_ns(), unix_offset_ns())
+
+    def fileno(self) -> int:
+        """The descriptor of an open port that has one."""
+        found = getattr(self._serial, "fd", None)
+        if found is None:
+            found = self._serial._socket.fileno()  # type: ignore[union-attr]
+        return int(found)
+
+    def read_ready(self, *, hung_up: bool) -> Chunk | Failed | None:
+        """Read what is there, after the descriptor was found ready; None if another program has taken it.
+
+        On a POSIX port this is one system call, where pyserial's own methods take five.
+        """
+        try:
+            with contextlib.suppress(BlockingIOError):
+                if data := os.read(self.fileno(), MAX_CHUNK):
+                    self._failures = 0  # a port that opens and dies at once is no success
+                    return Chunk(data, host_ns(), unix_offset_ns())
+                if self.url.startswith(SOCKET):
+                    raise OSError(errno.ECONNRESET, "the other side has closed")
+            if hung_up:
+                raise OSError(errno.EIO, "hung up")
+        except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
+            return self.lost(error)
+        return None
+
+    def read_waiting(self) -> Chunk | Failed | None:
+        """Wait up to `READ_TIMEOUT_S` for bytes of an open port of any kind; None if none came."""
+        port = self._serial
+        assert port is not None
+        try:
+            data = port.read(1)
+            if data:
+                data += port.read(min(port.in_waiting, MAX_CHUNK))
+        except Exception as error:  # as above
+            return self.lost(error)
+        if not data:
+            return None
+        self._failures = 0
+        return Chunk(data, host_ns(), unix_offset_ns())
+
+    def lost(self, error: Exception) -> Failed:
+        """Close it, and say why."""
+        self.close()
+        message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
+        return Failed("unplugged", message, host_ns(), unix_offset_ns())
+
+    def backoff_s(self) -> float:
+        """How long to wait before the next try."""
+        wait_s = BACKOFF_S[min(self._failures, len(BACKOFF_S) - 1)]
+        self._failures += 1
+        return wait_s
+
+    def close(self) -> None:
+        """Release it."""
+        port, self._serial = self._serial, None
+        if port is not None:
+            with contextlib.suppress(OSError):  # the device is gone already
+                port.close()
+
+
+class Reader:
+    """Reads one port in a thread of its own until closed.
+
+    For what has no descriptor, and for those whose work may be slow: bytes wait in a queue meanwhile.
+    `overflow_bytes` counts what had to be thrown away because the consumer was too slow.
+    """
+
+    def __init__(self, port: Port) -> None:
+        self._port = port
         self.overflow_bytes = 0
         self._queue: queue.SimpleQueue[TransportEvent | None] = queue.SimpleQueue()
         self._queued_bytes = 0
         self._lock = threading.Lock()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"reader {url}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"reader {port.url}", daemon=True)
 
     def start(self) -> None:
         """Begin to read."""
@@ -170,43 +259,37 @@ class Reader:
             self._thread.join(timeout=5 * READ_TIMEOUT_S + 1.0)
 
     def _run(self) -> None:
-        failures = 0
+        port = self._port
         while not self._stop.is_set():
-            try:
-                port = self._open()
-            except Exception as error:  # whatever a driver raises must not kill the thread
-                self._put(Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns()))
+            event: TransportEvent | None = port.open()
+            if isinstance(event, Opened):
+                self._put(event)
+                event = self._read_until_lost()
+            if event is not None:
+                self._put(event)
+            self._stop.wait(port.backoff_s())
+        port.close()
+
+    def _read_until_lost(self) -> Failed | None:
+        """Read until the port is lost, or closed."""
+        port = self._port
+        ready = select.poll() if port.has_descriptor else None
+        if ready is not None:
+            ready.register(port.fileno(), select.POLLIN)
+        while not self._stop.is_set():
+            if ready is None:
+                event = port.read_waiting()
+            elif found := ready.poll(READ_TIMEOUT_S * 1000):
+                event = port.read_ready(hung_up=bool(found[0][1] & ~select.POLLIN))
+                if event is None:
+                    time.sleep(TAKEN_S)
             else:
-                self._put(Opened(host_ns(), unix_offset_ns()))
-                if self._read_until_lost(port):
-                    failures = 0  # a port that opens and dies at once is no success
-            self._stop.wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
-            failures += 1
-
-    def _open(self) -> serial.Serial:
-        port = serial.serial_for_url(self.url, baudrate=self.baud, do_not_open=True)
-        port.timeout = READ_TIMEOUT_S
-        port.exclusive = True
-        port.open()
-        return port
-
-    def _read_until_lost(self, port: serial.Serial) -> bool:
-        """Read until closed or lost; whether anything came."""
-        anything = False
-        try:
-            read = _reader_of(port, self.url)
-            while not self._stop.is_set():
-                data = read()
-                if data:
-                    anything = True
-                    self._put(Chunk(data, host_ns(), unix_offset_ns()))
-        except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
-            message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
-            self._put(Failed("unplugged", message, host_ns(), unix_offset_ns()))
-        finally:
-            with contextlib.suppress(OSError):  # the device is gone already
-                port.close()
-        return anything
+                continue
+            if isinstance(event, Failed):
+                return event
+            if event is not None:
+                self._put(event)
+        return None
 
     def _put(self, event: TransportEvent) -> None:
         """Never blocks: bytes that the consumer is too slow for are thrown away and counted."""
@@ -217,43 +300,3 @@ class Reader:
                     return
                 self._queued_bytes += len(event.data)
         self._queue.put(event)
-
-
-def _reader_of(port: serial.Serial, url: str) -> Callable[[], bytes]:
-    """What waits up to READ_TIMEOUT_S for bytes and returns all that there are, b"" if none came.
-
-    On a POSIX port these are two system calls, where pyserial's own methods take five: with many devices that
-    is most of what reading costs. pyserial's sockets never say more than that something has arrived.
-    """
-    fd = getattr(port, "fd", None)
-    if fd is not None:
-        poll = select.poll()
-        poll.register(fd, select.POLLIN)
-
-        def read_port() -> bytes:
-            events = poll.poll(READ_TIMEOUT_S * 1000)
-            if not events:
-                return b""
-            with contextlib.suppress(BlockingIOError):
-                if data := os.read(fd, MAX_CHUNK):
-                    return data
-            if events[0][1] & ~select.POLLIN:
-                raise OSError(errno.EIO, "hung up")
-            time.sleep(TAKEN_S)
-            return b""
-
-        return read_port
-
-    def read_any() -> bytes:
-        data = port.read(1)
-        if data and url.startswith(SOCKET):
-            port.timeout = 0
-            try:
-                data += port.read(MAX_CHUNK)
-            finally:
-                port.timeout = READ_TIMEOUT_S
-        elif data:
-            data += port.read(min(port.in_waiting, MAX_CHUNK))
-        return data
-
-    return read_any

@@ -12,7 +12,7 @@ from fltea.records.records import DeviceStatus, Hello, LinkStats
 from fltea.sources.wire_events import SILENCE_S, WireEvents
 from fltea.stream.place import Place
 from fltea.wire import layout as wire
-from fltea.wire.transport import Reader
+from fltea.wire.transport import Port, Reader
 
 HEAR_S = 4.0
 PATIENCE_S = SILENCE_S + 1.5
@@ -67,7 +67,7 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
     Raises:
         UsageError: an unknown kind of URL, or 1200 baud.
     """
-    heard, reader, events = Heard(), Reader(url, baud), WireEvents(url)
+    heard, reader, events = Heard(), Reader(Port(url, baud)), WireEvents(url)
     place = Place(max_gap=wire.BAUD)  # no gap is too long for a look
     arrivals: list[tuple[int, int]] = []
     begin_ns = clock.host_ns()

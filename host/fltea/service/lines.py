@@ -1,0 +1,72 @@
+"""All devices on ports with descriptors, walked by one thread."""
+
+from collections.abc import Callable, Sequence
+
+from fltea.service.walk import Walk
+from fltea.sources.serial import SerialSource
+from fltea.wire.ports import Ports
+
+WAIT_S = 0.5
+
+
+def has_line(walk: Walk) -> bool:
+    """Whether the operating system says when this walk's source has something to read."""
+    return isinstance(walk.source, SerialSource) and walk.source.port.has_descriptor
+
+
+class LineLoop:
+    """Reads the ports of these walks and lets each take what came from its own.
+
+    on_end: called, from the loop's thread, with a walk that has ended and the exception that ended it, if one
+    did.
+    """
+
+    def __init__(self, walks: Sequence[Walk], on_end: Callable[[Walk, Exception | None], None]) -> None:
+        self.walks = list(walks)
+        self._on_end = on_end
+        self._closed = False
+        self._sources = [walk.source for walk in walks if isinstance(walk.source, SerialSource)]
+        self._ports = Ports([source.port for source in self._sources])
+
+    def run(self) -> None:
+        """Walk until `close`, or until each walk has failed."""
+        going = set(range(len(self.walks)))
+        try:
+            while going and not self._closed:
+                for place, item in self._ports.poll(WAIT_S):
+                    if place in going and not self._take(place, item):
+                        going.discard(place)
+            for place in going:
+                self._finish(place)
+        finally:
+            self._ports.close()
+
+    def close(self) -> None:
+        """End the loop, from another thread."""
+        self._closed = True
+        self._ports.wake()
+
+    def _take(self, place: int, item: object) -> bool:
+        """Let one walk take what came; whether it goes on."""
+        walk = self.walks[place]
+        try:
+            for event in self._sources[place].take(item):  # type: ignore[arg-type]
+                walk.take(event)
+                if walk.failure is not None:
+                    break
+        except Exception as error:
+            self._on_end(walk, error)
+            return False
+        if walk.failure is None:
+            return True
+        self._finish(place)
+        return False
+
+    def _finish(self, place: int) -> None:
+        walk = self.walks[place]
+        try:
+            walk.finish()
+        except Exception as error:
+            self._on_end(walk, error)
+        else:
+            self._on_end(walk, None)

@@ -1,0 +1,83 @@
+"""The way of one device's samples, from its source to the outputs."""
+
+import math
+import time
+from typing import TypeGuard
+
+from fltea.records import clock
+from fltea.records.block import Block
+from fltea.records.events import Event, Trouble, host_ns_of
+from fltea.records.ports import Source
+from fltea.records.records import AnyRecord, Error
+from fltea.service.hub import Hub
+from fltea.service.state import StateFile
+from fltea.settings.config import Config
+from fltea.sources.as_wire import AsWire
+from fltea.sources.serial import SerialSource
+from fltea.stream.pipeline import Pipeline
+
+
+class Walk:
+    """Moves everything from a source through its pipeline to the outputs, in whatever thread calls it.
+
+    failure: the trouble that ends it under `--once`. moved_s: when it last moved, monotonic; infinity once it
+    has ended.
+    """
+
+    def __init__(self, source: Source, config: Config, hub: Hub, state: StateFile | None) -> None:
+        self.source = source
+        self.name = config.name or ""
+        self.failure: Trouble | Error | None = None
+        self.moved_s = time.monotonic()
+        self._once, self._hub, self._state = config.once, hub, state
+        found = state.found.get(self.name) if state else None
+        self._pipeline = Pipeline(source, config, lambda: hub.stats(self.name), found)
+        self._tap = hub.tap(self.name, wait=not source.prompt)
+        self._as_wire: AsWire | None = None
+        if isinstance(source, SerialSource):
+            source.tap = self._tap
+        elif self._tap is not None:
+            self._as_wire = AsWire(lambda: source.unix_offset_ns)
+        self._save_period_ns = int(config.state.period_s * 1e9)
+        self._save_ns = clock.host_ns() + self._save_period_ns
+
+    def take(self, event: Event) -> None:
+        """Move one event.
+
+        Raises:
+            UsageError: the settings do not fit what the source gives, or it cannot be recorded.
+        """
+        self.moved_s = time.monotonic()
+        if self._as_wire is not None and self._tap is not None:
+            for item in self._as_wire.encode(event):
+                self._tap(item)
+        if self._once and isinstance(event, Trouble) and event.fatal:
+            self.failure = event
+        items = list(self._pipeline.feed(event))
+        live = self.source.live
+        if self._once and live and self.failure is None:
+            self.failure = next(filter(_is_vain, items), None)
+        if items:
+            arrived_ns = host_ns_of(event) if live else None
+            wait = not self.source.prompt
+            self._hub.publish(self.name, items, arrived_ns, wait=wait, log=self.failure is None)
+        if self._state is not None and clock.host_ns() >= self._save_ns:
+            self._save_ns = clock.host_ns() + self._save_period_ns
+            self._deposit(self._state)
+
+    def finish(self) -> None:
+        """The source has ended, or nothing more is wanted of it."""
+        self.moved_s = math.inf
+        self._hub.publish(self.name, [self._pipeline.stats()], wait=not self.source.prompt)
+        if self._state is not None:
+            self._deposit(self._state)
+
+    def _deposit(self, state: StateFile) -> None:
+        snapshot = self._pipeline.save()
+        if snapshot is not None:
+            state.put(self.name, snapshot)
+
+
+def _is_vain(record: AnyRecord | Block) -> TypeGuard[Error]:
+    """Whether a record says that what was asked for will not come from this device."""
+    return isinstance(record, Error) and record.kind == "no_device_estimates"
