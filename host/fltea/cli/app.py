@@ -148,9 +148,9 @@ def _chunks(source: str, baud: int) -> Iterator[bytes]:
 
 def _serial_chunks(source: str, baud: int) -> Iterator[bytes]:
     from fltea.records.events import Chunk, Failed
-    from fltea.wire.transport import Reader
+    from fltea.wire.transport import Port, Reader
 
-    port = Reader(source.removeprefix("serial:"), baud)
+    port = Reader(Port(source.removeprefix("serial:"), baud))
     port.start()
     try:
         for event in port.events(0.5):

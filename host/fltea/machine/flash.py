@@ -320,7 +320,7 @@ def wait_for_hello(port: str, build_id: str | None, timeout_s: float = VERIFY_S)
     Raises:
         FlteaError: no HELLO in `timeout_s`, one of another protocol, or one of another build.
     """
-    reader, frames = Reader(port, wire.BAUD), FrameReader()
+    reader, frames = Reader(Port(port, wire.BAUD)), FrameReader()
     deadline_s = time.monotonic() + timeout_s
     trouble = "it said nothing that is a frame of fltea"
     reader.start()

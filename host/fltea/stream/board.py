@@ -1,7 +1,7 @@
-"""The stage for what a board estimates by itself: which sample each estimate belongs to, how far it is from ours.
+"""The stage for what a board estimates by itself: to which sample it belongs, and how far it is from ours.
 
-An estimate comes after its sample, by as much as the board is behind; one whose sample is not among the newest
-of this epoch is dropped and counted.
+An estimate comes after its sample, by as much as the board is behind. One whose sample is not among the
+newest of this epoch is dropped and counted.
 """
 
 import math

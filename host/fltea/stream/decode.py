@@ -1,6 +1,6 @@
 """The first half of a sample's walk: source → place → time → units.
 
-`fltea.stream.pipeline` goes on from here to the estimators; recordings are exported and summed up without any.
+`fltea.stream.pipeline` goes on from here to the estimators; recordings are exported without any.
 """
 
 from collections.abc import Callable, Iterator

@@ -29,7 +29,7 @@ Item = AnyRecord | Block | Notice
 
 
 class Beginning(NamedTuple):
-    """An epoch begins. gyro_axes, accel: what its samples hold. saved: estimators to go on from, by sensor."""
+    """An epoch begins. gyro_axes, accel: what its samples hold. saved: estimators to go on from."""
 
     hello: Hello
     gyro_axes: int

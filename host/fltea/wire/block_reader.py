@@ -1,7 +1,7 @@
 """Blocks of samples out of the bytes of one port, by the native decoder.
 
-The rules are those of protocol/README.md. What comes out is what `fltea.wire.messages.FrameReader` gives, which
-stays as the oracle; only the samples come as columns instead of one object each.
+The rules are those of protocol/README.md. What comes out is what `fltea.wire.messages.FrameReader` gives,
+which stays as the oracle; only the samples come as columns instead of one object each.
 """
 
 from typing import NamedTuple, TypeAlias

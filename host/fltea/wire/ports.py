@@ -1,6 +1,6 @@
 """Many ports in one thread: whoever has something to say is read, and nobody waits for another.
 
-Load makes batches: the longer a round takes, the more has come in by the next one, and the less a sample costs.
+Load makes batches: the longer a round takes, the more has come in by the next one, and the less each costs.
 """
 
 import os
@@ -19,7 +19,7 @@ TICK_S = 0.5
 
 @dataclass
 class _Line:
-    """A port as the loop sees it. descriptor: of an open port; open_s: when to open it, None while that is done."""
+    """A port as the loop sees it. descriptor: once it is open. open_s: when to open it; None meanwhile."""
 
     port: Port
     tick_s: float
