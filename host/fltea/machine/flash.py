@@ -29,6 +29,7 @@ from fltea.wire.transport import (
     DUE_PROGRAMMING_PORT,
     DUE_VENDORS,
     FORBIDDEN_BAUD,
+    Port,
     Reader,
     explain_open_failure,
     list_ports_text,

@@ -205,7 +205,7 @@ Event = Hello | RawBlock | DeviceStatus | DeviceAxis | DeviceEstimator | Trouble
 
 
 def host_ns_of(event: Event) -> int | None:
-    """When an event happened, by the source's monotonic clock; None if it has no time. Of samples: the last."""
+    """When an event happened, by the source's monotonic clock; of samples the last. None without a time."""
     if isinstance(event, RawBlock):
         return int(event.host_ns[-1])
     return None if isinstance(event, DeviceStatus) else event.host_ns
