@@ -7,6 +7,8 @@ import heapq
 from collections.abc import Callable
 from typing import NoReturn
 
+from tools.due_emulator.quick_reads import QuickReads
+
 PS_PER_S = 1_000_000_000_000
 PS_PER_US = 1_000_000
 NEVER_PS = 1 << 100
@@ -47,6 +49,8 @@ class Machine:
         self.mck_hz = MCK_AT_RESET_HZ
         self.clocked = 0
         """Bit i: the clock of the peripheral with identifier i is on (PMC_PCSR0, PMC_PCSR1)."""
+        self.quick_reads = QuickReads()
+        """Registers that a program reads without their peripheral."""
         self.on_irq: Callable[[int, bool], None] = lambda irq, level: None
         """Where interrupt lines end; the board puts the NVIC here."""
         self.on_clock_change: list[Callable[[], None]] = []

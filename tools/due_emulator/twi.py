@@ -45,6 +45,9 @@ class Twi(Peripheral):
         self.transfers = 0
         self.stale_reads = 0
         """After so many of the next reads one byte too many stays in RHR, as if STOP had come too late."""
+        self._quick_status = machine.quick_reads.add(
+            self.table.base + self.table.registers["SR"].offset, self.clock_id("SR")
+        )
         self._event: Event | None = None
         self._thr: int | None = None
         self._on_line: tuple[bool, int] | None = None
@@ -329,6 +332,7 @@ class Twi(Peripheral):
         self._settle_irq()
 
     def _settle_irq(self) -> None:
-        irq = self.table.irq
+        irq, status = self.table.irq, self.registers["SR"]
         assert irq is not None
-        self.machine.set_irq(irq, bool(self.registers["SR"] & self.registers["IMR"]))
+        self._quick_status.hold(status, CLEARED_BY_READ)
+        self.machine.set_irq(irq, bool(status & self.registers["IMR"]))
