@@ -354,7 +354,8 @@ class Cpu:
     def _tell(self) -> None:
         """Tell what the slice has to know about the machine."""
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
-        slice_.next_event_ps = min(machine.next_event_ps, LATEST_PS)
+        next_ps = machine.next_event_ps
+        slice_.next_event_ps = next_ps if next_ps < LATEST_PS else LATEST_PS
         slice_.halted_until_ps = self._halted_until_ps
         machine.quick_reads.clocked = machine.clocked
         slice_.waiting = waiting = bool(nvic.pending & nvic.enabled)

@@ -319,13 +319,11 @@ void before_instruction(void* processor, uint64_t address, uint32_t bytes, void*
     count_silent_ones(e, processor, address);
     if (e.done >= e.limit) {
         if (!e.dead && !e.stops && e.limit) e.on_limit(address);
-        if (e.dead || e.stops || !e.limit || e.slice_ps < e.halted_until_ps) {
-            e.limit = 0;
+        e.limit = e.dead || e.stops || e.slice_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
+        if (!e.limit) {
             e.emu_stop(processor);
             return;
         }
-        const uint64_t to_end = instructions_to_end(e);
-        e.limit = to_end ? to_end : 1;
     }
     ++e.done;
     e.address = address;

@@ -30,6 +30,8 @@ class EmulationFault(Exception):
 class Event:
     """Something that happens at a moment of virtual time."""
 
+    __slots__ = ("action", "at_ps")
+
     def __init__(self, at_ps: int, action: Callable[[], None]) -> None:
         self.at_ps = at_ps
         self.action: Callable[[], None] | None = action
@@ -79,9 +81,10 @@ class Machine:
 
     def schedule(self, delay_ps: int, action: Callable[[], None]) -> Event:
         """Let `action` happen in `delay_ps`, and return the means to cancel it."""
-        event = Event(self.now_ps + max(0, delay_ps), action)
+        at_ps = self._now_ps + delay_ps if delay_ps > 0 else self._now_ps
+        event = Event(at_ps, action)
         self._scheduled += 1
-        heapq.heappush(self._heap, (event.at_ps, self._scheduled, event))
+        heapq.heappush(self._heap, (at_ps, self._scheduled, event))
         return event
 
     @property
@@ -94,11 +97,13 @@ class Machine:
 
     def advance_to(self, to_ps: int) -> None:
         """Let time pass up to `to_ps`; the events on the way happen, each at its own moment."""
-        while self.next_event_ps <= to_ps:
-            at_ps, _, event = heapq.heappop(self._heap)
-            self._pass(at_ps)
-            action, event.action = event.action, None
+        heap = self._heap
+        while heap and heap[0][0] <= to_ps:
+            at_ps, _, event = heapq.heappop(heap)
+            action = event.action
             if action is not None:
+                self._pass(at_ps)
+                event.action = None
                 action()
         self._pass(to_ps)
 

@@ -56,6 +56,8 @@ class Twi(Peripheral):
         self._waiting = self._stalled = False
         self._step_ps = self._begun_ps = 0
         self._step_bits = 0.0
+        self._bit_settings: tuple[int, int] | None = None
+        self._bit = 0.0
         self._idle()
         pio.on_mux_change.append(self._on_mux_change)
         lines.scl.listen(self._on_scl)
@@ -291,7 +293,10 @@ class Twi(Peripheral):
             self._resume()
 
     def _bit_ps(self) -> float:
-        return PS_PER_S / self.scl_hz
+        settings = self.machine.mck_hz, self.registers["CWGR"]
+        if settings != self._bit_settings:
+            self._bit_settings, self._bit = settings, PS_PER_S / self.scl_hz
+        return self._bit
 
     def _end(self) -> None:
         self.busy_ps += self.machine.now_ps - self._begun_ps
