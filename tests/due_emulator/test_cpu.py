@@ -6,7 +6,7 @@ import pytest
 from fltea.records.errors import UsageError
 from machine_support import COUNT, TICK_EACH_MS, Bench, fault_of, program, run
 
-from tools.due_emulator import instruction_count
+from tools.due_emulator import execution
 from tools.due_emulator.memory_map import RAM_BASE
 
 
@@ -287,7 +287,7 @@ def test_a_program_without_events_is_left_often_enough_to_hear_a_signal():
     ("command", "reason"), [("no-such-compiler", "Debian: g\\+\\+"), ("false", "cannot be compiled")]
 )
 def test_without_a_compiler_it_says_what_is_missing(command, reason, tmp_path, monkeypatch):
-    monkeypatch.setattr(instruction_count, "FOLDER", tmp_path)
-    monkeypatch.setattr(instruction_count, "COMMAND", (command,))
+    monkeypatch.setattr(execution, "FOLDER", tmp_path)
+    monkeypatch.setattr(execution, "COMMAND", (command,))
     with pytest.raises(UsageError, match=reason):
-        instruction_count._library.__wrapped__()
+        execution._library.__wrapped__()

@@ -66,11 +66,12 @@ class Bridge:
         """Hand over what waits in the ring, as far as the host takes it."""
         if self._machine.now_ps < self._reads_from_ps:
             return
-        taken = 0
-        while taken < len(self._ring) and self.deliver(self._ring[taken]):
+        ring, taken = self._ring, 0
+        while taken < len(ring) and self.deliver(ring[taken]):
             taken += 1
-        del self._ring[:taken]
-        self.delivered += taken
+        if taken:
+            del ring[:taken]
+            self.delivered += taken
 
     def forget(self) -> None:
         """Empty the ring, as when the port is opened."""

@@ -1,8 +1,9 @@
-"""The Cortex-M3: Unicorn runs the instructions; time, exceptions, sleep and strictness are here.
+"""The Cortex-M3: Unicorn runs the instructions; exceptions, sleep and strictness are here.
 
-Unicorn has no NVIC: exceptions are entered and left by hand (ARMv7-M, B1.5). It runs in slices that end
-at the next event. Every instruction takes one cycle and an access to a peripheral a few: this is a clock
-for the program, not a claim about the speed of a real processor.
+Unicorn has no NVIC: exceptions are entered and left by hand (ARMv7-M, B1.5). It runs in slices (`execution`)
+that end where an exception is entered or left, or the processor sleeps. Every instruction takes one cycle and
+an access to a peripheral a few: this is a clock for the program, not a claim about the speed of a real
+processor.
 """
 
 import ctypes
@@ -15,25 +16,14 @@ from unicorn import arm_const
 
 from tools.due_emulator import memory_map, system_control
 from tools.due_emulator.bus import PERIPHERALS_BASE, PERIPHERALS_BYTES, Bus
-from tools.due_emulator.instruction_count import InstructionCount
-from tools.due_emulator.machine import PS_PER_S, Machine
+from tools.due_emulator.execution import LATEST_PS, NO_INTERRUPT, Execution
+from tools.due_emulator.machine import Machine
 from tools.due_emulator.memory_map import Memory
 from tools.due_emulator.nvic import FIRST_IRQ, Nvic
 from tools.due_emulator.system_control import SystemControl
 
 SLICE_INSTRUCTIONS = 50_000
 """Longest run without a look at signals: about a millisecond of the host's time."""
-WAITING_INSTRUCTIONS = 200
-"""Longest run while an interrupt waits for its priority: BASEPRI may let it in at any instruction, which
-nothing tells. 2.4 us at 84 MHz."""
-ACCESS_CYCLES = 4
-"""An access to a peripheral, over the bridge [cycles]; a round number."""
-POLL_PCS = 8
-POLL_NEAR_PS = 25_000_000
-POLL_STEP_PS = 10_000_000
-"""A read is a poll if the same instruction was among the last few that read, nothing was written since, and
-the value is the same as then. After a poll, time jumps to the next event if that is near, about a byte on a
-wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it."""
 
 EXCEPTION_EXIT = 8
 HOOK_NUMBERS = {
@@ -45,6 +35,8 @@ HOOK_NUMBERS = {
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
 """EXC_RETURN as it shows in PC, bit 0 cleared; the process stack (…FFFD) is not modelled."""
 FRAME_WORDS = 8
+SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_control.BYTES}
+"""Where peripherals are, and how many bytes of them."""
 WFI, WFE = b"\x30\xbf", b"\x20\xbf"
 THUMB = 1
 NO_END = 0xFFFF_FFFE
@@ -78,10 +70,17 @@ class Cpu:
         self._memory = memory
         self._nvic = nvic
         self._control = control
-        self._spaces: dict[int, Bus | SystemControl] = {PERIPHERALS_BASE: bus, system_control.BASE: control}
+        self._bus = bus
         self.instructions = 0
         """Instructions since the emulator was made, those of the slice that runs not among them."""
-        self._count = InstructionCount(memory.flash)
+        self._execution = Execution(
+            memory.flash,
+            machine.quick_reads,
+            on_read=self._on_read,
+            on_write=self._on_write,
+            on_events=self._on_events,
+            on_limit=self._on_limit,
+        )
         self._on_block: Callable[[int, int], None] | None = None
         self._watch_hook: int | None = None
         self._restart = True
@@ -156,18 +155,17 @@ class Cpu:
         """Reset: a fresh processor on the same memory."""
         self._restart = False
         self._raised: BaseException | None = None
-        self._exception_exit = False
-        self._unexpected = ""
         self._event_register = False
-        self._recent_reads: dict[int, int] = {}
         self._invalid_address: int | None = None
         self._uc = uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
         uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
-        self._map(uc)
-        self._count.attach(uc)
+        fast = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
+        fast.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
+        for processor in (uc, fast):
+            self._map(processor)
+        self._execution.attach(uc, fast, SPACES)
         self._watch_hook = None
         self._hook_watcher()
-        uc.hook_add(unicorn.UC_HOOK_INTR, self._on_interrupt)
         uc.hook_add(unicorn.UC_HOOK_MEM_INVALID, self._on_invalid)
         stack, entry = self._vector(0), self._vector(1)
         self._pc = entry & ~THUMB
@@ -185,8 +183,9 @@ class Cpu:
         if (on_block := self._on_block) is not None:
             self._watch_hook = self._uc.hook_add(
                 unicorn.UC_HOOK_BLOCK,
-                lambda _uc, address, _size, _: on_block(address, self.instructions + self._count.done),
+                lambda _uc, address, _size, _: on_block(address, self.instructions + self._execution.done),
             )
+        self._execution.may_be_fast = self._on_block is None
         # Code that was translated before calls the hooks of then.
         self._uc.ctl_flush_tb()
 
@@ -198,59 +197,40 @@ class Cpu:
         uc.mem_map_ptr(m.FLASH_BASE, m.FLASH_BYTES, code, flash)
         uc.mem_map_ptr(m.SRAM0_BASE, m.SRAM0_BYTES, data, ram)
         uc.mem_map_ptr(m.RAM_BASE, m.RAM_BYTES, data, ram)
-        for base, size in (
-            (PERIPHERALS_BASE, PERIPHERALS_BYTES),
-            (system_control.BASE, system_control.BYTES),
-        ):
-            uc.mmio_map(base, size, self._on_read, base, self._on_write, base)
 
     def _run_slice(self, until_ps: int, longest: int) -> None:
-        machine, count = self._machine, self._count
-        self._slice_ps, self._slice_hz, self._charged_ps = machine.now_ps, machine.mck_hz, 0
-        self._until_ps, self._longest = until_ps, longest
-        count.begin(longest)
-        count.limit = max(1, self._instructions_to_end())
-        error: unicorn.UcError | None = None
-        try:
-            self._uc.emu_start(self._pc | THUMB, NO_END)
-        except unicorn.UcError as caught:
-            error = caught
+        machine, slice_ = self._machine, self._execution
+        slice_.begin(machine.now_ps, machine.mck_hz, until_ps, longest)
+        self._tell()
+        error = slice_.run(self._pc)
         self._pc = self._uc.reg_read(PC)
         if self._raised is not None:
             raise self._raised
-        done = count.done - (error is not None and self._pc == count.address)
-        machine.advance_to(self._time_after(done))
+        done = slice_.done - (error != unicorn.UC_ERR_OK and self._pc == slice_.address)
+        machine.advance_to(slice_.time_after(done))
         self.instructions += done
-        count.done = 0
+        slice_.done = 0
         # Unicorn takes WFE for an undefined instruction, once it is past it.
-        if error is not None and not self._has_just_done(WFE):
-            reason = REASONS.get(error.errno, str(error))
+        if error != unicorn.UC_ERR_OK and not self._has_just_done(WFE):
+            reason = REASONS.get(error, str(unicorn.UcError(error)))
             place = "" if self._invalid_address is None else f": 0x{self._invalid_address:08X}"
             machine.fault(reason + place)
-        if self._unexpected:
-            machine.fault(self._unexpected)
-        if self._exception_exit:
+        if slice_.interrupt == EXCEPTION_EXIT:
             self._leave()
+        elif slice_.interrupt != NO_INTERRUPT:
+            number = slice_.interrupt
+            machine.fault(
+                HOOK_NUMBERS.get(number, f"exception {number} of the processor: not modelled")
+            )
         elif self._has_just_done(WFI):
             machine.asleep = True
         elif self._has_just_done(WFE):
             machine.asleep, self._event_register = not self._event_register, False
 
-    def _instructions_to_end(self) -> int:
-        """How many instructions the slice has if nothing happens before what is known to happen."""
-        longest = self._longest
-        if self._nvic.pending & self._nvic.enabled:
-            longest = min(longest, self._count.done + WAITING_INSTRUCTIONS)
-        to_end_ps = min(self._machine.next_event_ps, self._until_ps) - self._slice_ps - self._charged_ps
-        return max(0, min(longest, -(-to_end_ps * self._slice_hz // PS_PER_S)))
-
     def _has_just_done(self, instruction: bytes) -> bool:
         """Whether the slice ended behind this instruction."""
-        last = self._count.address
+        last = self._execution.address
         return self._pc == last + 2 and bytes(self._uc.mem_read(last, 2)) == instruction
-
-    def _time_after(self, instructions: int) -> int:
-        return self._slice_ps + instructions * PS_PER_S // self._slice_hz + self._charged_ps
 
     # Exceptions
 
@@ -285,10 +265,9 @@ class Cpu:
         uc.reg_write(LR, (RETURN_TO_HANDLER if nested else RETURN_TO_THREAD) | 1)
         uc.reg_write(arm_const.UC_ARM_REG_XPSR, values[-1] & 0xF800_0000 | XPSR_T | exception)
         self._pc = vector & ~THUMB
-        self._recent_reads.clear()
+        self._execution.forget_reads()
 
     def _leave(self) -> None:
-        self._exception_exit = False
         self._event_register = True
         uc, active = self._uc, self._nvic.active
         expected = RETURN_TO_HANDLER if len(active) > 1 else RETURN_TO_THREAD
@@ -307,14 +286,7 @@ class Cpu:
         uc.reg_write(arm_const.UC_ARM_REG_XPSR, xpsr & ~XPSR_ALIGNED)
         self._pc = values[-2] & ~THUMB
 
-    # What Unicorn calls while it runs; nothing may be raised through it.
-
-    def _on_interrupt(self, uc: unicorn.Uc, number: int, _: Any) -> None:
-        if number == EXCEPTION_EXIT:
-            self._exception_exit = True
-        else:
-            self._unexpected = HOOK_NUMBERS.get(number, f"exception {number} of the processor: not modelled")
-        uc.emu_stop()
+    # What is called while a slice runs; nothing may be raised through it.
 
     def _on_invalid(
         self, _uc: unicorn.Uc, _access: int, address: int, _size: int, _value: int, _: Any
@@ -322,54 +294,74 @@ class Cpu:
         self._invalid_address = address
         return False
 
-    def _on_read(self, _: unicorn.Uc, offset: int, size: int, base: int) -> int:
-        return self._access(base, base + offset, size, None)
-
-    def _on_write(self, _: unicorn.Uc, offset: int, size: int, value: int, base: int) -> None:
-        self._access(base, base + offset, size, value)
-
-    def _access(self, base: int, address: int, size: int, value: int | None) -> int:
-        """Do one access at its exact moment; end the slice right after it if something has to happen then."""
-        if self._raised is not None:
-            return 0
-        machine, count = self._machine, self._count
-        pc = self._pc = count.address
+    def _on_read(self, address: int, size: int) -> int:
         try:
-            machine.advance_to(self._time_after(count.done - 1))
-            answer = 0
-            if self._restart:
-                pass  # a reset came first: the access went down with the program
-            elif value is None:
-                answer = self._spaces[base].read(address, size)
-                self._charge_read(pc, answer)
-            else:
-                self._spaces[base].write(address, size, value)
-                self._recent_reads.clear()
-            self._charged_ps += ACCESS_CYCLES * PS_PER_S // self._slice_hz
-            # What happens during the access need not end the slice: often it was what a poll waits for.
-            machine.advance_to(self._time_after(count.done - 1))
-            count.limit = 0 if self._stops_now() else self._instructions_to_end()
-            return answer
+            return 0 if self._drops_access() else self._space(address).read(address, size)
         except BaseException as raised:
-            self._raised = raised
-            count.limit = 0
-            return 0
+            return self._die(raised)
+        finally:
+            self._tell()
 
-    def _charge_read(self, pc: int, value: int) -> None:
-        recent = self._recent_reads
-        if pc not in recent and len(recent) >= POLL_PCS:
-            recent.clear()
-        elif recent.get(pc) == value:
-            to_event_ps = self._machine.next_event_ps - self._machine.now_ps
-            self._charged_ps += max(0, to_event_ps) if to_event_ps <= POLL_NEAR_PS else POLL_STEP_PS
-        recent[pc] = value
+    def _on_write(self, address: int, size: int, value: int) -> None:
+        try:
+            if not self._drops_access():
+                self._space(address).write(address, size, value)
+        except BaseException as raised:
+            self._die(raised)
+        finally:
+            self._tell()
 
-    def _stops_now(self) -> bool:
-        """Whether the next instruction may not run in this slice; a masked interrupt too ends it."""
-        machine = self._machine
-        if self._restart or machine.now_ps < self._halted_until_ps or machine.mck_hz != self._slice_hz:
-            return True
-        return self._urgent() is not None
+    def _drops_access(self) -> bool:
+        """Come to the moment of an access; whether a reset came first, and it went down with the program."""
+        slice_ = self._execution
+        self._pc = slice_.address
+        self._machine.advance_to(slice_.time_after(slice_.done - 1))
+        slice_.dropped = self._restart
+        return self._restart
+
+    def _space(self, address: int) -> Bus | SystemControl:
+        return self._control if address >= system_control.BASE else self._bus
+
+    def _on_events(self) -> None:
+        slice_ = self._execution
+        self._pc = slice_.address
+        try:
+            self._machine.advance_to(slice_.time_after(slice_.done - 1))
+        except BaseException as raised:
+            self._die(raised)
+        self._tell()
+
+    def _on_limit(self, pc: int) -> None:
+        """Let happen what is due before the next instruction; the slice goes on if it may."""
+        machine, slice_ = self._machine, self._execution
+        self._pc = pc
+        try:
+            machine.advance_to(slice_.time_after(slice_.done))
+            self.instructions += slice_.done
+            slice_.begin_again(machine.now_ps)
+            machine.check_interrupted()
+        except KeyboardInterrupt:
+            slice_.until_ps = 0
+        except BaseException as raised:
+            self._die(raised)
+        self._tell()
+
+    def _die(self, raised: BaseException) -> int:
+        self._raised = raised
+        self._execution.dead = True
+        return 0
+
+    def _tell(self) -> None:
+        """Tell what the slice has to know about the machine."""
+        machine, nvic, slice_ = self._machine, self._nvic, self._execution
+        next_ps = machine.next_event_ps
+        slice_.next_event_ps = next_ps if next_ps < LATEST_PS else LATEST_PS
+        slice_.halted_until_ps = self._halted_until_ps
+        machine.quick_reads.clocked = machine.clocked
+        slice_.waiting = waiting = bool(nvic.pending & nvic.enabled)
+        slice_.stops = (
+            self._restart or machine.mck_hz != slice_.hz or (waiting and self._urgent() is not None)
+        )
 
 
 def describe_exception(exception: int) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from tools.due_emulator.machine import PS_PER_S, Machine
+from tools.due_emulator.quick_reads import QuickRegister
 
 
 class CycleCounter:
@@ -40,3 +41,7 @@ class CycleCounter:
         hz, divider = self._rate
         at_ps = self._from_ps - (-(cycles - self._from_cycles) * PS_PER_S * divider // hz)
         return max(0, at_ps - self._machine.now_ps)
+
+    def lay_out(self, register: QuickRegister, period: int) -> None:
+        """Let a register be this count, taken back to 0 at each period."""
+        register.count(self._from_ps, self._from_cycles, self._rate, period)

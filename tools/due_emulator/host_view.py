@@ -12,6 +12,8 @@ from tools.due_emulator.board import Board
 from tools.due_emulator.instants import Instants
 from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 
+CHUNK_BYTES = 512
+"""So many bytes without an end of frame are handed on as they are."""
 MAX_GAP = 1 << 30
 """No gap is too long to be counted as one."""
 
@@ -42,11 +44,17 @@ class HostView:
         self._steps = 0
         self._steps_us = 0
         self._last: Placed | None = None
+        self._block = bytearray()
         self._new_boot = True
 
     def take(self, byte: int) -> bool:
         """Take one byte; the answer is always that it was taken."""
-        for item in self.reader.feed(bytes((byte,))):
+        # What a frame is, its last byte decides, and no other byte is 0.
+        self._block.append(byte)
+        if byte and len(self._block) < CHUNK_BYTES:
+            return True
+        block, self._block = bytes(self._block), bytearray()
+        for item in self.reader.feed(block):
             if isinstance(item, Refused):
                 self.refused = item.message
             else:

@@ -7,6 +7,8 @@ import heapq
 from collections.abc import Callable
 from typing import NoReturn
 
+from tools.due_emulator.quick_reads import QuickReads
+
 PS_PER_S = 1_000_000_000_000
 PS_PER_US = 1_000_000
 NEVER_PS = 1 << 100
@@ -28,6 +30,8 @@ class EmulationFault(Exception):
 class Event:
     """Something that happens at a moment of virtual time."""
 
+    __slots__ = ("action", "at_ps")
+
     def __init__(self, at_ps: int, action: Callable[[], None]) -> None:
         self.at_ps = at_ps
         self.action: Callable[[], None] | None = action
@@ -47,6 +51,8 @@ class Machine:
         self.mck_hz = MCK_AT_RESET_HZ
         self.clocked = 0
         """Bit i: the clock of the peripheral with identifier i is on (PMC_PCSR0, PMC_PCSR1)."""
+        self.quick_reads = QuickReads()
+        """Registers that a program reads without their peripheral."""
         self.on_irq: Callable[[int, bool], None] = lambda irq, level: None
         """Where interrupt lines end; the board puts the NVIC here."""
         self.on_clock_change: list[Callable[[], None]] = []
@@ -75,9 +81,10 @@ class Machine:
 
     def schedule(self, delay_ps: int, action: Callable[[], None]) -> Event:
         """Let `action` happen in `delay_ps`, and return the means to cancel it."""
-        event = Event(self.now_ps + max(0, delay_ps), action)
+        at_ps = self._now_ps + delay_ps if delay_ps > 0 else self._now_ps
+        event = Event(at_ps, action)
         self._scheduled += 1
-        heapq.heappush(self._heap, (event.at_ps, self._scheduled, event))
+        heapq.heappush(self._heap, (at_ps, self._scheduled, event))
         return event
 
     @property
@@ -90,11 +97,13 @@ class Machine:
 
     def advance_to(self, to_ps: int) -> None:
         """Let time pass up to `to_ps`; the events on the way happen, each at its own moment."""
-        while self.next_event_ps <= to_ps:
-            at_ps, _, event = heapq.heappop(self._heap)
-            self._pass(at_ps)
-            action, event.action = event.action, None
+        heap = self._heap
+        while heap and heap[0][0] <= to_ps:
+            at_ps, _, event = heapq.heappop(heap)
+            action = event.action
             if action is not None:
+                self._pass(at_ps)
+                event.action = None
                 action()
         self._pass(to_ps)
 

@@ -55,8 +55,11 @@ class Memory:
 
     def read(self, address: int, n: int) -> bytes | None:
         """Return n bytes as a DMA controller reads them; None where there is no memory."""
-        places = ((RAM_BASE, self.ram), (FLASH_BASE, self.flash), (SRAM0_BASE, self.ram[:SRAM0_BYTES]))
-        for base, content in places:
-            if base <= address and address + n <= base + len(content):
+        for base, size, content in (
+            (RAM_BASE, RAM_BYTES, self.ram),
+            (FLASH_BASE, FLASH_BYTES, self.flash),
+            (SRAM0_BASE, SRAM0_BYTES, self.ram),
+        ):
+            if base <= address and address + n <= base + size:
                 return content[address - base : address - base + n]
         return None

@@ -36,6 +36,8 @@ class Channel:
         self._event: Event | None = None
         self._running = False
         self._seen = 0
+        register = timer.table.registers[f"CV{number}"]
+        self._quick_value = timer.machine.quick_reads.add(timer.table.base + register.offset, self.irq)
         timer.machine.on_clock_change.append(self._on_clock_change)
 
     def reset(self) -> None:
@@ -44,6 +46,7 @@ class Channel:
         self._running = False
         self._counter.restart()
         self._seen = 0
+        self._lay_out()
         self.settle_irq()
 
     @property
@@ -84,6 +87,7 @@ class Channel:
             self._schedule()
         if value & CLKDIS:
             self._timer.registers[f"SR{self._n}"] &= ~CLKSTA
+        self._lay_out()
 
     def configure(self, value: int) -> None:
         """CMR."""
@@ -101,6 +105,7 @@ class Channel:
             self._counter.restart(self._counter.cycles % self._period)
         self._seen = self._counter.cycles
         self._schedule()
+        self._lay_out()
 
     def read_status(self) -> int:
         """SR; what happened since the last reading is cleared by it."""
@@ -155,6 +160,14 @@ class Channel:
         self._counter.rate_changed()
         self._seen = min(self._seen, self._counter.cycles)
         self._schedule()
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Keep what is read in C++ as `value` is."""
+        if self._running:
+            self._counter.lay_out(self._quick_value, self._period)
+        else:
+            self._quick_value.hold(0, 0)
 
 
 class Timer(Peripheral):

@@ -45,6 +45,9 @@ class Twi(Peripheral):
         self.transfers = 0
         self.stale_reads = 0
         """After so many of the next reads one byte too many stays in RHR, as if STOP had come too late."""
+        self._quick_status = machine.quick_reads.add(
+            self.table.base + self.table.registers["SR"].offset, self.clock_id("SR")
+        )
         self._event: Event | None = None
         self._thr: int | None = None
         self._on_line: tuple[bool, int] | None = None
@@ -53,6 +56,8 @@ class Twi(Peripheral):
         self._waiting = self._stalled = False
         self._step_ps = self._begun_ps = 0
         self._step_bits = 0.0
+        self._bit_settings: tuple[int, int] | None = None
+        self._bit = 0.0
         self._idle()
         pio.on_mux_change.append(self._on_mux_change)
         lines.scl.listen(self._on_scl)
@@ -288,7 +293,10 @@ class Twi(Peripheral):
             self._resume()
 
     def _bit_ps(self) -> float:
-        return PS_PER_S / self.scl_hz
+        settings = self.machine.mck_hz, self.registers["CWGR"]
+        if settings != self._bit_settings:
+            self._bit_settings, self._bit = settings, PS_PER_S / self.scl_hz
+        return self._bit
 
     def _end(self) -> None:
         self.busy_ps += self.machine.now_ps - self._begun_ps
@@ -329,6 +337,7 @@ class Twi(Peripheral):
         self._settle_irq()
 
     def _settle_irq(self) -> None:
-        irq = self.table.irq
+        irq, status = self.table.irq, self.registers["SR"]
         assert irq is not None
-        self.machine.set_irq(irq, bool(self.registers["SR"] & self.registers["IMR"]))
+        self._quick_status.hold(status, CLEARED_BY_READ)
+        self.machine.set_irq(irq, bool(status & self.registers["IMR"]))

@@ -37,6 +37,9 @@ class Transmitter(Peripheral):
         self.busy_ps = 0
         """Time for which the line was not idle [ps]."""
         self._event: Event | None = None
+        self._timing_of: tuple[int, int, int] | None = None
+        self._baud = 0.0
+        self._byte_ps = 0
         self._clear()
 
     def _clear(self) -> None:
@@ -134,13 +137,20 @@ class Transmitter(Peripheral):
         """Move bytes on: from memory to the holding register, from there to the line."""
         self._fetch()
         if self._shifting is None and self._holding is not None and self._enabled:
-            self._check_format()
             self._shifting, self._holding = self._holding, None
-            baud = self.baud
-            byte_ps = round(BITS_PER_BYTE * PS_PER_S / baud)
-            self._event = self.machine.schedule(byte_ps, lambda: self._sent(byte_ps, baud))
+            self._settle_timing()
+            self._event = self.machine.schedule(self._byte_ps, self._sent)
             self._fetch()
         self._settle()
+
+    def _settle_timing(self) -> None:
+        """Bring the time of a byte up to date; settings cannot change while one is on the line."""
+        settings = self.machine.mck_hz, self.registers["BRGR"], self.registers["MR"]
+        if settings != self._timing_of:
+            self._check_format()
+            self._baud = self.baud
+            self._byte_ps = round(BITS_PER_BYTE * PS_PER_S / self._baud)
+            self._timing_of = settings
 
     def _fetch(self) -> None:
         r = self.registers
@@ -159,12 +169,12 @@ class Transmitter(Peripheral):
             if not r["TCR"]:
                 r[self._status] |= TXBUFE
 
-    def _sent(self, byte_ps: int, baud: float) -> None:
+    def _sent(self) -> None:
         assert self._shifting is not None
         byte, self._shifting, self._event = self._shifting, None, None
         self.bytes_sent += 1
-        self.busy_ps += byte_ps
-        self._line.send(byte, self.machine.now_ps, baud)
+        self.busy_ps += self._byte_ps
+        self._line.send(byte, self.machine.now_ps, self._baud)
         self._feed()
 
     def _settle(self) -> None:

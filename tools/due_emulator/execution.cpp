@@ -1,0 +1,366 @@
+// What Unicorn calls at each block of code, before each instruction and at each access to a peripheral, millions of
+// times a second, so not in Python; and the choice between two processors that share one memory:
+//   the exact one stops before any instruction and knows at each access which one it is of;
+//   the fast one counts whole blocks of code, has no peripherals, and stops before what it cannot do.
+// A slice goes over to the fast one when a program computes, and its results are those of the exact one alone.
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+namespace {
+
+constexpr uint64_t kPsPerS = 1000000000000;
+constexpr uint64_t kNoEnd = 0xFFFFFFFE;
+constexpr uint64_t kNowhere = 1;
+constexpr uint64_t kThumb = 1;
+constexpr uint32_t kExceptionExit = 8;
+constexpr uint64_t kNoInterrupt = UINT64_MAX;
+constexpr uint64_t kCalmInstructions = 200;  // without an access; a change of processors costs as much as some 100
+
+enum RegisterKind : uint64_t { kNone, kWord, kCounter };
+
+// Fields as in quick_reads.py.
+struct QuickRegister {
+    uint64_t address;
+    uint64_t kind;
+    uint64_t clock;
+    uint64_t value;
+    uint64_t cleared;
+    uint64_t from_ps;
+    uint64_t from_cycles;
+    uint64_t hz;
+    uint64_t divider;
+    uint64_t period;
+};
+
+struct QuickReads {
+    uint64_t clocked;
+    uint64_t count;
+    QuickRegister registers[16];
+};
+
+// What is known of a block of code in flash, by its first halfword.
+struct Block {
+    uint16_t bytes;
+    uint16_t instructions;
+    uint8_t needs_exact;
+};
+
+constexpr size_t kPollPcs = 8;
+
+// Fields as in execution.py.
+struct Execution {
+    uint64_t done;
+    uint64_t limit;
+    uint64_t address;
+    uint64_t next;
+    uint64_t block_end;
+    uint64_t slice_ps;
+    uint64_t charged_ps;
+    uint64_t hz;
+    uint64_t until_ps;
+    uint64_t longest;
+    uint64_t next_event_ps;
+    uint64_t halted_until_ps;
+    uint64_t waiting;
+    uint64_t stops;
+    uint64_t dead;
+    uint64_t dropped;
+    uint64_t interrupt;
+    uint64_t may_be_fast;
+    uint64_t may_be_quick;
+    uint64_t calm;
+    uint64_t go_fast;
+    uint64_t fast_block;
+    uint64_t recent_count;
+    uint64_t recent_pcs[kPollPcs];
+    uint64_t recent_values[kPollPcs];
+    uint64_t access_cycles;
+    uint64_t waiting_instructions;
+    uint64_t poll_near_ps;
+    uint64_t poll_step_ps;
+    uint64_t pc_register;
+    const uint8_t* flash;
+    uint64_t flash_base;
+    uint64_t flash_bytes;
+    const QuickReads* quick;
+    Block* blocks;
+    void* exact;
+    void* fast;
+    void* context;
+    void* fresh;
+    uint64_t (*on_read)(uint64_t address, uint64_t size);
+    void (*on_write)(uint64_t address, uint64_t size, uint64_t value);
+    void (*on_events)();
+    void (*on_limit)(uint64_t pc);
+    int (*mem_read)(void* processor, uint64_t address, void* to, size_t bytes);
+    int (*emu_start)(void* processor, uint64_t begin, uint64_t end, uint64_t timeout, size_t count);
+    int (*emu_stop)(void* processor);
+    int (*reg_read)(void* processor, int id, void* value);
+    int (*context_save)(void* processor, void* context);
+    int (*context_restore)(void* processor, void* context);
+};
+
+struct Space {
+    Execution* execution;
+    uint64_t base;
+};
+
+// Time
+
+uint64_t time_after(const Execution& e, uint64_t instructions) {
+    return e.slice_ps + instructions * kPsPerS / e.hz + e.charged_ps;
+}
+
+// How many instructions the slice has if nothing happens before what is known to happen.
+uint64_t instructions_to_end(const Execution& e) {
+    uint64_t longest = e.longest;
+    if (e.waiting && e.done + e.waiting_instructions < longest) longest = e.done + e.waiting_instructions;
+    const uint64_t end_ps = e.next_event_ps < e.until_ps ? e.next_event_ps : e.until_ps;
+    const uint64_t begin_ps = e.slice_ps + e.charged_ps;
+    if (end_ps <= begin_ps) return 0;
+    using Wide = unsigned __int128;
+    const Wide to_end = (static_cast<Wide>(end_ps - begin_ps) * e.hz + (kPsPerS - 1)) / kPsPerS;
+    return to_end < longest ? static_cast<uint64_t>(to_end) : longest;
+}
+
+// Code
+
+uint16_t flash_halfword(const Execution& e, uint64_t address) {
+    uint16_t halfword = 0;
+    std::memcpy(&halfword, e.flash + (address - e.flash_base), sizeof halfword);
+    return halfword;
+}
+
+bool in_flash(const Execution& e, uint64_t address, uint64_t bytes) {
+    return address >= e.flash_base && address + bytes <= e.flash_base + e.flash_bytes;
+}
+
+bool is_wide(uint16_t halfword) { return halfword >> 11 >= 0x1D; }  // ARMv7-M, A5.1
+
+// UDF, SVC, BKPT, and hints such as WFI, but not NOP: what ends a slice, or may.
+bool is_special(uint16_t halfword) {
+    const uint16_t high = halfword >> 8;
+    const bool is_hint = high == 0xBF && !(halfword & 0xF) && halfword != 0xBF00;
+    return high == 0xDE || high == 0xDF || high == 0xBE || is_hint;
+}
+
+// Unicorn is silent about instructions that their condition switches off; they take a cycle too.
+void count_silent_ones(Execution& e, void* processor, uint64_t end) {
+    while (e.next < end) {
+        uint16_t halfword = 0;
+        if (in_flash(e, e.next, sizeof halfword))
+            halfword = flash_halfword(e, e.next);
+        else
+            e.mem_read(processor, e.next, &halfword, sizeof halfword);
+        e.next += is_wide(halfword) ? 4 : 2;
+        ++e.done;
+    }
+}
+
+uint64_t count_instructions(const Execution& e, uint64_t begin, uint64_t end) {
+    uint64_t count = 0;
+    for (uint64_t at = begin; at < end; ++count) at += is_wide(flash_halfword(e, at)) ? 4 : 2;
+    return count;
+}
+
+// The block at an address; null if it is not in flash, where code never changes.
+Block* find_block(Execution& e, uint64_t address, uint32_t bytes) {
+    if (!in_flash(e, address, bytes)) return nullptr;
+    Block& block = e.blocks[(address - e.flash_base) / 2];
+    if (block.bytes != bytes) {
+        block.bytes = static_cast<uint16_t>(bytes);
+        block.instructions = static_cast<uint16_t>(count_instructions(e, address, address + bytes));
+        for (uint64_t at = address; at < address + bytes;) {
+            const uint16_t halfword = flash_halfword(e, at);
+            if (is_special(halfword)) block.needs_exact = 1;
+            at += is_wide(halfword) ? 4 : 2;
+        }
+    }
+    return &block;
+}
+
+bool fits(const Execution& e, const Block* block) {
+    return block && !block->needs_exact && e.done + block->instructions <= e.limit;
+}
+
+// Accesses to peripherals
+
+// The value of a register that does nothing when it is read and that Python keeps laid out.
+bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t now_ps, uint64_t* value) {
+    if (!e.may_be_quick || size != 4 || e.next_event_ps <= now_ps || now_ps < e.slice_ps) return false;
+    const QuickReads& quick = *e.quick;
+    for (uint64_t i = 0; i < quick.count; ++i) {
+        const QuickRegister& r = quick.registers[i];
+        if (r.address != address) continue;
+        if (r.kind == kNone || (r.clock & ~quick.clocked)) return false;
+        if (r.kind == kWord) {
+            *value = r.value;
+            return !(r.value & r.cleared);
+        }
+        using Wide = unsigned __int128;
+        const Wide cycles = static_cast<Wide>(now_ps - r.from_ps) * r.hz / (static_cast<Wide>(kPsPerS) * r.divider);
+        *value = static_cast<uint64_t>((r.from_cycles + cycles) % r.period);
+        return true;
+    }
+    return false;
+}
+
+// Let time pass at a read that is a poll; see POLL_PCS in cpu.py.
+void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
+    uint64_t i = 0;
+    while (i < e.recent_count && e.recent_pcs[i] != e.address) ++i;
+    if (i < e.recent_count) {
+        if (e.recent_values[i] == value) {
+            const uint64_t to_event_ps = e.next_event_ps > now_ps ? e.next_event_ps - now_ps : 0;
+            e.charged_ps += to_event_ps <= e.poll_near_ps ? to_event_ps : e.poll_step_ps;
+        }
+    } else {
+        if (e.recent_count >= kPollPcs) e.recent_count = i = 0;
+        ++e.recent_count;
+        e.recent_pcs[i] = e.address;
+    }
+    e.recent_values[i] = value;
+}
+
+// An access at its exact moment; the slice ends right after it if something has to happen then.
+uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* written) {
+    if (e.dead) return 0;
+    e.calm = 0;
+    const uint64_t now_ps = time_after(e, e.done - 1);
+    uint64_t value = 0;
+    if (written) {
+        e.on_write(address, size, *written);
+    } else {
+        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(address, size);
+    }
+    if (e.dead) {
+        e.limit = 0;
+        return 0;
+    }
+    if (written)
+        e.recent_count = 0;
+    else if (!e.dropped)
+        charge_read(e, value, now_ps);
+    e.charged_ps += e.access_cycles * kPsPerS / e.hz;
+    // What happens during the access need not end the slice: often it was what a poll waits for.
+    const uint64_t end_ps = time_after(e, e.done - 1);
+    // BASEPRI, which nothing tells of, may have let in what waits.
+    if (e.next_event_ps <= end_ps || e.waiting) e.on_events();
+    e.limit = e.dead || e.stops || end_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
+    return value;
+}
+
+// Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that comes.
+void run_fast(Execution& e, uint64_t pc) {
+    e.context_save(e.exact, e.context);
+    e.context_restore(e.fast, e.context);
+    e.fast_block = kNowhere;
+    const int error = e.emu_start(e.fast, pc | kThumb, kNoEnd, 0, 0);
+    const bool is_cut_off = error || (e.interrupt != kNoInterrupt && e.interrupt != kExceptionExit);
+    if (is_cut_off && e.fast_block != kNowhere) {
+        // The exact one does this instruction once more, to say what it does.
+        Block& block = e.blocks[(e.fast_block - e.flash_base) / 2];
+        uint32_t stopped_at = 0;
+        e.reg_read(e.fast, static_cast<int>(e.pc_register), &stopped_at);
+        if (stopped_at >= e.fast_block && stopped_at < e.fast_block + block.bytes) {
+            e.done -= count_instructions(e, stopped_at, e.fast_block + block.bytes);
+            block.needs_exact = 1;
+        }
+        e.interrupt = kNoInterrupt;
+        e.calm = 0;
+    }
+    e.context_save(e.fast, e.context);
+    e.context_restore(e.exact, e.context);
+    // A context holds pointers to what its processor owns.
+    e.context_restore(e.fast, e.fresh);
+    e.address = kNowhere;
+    e.next = e.block_end = 0;
+}
+
+}  // namespace
+
+extern "C" {
+
+void enter_block(void* processor, uint64_t address, uint32_t bytes, void* data) {
+    Execution& e = *static_cast<Execution*>(data);
+    count_silent_ones(e, processor, e.block_end);
+    e.next = address;
+    e.block_end = address + bytes;
+    if (!e.may_be_fast) return;
+    const Block* block = find_block(e, address, bytes);
+    if (!block) {
+        // What one processor writes over code in RAM, the other one does not notice.
+        e.may_be_fast = 0;
+        return;
+    }
+    e.calm += block->instructions;
+    if (e.calm >= kCalmInstructions && fits(e, block)) {
+        e.go_fast = 1;
+        e.emu_stop(processor);
+    }
+}
+
+void enter_block_fast(void* processor, uint64_t address, uint32_t bytes, void* data) {
+    Execution& e = *static_cast<Execution*>(data);
+    const Block* block = find_block(e, address, bytes);
+    if (!fits(e, block)) {
+        if (!block || block->needs_exact) e.calm = 0;
+        e.emu_stop(processor);
+        return;
+    }
+    e.fast_block = address;
+    e.done += block->instructions;
+}
+
+void before_instruction(void* processor, uint64_t address, uint32_t bytes, void* data) {
+    Execution& e = *static_cast<Execution*>(data);
+    if (e.go_fast) return;
+    count_silent_ones(e, processor, address);
+    if (e.done >= e.limit) {
+        if (!e.dead && !e.stops && e.limit) e.on_limit(address);
+        e.limit = e.dead || e.stops || e.slice_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
+        if (!e.limit) {
+            e.emu_stop(processor);
+            return;
+        }
+    }
+    ++e.done;
+    e.address = address;
+    e.next = address + bytes;
+}
+
+void take_interrupt(void* processor, uint32_t number, void* data) {
+    static_cast<Execution*>(data)->interrupt = number;
+    static_cast<Execution*>(data)->emu_stop(processor);
+}
+
+uint64_t read_peripheral(void*, uint64_t offset, unsigned size, void* data) {
+    const Space& space = *static_cast<Space*>(data);
+    return access(*space.execution, space.base + offset, size, nullptr);
+}
+
+void write_peripheral(void*, uint64_t offset, unsigned size, uint64_t value, void* data) {
+    const Space& space = *static_cast<Space*>(data);
+    access(*space.execution, space.base + offset, size, &value);
+}
+
+// Run from an address until something ends the slice; Unicorn's error, or 0.
+int run(Execution* execution, uint64_t pc) {
+    Execution& e = *execution;
+    const uint64_t to_end = instructions_to_end(e);
+    e.limit = to_end ? to_end : 1;
+    while (true) {
+        e.go_fast = 0;
+        const int error = e.emu_start(e.exact, pc | kThumb, kNoEnd, 0, 0);
+        if (!e.go_fast) return error;
+        uint32_t stopped_at = 0;
+        e.reg_read(e.exact, static_cast<int>(e.pc_register), &stopped_at);
+        e.go_fast = 0;
+        run_fast(e, stopped_at);
+        e.reg_read(e.exact, static_cast<int>(e.pc_register), &stopped_at);
+        pc = stopped_at;
+        if (e.interrupt != kNoInterrupt) return 0;
+    }
+}
+}

@@ -1,0 +1,227 @@
+"""Runs slices of a program in C++: `execution.cpp` says how, and its struct has these fields in this order."""
+
+import ctypes
+import hashlib
+import mmap
+import os
+import subprocess
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import unicorn
+from fltea.errors import UsageError
+from unicorn import arm_const
+from unicorn.unicorn_py3.unicorn import uclib
+
+from tools.due_emulator.machine import PS_PER_S
+from tools.due_emulator.memory_map import FLASH_BASE, FLASH_BYTES
+from tools.due_emulator.quick_reads import QuickReads
+
+SOURCE = Path(__file__).with_suffix(".cpp")
+FOLDER = Path(__file__).parents[2] / "build" / "due_emulator"
+COMMAND = ("c++", "-std=c++11", "-O2", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+NOWHERE = 1
+"""No instruction is at an odd address."""
+NO_INTERRUPT = (1 << 64) - 1
+LATEST_PS = 1 << 62
+"""Stands for any later moment too."""
+ACCESS_CYCLES = 4
+"""An access to a peripheral, over the bridge [cycles]; a round number."""
+WAITING_INSTRUCTIONS = 200
+"""Longest run while an interrupt waits for its priority: BASEPRI may let it in at any instruction, which
+nothing tells. 2.4 us at 84 MHz."""
+POLL_PCS = 8
+POLL_NEAR_PS = 25_000_000
+POLL_STEP_PS = 10_000_000
+"""A read is a poll if the same instruction was among the last few that read, nothing was written since, and
+the value is the same as then. After a poll, time jumps to the next event if that is near, about a byte on a
+wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it."""
+
+ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
+ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
+ON_EVENTS = ctypes.CFUNCTYPE(None)
+ON_LIMIT = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
+UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "context_restore")
+
+
+class Block(ctypes.Structure):
+    """What is known of a block of code, by the halfword of flash at which it begins."""
+
+    _fields_ = (
+        ("bytes", ctypes.c_uint16),
+        ("instructions", ctypes.c_uint16),
+        ("needs_exact", ctypes.c_uint8),
+    )
+
+
+class Space(ctypes.Structure):
+    """Where the accesses to a range of addresses go."""
+
+    _fields_ = (("execution", ctypes.c_void_p), ("base", ctypes.c_uint64))
+
+
+def _numbers(names: str) -> list[tuple[str, type]]:
+    return [(name, ctypes.c_uint64) for name in names.split()]
+
+
+def _pointers(names: str) -> list[tuple[str, type]]:
+    return [(name, ctypes.c_void_p) for name in names.split()]
+
+
+class Execution(ctypes.Structure):
+    """A slice of execution: how far it has come, when it ends, and whom it tells of accesses and events.
+
+    done: instructions that began in this slice. limit: the slice ends before the next instruction once there
+    were so many. address: of the instruction that began last. slice_ps: when the slice began; hz: its clock.
+    until_ps, longest: it ends there at the latest [ps, instructions]. What is called has to keep up to date:
+    next_event_ps; halted_until_ps; waiting: an interrupt is pending; stops: the next instruction may not run
+    in this slice; dead: an error has to be raised; dropped: the access went down with a reset. interrupt:
+    number of the exception that ended the slice, or NO_INTERRUPT. may_be_fast, may_be_quick: 0 to do without
+    the second processor, and without reading registers in C++; the results are the same.
+    """
+
+    _fields_ = (
+        *_numbers("done limit address _next _block_end"),
+        *_numbers("slice_ps charged_ps hz until_ps longest next_event_ps halted_until_ps"),
+        *_numbers("waiting stops dead dropped interrupt"),
+        *_numbers("may_be_fast may_be_quick _calm _go_fast _fast_block _recent_count"),
+        ("_recent_pcs", ctypes.c_uint64 * POLL_PCS),
+        ("_recent_values", ctypes.c_uint64 * POLL_PCS),
+        *_numbers("_access_cycles _waiting_instructions _poll_near_ps _poll_step_ps _pc_register"),
+        *_pointers("_flash"),
+        *_numbers("_flash_base _flash_bytes"),
+        *_pointers("_quick _blocks _exact _fast _context _fresh"),
+        ("_on_read", ON_READ),
+        ("_on_write", ON_WRITE),
+        ("_on_events", ON_EVENTS),
+        ("_on_limit", ON_LIMIT),
+        *_pointers(" ".join(f"_{name}" for name in UNICORN)),
+    )
+
+    def __init__(
+        self,
+        flash: mmap.mmap,
+        quick: QuickReads,
+        *,
+        on_read: Callable[[int, int], int],
+        on_write: Callable[[int, int, int], None],
+        on_events: Callable[[], None],
+        on_limit: Callable[[int], None],
+    ) -> None:
+        """Tell of reads (address, bytes), writes (address, bytes, value), of events that are due after an
+        access, and of the limit when it is reached (the address of the next instruction)."""
+        super().__init__()
+        self._library = _library()
+        self._quick_reads = quick
+        self._flash = ctypes.addressof(ctypes.c_char.from_buffer(flash))
+        self._flash_base, self._flash_bytes = FLASH_BASE, FLASH_BYTES
+        self._quick = ctypes.addressof(quick)
+        self._on_read, self._on_write = ON_READ(on_read), ON_WRITE(on_write)
+        self._on_events, self._on_limit = ON_EVENTS(on_events), ON_LIMIT(on_limit)
+        self._access_cycles, self._waiting_instructions = ACCESS_CYCLES, WAITING_INSTRUCTIONS
+        self._poll_near_ps, self._poll_step_ps = POLL_NEAR_PS, POLL_STEP_PS
+        self._pc_register = arm_const.UC_ARM_REG_PC
+        for name in UNICORN:
+            setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))
+        self.may_be_quick = 1
+
+    def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
+        """Run on these processors, both fresh and with the same memory; peripherals: base and size."""
+        self.forget_reads()
+        self._calm = self.dead = 0
+        self._block_table = (Block * (FLASH_BYTES // 2))()
+        self._blocks = ctypes.addressof(self._block_table)
+        self._processors = (exact, fast)
+        self._exact, self._fast = exact._uch, fast._uch
+        self._contexts = (exact.context_save(), fast.context_save())
+        self._context, self._fresh = (context.context for context in self._contexts)
+        functions = self._library
+        for uc, kind, function in (
+            (exact, unicorn.UC_HOOK_BLOCK, functions.enter_block),
+            (exact, unicorn.UC_HOOK_CODE, functions.before_instruction),
+            (exact, unicorn.UC_HOOK_INTR, functions.take_interrupt),
+            (fast, unicorn.UC_HOOK_BLOCK, functions.enter_block_fast),
+            (fast, unicorn.UC_HOOK_INTR, functions.take_interrupt),
+        ):
+            self._hook(uc, kind, function)
+        self._spaces = [Space(ctypes.addressof(self), base) for base in peripherals]
+        for space, (base, size) in zip(self._spaces, peripherals.items(), strict=True):
+            place, read, write = ctypes.addressof(space), functions.read_peripheral, functions.write_peripheral
+            _check(
+                uclib.uc_mmio_map(
+                    exact._uch, base, size, _address_of(read), place, _address_of(write), place
+                )
+            )
+
+    def _hook(self, uc: unicorn.Uc, kind: int, function: ctypes._CFuncPtr) -> None:
+        # Unicorn's own hook_add takes functions of Python only.
+        handle, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
+        place = ctypes.addressof(self)
+        _check(
+            uclib.uc_hook_add(
+                uc._uch, ctypes.byref(handle), kind, _address_of(function), place, *everywhere
+            )
+        )
+
+    def forget_reads(self) -> None:
+        """Let no read be a poll for what was read before."""
+        self._recent_count = 0
+
+    def begin(self, slice_ps: int, hz: int, until_ps: int, longest: int) -> None:
+        """Start a slice."""
+        self._next = self._block_end = 0
+        self.begin_again(slice_ps)
+        self.hz, self.until_ps, self.longest = hz, min(until_ps, LATEST_PS), longest
+        self.address, self.interrupt = NOWHERE, NO_INTERRUPT
+        self.dropped = 0
+
+    def begin_again(self, slice_ps: int) -> None:
+        """Start the next slice without leaving this one, before an instruction."""
+        self.done, self.slice_ps, self.charged_ps = 0, slice_ps, 0
+
+    def run(self, pc: int) -> int:
+        """Run from an address to the end of the slice; returns Unicorn's error, or UC_ERR_OK."""
+        return int(self._library.run(ctypes.byref(self), ctypes.c_uint64(pc)))
+
+    def time_after(self, instructions: int) -> int:
+        """Moment at which so many instructions of the slice have run [ps]."""
+        return int(self.slice_ps + instructions * PS_PER_S // self.hz + self.charged_ps)
+
+
+def _check(error: int) -> None:
+    if error != unicorn.UC_ERR_OK:
+        raise unicorn.UcError(error)
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    """Load the functions, compiled once for each version of their source.
+
+    Raises:
+        UsageError: they cannot be compiled.
+    """
+    version = hashlib.sha256(SOURCE.read_bytes() + " ".join(COMMAND).encode()).hexdigest()[:16]
+    library = FOLDER / f"{SOURCE.stem}-{version}.so"
+    if not library.exists():
+        _compile(library)
+    return ctypes.CDLL(str(library))
+
+
+def _compile(library: Path) -> None:
+    library.parent.mkdir(parents=True, exist_ok=True)
+    # Another process may do the same at this moment: the file appears as a whole.
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        fresh = Path(folder) / library.name
+        try:
+            subprocess.run([*COMMAND, "-o", fresh, SOURCE], capture_output=True, text=True, check=True)
+        except FileNotFoundError as error:
+            raise UsageError(f"no C++ compiler '{COMMAND[0]}'; install one (Debian: g++).") from error
+        except subprocess.CalledProcessError as error:
+            raise UsageError(f"{SOURCE.name} cannot be compiled: {error.stderr}") from error
+        os.replace(fresh, library)
+
+
+def _address_of(function: ctypes._CFuncPtr) -> ctypes.c_void_p:
+    return ctypes.cast(function, ctypes.c_void_p)
