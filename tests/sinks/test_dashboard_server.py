@@ -18,9 +18,10 @@ from dashboard_support import QUICK, records, told
 from fltea.records.errors import FlteaError
 from fltea.records.records import Estimate
 from fltea.settings.outputs import DashboardConfig
+from fltea.sinks.own_names import own_names
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
-from fltea.sinks.page.server import PageServer, own_names
+from fltea.sinks.page.server import PageServer
 from fltea.sinks.page.sink import DashboardSink
 from fltea.sinks.page.tiers import WINDOWS
 

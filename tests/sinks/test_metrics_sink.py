@@ -1,5 +1,6 @@
 """Metrics as Prometheus reads them: over HTTP, with its own parser."""
 
+import http.client
 import socket
 import threading
 import time
@@ -10,6 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.identities import MOST
 from fltea.records.ports import Item, Sink
 from fltea.records.records import (
     AccelEstimate,
@@ -120,8 +122,12 @@ class Nowhere(Sink):
 def serve() -> Iterator[Callable[..., MetricsSink]]:
     started: list[MetricsSink] = []
 
-    def start(*records: Any, outlets: Any = list) -> MetricsSink:
-        sink = MetricsSink(MetricsConfig(address="0"), outlets, lambda kind, text: None)
+    def start(
+        *records: Any, outlets: Any = list, told: list[str] | None = None, **settings: Any
+    ) -> MetricsSink:
+        told = [] if told is None else told
+        config = MetricsConfig(address="0", **settings)
+        sink = MetricsSink(config, outlets, lambda kind, text: told.append(kind))
         started.append(sink)
         for record in records:
             sink.write(record)
@@ -336,6 +342,62 @@ def test_address_may_be_of_version_6() -> None:
     assert sink.url.startswith("http://[::1]:")
     assert value(scrape(sink.url), "process_open_fds")
     sink.close()
+
+
+def get(sink: MetricsSink, host: str | None) -> tuple[int, str]:
+    """Status and body for a request with this `Host`."""
+    connection = http.client.HTTPConnection(
+        "127.0.0.1", int(sink.url.split(":")[2].split("/")[0]), timeout=30
+    )
+    try:
+        connection.putrequest("GET", "/metrics", skip_host=True)
+        if host is not None:
+            connection.putheader("Host", host)
+        connection.endheaders()
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode()
+    finally:
+        connection.close()
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "LOCALHOST:9100", "[::1]:9100", "192.168.1.7:9100", socket.gethostname(), None]
+)
+def test_who_asks_by_a_name_of_this_machine_is_answered(
+    serve: Callable[..., MetricsSink], host: str | None
+) -> None:
+    status, body = get(serve(STATS), host)
+    assert (status, "fltea_gaps_total" in body) == (200, True)
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:9100", "localhost.evil.example", "127.0.0.1.evil.example", "", "[::1"],
+)
+def test_names_that_only_resolve_to_us_get_no_metrics(serve: Callable[..., MetricsSink], host: str) -> None:
+    """DNS rebinding: somebody else's name comes to point here, and his page reads what we serve."""
+    status, body = get(serve(STATS), host)
+    assert (status, "fltea_" in body) == (421, False)
+    assert "metrics.names" in body
+
+
+def test_further_names_can_be_given(serve: Callable[..., MetricsSink]) -> None:
+    sink = serve(names=("Lab.example",))
+    assert get(sink, "lab.example")[0] == 200
+    assert get(sink, "labs.example")[0] == 421
+
+
+def test_board_that_is_ever_another_makes_few_series(serve: Callable[..., MetricsSink]) -> None:
+    """Each label is a time series that Prometheus keeps for weeks."""
+    told: list[str] = []
+    sink = serve(told=told)
+    series = set()
+    for k in range(50):
+        sink.write(hello(device_id=f"n{k}", firmware_version=f"v{k}", device="due"))
+        (info,) = [one for one in sink._families.collect() if one.name == "fltea_device"]
+        series |= {frozenset(one.labels.items()) for one in info.samples}
+    assert len(series) == MOST + 1
+    assert told == ["too_many_devices"]
 
 
 def test_client_that_says_nothing_or_leaves_disturbs_nobody(

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import msgspec
 import pytest
+from fltea.records import identities
 from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Sample
 from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt.connection import Down, Up
@@ -69,7 +70,7 @@ def test_topic_of_any_device_is_one_level_and_no_pattern(name: str) -> None:
     level = mqtt._device_id(hello(device_id=name), "due")
     assert level
     assert not set("+#/\0\n") & set(level)
-    assert len(level) == len(name)
+    assert len(level) == min(len(name), mqtt.LONGEST_NAME)
 
 
 def test_device_without_an_identifier_has_its_name(bench: Callable[..., Bench]) -> None:
@@ -205,3 +206,53 @@ def test_another_board_while_the_broker_is_away(bench: Callable[..., Bench]) -> 
     assert b.connection.on("status")[-1]["reason"] == "replaced"
     assert len(b.connection.on("gap")) == 1
     assert b.connection.on("status", "b1")[-1]["status"] == "stalled"
+
+
+# --- a board that says another name in every HELLO ---
+
+
+def topics() -> set[str]:
+    return {topic for connection in FakeConnection.made for topic, *_ in connection.sent}
+
+
+def test_ever_new_names_get_few_topics_and_are_told_once(bench: Callable[..., Bench]) -> None:
+    """768 retained topics in 8 s were found on a broker."""
+    b = bench()
+    for k in range(100):
+        b.write(hello(device_id=f"n{k}"), sample(k))
+        if not b.sink._turned_away:
+            b.happens(Up())
+        b.wait(0.01)
+    devices = {topic.split("/")[1] for topic in topics()}
+    assert devices == {"a0", "n0", "n1", "n2"}
+    assert [kind for kind, _ in b.told] == ["too_many_devices"]
+    assert len(FakeConnection.made) == identities.MOST
+    assert FakeConnection.made[-1].closed
+    last = [one for topic, one, *_ in FakeConnection.made[-1].sent if topic == "fltea/n2/status"][-1]
+    assert (json.loads(last)["status"], json.loads(last)["reason"]) == ("offline", "replaced")
+
+
+def test_what_a_device_without_topics_says_is_lost_and_counted(bench: Callable[..., Bench]) -> None:
+    b = bench(sample_every=2, estimate_every=10)
+    for k in range(5):
+        b.write(hello(device_id=f"n{k}"))
+    before, sent = b.sink.lost, topics()
+    b.write(*map(sample, range(10)), *map(estimate, range(1, 20)), gap(), stats())
+    b.wait(100)
+    assert b.sink.lost - before == 5 + 1 + 1 + 1
+    assert topics() == sent
+    b.sink.close()
+
+
+def test_a_known_device_comes_back_and_a_new_one_after_an_hour(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    for k in range(5):
+        b.write(hello(device_id=f"n{k}"))
+    b.write(hello(device_id="n1"), gap(3))
+    b.happens(Up())
+    assert b.connection.will[0] == "fltea/n1/status"
+    assert [one["seq"] for one in b.connection.on("gap", "n1")] == [3]
+    b.wait(3601)
+    b.write(hello(device_id="n9"), gap(4))
+    b.happens(Up())
+    assert [one["seq"] for one in b.connection.on("gap", "n9")] == [4]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+import standin
 from fltea.recording.part import AppendOnly
 from fltea.recording.scan import Scan
 from fltea.recording.schema import record_schema
@@ -20,7 +21,8 @@ from fltea.records.records import Error, Estimate, Hello, Sample
 from fltea.settings.config import load_config
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks import record as record_module
-from fltea.sinks.record import KINDS, RecordSink
+from fltea.sinks.record import KINDS, MOST_NOTES, RecordSink
+from fltea.sources.synthetic import parse_noise
 from mcap.reader import make_reader
 from mcap.records import Message
 from mcap_support import MONOTONIC_NS, OFFSET_NS, record, replay, transport
@@ -185,6 +187,22 @@ def test_files_end_by_age_and_size_and_nothing_falls_between(
             metadata = {entry.name: entry.metadata for entry in make_reader(file).iter_metadata()}
         assert from_metadata(metadata["fltea.session"]).hello is not None
         assert metadata["fltea.hello"]["boot_id"] == "1"
+
+
+def test_a_board_that_says_ever_new_things_leaves_few_notes(tmp_path: Path) -> None:
+    """The index of all metadata stays in memory until the file ends; the bytes hold every HELLO anyway."""
+    sink = RecordSink(RecordConfig(folder=str(tmp_path)), "due", lambda kind, text: None)
+    hellos = [
+        Chunk(standin.Device(parse_noise("seed=1"), boot_id=k).boot(), MONOTONIC_NS + k, OFFSET_NS)
+        for k in range(1, 3 * MOST_NOTES)
+    ]
+    for item in (Opened(MONOTONIC_NS, OFFSET_NS), *hellos):
+        sink.write(item)
+    sink.close()
+    with files(tmp_path)[0].open("rb") as file:
+        notes = [entry for entry in make_reader(file).iter_metadata() if entry.name == "fltea.hello"]
+    assert len(notes) == MOST_NOTES
+    assert len(wire_data(files(tmp_path)[0])) == len(hellos)
 
 
 def test_what_a_device_said_before_it_was_lost_is_not_carried_over(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from fltea.records.records import Hello, LinkStats
+from fltea.records.visible import visible
 from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, find_mcap_sessions, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 
@@ -149,7 +150,7 @@ def as_text(s: Summary) -> str:
     if s.rate_hz is not None:
         ppm = "" if s.clock_ppm is None else f", device clock {s.clock_ppm:+.1f} ppm against the host's"
         lines.append(("rate", f"{s.rate_hz:.4f} Hz{ppm}"))
-    return "\n".join(f"{name:<10} {text}" for name, text in lines)
+    return "\n".join(f"{name:<10} {visible(str(text))}" for name, text in lines)
 
 
 def _hello_lines(h: Hello) -> list[tuple[str, str]]:

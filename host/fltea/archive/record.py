@@ -12,6 +12,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Event, Trouble
 from fltea.records.ports import Source
 from fltea.records.records import AnyRecord, Error, Gap, Hello
+from fltea.records.visible import visible_lines
 from fltea.service.daemon import StopOnSignal
 from fltea.service.open_source import open_source
 from fltea.settings.config import Config
@@ -131,6 +132,7 @@ class _Recorder:
 
     def _say(self, text: str, passing: bool = False) -> None:
         """A line on stderr; on a terminal one that is `passing` gives way to the next."""
+        text = visible_lines(text)
         if self._live:
             sys.stderr.write(f"\r\x1b[K{text}" + ("" if passing or not text else "\n"))
         else:

@@ -32,6 +32,7 @@ from fltea.cli import (
 from fltea.cli import (
     run as cli_run,
 )
+from fltea.cli.output import print_lines, say
 from fltea.records.errors import FlteaError, UsageError
 from fltea.wire import layout as wire
 
@@ -59,7 +60,7 @@ def main() -> None:
             raise UsageError("standard output is closed; give it a file, a pipe or /dev/null.")
         app()
     except FlteaError as error:
-        print(f"fltea: error: {error}", file=sys.stderr)
+        say(f"fltea: error: {error}")
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(130)
@@ -108,7 +109,7 @@ def inspect(
     try:
         with contextlib.suppress(KeyboardInterrupt):
             for number, line in enumerate(inspect_frames(_chunks(source, baud), reader), 1):
-                print(line, flush=True)
+                print_lines(line)
                 if number == limit:
                     break
         print(summary(reader), flush=True)

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
+from fltea.cli.output import print_lines
+from fltea.records.visible import visible, visible_lines
+
 if TYPE_CHECKING:
     from fltea.machine.devices import Bus, Port
     from fltea.machine.doctor.finding import Finding
@@ -46,9 +49,9 @@ def devices(
             print(msgspec.json.encode(entry).decode())
         return
     for port in ports:
-        print("\n".join(_port_lines(port)))
+        print_lines("\n".join(map(visible, _port_lines(port))))
     for bus in buses:
-        print("\n".join(_bus_lines(bus)))
+        print_lines("\n".join(map(visible, _bus_lines(bus))))
     if not any(port.is_board for port in ports):
         print(
             "No Arduino Due on its programming port (the one beside the power socket). Is the cable in, and "
@@ -150,9 +153,9 @@ def doctor(
 def _show(finding: "Finding", several: bool) -> None:
     level = typer.style(f"{finding.level:8}", fg=COLOURS[finding.level], bold=finding.level != "ok")
     name = f"{finding.device}: " if several and finding.device else ""
-    typer.echo(f"{level} {finding.check:{CHECK_WIDTH}} {name}{finding.message}")
+    typer.echo(f"{level} {finding.check:{CHECK_WIDTH}} {name}{visible_lines(finding.message)}")
     if finding.remedy is not None:
-        typer.echo(f"{'':8} {'→':>{CHECK_WIDTH}} {finding.remedy}")
+        typer.echo(f"{'':8} {'→':>{CHECK_WIDTH}} {visible_lines(finding.remedy)}")
 
 
 def _summary(problems: int, warnings: int) -> str:

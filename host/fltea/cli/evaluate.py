@@ -1,13 +1,12 @@
 """The command `fltea evaluate`."""
 
 import signal
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fltea.cli.output import print_result, progress_bar
+from fltea.cli.output import print_result, progress_bar, say
 
 if TYPE_CHECKING:
     from fltea.lab.evaluate.run import Plan, Result
@@ -87,7 +86,7 @@ def evaluate(
         print_result(to_json(result).decode())
     else:
         _show(result)
-    print(f"fltea: {len(files)} files in {out}", file=sys.stderr)
+    say(f"fltea: {len(files)} files in {out}")
 
 
 def _run(plan: "Plan", jobs: int | None) -> "Result":

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from fltea.cli.output import print_lines, say
 from fltea.records.errors import UsageError
+from fltea.records.visible import visible
 
 if TYPE_CHECKING:
     from fltea.machine.flash import Plan
@@ -44,16 +46,16 @@ def flash(
 
     plan = flashing.make_plan(method, flashing.find_port(port), image, flashing.clone_root())
     if plan.warning:
-        print(f"fltea: warning: {plan.warning}", file=sys.stderr)
+        say(f"fltea: warning: {plan.warning}")
     if dry_run:
-        print("\n".join(plan.lines()))
+        print_lines("\n".join(plan.lines()))
         return
     if not yes:
         _ask(plan)
     flashing.carry_out(plan)
     hello = flashing.wait_for_hello(plan.port, plan.build_id)
     checked = "" if plan.build_id else " (nothing beside the image says which build it is)"
-    print(f"{plan.port}: runs '{hello.firmware_version}'{checked}. Next: fltea run")
+    print_lines(f"{plan.port}: runs '{visible(hello.firmware_version)}'{checked}. Next: fltea run")
 
 
 def _ask(plan: "Plan") -> None:

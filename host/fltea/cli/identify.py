@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fltea.cli.output import print_result
+from fltea.cli.output import print_result, say
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.visible import visible_lines
 from fltea.settings.extras import load
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def identify(
         _show(reports)
     if report is not None:
         written = page.write(report, reports)
-        print(f"fltea: {written[0]}, and {len(written) - 1} figures", file=sys.stderr)
+        say(f"fltea: {written[0]}, and {len(written) - 1} figures")
     _export(reports[0], export_model, imu_yaml)
     _fail(reports)
 
@@ -239,11 +240,18 @@ def _bar() -> "Iterator[Progress]":
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("reading", total=None)
-        yield lambda text, done, total: bar.update(task, completed=done, total=total, description=text)
+        yield lambda text, done, total: bar.update(
+            task, completed=done, total=total, description=visible_lines(text)
+        )
 
 
 def _export(report: "FileReport", model: Path | None, yaml: Path | None) -> None:
@@ -303,6 +311,6 @@ def _fail(reports: "Sequence[FileReport]") -> None:
             if isinstance(axis, Failure)
         ]
     for failure in failures[1:]:
-        print(f"fltea: error: {failure}", file=sys.stderr)
+        say(f"fltea: error: {failure}")
     if failures:
         raise failures[0]

@@ -1,9 +1,11 @@
 """How commands that compute something show it: a bar on stderr meanwhile, the result on stdout."""
 
 import contextlib
+import sys
 from collections.abc import Callable, Iterator
 
 from fltea.records.errors import FlteaError
+from fltea.records.visible import visible_lines
 
 
 @contextlib.contextmanager
@@ -13,7 +15,7 @@ def progress_bar(total: int) -> Iterator[Callable[[str, int], None]]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (
-        TextColumn("{task.description:<22}"),
+        TextColumn("{task.description:<22}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
@@ -21,7 +23,17 @@ def progress_bar(total: int) -> Iterator[Callable[[str, int], None]]:
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=total)
-        yield lambda text, steps: bar.update(task, advance=steps, description=text)
+        yield lambda text, steps: bar.update(task, advance=steps, description=visible_lines(text))
+
+
+def say(text: str) -> None:
+    """Write a line of ours to stderr; names of files in it may hold anything."""
+    print(visible_lines(text), file=sys.stderr, flush=True)
+
+
+def print_lines(text: str) -> None:
+    """Write lines for a person to stdout; what they quote of boards and files may hold anything."""
+    print(visible_lines(text), flush=True)
 
 
 def print_result(text: str) -> None:

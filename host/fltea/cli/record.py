@@ -1,11 +1,11 @@
 """The commands `fltea record`, `info`, `export` and `recover`."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from fltea.cli.output import print_lines, say
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.extras import load
 from fltea.wire import layout as wire
@@ -67,7 +67,7 @@ def record(
     }
     config = load_config(None, {path: value for path, value in flags.items() if value is not None})
     run = load("fltea.archive.record", "mcap", "record", "MCAP files need")
-    print(run.record(config, for_), file=sys.stderr)
+    say(run.record(config, for_))
 
 
 def info(
@@ -96,7 +96,7 @@ def info(
         if json:
             print(msgspec.json.encode(summary).decode())
         else:
-            print(("\n" if number else "") + as_text(summary))
+            print_lines(("\n" if number else "") + as_text(summary))
 
 
 def export(
@@ -125,7 +125,7 @@ def export(
     from fltea.archive.export import export as write_export
 
     rows = write_export(paths, to, what, max_gap)
-    print(f"{to}: {rows} {what}", file=sys.stderr)
+    say(f"{to}: {rows} {what}")
 
 
 def recover(
@@ -159,14 +159,14 @@ def recover(
                 failures.append(error)
                 continue
             if found.out is None:
-                print(f"{file}: is whole")
+                print_lines(f"{file}: is whole")
                 continue
             damaged = f", {found.damaged_chunks} chunks were damaged" if found.damaged_chunks else ""
-            print(
+            print_lines(
                 f"{found.out}: {found.messages} messages over {found.seconds:.1f} s saved; "
                 f"{found.lost_bytes} bytes at the end could not be read{damaged}"
             )
     for failure in failures[1:]:
-        print(f"fltea: error: {failure}", file=sys.stderr)
+        say(f"fltea: error: {failure}")
     if failures:
         raise failures[0]

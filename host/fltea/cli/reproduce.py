@@ -2,13 +2,12 @@
 
 import json
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fltea.cli.output import print_result, progress_bar
+from fltea.cli.output import print_result, progress_bar, say
 from fltea.records.errors import UsageError
 
 if TYPE_CHECKING:
@@ -128,7 +127,7 @@ def reproduce(
     else:
         print_result(document(rows) if rows else "")
     if report.files:
-        print(f"fltea: {len(report.files)} files in {request.folder}", file=sys.stderr)
+        say(f"fltea: {len(report.files)} files in {request.folder}")
 
 
 def _score(seeds: int, options: "Options", as_json: bool) -> None:

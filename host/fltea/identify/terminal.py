@@ -5,12 +5,12 @@ from pathlib import Path
 
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 from fltea.identify import tables
 from fltea.identify.run import AxisReport, Failure, FileReport
+from fltea.records.visible import visible_lines
 
 WIDTHS = (7, 9, 18, 9, 21)
 """Of the columns of the summary."""
@@ -21,51 +21,57 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
     """One recording: a table with a column an axis, the verdicts, and the traps."""
     if not first:
         console.print()
-    console.print(Text(report.name, style="bold"), Text(tables.heading(report)), soft_wrap=True)
+    console.print(_shown(report.name, style="bold"), _shown(tables.heading(report)), soft_wrap=True)
     if report.failure is not None:
-        console.print(Text(str(report.failure), style="red"))
+        console.print(_shown(str(report.failure), style="red"))
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     if good:
         table = Table("", *good, box=box.SIMPLE_HEAD, pad_edge=False)
         for label, values in tables.side_by_side(good):
-            table.add_row(*(escape(text) for text in (label, *values)))
+            table.add_row(*(_shown(text) for text in (label, *values)))
         console.print(table)
         for line in dict.fromkeys(tables.method(axis.result.fltea) for axis in good.values()):
-            console.print(Text(f"{line}."))
+            console.print(_shown(f"{line}."))
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
-        console.print(Text(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
+        console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
     for axes, trap in tables.traps(report):
-        text = Text(f"{trap.severity}: ", style=COLOURS[trap.severity])
-        text.append(f"{axes}: " if axes else "", style="default not dim not bold")
-        text.append(f"{trap.text} {trap.remedy}", style="default not dim not bold")
+        text = _shown(f"{trap.severity}: ", style=COLOURS[trap.severity])
+        plain = "default not dim not bold"
+        text.append_text(_shown(f"{axes}: " if axes else "", style=plain))
+        text.append_text(_shown(f"{trap.text} {trap.remedy}", style=plain))
         console.print(text)
     for doubt in tables.doubts(report):
-        console.print(Text(doubt))
+        console.print(_shown(doubt))
 
 
 def _verdict(name: str, axis: AxisReport | Failure) -> Text:
     if isinstance(axis, Failure):
-        return Text(f"{name}: {axis.error}", style="red")
-    text = Text(f"{name}: {axis.result.verdict.kind}. ", style="bold")
+        return _shown(f"{name}: {axis.error}", style="red")
+    text = _shown(f"{name}: {axis.result.verdict.kind}. ", style="bold")
     return text.append(axis.result.verdict.text, style="not bold")
 
 
 def summary(console: Console, reports: Sequence[FileReport]) -> None:
     """All axes of all recordings, a line each under the recording's name, which may be long."""
     console.print()
-    console.print(Text(_line("Summary", tables.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
+    console.print(_shown(_line("Summary", tables.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
     for report in reports:
-        console.print(Text(Path(report.name).name, style="bold"), soft_wrap=True)
+        console.print(_shown(Path(report.name).name, style="bold"), soft_wrap=True)
         if report.failure is not None:
-            console.print(Text("  failed", style="red"))
+            console.print(_shown("  failed", style="red"))
         for axis, found in report.axes.items():
             if isinstance(found, AxisReport):
-                console.print(Text(_line(f"  {axis}", tables.short(found))), soft_wrap=True)
+                console.print(_shown(_line(f"  {axis}", tables.short(found))), soft_wrap=True)
             else:
-                console.print(Text(f"  {axis}  failed", style="red"))
+                console.print(_shown(f"  {axis}  failed", style="red"))
+
+
+def _shown(text: str, style: str = "") -> Text:
+    """What files and the names in them say, so that nothing in it steers the terminal."""
+    return Text(visible_lines(text), style=style)
 
 
 def _line(first: str, cells: Sequence[str]) -> str:

@@ -22,6 +22,7 @@ from serial.tools import list_ports
 
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk, Failed
+from fltea.records.visible import visible
 from fltea.wire import layout as wire
 from fltea.wire.messages import FrameReader, Refused
 from fltea.wire.transport import (
@@ -349,8 +350,8 @@ def _judged(hello: wire.Hello, port: str, build_id: str | None) -> wire.Hello:
     running = hello.firmware_version.split()[-1:]
     if build_id is not None and running != [build_id]:
         raise FlteaError(
-            f"{port}: the board runs '{hello.firmware_version}', not build {build_id}. The upload did not "
-            "take, or went to another board: flash again."
+            f"{port}: the board runs '{visible(hello.firmware_version)}', not build {build_id}. The upload "
+            "did not take, or went to another board: flash again."
         )
     return hello
 

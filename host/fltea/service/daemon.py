@@ -12,6 +12,7 @@ from types import FrameType
 
 from fltea.records.errors import FlteaError, SourceFailed, UsageError
 from fltea.records.ports import Source
+from fltea.records.visible import visible_lines
 from fltea.service.hub import Hub
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
@@ -45,7 +46,7 @@ def run(configs: Sequence[Config]) -> None:
             return
     if not done:  # a thread hangs in an output that nobody reads; Python would wait for it
         if failure is not None:
-            _last_words(f"fltea: error: {failure}\n")
+            _last_words(visible_lines(f"fltea: error: {failure}\n"))
         os._exit(failure.exit_code if failure else 0)
     if failure is not None:
         raise failure

@@ -132,9 +132,10 @@ class DashboardConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class MetricsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Metrics for Prometheus; off without an address. address: as that of the page."""
+    """Metrics for Prometheus; off without an address. address, names: as those of the page."""
 
     address: str | int | None = None
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.address is not None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from fltea.records.clock import host_ns
 from fltea.records.ports import Item, Sink
 from fltea.records.records import Error
+from fltea.records.visible import visible
 
 BURST = 5
 PERIOD_NS = 60 * 10**9
@@ -31,7 +32,7 @@ class LogSink(Sink):
             self._tell_silenced(key, silenced)
             since_ns, count, silenced = now_ns, 0, 0
         if count < BURST:
-            message = " ".join(item.message.split("\n"))
+            message = visible(" ".join(item.message.split("\n")))
             self._line(item.device, f"{item.kind}: {message}")
         self._told[key] = (since_ns, count + 1, silenced + (count >= BURST))
 

@@ -38,6 +38,9 @@ FLUSH_NS = 500_000_000
 RETRY_NS = 5 * 10**9
 """A disk that failed is looked at so often."""
 
+MOST_NOTES = 100
+"""HELLOs of one file that are noted as metadata, whose index stays in memory; the bytes hold them all."""
+
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 NOTHING = LinkMessage("gap")
@@ -86,6 +89,7 @@ class RecordSink(Sink):
         self._sequence = 0
         self._hello: Hello | None = None
         self._noted: Hello | None = None
+        self._notes = 0
         self._wire = WireEvents(device)
         self._unflushed = NOTHING
         self._gap: LinkMessage | None = None
@@ -174,8 +178,9 @@ class RecordSink(Sink):
     def _on_hello(self, hello: Hello) -> None:
         self._hello = hello
         unchanged = self._noted and msgspec.structs.replace(self._noted, host_ns=hello.host_ns) == hello
-        if not unchanged and self._part is not None:
+        if not unchanged and self._part is not None and self._notes < MOST_NOTES:
             self._noted = hello
+            self._notes += 1
             self._part.note_hello(hello)
 
     def _add(self, part: PartWriter, entry: Entry) -> None:
@@ -230,7 +235,7 @@ class RecordSink(Sink):
             self._stop(error)
             return
         self.parts += 1
-        self._part, self._noted = part, self._hello
+        self._part, self._noted, self._notes = part, self._hello, 0
         self._part_began_ns, self._flushed_ns, self._unflushed = self._now_ns, now_ns, NOTHING
         if self._gap is not None:
             text = f"recording goes on in {path}; {self._gap.items} items before it were not recorded."

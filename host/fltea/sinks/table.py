@@ -23,6 +23,7 @@ from fltea.records.records import (
     Hello,
     Stats,
 )
+from fltea.records.visible import visible
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -167,7 +168,8 @@ class DeviceView:
             case Gap():
                 self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
             case Error():
-                self._events.append(f"{record.kind}: {record.message}")
+                message = " ".join(record.message.split("\n"))
+                self._events.append(visible(f"{record.kind}: {message}"))
             case Stats():
                 self._stats = record
 
@@ -199,7 +201,7 @@ class DeviceView:
             parts.append(f"±{hello.gyro_range_dps:g} deg/s")
         if hello.firmware_version:
             parts.append(f"firmware {hello.firmware_version}")
-        return "fltea  " + "  ".join(p for p in parts if p)
+        return "fltea  " + visible("  ".join(p for p in parts if p))
 
     def _table(self, *, wide: bool) -> RenderableType:
         if self._estimate is None:

@@ -7,6 +7,7 @@ from fltea.machine.devices import NATIVE, NATIVE_REMEDY, Port, find_ports, stabl
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.doctor.hearing import HEAR_S, Heard, hear
 from fltea.machine.host_system import System, permission_remedy
+from fltea.records.visible import visible
 from fltea.wire import layout as wire
 from fltea.wire.transport import ANY_BOARD
 
@@ -152,8 +153,9 @@ def _bytes(heard: Heard) -> Finding:
 def _firmware(heard: Heard) -> Finding:
     hello = heard.hello
     assert hello is not None
-    text = f"{hello.firmware_version}, protocol {hello.protocol}, schema {hello.schema_hash}, as this program"
-    version = (hello.firmware_version or "").split(" ", 1)[0]
+    firmware = visible(hello.firmware_version or "")
+    text = f"{firmware}, protocol {hello.protocol}, schema {hello.schema_hash}, as this program"
+    version = firmware.split(" ", 1)[0]
     if version != __version__:
         return warning(
             "firmware", f"{text}; but it is version {version}, and this fltea {__version__}.", FLASH

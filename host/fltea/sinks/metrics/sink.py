@@ -4,21 +4,30 @@ import errno
 import socket
 import socketserver
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from http import HTTPStatus
 from http.server import ThreadingHTTPServer
 
+import msgspec
 from prometheus_client import CollectorRegistry, MetricsHandler, ProcessCollector
 
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Item, OutputView, Report, Sink
 from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Hello, Stats
 from fltea.settings.listen_address import listen_address
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families, Newest
+from fltea.sinks.own_names import is_own, own_names
 
 POLL_S = 0.1
+NOT_OURS = (
+    "fltea: the name under which you asked is none of this machine that fltea knows, so there are no "
+    "metrics. Ask by the address, by localhost or by the machine's own name; or add the name to "
+    "metrics.names.\n"
+)
 
 
 class MetricsSink(Sink):
@@ -41,11 +50,15 @@ class MetricsSink(Sink):
     ) -> None:
         self._newest: dict[str, Newest] = {}
         self._errors: dict[tuple[str, str], int] = {}
+        self._identities: dict[str, FewIdentities] = {}
+        self._report = report
         registry = CollectorRegistry()
-        registry.register(Families(self._newest, self._errors, outlets))
+        self._families = Families(self._newest, self._errors, outlets)
+        registry.register(self._families)
         ProcessCollector(registry=registry)
         host, port = listen_address(str(settings.address))
-        self._server = _listen(host, port, MetricsHandler.factory(registry))
+        handler = _handler(registry, own_names(host, settings.names))
+        self._server = _listen(host, port, handler)
         self.url = f"http://{f'[{host}]' if ':' in host else host}:{self._server.server_port}/metrics"
         self._thread = threading.Thread(
             target=self._server.serve_forever, args=(POLL_S,), name="metrics server", daemon=True
@@ -65,7 +78,7 @@ class MetricsSink(Sink):
         elif isinstance(item, Stats):
             self._of(item.device).stats = item
         elif isinstance(item, Hello):
-            self._of(item.device).hello = item
+            self._of(item.device).hello = self._introduced(item)
         elif isinstance(item, Epoch):
             newest = self._of(item.device)
             newest.estimate = newest.device_estimate = None  # what the epoch before it gave is no longer so
@@ -79,8 +92,48 @@ class MetricsSink(Sink):
         self._server.server_close()
         self._thread.join()
 
+    def _introduced(self, hello: Hello) -> Hello:
+        """The HELLO; without what makes each a time series, if the board says something new too often."""
+        device, now_ns = hello.device or "", host_ns()
+        identities = self._identities.setdefault(device, FewIdentities())
+        said = hello.source, hello.device_id, hello.sensor, hello.firmware_version, hello.sampling_mode
+        if identities.admits(said, now_ns):
+            return hello
+        if identities.is_to_tell(now_ns):
+            text = (
+                f"{hello.source} has said more than {MOST} different things of itself within an hour, so "
+                "fltea_device_info leaves further ones out: each would be a time series. A faulty board?"
+            )
+            self._report("too_many_devices", text)
+        return msgspec.structs.replace(
+            hello, device_id=None, sensor=None, firmware_version=None, sampling_mode="unknown"
+        )
+
     def _of(self, device: str | None) -> Newest:
         return self._newest.setdefault(device or "", Newest())
+
+
+class _Handler(MetricsHandler):
+    """Answers those who came by a name of this machine."""
+
+    names: Collection[str] = ()
+
+    def do_GET(self) -> None:
+        """Give the metrics, or say why not. A request without any `Host` is no browser's."""
+        host = self.headers.get("Host")
+        if host is None or is_own(host, self.names):
+            super().do_GET()
+            return
+        text = NOT_OURS.encode()
+        self.send_response(HTTPStatus.MISDIRECTED_REQUEST)
+        self.send_header("Content-Type", "text/plain; charset=utf-8")
+        self.send_header("Content-Length", str(len(text)))
+        self.end_headers()
+        self.wfile.write(text)
+
+
+def _handler(registry: CollectorRegistry, names: Collection[str]) -> type[_Handler]:
+    return type("_Handler", (_Handler,), {"registry": registry, "names": names})
 
 
 class _Server(ThreadingHTTPServer):
@@ -99,7 +152,7 @@ class _Server6(_Server):
     address_family = socket.AF_INET6
 
 
-def _listen(host: str, port: int, handler: type[MetricsHandler]) -> _Server:
+def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
     handler.timeout = 10.0  # of a client that says nothing
     where = f"[metrics] address {host}, port {port}"
     try:

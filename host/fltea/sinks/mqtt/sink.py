@@ -10,6 +10,7 @@ import msgspec
 
 from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
+from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Item, Report, Sink
 from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, Hello, Record, Stats
 from fltea.settings.outputs import MqttConfig
@@ -32,6 +33,8 @@ SETTLED_NS = 10 * 10**9
 
 OPENING_NS = 45 * 10**9
 FAREWELL_S = 0.4
+LONGEST_NAME = 64
+"""Characters of a device's level in its topics; a recording may say an identifier of any length."""
 
 
 class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -85,6 +88,8 @@ class MqttSink(Sink):
         self._encode = msgspec.json.Encoder().encode
         self._early: deque[AnyRecord] = deque()
         self._hello: Hello | None = None
+        self._identities = FewIdentities()
+        self._turned_away = False
         self._base = ""
         self._status: Status | None = None
         self._status_due_ns = 0
@@ -115,7 +120,7 @@ class MqttSink(Sink):
             return
         elif isinstance(item, Hello):
             self._on_hello(item)
-        elif self._hello is None:
+        elif self._hello is None and not self._turned_away:
             self._keep_early(item)
         elif isinstance(item, Estimate):
             if self._is_due("estimate", item.seq):
@@ -182,6 +187,10 @@ class MqttSink(Sink):
     # --- the device ---
 
     def _on_hello(self, hello: Hello) -> None:
+        if not self._identities.admits(_device_id(hello, self._device), host_ns()):
+            self._turn_away(hello)
+            return
+        self._turned_away = False
         if self._hello is None or _device_id(self._hello, self._device) != _device_id(hello, self._device):
             self._begin(hello)
         self._hello = hello
@@ -191,19 +200,34 @@ class MqttSink(Sink):
 
     def _begin(self, hello: Hello) -> None:
         """From now on for this device, with a will of its own."""
-        if self._hello is not None:
-            self._keep(
-                _Message(self._topic("status"), self._offline("replaced", host_ns()), True, again=True)
-            )
-            self._leave()
+        self._retire()
         device_id = _device_id(hello, self._device)
         self._hello = hello
         self._base = f"{self._settings.prefix}/{device_id}"
         self._client_id = f"fltea-{device_id}-{secrets.token_hex(4)}"
-        self._sample_ns = None
         self._refusal_told = False
         self._say("stalled")
         self._connect()
+
+    def _retire(self) -> None:
+        """Say that the device was replaced, and end its connection."""
+        if self._hello is None:
+            return
+        self._keep(_Message(self._topic("status"), self._offline("replaced", host_ns()), True, again=True))
+        self._leave()
+        self._hello = self._status = self._sample_ns = None
+
+    def _turn_away(self, hello: Hello) -> None:
+        """Give a device no topics: what it says is counted as lost until one comes that may have some."""
+        self._retire()
+        self._turned_away = True
+        self.lost += 1
+        if self._identities.is_to_tell(host_ns()):
+            text = (
+                f"{hello.source} has said more than {MOST} different device_id within an hour, so further "
+                "ones get no topics of MQTT; what they say is lost there and counted. Is the board faulty?"
+            )
+            self._report("too_many_devices", text)
 
     def _keep_early(self, record: AnyRecord) -> None:
         """Keep what is worth it until the first HELLO says whose it is."""
@@ -244,6 +268,9 @@ class MqttSink(Sink):
 
     def _stream(self, kind: str, record: AnyRecord, qos: int) -> None:
         """Publish one of many: lost if the broker is away, or does not keep up."""
+        if self._turned_away:
+            self.lost += 1
+            return
         message = _Message(self._topic(kind), self._encode(record), again=kind != "stats", qos=qos)
         if self._up and not (self._in_flight() < IN_FLIGHT and self._publish(message)):
             self.lost += 1
@@ -257,6 +284,9 @@ class MqttSink(Sink):
             self._publish(_Message(self._topic(kind), payload, retain=True))
 
     def _keep(self, message: _Message) -> None:
+        if self._turned_away:
+            self.lost += 1
+            return
         self._backlog.append(message)
         if len(self._backlog) > BACKLOG:
             self._backlog.popleft()
@@ -379,4 +409,5 @@ class MqttSink(Sink):
 
 def _device_id(hello: Hello, device: str) -> str:
     """The board's own identifier, else the device's name, as one level of a topic."""
-    return re.sub(r"[+#/\x00-\x1f\x7f]", "_", hello.device_id or device) or "_"
+    name = (hello.device_id or device)[:LONGEST_NAME]
+    return re.sub(r"[+#/\x00-\x1f\x7f-\x9f]", "_", name) or "_"

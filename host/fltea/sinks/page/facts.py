@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from fltea.records.records import AXES, Epoch, EstimatorInfo, Hello, Stats
+from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.history import EPOCH_WORDS, DeviceHistory
 from fltea.sinks.page.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
@@ -26,7 +27,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
     error = history.error
     if heard_ns is None or hello is None or epoch is None:
         if error is not None:
-            return "bad", f"waiting for the device: {error.message}"
+            return "bad", f"waiting for the device: {visible_lines(error.message)}"
         return (
             "wait",
             "waiting for the device" if hello is None else "connected, waiting for the first sample",
@@ -34,7 +35,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
     silent_ns = now_ns - heard_ns
     if silent_ns > STALL_NS:
         if error is not None and history.error_heard_ns > heard_ns:
-            return "bad", f"stalled for {duration(silent_ns)}: {error.message}"
+            return "bad", f"stalled for {duration(silent_ns)}: {visible_lines(error.message)}"
         if hello.sampling_mode == "recording" or hello.source.startswith("synthetic:"):
             return "wait", f"at its end: no sample for {duration(silent_ns)}"
         return "bad", f"stalled for {duration(silent_ns)}: no sample arrives"
@@ -178,13 +179,15 @@ def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:
         ("accelerometer range", _number(hello.accel_range_g, "±{:g} g")),
         ("temperature", _number(temperature_c, "{:.2f} °C")),
     ]
-    return [[label, value] for label, value in rows if value]
+    return [[label, visible(value)] for label, value in rows if value]
 
 
 def events(history: DeviceHistory) -> list[dict[str, Any]]:
     """The last happenings, newest first."""
     newest = list(history.happenings)[-SHOWN_EVENTS:][::-1]
-    return [{"time_ms": h.host_ns // 1_000_000, "kind": h.kind, "text": h.text} for h in newest]
+    return [
+        {"time_ms": h.host_ns // 1_000_000, "kind": h.kind, "text": visible_lines(h.text)} for h in newest
+    ]
 
 
 def settings(history: DeviceHistory) -> str:

@@ -3,7 +3,6 @@
 import asyncio
 import errno
 import gc
-import ipaddress
 import socket
 import threading
 from collections.abc import Callable, Collection
@@ -21,6 +20,7 @@ from tornado.netutil import bind_sockets
 from tornado.routing import Matcher, Rule, RuleRouter
 
 from fltea.records.errors import FlteaError
+from fltea.sinks.own_names import is_own, own_names
 
 UNUSED_SESSION_MS = 5_000
 """What a closed page may still cost. A page that was cut off for longer loads itself anew."""
@@ -33,12 +33,11 @@ class OwnName(Matcher):
     """Lets a request pass that names this machine, and whose page, if it is a page's, came from here too.
 
     A page of somebody else's site can neither read ours (its `Origin` is another) nor become ours by letting
-    its name resolve to this machine (its `Host` is a name we do not have). Bare addresses are no names, so
-    they pass.
+    its name resolve to this machine (its `Host` is a name we do not have).
     """
 
     def __init__(self, names: Collection[str]) -> None:
-        self._names = {name.lower() for name in names}
+        self._names = names
 
     def match(self, request: HTTPServerRequest) -> dict[str, object] | None:
         """An empty match, or None for "not here"."""
@@ -47,16 +46,9 @@ class OwnName(Matcher):
         try:
             if origin is not None and urlsplit(origin).netloc.lower() != host:
                 return None
-            name = (urlsplit(f"//{host}").hostname or "").rstrip(".")
         except ValueError:  # no URL at all
             return None
-        return {} if name in self._names or _is_address(name) else None
-
-
-def own_names(host: str, others: Collection[str]) -> set[str]:
-    """Names under which a page at `host` may be asked for."""
-    machine = socket.gethostname()
-    return {"localhost", host, machine, machine.partition(".")[0] + ".local", *others}
+        return {} if is_own(host, self._names) else None
 
 
 class PageServer:
@@ -124,14 +116,6 @@ class PageServer:
         self._server.stop(wait=False)
         self._server.unlisten()
         self._loop.add_callback(self._loop.stop)
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
 
 
 def _explain(host: str, port: int, error: Exception) -> str:
