@@ -149,7 +149,14 @@ def test_four_columns_are_too_many(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("units", "value", "dps"),
-    [("dps", 3, 3.0), ("mdps", 1500, 1.5), ("rad/s", math.pi, 180.0), ("lsb:16.4", 164, 164)],
+    [
+        ("deg/s", 3, 3.0),
+        ("°/s", 3, 3.0),
+        ("dps", 3, 3.0),
+        ("mdps", 1500, 1.5),
+        ("rad/s", math.pi, 180.0),
+        ("lsb:16.4", 164, 164),
+    ],
 )
 def test_units(units: str, value: float, dps: float, tmp_path: Path) -> None:
     found = read_csv(csv_file(tmp_path, f"gx\n{value}\n"), ["gx"], units, 100.0)
@@ -159,7 +166,7 @@ def test_units(units: str, value: float, dps: float, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("units", ["", "deg", "DPS", "lsb", "lsb:", "lsb:0", "lsb:-1", "lsb:nan", "lsb:x"])
 def test_unknown_unit_tells_the_known_ones(units: str) -> None:
-    with pytest.raises(UsageError, match=r"dps, mdps, rad/s, or lsb:N"):
+    with pytest.raises(UsageError, match=r"deg/s, °/s, dps, mdps, rad/s, or lsb:N"):
         parse_units(units)
 
 

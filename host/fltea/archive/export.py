@@ -6,11 +6,12 @@ recording makes others.
 """
 
 import csv
+import os
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike
 from fltea.recording.session import Entry
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES, AccelEstimate, AxisEstimate, DeviceAxisEstimate
-from fltea.records.whole_file import whole_file
+from fltea.records.whole_file import text_of, whole_file
 from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 
@@ -53,26 +54,30 @@ class Table(NamedTuple):
     rows: Iterator[list[Any]]
 
 
-def export(paths: Sequence[Path], out: Path, what: What, max_gap: int) -> int:
+def export(paths: Sequence[Path], out: Path, what: What, max_gap: int, *, force: bool = False) -> int:
     """Write samples or estimates of one recording; the file appears whole or not at all. Returns the rows.
 
+    force: replace what is at `out` already.
+
     Raises:
-        UsageError: no recording, nothing of what was asked for in it, or another ending than .csv and .npz.
+        UsageError: no recording, nothing of what was asked for in it, another ending than .csv and .npz, or
+            a file that exists already.
         FlteaError: the file cannot be written.
     """
     suffix = out.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
-    with whole_file(out) as part:
+    if not force and os.path.lexists(out):  # a link that leads nowhere is something, too
+        raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
+    with whole_file(out) as file:
         if suffix == ".csv":
             table = sample_table(decode(paths, max_gap)) if what == "samples" else estimate_table(paths, what)
-            rows = _write_csv(part, table)
+            rows = _write_csv(file, table)
         else:
             arrays, rows = (
                 sample_arrays(decode(paths, max_gap)) if what == "samples" else estimate_arrays(paths, what)
             )
-            with part.open("wb") as file:
-                np.savez_compressed(file, allow_pickle=False, **arrays)
+            np.savez_compressed(file, allow_pickle=False, **arrays)
         if not rows:
             raise UsageError(f"{paths[0]}: holds no samples that can be used.")
     return rows
@@ -253,10 +258,10 @@ def _number(value: float | bool | str | None) -> float | None:
     return int(value) if isinstance(value, bool) else value
 
 
-def _write_csv(path: Path, table: Table) -> int:
+def _write_csv(file: BinaryIO, table: Table) -> int:
     count = 0
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
+    with text_of(file) as text:
+        writer = csv.writer(text)
         writer.writerow(table.columns)
         for row in table.rows:
             writer.writerow(row)

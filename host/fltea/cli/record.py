@@ -110,6 +110,7 @@ def export(
         ),
     ] = "samples",
     max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists already.")] = False,
 ) -> None:
     """Write one recording as a table, with the units in the headers.
 
@@ -124,7 +125,7 @@ def export(
     """
     from fltea.archive.export import export as write_export
 
-    rows = write_export(paths, to, what, max_gap)
+    rows = write_export(paths, to, what, max_gap, force=force)
     print(f"{to}: {rows} {what}", file=sys.stderr)
 
 

@@ -19,7 +19,10 @@ from numpy.typing import NDArray
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 
-UNITS_HELP = "dps, mdps, rad/s, or lsb:N (counts, N LSB per deg/s)"
+PER_UNIT = {"deg/s": 1.0, "°/s": 1.0, "dps": 1.0, "mdps": 1e-3, "rad/s": math.degrees(1.0)}
+"""Degrees per second in one of each unit."""
+
+UNITS_HELP = f"{', '.join(PER_UNIT)}, or lsb:N (counts, N LSB per deg/s)"
 TIME_COLUMN = "time_s"
 LARGEST_DPS = 1e6
 """Hundreds of times what any gyroscope measures; beyond it the unit is wrong, and squares overflow."""
@@ -58,9 +61,8 @@ def parse_units(text: str) -> tuple[float, float | None]:
     Raises:
         UsageError: an unknown unit.
     """
-    factors = {"dps": 1.0, "mdps": 1e-3, "rad/s": math.degrees(1.0)}
-    if text in factors:
-        return factors[text], None
+    if text in PER_UNIT:
+        return PER_UNIT[text], None
     if text.startswith("lsb:"):
         try:
             lsb = float(text[4:])

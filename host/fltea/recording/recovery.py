@@ -78,7 +78,7 @@ def _examine(path: Path) -> Recovered:
 
 
 def _copy(path: Path, out: Path) -> None:
-    with whole_file(out) as part, part.open("wb") as file:
+    with whole_file(out) as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(library=f"fltea {__version__}")
         schemas: dict[int, int] = {0: 0}

@@ -6,7 +6,6 @@ the memory, beyond which nothing of it is left anyway. The first epoch has the r
 was reset in between (opening its port resets a Due) does not matter: its sensor's noise is the same.
 """
 
-import contextlib
 import os
 import threading
 from collections.abc import Callable
@@ -15,8 +14,9 @@ from pathlib import Path
 import msgspec
 
 from fltea.estimator.online import OnlineState
-from fltea.records.errors import UsageError
+from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import Hello
+from fltea.records.whole_file import whole_file
 from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
 
@@ -136,22 +136,14 @@ class StateFile:
                 return
             self._changed = False
             data = msgspec.json.encode(_File(VERSION, self._devices))
-        part = self._path.with_name(self._path.name + ".part")
         try:
-            with part.open("wb") as file:
+            with whole_file(self._path) as file:
                 file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(self._path)
             self._failed = False
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                part.unlink()
+        except FlteaError as error:
             if not self._failed:
                 self._failed = True
-                self._report(
-                    "state_failed", f"{self._path}: cannot be written ({error}); the old one is kept."
-                )
+                self._report("state_failed", f"{error} The old one is kept.")
 
 
 def _check_writable(path: Path) -> None:
