@@ -17,11 +17,13 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fltea.recording.kind import is_one_file
 from fltea.recording.session import Entry
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES, AccelEstimate, AxisEstimate, DeviceAxisEstimate
 from fltea.records.whole_file import text_of, whole_file
-from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 
 What = Literal["samples", "estimates", "device_estimates"]
@@ -54,14 +56,22 @@ class Table(NamedTuple):
     rows: Iterator[list[Any]]
 
 
-def export(paths: Sequence[Path], out: Path, what: What, max_gap: int, *, force: bool = False) -> int:
+def export(
+    paths: Sequence[Path],
+    out: Path,
+    what: What,
+    max_gap: int,
+    *,
+    force: bool = False,
+    limits: Limits = DEFAULT_LIMITS,
+) -> int:
     """Write samples or estimates of one recording; the file appears whole or not at all. Returns the rows.
 
     force: replace what is at `out` already.
 
     Raises:
         UsageError: no recording, nothing of what was asked for in it, another ending than .csv and .npz, or
-            a file that exists already.
+            a file that exists already, or a recording that would take more memory than the limits allow.
         FlteaError: the file cannot be written.
     """
     suffix = out.suffix.lower()
@@ -71,11 +81,17 @@ def export(paths: Sequence[Path], out: Path, what: What, max_gap: int, *, force:
         raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
     with whole_file(out) as file:
         if suffix == ".csv":
-            table = sample_table(decode(paths, max_gap)) if what == "samples" else estimate_table(paths, what)
+            table = (
+                sample_table(decode(paths, max_gap, limits))
+                if what == "samples"
+                else estimate_table(paths, what, limits)
+            )
             rows = _write_csv(file, table)
         else:
             arrays, rows = (
-                sample_arrays(decode(paths, max_gap)) if what == "samples" else estimate_arrays(paths, what)
+                sample_arrays(decode(paths, max_gap, limits))
+                if what == "samples"
+                else estimate_arrays(paths, what, limits)
             )
             np.savez_compressed(file, allow_pickle=False, **arrays)
         if not rows:
@@ -83,12 +99,12 @@ def export(paths: Sequence[Path], out: Path, what: What, max_gap: int, *, force:
     return rows
 
 
-def decode(paths: Sequence[Path], max_gap: int) -> Iterator[Decoded]:
+def decode(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS) -> Iterator[Decoded]:
     """The samples of a recording of any kind."""
-    if len(paths) == 1 and paths[0].suffix.lower() in FILE_SUFFIXES:
-        source: Any = ReplaySource(paths[0])
+    if len(paths) == 1 and is_one_file(paths[0]):
+        source: Any = ReplaySource(paths[0], limits=limits)
     else:
-        source = open_mcap(paths, f"replay:{paths[0]}")()
+        source = open_mcap(paths, f"replay:{paths[0]}", limits)()
     decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
     for event in source.events():
         found = decoder.feed(event)
@@ -193,7 +209,7 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
     return arrays | {name: np.array(values) for name, values in whole.items()}, len(time_s)
 
 
-def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
+def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS) -> Table:
     """One row an estimate, as it was published; what was not valid stays empty.
 
     what: "estimates", or "device_estimates" for those that the device made beside the host's.
@@ -201,7 +217,7 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
     Raises:
         UsageError: no recording, or one without estimates.
     """
-    records = _estimates(paths, what.removesuffix("s"))
+    records = _estimates(paths, what.removesuffix("s"), limits)
     first = next(records, None)
     if first is None and what == "device_estimates":
         raise UsageError(f"{paths[0]}: holds no estimates of a device beside the host's (--engine both).")
@@ -229,9 +245,11 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
     return Table(columns, rows())
 
 
-def estimate_arrays(paths: Sequence[Path], what: What = "estimates") -> tuple[dict[str, ArrayLike], int]:
+def estimate_arrays(
+    paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS
+) -> tuple[dict[str, ArrayLike], int]:
     """The same as arrays; NaN for what was not valid."""
-    columns, rows = estimate_table(paths, what)
+    columns, rows = estimate_table(paths, what, limits)
     arrays: list[Any] = [array("q" if column in OF_ALL else "d") for column in columns]
     for row in rows:
         for values, value in zip(arrays, row, strict=True):
@@ -239,14 +257,14 @@ def estimate_arrays(paths: Sequence[Path], what: What = "estimates") -> tuple[di
     return {name: np.array(a) for name, a in zip(columns, arrays, strict=True)}, len(arrays[0])
 
 
-def _estimates(paths: Sequence[Path], topic: str) -> Iterator[dict[str, Any]]:
+def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[dict[str, Any]]:
     """The estimates of a recording as they were published, null fields left out."""
-    if paths[0].suffix.lower() in FILE_SUFFIXES:
+    if is_one_file(paths[0]):
         return
     from fltea.sources.mcap import read_entries
 
     for part in open_mcap(paths, "")().parts:
-        for entry in read_entries(part):
+        for entry in read_entries(part, limits):
             if isinstance(entry, Entry) and entry.topic == topic:
                 yield msgspec.json.decode(entry.data)
 
