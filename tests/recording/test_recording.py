@@ -10,6 +10,7 @@ from fltea.recording.files import parse_units, read_csv, read_npz
 from fltea.recording.ndjson import read_ndjson
 from fltea.records.errors import UsageError
 from fltea.records.records import Estimate, Hello, Sample
+from fltea.settings.limits import Limits
 from host_support import QUICK, fltea, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -149,7 +150,14 @@ def test_four_columns_are_too_many(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("units", "value", "dps"),
-    [("dps", 3, 3.0), ("mdps", 1500, 1.5), ("rad/s", math.pi, 180.0), ("lsb:16.4", 164, 164)],
+    [
+        ("deg/s", 3, 3.0),
+        ("°/s", 3, 3.0),
+        ("dps", 3, 3.0),
+        ("mdps", 1500, 1.5),
+        ("rad/s", math.pi, 180.0),
+        ("lsb:16.4", 164, 164),
+    ],
 )
 def test_units(units: str, value: float, dps: float, tmp_path: Path) -> None:
     found = read_csv(csv_file(tmp_path, f"gx\n{value}\n"), ["gx"], units, 100.0)
@@ -159,7 +167,7 @@ def test_units(units: str, value: float, dps: float, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("units", ["", "deg", "DPS", "lsb", "lsb:", "lsb:0", "lsb:-1", "lsb:nan", "lsb:x"])
 def test_unknown_unit_tells_the_known_ones(units: str) -> None:
-    with pytest.raises(UsageError, match=r"dps, mdps, rad/s, or lsb:N"):
+    with pytest.raises(UsageError, match=r"deg/s, °/s, dps, mdps, rad/s, or lsb:N"):
         parse_units(units)
 
 
@@ -245,8 +253,13 @@ BAD_NPZ = {
     "infinite time": ({"t_host_s": np.array([0, 1, np.inf, 3])}, "t_host_s is not finite in row 2"),
     "accel in a row": ({"accel_raw": np.ones(4)}, "accel_raw has the shape (4,)", "(4, 3) is needed"),
     "NaN accel": ({"accel_raw": NOT_FINITE}, "accel_raw is not finite in row 2"),
-    "pickled objects": ({"gyro_raw": np.array([[1, None]], dtype=object)}, "cannot be read as .npz"),
-    "pickled beside": ({"note": np.array({"a": 1}, dtype=object)}, "cannot be read as .npz"),
+    "pickled objects": (
+        {"gyro_raw": np.array([[1, None]], dtype=object)},
+        "cannot be read as .npz",
+        "pickled objects",
+    ),
+    "text in numbers": ({"gyro_raw": np.array([["1", "2"]])}, "gyro_raw does not hold numbers"),
+    "complex": ({"gyro_raw": np.array([[1j, 2]])}, "gyro_raw does not hold numbers"),
 }
 
 
@@ -256,6 +269,13 @@ def test_bad_npz(name: str, tmp_path: Path) -> None:
     reason = refusal(read_npz, npz_file(tmp_path, **changes))
     for word in words:
         assert word in reason
+
+
+def test_what_is_not_needed_is_not_read(tmp_path: Path) -> None:
+    """Neither for its size nor for what unpickling it could do."""
+    beside = {"note": np.array({"a": 1}, dtype=object), "large": np.zeros(1 << 20)}
+    path = npz_file(tmp_path, **beside)
+    assert len(read_npz(path, Limits(max_mb=0.001)).gyro) == 4
 
 
 @pytest.mark.parametrize("data", [b"", b"hello", b"\x93NUMPY", b"PK\x03\x04" + bytes(50)])

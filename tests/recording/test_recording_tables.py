@@ -199,6 +199,18 @@ def test_exports_that_cannot_be(out: str, what: str, text: str, tmp_path: Path) 
     assert [path.name for path in tmp_path.iterdir()] == ["rec"]
 
 
+@pytest.mark.parametrize("name", ["out.csv", "link.npz"])
+def test_an_export_replaces_nothing_unless_it_is_told_to(name: str, tmp_path: Path) -> None:
+    record(tmp_path / "rec", transport(samples=60))
+    (tmp_path / "out.csv").write_text("of yesterday")
+    (tmp_path / "link.npz").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(UsageError, match=rf"--to .*{name}: exists already; .*--force"):
+        export([tmp_path / "rec"], tmp_path / name, "samples", 100)
+    assert (tmp_path / "out.csv").read_text() == "of yesterday"
+    assert export([tmp_path / "rec"], tmp_path / name, "samples", 100, force=True) > 50
+    assert not (tmp_path / "nowhere").exists()
+
+
 def test_an_export_that_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record(tmp_path / "rec", transport(samples=60))
     (tmp_path / "out.csv").write_text("of yesterday")
@@ -208,7 +220,7 @@ def test_an_export_that_fails_leaves_what_was_there(tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr(os, "replace", full)
     with pytest.raises(FlteaError, match=r"out\.csv: cannot be written \(.*No space left"):
-        export([tmp_path / "rec"], tmp_path / "out.csv", "samples", 100)
+        export([tmp_path / "rec"], tmp_path / "out.csv", "samples", 100, force=True)
     assert (tmp_path / "out.csv").read_text() == "of yesterday"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "rec"]
 

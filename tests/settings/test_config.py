@@ -25,7 +25,8 @@ def test_defaults_of_the_rest() -> None:
     assert (config.source, config.format, config.pace) == (None, "auto", "auto")
     assert (config.once, config.samples) == (False, False)
     assert (config.link.baud, config.link.max_gap) == (250_000, 100)
-    assert msgspec.to_builtins(config.replay) == dict.fromkeys(("columns", "units", "rate_hz", "shuffle"))
+    how = dict.fromkeys(("columns", "units", "rate_hz", "shuffle"))
+    assert msgspec.to_builtins(config.replay) == {**how, "max_chunk_mb": 64.0, "max_mb": 1024.0}
 
 
 @pytest.mark.parametrize(

@@ -6,22 +6,25 @@ recording makes others.
 """
 
 import csv
+import os
 from array import array
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.recording.kind import is_one_file
 from fltea.recording.session import Entry
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
-from fltea.records.whole_file import whole_file
-from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
+from fltea.records.whole_file import text_of, whole_file
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 
 Array = NDArray[np.float64]
@@ -53,37 +56,55 @@ class Table(NamedTuple):
     rows: Iterator[list[Any]]
 
 
-def export(paths: Sequence[Path], out: Path, what: What, max_gap: int) -> int:
+def export(
+    paths: Sequence[Path],
+    out: Path,
+    what: What,
+    max_gap: int,
+    *,
+    force: bool = False,
+    limits: Limits = DEFAULT_LIMITS,
+) -> int:
     """Write samples or estimates of one recording; the file appears whole or not at all. Returns the rows.
 
+    force: replace what is at `out` already.
+
     Raises:
-        UsageError: no recording, nothing of what was asked for in it, or another ending than .csv and .npz.
+        UsageError: no recording, nothing of what was asked for in it, another ending than .csv and .npz, or
+            a file that exists already, or a recording that would take more memory than the limits allow.
         FlteaError: the file cannot be written.
     """
     suffix = out.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
-    with whole_file(out) as part:
+    if not force and os.path.lexists(out):  # a link that leads nowhere is something, too
+        raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
+    with whole_file(out) as file:
         if suffix == ".csv":
-            table = sample_table(decode(paths, max_gap)) if what == "samples" else estimate_table(paths, what)
-            rows = _write_csv(part, table)
+            table = (
+                sample_table(decode(paths, max_gap, limits))
+                if what == "samples"
+                else estimate_table(paths, what, limits)
+            )
+            rows = _write_csv(file, table)
         else:
             arrays, rows = (
-                sample_arrays(decode(paths, max_gap)) if what == "samples" else estimate_arrays(paths, what)
+                sample_arrays(decode(paths, max_gap, limits))
+                if what == "samples"
+                else estimate_arrays(paths, what, limits)
             )
-            with part.open("wb") as file:
-                np.savez_compressed(file, allow_pickle=False, **arrays)
+            np.savez_compressed(file, allow_pickle=False, **arrays)
         if not rows:
             raise UsageError(f"{paths[0]}: holds no samples that can be used.")
     return rows
 
 
-def decode(paths: Sequence[Path], max_gap: int) -> Iterator[Decoded]:
+def decode(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS) -> Iterator[Decoded]:
     """The samples of a recording of any kind."""
-    if len(paths) == 1 and paths[0].suffix.lower() in FILE_SUFFIXES:
-        source: Any = ReplaySource(paths[0])
+    if len(paths) == 1 and is_one_file(paths[0]):
+        source: Any = ReplaySource(paths[0], limits=limits)
     else:
-        source = open_mcap(paths, f"replay:{paths[0]}")()
+        source = open_mcap(paths, f"replay:{paths[0]}", limits)()
     decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
     for event in source.events():
         for found in decoder.feed(event):
@@ -189,7 +210,7 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
     return {**{name: value for name, value in scales.items() if value is not None}, **whole}, rows
 
 
-def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
+def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS) -> Table:
     """One row an estimate, as it was published; what was not valid stays empty.
 
     what: "estimates", or "device_estimates" for those that the device made beside the host's.
@@ -197,7 +218,7 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
     Raises:
         UsageError: no recording, or one without estimates.
     """
-    records = _estimates(paths, what.removesuffix("s"))
+    records = _estimates(paths, what.removesuffix("s"), limits)
     first = next(records, None)
     if first is None and what == "device_estimates":
         raise UsageError(f"{paths[0]}: holds no estimates of a device beside the host's (--engine both).")
@@ -220,9 +241,11 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates") -> Table:
     return Table(columns, rows())
 
 
-def estimate_arrays(paths: Sequence[Path], what: What = "estimates") -> tuple[dict[str, ArrayLike], int]:
+def estimate_arrays(
+    paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS
+) -> tuple[dict[str, ArrayLike], int]:
     """The same as arrays; NaN for what was not valid."""
-    columns, rows = estimate_table(paths, what)
+    columns, rows = estimate_table(paths, what, limits)
     arrays: list[Any] = [array("q" if column in OF_ALL else "d") for column in columns]
     for row in rows:
         for values, value in zip(arrays, row, strict=True):
@@ -230,14 +253,14 @@ def estimate_arrays(paths: Sequence[Path], what: What = "estimates") -> tuple[di
     return {name: np.array(a) for name, a in zip(columns, arrays, strict=True)}, len(arrays[0])
 
 
-def _estimates(paths: Sequence[Path], topic: str) -> Iterator[dict[str, Any]]:
+def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[dict[str, Any]]:
     """The estimates of a recording as they were published, null fields left out."""
-    if paths[0].suffix.lower() in FILE_SUFFIXES:
+    if is_one_file(paths[0]):
         return
     from fltea.sources.mcap import read_entries
 
     for part in open_mcap(paths, "")().parts:
-        for entry in read_entries(part):
+        for entry in read_entries(part, limits):
             if isinstance(entry, Entry) and entry.topic == topic:
                 yield msgspec.json.decode(entry.data)
 
@@ -249,10 +272,10 @@ def _number(value: float | bool | str | None) -> float | None:
     return int(value) if isinstance(value, bool) else value
 
 
-def _write_csv(path: Path, table: Table) -> int:
+def _write_csv(file: BinaryIO, table: Table) -> int:
     count = 0
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
+    with text_of(file) as text:
+        writer = csv.writer(text)
         writer.writerow(table.columns)
         for row in table.rows:
             writer.writerow(row)

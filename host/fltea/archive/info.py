@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from fltea.recording.kind import is_one_file
 from fltea.records.records import Hello, LinkStats
 from fltea.records.visible import visible
-from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, find_mcap_sessions, open_mcap
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+from fltea.sources.replay import ReplaySource, find_mcap_sessions, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 
 if TYPE_CHECKING:
@@ -53,27 +55,27 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
     Raises:
         UsageError: there is none.
     """
-    single = [[path] for path in paths if path.suffix.lower() in FILE_SUFFIXES]
-    others = [path for path in paths if path.suffix.lower() not in FILE_SUFFIXES]
+    single = [[path] for path in paths if is_one_file(path)]
+    others = [path for path in paths if not is_one_file(path)]
     found = find_mcap_sessions(others) if others else []
     return single + [[part.path for part in parts] for parts in found]
 
 
-def summarise(paths: Sequence[Path], max_gap: int) -> Summary:
+def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS) -> Summary:
     """Read a recording once, from its raw bytes.
 
     Raises:
-        UsageError: it cannot be read, or is none.
+        UsageError: it cannot be read, is none, or would take more memory than the limits allow.
     """
     name = str(paths[0])
     files = list(paths)
     source: McapRecording | ReplaySource
     mcap: McapRecording | None = None
     device = session = None
-    if len(paths) == 1 and paths[0].suffix.lower() in FILE_SUFFIXES:
-        source = ReplaySource(paths[0])
+    if len(paths) == 1 and is_one_file(paths[0]):
+        source = ReplaySource(paths[0], limits=limits)
     else:
-        source = mcap = open_mcap(paths, name)()
+        source = mcap = open_mcap(paths, name, limits)()
         files = [part.path for part in source.parts]
         if len(files) > 1:
             from fltea.sources.mcap import session_name

@@ -113,8 +113,8 @@ def _write(result: "Result", folder: Path, *, figures: bool) -> list[Path]:
     if figures:
         contents |= {f"evaluation_{name}.png": data for name, data in draw(result).items()}
     for name, data in contents.items():
-        with whole_file(folder / name) as part:
-            part.write_bytes(data)
+        with whole_file(folder / name) as file:
+            file.write(data)
     return [folder / name for name in contents]
 
 

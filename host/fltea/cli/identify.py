@@ -79,7 +79,7 @@ def identify(
     columns: Annotated[
         str | None, typer.Option(metavar="A,B,C", help="CSV: the columns of the axes x, y, z.")
     ] = None,
-    units: Annotated[str | None, typer.Option(help="CSV: dps, mdps, rad/s, or lsb:N.")] = None,
+    units: Annotated[str | None, typer.Option(help="CSV: deg/s, °/s, dps, mdps, rad/s, or lsb:N.")] = None,
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="CSV: samples per second.")] = None,
     export_model: Annotated[
         Path | None,
@@ -151,6 +151,7 @@ def identify(
             replay.columns,
             replay.units,
             replay.rate_hz,
+            replay.limits,
         )
         for one in found
     ]
@@ -209,11 +210,14 @@ def _config(file: Path | None, flags: dict[str, Any], settings: Sequence[str]) -
 def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "list[FileReport]":
     from fltea.identify.run import identify_all
     from fltea.identify.workers import Here
+    from fltea.recording.kind import is_of_this_process
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     workers = _workers(jobs, dask)
-    # A cluster may not see the files; and one recording is read here while the processes start.
-    readers = Here() if dask or len(requests) == 1 else None
+    # A cluster may not see the files, nor another process a pipe; and one recording is read here while the
+    # processes start.
+    here = any(is_of_this_process(path) for one in requests for path in getattr(one, "paths", ()))
+    readers = Here() if dask or len(requests) == 1 or here else None
     try:
         with _bar() as progress:
             return identify_all(requests, settings, workers, readers, progress)

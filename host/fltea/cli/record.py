@@ -1,7 +1,7 @@
 """The commands `fltea record`, `info`, `export` and `recover`."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -9,6 +9,9 @@ from fltea.cli.output import print_lines, say
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.extras import load
 from fltea.wire import layout as wire
+
+if TYPE_CHECKING:
+    from fltea.settings.limits import Limits
 
 MAX_GAP = 100
 
@@ -20,6 +23,25 @@ Recordings = Annotated[
         show_default=False,
     ),
 ]
+
+ReplaySettings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="A limit on memory: replay.max_chunk_mb (of MCAP) or replay.max_mb (of other files).",
+    ),
+]
+
+
+def _limits(texts: list[str] | None) -> "Limits":
+    from fltea.settings.config import load_config, parse_setting
+
+    settings = dict(parse_setting(text) for text in texts or ())
+    for path in settings:
+        if path not in ("replay.max_chunk_mb", "replay.max_mb"):
+            raise UsageError(f"--set {path}: here it takes replay.max_chunk_mb and replay.max_mb only.")
+    return load_config(None, settings).replay.limits
 
 
 def record(
@@ -76,6 +98,7 @@ def info(
         bool, typer.Option("--json", help="One JSON object a recording, each on a line.")
     ] = False,
     max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+    set_: ReplaySettings = None,
 ) -> None:
     """Sum recordings up: device, settings, duration, samples, gaps, resets, rate, and what is missing.
 
@@ -91,8 +114,9 @@ def info(
 
     from fltea.archive.info import as_text, sessions, summarise
 
+    limits = _limits(set_)
     for number, files in enumerate(sessions(paths)):
-        summary = summarise(files, max_gap)
+        summary = summarise(files, max_gap, limits)
         if json:
             print(msgspec.json.encode(summary).decode())
         else:
@@ -110,6 +134,8 @@ def export(
         ),
     ] = "samples",
     max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists already.")] = False,
+    set_: ReplaySettings = None,
 ) -> None:
     """Write one recording as a table, with the units in the headers.
 
@@ -124,7 +150,7 @@ def export(
     """
     from fltea.archive.export import export as write_export
 
-    rows = write_export(paths, to, what, max_gap)
+    rows = write_export(paths, to, what, max_gap, force=force, limits=_limits(set_))
     say(f"{to}: {rows} {what}")
 
 
@@ -137,6 +163,7 @@ def recover(
         bool,
         typer.Option("--in-place", help="Replace the file; else NAME.recovered.mcap is written beside it."),
     ] = False,
+    set_: ReplaySettings = None,
 ) -> None:
     """Make whole files of those that a killed program or a full disk left: with summary and indexes.
 
@@ -147,6 +174,7 @@ def recover(
         fltea recover recordings
     """
     recovery = load("fltea.recording.recovery", "mcap", "record", "MCAP files need")
+    limits = _limits(set_)
     failures = []
     for path in paths:
         files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
@@ -154,7 +182,7 @@ def recover(
             raise UsageError(f"{path}: no .mcap file in this folder.")
         for file in files:
             try:
-                found = recovery.recover(file, in_place=in_place)
+                found = recovery.recover(file, in_place=in_place, limits=limits)
             except FlteaError as error:  # the others can still be saved
                 failures.append(error)
                 continue

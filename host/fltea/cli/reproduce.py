@@ -56,7 +56,9 @@ def reproduce(
     columns: Annotated[
         str | None, typer.Option(metavar="A,B,C", help="CSV recording: the columns of the axes x, y, z.")
     ] = None,
-    units: Annotated[str | None, typer.Option(help="CSV recording: dps, mdps, rad/s, or lsb:N.")] = None,
+    units: Annotated[
+        str | None, typer.Option(help="CSV recording: deg/s, °/s, dps, mdps, rad/s, or lsb:N.")
+    ] = None,
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="CSV recording: samples a second.")] = None,
     amplitude: Annotated[float, typer.Option(help="Of the saw-tooth in examples 1 and 2.")] = 1.0,
     period: Annotated[float, typer.Option(metavar="S", help="Of the saw-tooth, in seconds.")] = 1.0,

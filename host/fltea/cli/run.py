@@ -101,7 +101,7 @@ def run(
     columns: Annotated[
         str | None, typer.Option(metavar="A,B,C", help="CSV: the columns of the axes x, y, z.")
     ] = None,
-    units: Annotated[str | None, typer.Option(help="CSV: dps, mdps, rad/s, or lsb:N.")] = None,
+    units: Annotated[str | None, typer.Option(help="CSV: deg/s, °/s, dps, mdps, rad/s, or lsb:N.")] = None,
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="CSV: samples per second.")] = None,
     shuffle: Annotated[
         int | None,

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from fltea.archive.info import sessions
 from fltea.identify.traps import Trap, sensor_traps, timing_traps
+from fltea.recording.kind import is_one_file
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES, Hello
-from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 from fltea.wire.layout import SampleFlags
 from fltea.wire.units import accel_resolution_ms2, resolution_dps
@@ -31,7 +33,7 @@ GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
 class Request(msgspec.Struct, frozen=True):
     """What to read: the files of one recording, and of CSV files how.
 
-    channels: axes; None for all of the gyroscope's.
+    channels: axes; None for all of the gyroscope's. limits: how much memory it may take.
     """
 
     paths: tuple[Path, ...]
@@ -39,6 +41,7 @@ class Request(msgspec.Struct, frozen=True):
     columns: list[str] | None = None
     units: str | None = None
     rate_hz: float | None = None
+    limits: Limits = DEFAULT_LIMITS
 
     @property
     def name(self) -> str:
@@ -104,9 +107,9 @@ class Unreadable(NamedTuple):
 def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
     """The recordings in files, folders and names of sessions, each as the files it is made of."""
     found: list[tuple[Path, ...] | Unreadable] = []
-    mcap = [path for path in paths if path.suffix.lower() not in FILE_SUFFIXES]
+    mcap = [path for path in paths if not is_one_file(path)]
     for path in paths:
-        if path.suffix.lower() in FILE_SUFFIXES:
+        if is_one_file(path):
             found.append((path,))
         elif path == mcap[0]:
             found += _mcap_sessions(mcap)
@@ -130,15 +133,19 @@ def load(request: Request) -> Loaded:
         UsageError: it cannot be read, holds no samples, or not the axes that are asked for.
     """
     path = request.paths[0]
-    if path.suffix.lower() in FILE_SUFFIXES:
+    if is_one_file(path):
         source = ReplaySource(
-            path, columns=list(request.columns or ()) or None, units=request.units, rate_hz=request.rate_hz
+            path,
+            columns=list(request.columns or ()) or None,
+            units=request.units,
+            rate_hz=request.rate_hz,
+            limits=request.limits,
         )
         events, offset = source.events(), lambda: source.unix_offset_ns
     else:
         if request.columns or request.units or request.rate_hz:
             raise UsageError(f"{path}: --columns, --units and --rate are for CSV files.")
-        recording = open_mcap(request.paths, f"replay:{request.name}")()
+        recording = open_mcap(request.paths, f"replay:{request.name}", request.limits)()
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)
     longest = now = _Stretch(0)

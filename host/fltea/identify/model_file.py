@@ -9,7 +9,7 @@ import msgspec
 from fltea import __version__
 from fltea.identify.allan import Allan, Coefficient
 from fltea.identify.noise_model import AxisModel, check_stationary
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.records.whole_file import whole_file
 
@@ -130,11 +130,8 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         FlteaError: it cannot be written.
     """
-    try:
-        with whole_file(path) as part:
-            part.write_text(text, encoding="utf-8")
-    except ValueError as error:  # no name at all, or one with a NUL
-        raise FlteaError(f"{path}: cannot be written ({error}).") from error
+    with whole_file(path) as file:
+        file.write(text.encode())
 
 
 def _worst(coefficients: Mapping[str, Coefficient], unit: str) -> tuple[float | None, str, str]:

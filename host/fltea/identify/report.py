@@ -2,6 +2,7 @@
 
 import base64
 import re
+import tempfile
 from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
@@ -10,7 +11,8 @@ from fltea import __version__
 from fltea.identify import figures, tables
 from fltea.identify.axis import AxisResult
 from fltea.identify.run import AxisReport, FileReport
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import UsageError
+from fltea.records.whole_file import whole_file
 
 PAGE = "report.html"
 
@@ -26,9 +28,8 @@ def prepare_folder(folder: Path) -> None:
     figures.check_matplotlib()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".{PAGE}.part"
-        probe.touch()
-        probe.unlink()
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         raise UsageError(f"--report {folder}: cannot be written to ({error.strerror or error}).") from error
 
@@ -41,21 +42,20 @@ def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
     """
     written: list[Path] = []
     sections = []
-    try:
-        for report, prefix in zip(reports, _prefixes(reports), strict=True):
-            pictures: dict[str, dict[str, bytes]] = {}
-            for name, axis in report.axes.items():
-                if isinstance(axis, AxisReport) and axis.curves is not None:
-                    pictures[name] = figures.draw(axis)
-            for name, drawn in pictures.items():
-                for kind, png in drawn.items():
-                    written.append(folder / f"{prefix}_{name}_{kind}.png")
-                    written[-1].write_bytes(png)
-            sections.append("".join(_section(report, pictures)))
-        page = folder / PAGE
-        page.write_text(_page(reports, sections), encoding="utf-8")
-    except OSError as error:
-        raise FlteaError(f"{folder}: the report cannot be written ({error}).") from error
+    for report, prefix in zip(reports, _prefixes(reports), strict=True):
+        pictures: dict[str, dict[str, bytes]] = {}
+        for name, axis in report.axes.items():
+            if isinstance(axis, AxisReport) and axis.curves is not None:
+                pictures[name] = figures.draw(axis)
+        for name, drawn in pictures.items():
+            for kind, png in drawn.items():
+                written.append(folder / f"{prefix}_{name}_{kind}.png")
+                with whole_file(written[-1]) as file:
+                    file.write(png)
+        sections.append("".join(_section(report, pictures)))
+    page = folder / PAGE
+    with whole_file(page) as file:
+        file.write(_page(reports, sections).encode())
     return [page, *written]
 
 

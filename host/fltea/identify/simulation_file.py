@@ -3,6 +3,7 @@
 import csv
 import math
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.noise.simulation import FractionalNoise, quantise
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import AXES
-from fltea.records.whole_file import whole_file
+from fltea.records.whole_file import text_of, whole_file
 
 
 def write_simulation(
@@ -120,15 +121,15 @@ def _write(
     counts: NDArray[np.int16] | None,
     lsb_per_dps: float | None,
 ) -> None:
-    with whole_file(out) as part:
+    with whole_file(out) as file:
         if out.suffix.lower() == ".csv":
-            _write_csv(part, y, x, orders, rate_hz)
+            _write_csv(file, y, x, orders, rate_hz)
         else:
-            _write_npz(part, y, x, orders, rate_hz, counts, lsb_per_dps)
+            _write_npz(file, y, x, orders, rate_hz, counts, lsb_per_dps)
 
 
 def _write_csv(
-    path: Path,
+    file: BinaryIO,
     y: NDArray[np.float64],
     x: NDArray[np.float64],
     orders: NDArray[np.float64] | None,
@@ -141,15 +142,15 @@ def _write_csv(
         header.append("true_alpha")
         columns.append(orders[:, np.newaxis])
     table = np.hstack(columns)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
+    with text_of(file) as text:
+        rows = csv.writer(text)
         rows.writerow(header)
         for k, row in enumerate(table):
             rows.writerow([repr(k / rate_hz), *row.tolist()])
 
 
 def _write_npz(
-    path: Path,
+    file: BinaryIO,
     y: NDArray[np.float64],
     x: NDArray[np.float64],
     orders: NDArray[np.float64] | None,
@@ -164,5 +165,4 @@ def _write_npz(
         data["gyro_dps"] = y
     else:
         data["gyro_raw"], data["lsb_per_dps"] = counts, float(lsb_per_dps or 0.0)
-    with path.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **data)
+    np.savez_compressed(file, allow_pickle=False, **data)

@@ -5,24 +5,32 @@ line, reason) and no half of an output.
 """
 
 import csv
+import io
 import math
-import zipfile
-import zlib
 from array import array
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.recording.lines import lines, shown
+from fltea.recording.npz_arrays import NUMBER_BYTES, read_arrays
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
-UNITS_HELP = "dps, mdps, rad/s, or lsb:N (counts, N LSB per deg/s)"
+PER_UNIT = {"deg/s": 1.0, "°/s": 1.0, "dps": 1.0, "mdps": 1e-3, "rad/s": math.degrees(1.0)}
+"""Degrees per second in one of each unit."""
+
+UNITS_HELP = f"{', '.join(PER_UNIT)}, or lsb:N (counts, N LSB per deg/s)"
 TIME_COLUMN = "time_s"
 LARGEST_DPS = 1e6
 """Hundreds of times what any gyroscope measures; beyond it the unit is wrong, and squares overflow."""
+
+LONGEST_NAME, MOST_NAMES = 60, 30
+"""How much of what a file says of itself goes into a message."""
 
 EVENNESS, EVEN_SHARE = 0.2, 0.9
 """Times are a device's if nine steps in ten are within a fifth of the median."""
@@ -58,9 +66,8 @@ def parse_units(text: str) -> tuple[float, float | None]:
     Raises:
         UsageError: an unknown unit.
     """
-    factors = {"dps": 1.0, "mdps": 1e-3, "rad/s": math.degrees(1.0)}
-    if text in factors:
-        return factors[text], None
+    if text in PER_UNIT:
+        return PER_UNIT[text], None
     if text.startswith("lsb:"):
         try:
             lsb = float(text[4:])
@@ -71,28 +78,35 @@ def parse_units(text: str) -> tuple[float, float | None]:
     raise UsageError(f"--units {text}: not a unit that this program knows. Give {UNITS_HELP}.")
 
 
-def read_npz(path: Path) -> Recording:
+NPZ_ARRAYS = (
+    "gyro_raw",
+    "gyro_dps",
+    "fs_hz",
+    "lsb_per_dps",
+    "t_host_s",
+    "accel_raw",
+    "accel_lsb_per_g",
+    "time_s",
+    "seq",
+    "epoch",
+)
+"""What is read of a file, whatever else may be in it."""
+
+
+def read_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Recording:
     """Read `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; optional `t_host_s`, `accel_raw`.
 
     A recording with gaps also has `time_s` (of the device), `seq` and `epoch`, as `fltea export` writes them.
 
     Raises:
-        UsageError: not such a file, or values that are not finite.
+        UsageError: not such a file, values that are not finite, or more of them than the limits allow.
     """
-    try:
-        with path.open("rb") as file:
-            if not zipfile.is_zipfile(file):
-                raise ValueError("it is no zip archive, or was cut short")
-            file.seek(0)
-            with np.load(file, allow_pickle=False) as archive:
-                data = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-        raise UsageError(f"{path}: cannot be read as .npz ({error}).") from error
+    data, names = read_arrays(path, NPZ_ARRAYS, limits)
     key = next((k for k in ("gyro_raw", "gyro_dps") if k in data), None)
     needed = ["fs_hz"] + (["lsb_per_dps"] if key == "gyro_raw" else [])
     missing = [k for k in needed if k not in data] + ([] if key else ["gyro_raw or gyro_dps"])
     if key is None or missing:
-        has = ", ".join(data) or "nothing"
+        has = _listed(names) or "nothing"
         raise UsageError(f"{path}: has no {', '.join(missing)} (it holds {has}).")
     gyro = _numeric(path, key, data[key])
     if gyro.ndim != 2 or not 1 <= gyro.shape[1] <= len(AXES):
@@ -153,56 +167,66 @@ def _check_host_times(
 
 
 def read_csv(
-    path: Path, columns: list[str] | None = None, units: str = "dps", rate_hz: float | None = None
+    path: Path,
+    columns: list[str] | None = None,
+    units: str = "dps",
+    rate_hz: float | None = None,
+    *,
+    limits: Limits = DEFAULT_LIMITS,
+    file: BinaryIO | None = None,
 ) -> Recording:
     """Read named columns of a CSV file with a header.
 
     columns: one to three names, for the axes x, y, z; by default those called gyro_x_dps, ….
-    rate_hz: samples per second; may be left out where the file has a column `time_s`.
+    rate_hz: samples per second; may be left out where the file has a column `time_s`. file: what is behind
+    the path, if it has been opened already.
 
     Raises:
         UsageError: names file, line and reason.
     """
     factor, lsb = parse_units(units)
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(file)
+        with io.TextIOWrapper(file or path.open("rb"), encoding="utf-8-sig", newline="") as text:
+            rows = csv.reader(lines(path, text))
             header = [name.strip() for name in next(rows, [])]
             names = columns or [f"{axis}_dps" for axis in AXES if f"{axis}_dps" in header]
             _check_columns(path, header, names)
             has_time = TIME_COLUMN in header
             places = [header.index(n) for n in names] + ([header.index(TIME_COLUMN)] if has_time else [])
-            table, lines = array("d"), array("q")
+            table, numbers = array("d"), array("q")
+            most = limits.whole_bytes // NUMBER_BYTES
             for row in filter(None, rows):
                 table.extend(_csv_row(path, rows.line_num, row, places, header))
-                lines.append(rows.line_num)
+                numbers.append(rows.line_num)
+                if len(table) > most:
+                    raise limits.whole_too_large(f"{path}:{rows.line_num}", len(table) * NUMBER_BYTES)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
     if not table:
         raise UsageError(f"{path}: has a header but no rows.")
-    values = np.array(table).reshape(len(lines), len(places))
+    values = np.frombuffer(table).reshape(len(numbers), len(places))
     with np.errstate(over="ignore"):
         gyro = values[:, : len(names)] * factor
     too_large = _too_large(gyro, lsb)
     if too_large.any():
-        line = lines[int(np.argmax(too_large))]
+        line = numbers[int(np.argmax(too_large))]
         raise UsageError(f"{path}:{line}: more than {LARGEST_DPS:g} deg/s; is --units {units} right?")
     if rate_hz is not None:  # given: it wins over a column of times
         return Recording(gyro, rate_hz, np.arange(len(gyro)) / rate_hz, lsb)
     if not has_time:
         raise UsageError(f"{path}: has no column '{TIME_COLUMN}', so give its rate: --rate 100.")
     time_s = values[:, -1]
-    rate_hz = _rate_of(path, time_s, lines)
+    rate_hz = _rate_of(path, time_s, numbers)
     return Recording(gyro, rate_hz, time_s, lsb)
 
 
-def _rate_of(path: Path, time_s: NDArray[np.float64], lines: Sequence[int]) -> float:
+def _rate_of(path: Path, time_s: NDArray[np.float64], numbers: Sequence[int]) -> float:
     """Rate of samples whose times are a device's: even, but for gaps."""
     if len(time_s) < 2:
         raise UsageError(f"{path}: one row alone tells no rate; give it: --rate 100.")
     steps = np.diff(time_s)
     if (steps <= 0).any():
-        line = lines[int(np.argmax(steps <= 0)) + 1]
+        line = numbers[int(np.argmax(steps <= 0)) + 1]
         raise UsageError(f"{path}:{line}: column '{TIME_COLUMN}': the time does not increase.")
     typical = float(np.median(steps))
     even = np.abs(steps - typical) <= EVENNESS * typical
@@ -216,7 +240,7 @@ def _rate_of(path: Path, time_s: NDArray[np.float64], lines: Sequence[int]) -> f
 
 
 def _check_columns(path: Path, header: list[str], names: list[str]) -> None:
-    has = ", ".join(header) or "no header"
+    has = _listed(header) or "no header"
     if not names:
         raise UsageError(f"{path}:1: no columns gyro_x_dps, …; name yours with --columns (it has: {has}).")
     if len(names) > len(AXES):
@@ -231,18 +255,25 @@ def _csv_row(path: Path, line: int, row: list[str], places: list[int], header: l
     for place in places:
         if place >= len(row):
             raise UsageError(
-                f"{path}:{line}: has {len(row)} fields; column '{header[place]}' is number {place + 1}."
+                f"{path}:{line}: has {len(row)} fields; column {shown(header[place])} is number {place + 1}."
             )
         try:
             value = float(row[place].replace("_", "x"))  # 1_0 is a number in Python only
         except ValueError:
             raise UsageError(
-                f"{path}:{line}: column '{header[place]}': '{row[place]}' is not a number."
+                f"{path}:{line}: column {shown(header[place])}: {shown(row[place])} is not a number."
             ) from None
         if not math.isfinite(value):
-            raise UsageError(f"{path}:{line}: column '{header[place]}': {row[place]} is not a finite number.")
+            column, text = shown(header[place]), row[place].strip()
+            raise UsageError(f"{path}:{line}: column {column}: {text} is not a finite number.")
         values.append(value)
     return values
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names of columns or arrays, for a message."""
+    known = [name if name.isprintable() and len(name) < LONGEST_NAME else shown(name) for name in names]
+    return ", ".join(known[:MOST_NAMES]) + (f", … {len(known)} in all" if len(known) > MOST_NAMES else "")
 
 
 def _too_large(gyro: NDArray[np.float64], lsb_per_dps: float | None) -> NDArray[np.bool_]:
@@ -255,9 +286,10 @@ def _numeric(path: Path, name: str, array: NDArray[Any]) -> NDArray[np.float64]:
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise UsageError(f"{path}: {name} does not hold numbers.") from error
-    bad = np.argwhere(~np.isfinite(np.atleast_1d(values)))
-    if len(bad):
-        raise UsageError(f"{path}: {name} is not finite in row {int(bad[0][0])}.")
+    finite = np.isfinite(np.atleast_1d(values))
+    if not finite.all():
+        row = np.unravel_index(int(np.argmin(finite)), finite.shape)[0]
+        raise UsageError(f"{path}: {name} is not finite in row {row}.")
     return values
 
 

@@ -1,36 +1,50 @@
 """fltea's own NDJSON read back: `hello`, `epoch` and `sample` records in their order."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import msgspec
 
 from fltea.recording.files import LARGEST_DPS
+from fltea.recording.kind import is_stream
+from fltea.recording.lines import lines
+from fltea.recording.session import check_hello
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES, Epoch, Hello, Sample
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 Kept = Hello | Epoch | Sample
 
 
-def read_ndjson(path: Path) -> tuple[list[Kept], str | None]:
+def read_ndjson(
+    path: Path, *, limits: Limits = DEFAULT_LIMITS, file: BinaryIO | None = None
+) -> tuple[list[Kept], str | None]:
     """Read what a replay needs of fltea's own output.
+
+    file: what is behind the path, if it has been opened already.
 
     Returns the records, and a text if the last line was cut in the middle (as a power failure leaves it)
     and had to be left out; else None.
 
     Raises:
-        UsageError: a line that is damaged, samples without a hello, or none (recorded without --samples).
+        UsageError: a line that is damaged or without end, samples without a hello, none (recorded without
+            --samples), or more through a pipe than the limits allow.
     """
+    most = limits.whole_bytes if is_stream(path) else None
+    kept = 0
     records: list[Kept] = []
     cut = None
     try:
-        with path.open("rb") as file:
-            for number, line in enumerate(file, 1):
+        with file or path.open("rb") as opened:
+            for number, line in enumerate(lines(path, opened), 1):
                 record = _parse(path, number, line)
                 if record is None:
                     cut = f"{path}:{number}: the last line is cut off; the replay ends before it."
                 elif record["class"] in ("hello", "epoch", "sample"):
                     records.append(_convert(path, number, record, records))
+                    kept += len(line)
+                    if most is not None and kept > most:
+                        raise limits.whole_too_large(f"{path}:{number}", kept)
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error}).") from error
     devices = sorted({record.device for record in records if record.device is not None})
@@ -48,7 +62,7 @@ def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:
     """One line as an object; None for a last line that is cut."""
     try:
         record = msgspec.json.decode(line)  # refuses NaN, which json.loads takes
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets in brackets
         if number > 1 and not line.endswith(b"\n"):
             return None
         raise UsageError(f"{path}:{number}: is not JSON ({error}).") from error
@@ -61,17 +75,12 @@ def _convert(path: Path, number: int, record: dict[str, Any], before: list[Kept]
     try:
         item: Kept = msgspec.convert(record, Kept)
         if isinstance(item, Hello):
-            _check_hello(item)
+            check_hello(item)
         elif isinstance(item, Sample):
             _check_sample(item, before)
-    except ValueError as error:  # msgspec's ValidationError is one
+    except (ValueError, RecursionError) as error:  # msgspec's ValidationError is one
         raise UsageError(f"{path}:{number}: is a damaged record ({error}).") from error
     return item
-
-
-def _check_hello(hello: Hello) -> None:
-    if hello.rate_hz <= 0 or (hello.gyro_lsb_per_dps is not None and hello.gyro_lsb_per_dps <= 0):
-        raise ValueError("rate and scale have to be positive")
 
 
 def _check_sample(sample: Sample, before: list[Kept]) -> None:

@@ -11,6 +11,7 @@ from fltea import __version__
 from fltea.recording.scan import ChunkEnd, Damage, Message, Scan
 from fltea.records.errors import UsageError
 from fltea.records.whole_file import whole_file
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class Recovered(NamedTuple):
@@ -23,18 +24,19 @@ class Recovered(NamedTuple):
     damaged_chunks: int
 
 
-def recover(path: Path, *, in_place: bool) -> Recovered:
+def recover(path: Path, *, in_place: bool, limits: Limits = DEFAULT_LIMITS) -> Recovered:
     """Write what can be read of a torn file to `NAME.recovered.mcap` beside it, or in its place.
 
     Raises:
-        UsageError: no such file, no MCAP file, one that a program still writes, or the copy exists already.
+        UsageError: no such file, no MCAP file, one that a program still writes, the copy exists already,
+            or it would take more memory than the limits allow.
         FlteaError: the copy cannot be written.
     """
     out = path if in_place else path.with_name(f"{path.stem}.recovered.mcap")
     try:
         with path.open("rb") as file:
             _check_unused(path, file)
-            found = _examine(path)
+            found = _examine(path, limits)
             if found.out is None:
                 return found
             if not found.messages:
@@ -43,7 +45,7 @@ def recover(path: Path, *, in_place: bool) -> Recovered:
                 raise UsageError(
                     f"{out}: exists already; remove it first if {path.name} is to be read again."
                 )
-            _copy(path, out)
+            _copy(path, out, limits)
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: cannot be read ({error}).") from error
     return found._replace(out=out)
@@ -58,9 +60,9 @@ def _check_unused(path: Path, file: BinaryIO) -> None:
         pass
 
 
-def _examine(path: Path) -> Recovered:
+def _examine(path: Path, limits: Limits) -> Recovered:
     """How much can be saved. A message whose channel was described in a damaged chunk cannot be."""
-    scan = Scan(path)
+    scan = Scan(path, limits)
     known: set[int] = set()
     messages = damaged = 0
     first_ns = last_ns = None
@@ -77,13 +79,13 @@ def _examine(path: Path) -> Recovered:
     return Recovered(path if needed else None, messages, seconds, scan.lost_bytes, damaged)
 
 
-def _copy(path: Path, out: Path) -> None:
-    with whole_file(out) as part, part.open("wb") as file:
+def _copy(path: Path, out: Path, limits: Limits) -> None:
+    with whole_file(out) as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(library=f"fltea {__version__}")
         schemas: dict[int, int] = {0: 0}
         channels: dict[int, int] = {}
-        for item in Scan(path):
+        for item in Scan(path, limits):
             match item:
                 case Metadata():
                     writer.add_metadata(item.name, item.metadata)

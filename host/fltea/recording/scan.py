@@ -1,23 +1,34 @@
 """Reads one MCAP file as far as it can be read: whole, torn at its end, or damaged within."""
 
 import struct
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+import lz4.frame
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
+
+from fltea.records.errors import UsageError
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 HEAD = struct.Struct("<BQ")
 """Of every record: its kind and the length of what follows."""
 
-MAX_CHUNK_BYTES = 1 << 30
-"""No chunk of ours has a thousandth of it; a damaged length must not fill the memory."""
+CHUNK_HEAD_BYTES = 1 << 10
+"""More than what stands before the data in a chunk."""
+
+MAX_DESCRIPTION_BYTES = 16 << 20
+"""Of metadata, a schema or a channel: thousands of times what ours have. In memory it is ten times larger."""
+
+SMALLEST_WINDOW_BYTES = 8 << 20
+"""A reader of zstd has to have that much, says its format, however small the content."""
 
 
 MESSAGE_HEAD = struct.Struct("<HIQQ")
@@ -54,8 +65,9 @@ class Scan:
     end cannot be read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
         self.path = path
+        self._limits = limits
         self.whole = False
         self.lost_bytes = 0
 
@@ -65,6 +77,7 @@ class Scan:
         Raises:
             OSError: the file cannot be read.
             ValueError: it is no MCAP file.
+            UsageError: a record of it would take more memory than the limits allow.
         """
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
@@ -81,9 +94,41 @@ class Scan:
                     self.whole = _ends_with_magic(file, size)
                     good = size
                     break
-                yield from _items(kind, length, file)
+                yield from self._items(kind, length, file)
                 good = file.tell()
             self.lost_bytes = size - good
+
+    def _items(self, kind: int, length: int, file: BinaryIO) -> Iterator[Item]:
+        offset = file.tell() - HEAD.size
+        place = f"{self.path}: the record at byte {offset}"
+        if kind not in (Opcode.CHUNK, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+            file.seek(length, 1)
+            return
+        if kind in (Opcode.CHUNK, Opcode.MESSAGE) and length > self._limits.chunk_bytes + CHUNK_HEAD_BYTES:
+            raise self._limits.chunk_too_large(place, length)
+        if kind not in (Opcode.CHUNK, Opcode.MESSAGE) and length > MAX_DESCRIPTION_BYTES:
+            file.seek(length, 1)
+            yield Damage(offset, f"a description of {length} bytes")
+            return
+        body = file.read(length)
+        stream = ReadDataStream(BytesIO(body))
+        try:
+            match kind:
+                case Opcode.CHUNK:
+                    yield from _records(_unpacked(Chunk.read(stream), self._limits, place))
+                    yield ChunkEnd()
+                case Opcode.METADATA:
+                    yield Metadata.read(stream)
+                case Opcode.SCHEMA:
+                    yield Schema.read(stream)
+                case Opcode.CHANNEL:
+                    yield Channel.read(stream)
+                case _:
+                    yield _message(body)
+        except (MemoryError, UsageError):
+            raise
+        except Exception as error:  # whatever struct, zstandard and the library raise on damaged bytes
+            yield Damage(offset, f"{type(error).__name__}: {error}")
 
 
 def _ends_with_magic(file: BinaryIO, size: int) -> bool:
@@ -91,48 +136,50 @@ def _ends_with_magic(file: BinaryIO, size: int) -> bool:
     return file.read() == MCAP0_MAGIC
 
 
-def _items(kind: int, length: int, file: BinaryIO) -> Sequence[Item]:
-    offset = file.tell() - HEAD.size
-    if kind not in (Opcode.CHUNK, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
-        file.seek(length, 1)
-        return ()
-    stream = ReadDataStream(BytesIO(file.read(length)))
-    try:
-        match kind:
-            case Opcode.CHUNK:
-                return (*_chunk(stream), ChunkEnd())
-            case Opcode.METADATA:
-                return (Metadata.read(stream),)
-            case Opcode.SCHEMA:
-                return (Schema.read(stream),)
-            case Opcode.CHANNEL:
-                return (Channel.read(stream),)
-            case _:
-                return (_message(stream.read(length)),)
-    except MemoryError:
-        raise
-    except Exception as error:  # whatever struct, zstandard and the library raise on damaged bytes
-        return (Damage(offset, f"{type(error).__name__}: {error}"),)
+def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
+    """The content of a chunk. Its declared size is believed only as far as the content bears it out."""
+    most = min(chunk.uncompressed_size, limits.chunk_bytes)
+    match chunk.compression:
+        case "zstd":
+            window = max(limits.chunk_bytes, SMALLEST_WINDOW_BYTES)
+            unpacker = zstandard.ZstdDecompressor(max_window_size=window)
+            data = unpacker.stream_reader(chunk.data).read(most + 1)
+        case "lz4":
+            data = _unpacked_lz4(chunk.data, most + 1)
+        case "":
+            data = chunk.data
+        case _:
+            raise McapError(f"no reader for chunks that are packed by {chunk.compression[:20]!r}")
+    if len(data) > limits.chunk_bytes:
+        raise limits.chunk_too_large(place, max(chunk.uncompressed_size, len(data)))
+    if len(data) != chunk.uncompressed_size:
+        raise McapError(f"a chunk that declares {chunk.uncompressed_size} bytes and does not hold as many")
+    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise McapError("a chunk with a wrong checksum")
+    return data
 
 
-def _chunk(stream: ReadDataStream) -> list[Schema | Channel | Message]:
-    chunk = Chunk.read(stream)
-    if chunk.uncompressed_size > MAX_CHUNK_BYTES:
-        raise McapError(f"a chunk of {chunk.uncompressed_size} bytes")
-    content, size = get_chunk_data_stream(chunk, validate_crc=True)
-    data = content.read(size)
-    found: list[Schema | Channel | Message] = []
+def _unpacked_lz4(data: bytes, most: int) -> bytes:
+    unpacker = lz4.frame.LZ4FrameDecompressor()
+    pieces = [unpacker.decompress(data, most)]
+    found = len(pieces[0])
+    while found < most and not unpacker.eof and not unpacker.needs_input:
+        pieces.append(unpacker.decompress(b"", most - found))
+        found += len(pieces[-1])
+    return b"".join(pieces)
+
+
+def _records(data: bytes) -> Iterator[Schema | Channel | Message]:
     at = 0
-    while at < size:
+    while at < len(data):
         kind, length = HEAD.unpack_from(data, at)
         body, at = data[at + HEAD.size : at + HEAD.size + length], at + HEAD.size + length
         if kind == Opcode.MESSAGE:
-            found.append(_message(body))
+            yield _message(body)
         elif kind == Opcode.CHANNEL:
-            found.append(Channel.read(ReadDataStream(BytesIO(body))))
+            yield Channel.read(ReadDataStream(BytesIO(body)))
         elif kind == Opcode.SCHEMA:
-            found.append(Schema.read(ReadDataStream(BytesIO(body))))
-    return found
+            yield Schema.read(ReadDataStream(BytesIO(body)))
 
 
 def _message(body: bytes) -> Message:

@@ -16,6 +16,10 @@ WIRE, LINK = "wire", "link"
 OVERFLOW = "overflow"
 """Kind of a gap that the recorder itself made, being too slow: it did not see what it missed."""
 
+LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e6
+LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
+"""Far beyond any sensor; what is computed from them stays finite."""
+
 WIRE_WRAP = 1 << 32
 """Numbers of wire messages wrap, as MCAP's field for them does: at 100 a second after 16 months."""
 
@@ -51,8 +55,27 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
     """
     if metadata.get("format") != str(FORMAT):
         raise ValueError(f"format {metadata.get('format')}; this program knows format {FORMAT}")
-    hello = msgspec.json.decode(metadata["hello"], type=Hello) if "hello" in metadata else None
+    hello = None
+    if "hello" in metadata:
+        try:
+            hello = msgspec.json.decode(metadata["hello"], type=Hello)
+        except RecursionError as error:  # brackets in brackets in brackets
+            raise ValueError("its hello is damaged") from error
+        check_hello(hello)
     return msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
+
+
+def check_hello(hello: Hello) -> None:
+    """Refuse what no device says of itself.
+
+    Raises:
+        ValueError: rate or scale are not those of a sensor.
+    """
+    if not LOWEST_RATE_HZ <= hello.rate_hz <= HIGHEST_RATE_HZ:
+        raise ValueError(f"the rate has to be positive and that of a sensor, not {hello.rate_hz:g} Hz")
+    for lsb in (hello.gyro_lsb_per_dps, hello.accel_lsb_per_g):
+        if lsb is not None and not LOWEST_SCALE <= lsb <= HIGHEST_SCALE:
+            raise ValueError(f"the scale has to be positive and that of a sensor, not {lsb:g} LSB")
 
 
 class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):

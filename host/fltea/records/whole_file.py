@@ -1,26 +1,58 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, in folders that others may write to as well."""
 
 import contextlib
+import io
 import os
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO, TextIO
 
 from fltea.records.errors import FlteaError
 
+KEPT_OF_NAME = 40
+"""Characters of a file's name in that of its part: a name may have 255 bytes and needs room for the rest."""
+
+NEW = os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY | os.O_CLOEXEC
+
 
 @contextlib.contextmanager
-def whole_file(out: Path) -> Iterator[Path]:
-    """Give the path to write to; at the end that file becomes `out`, and after any failure there is none.
+def whole_file(out: Path) -> Iterator[BinaryIO]:
+    """Give a file to write to; at the end it becomes `out`, and after any failure there is none.
+
+    It has a name that nobody can guess, in the same folder, and is made new: a link that a stranger put
+    there is not followed. It is on the disk before it takes its name.
 
     Raises:
         FlteaError: the file cannot be written; what was at `out` is as it was.
     """
-    part = out.with_name(f".{out.name}.part")
+    part = out.parent / f".{out.name[:KEPT_OF_NAME]}.{secrets.token_hex(8)}.part"
     try:
-        yield part
+        descriptor = os.open(part, NEW, 0o666)
+    except (OSError, ValueError) as error:  # ValueError: a name with a NUL
+        raise FlteaError(f"{out}: cannot be written ({_reason(error)}).") from error
+    try:
+        with open(descriptor, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(descriptor)
         os.replace(part, out)
     except OSError as error:
-        raise FlteaError(f"{out}: cannot be written ({error}).") from error
+        raise FlteaError(f"{out}: cannot be written ({_reason(error)}).") from error
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def text_of(file: BinaryIO) -> Iterator[TextIO]:
+    """Write text to a binary file, whose line ends stay as they are; the file stays open."""
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+    yield text
+    text.flush()
+    text.detach()
+
+
+def _reason(error: Exception) -> str:
+    """Without the name of the part, which tells a person nothing."""
+    return getattr(error, "strerror", None) or str(error)

@@ -4,10 +4,11 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
+from fltea.recording.kind import FILE_SUFFIXES, is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
 from fltea.settings.config import BY_DEVICE, Config
-from fltea.sources.replay import FILE_SUFFIXES, ReplaySource
+from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.wire.transport import ANY_BOARD
@@ -42,7 +43,9 @@ def open_source(config: Config) -> Source:
     if scheme in ("i2c", "synthetic"):
         _need_wire(config, url)
     replay = config.replay
-    if scheme != "replay" and replay != type(replay)():
+    if scheme != "replay" and (
+        replay.columns or replay.units or replay.rate_hz or replay.shuffle is not None
+    ):
         raise UsageError("--columns, --units, --rate and --shuffle are for recordings (replay:FILE).")
     if not rest and scheme != "synthetic":
         raise UsageError(f"--source {url}: nothing stands behind '{scheme}:'.")
@@ -55,7 +58,7 @@ def open_source(config: Config) -> Source:
             return I2cSource(rest)
         case "replay":
             by_device = config.estimator.engine in BY_DEVICE
-            if Path(rest).suffix.lower() in FILE_SUFFIXES:
+            if is_one_file(Path(rest)):
                 _need_wire(config, url)
             return ReplaySource(
                 Path(rest),
@@ -65,6 +68,7 @@ def open_source(config: Config) -> Source:
                 startup=0 if by_device else config.estimator.startup_needed,
                 shuffle=replay.shuffle,
                 realtime=config.pace == "real",
+                limits=replay.limits,
             )
         case "synthetic":
             return SyntheticSource(rest, realtime=config.pace != "fast")

@@ -3,7 +3,6 @@
 When one may be used, `fltea.stream.snapshot` says.
 """
 
-import contextlib
 import os
 import threading
 from collections.abc import Callable
@@ -11,7 +10,8 @@ from pathlib import Path
 
 import msgspec
 
-from fltea.records.errors import UsageError
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.whole_file import whole_file
 from fltea.settings.outputs import StateConfig
 from fltea.stream.snapshot import DeviceState
 
@@ -97,22 +97,14 @@ class StateFile:
                 return
             self._changed = False
             data = msgspec.json.encode(_File(VERSION, self._devices))
-        part = self._path.with_name(self._path.name + ".part")
         try:
-            with part.open("wb") as file:
+            with whole_file(self._path) as file:
                 file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(self._path)
             self._failed = False
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                part.unlink()
+        except FlteaError as error:
             if not self._failed:
                 self._failed = True
-                self._report(
-                    "state_failed", f"{self._path}: cannot be written ({error}); the old one is kept."
-                )
+                self._report("state_failed", f"{error} The old one is kept.")
 
 
 def _check_writable(path: Path) -> None:

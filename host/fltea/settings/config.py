@@ -12,8 +12,12 @@ import msgspec
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.settings.outputs import DashboardConfig, MetricsConfig, MqttConfig, RecordConfig, StateConfig
 from fltea.wire import layout as wire
+
+MOST_MB = 1e9
+"""A thousand TB; beyond it a limit is none."""
 
 
 class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -28,14 +32,27 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How to read a recording (host/README.md, Recordings)."""
+    """How to read a recording (host/README.md, Recordings).
+
+    max_chunk_mb, max_mb: how much memory one may take (`fltea.settings.limits`).
+    """
 
     columns: list[str] | None = None
     units: str | None = None
     rate_hz: float | None = None
     shuffle: int | None = None
+    max_chunk_mb: float = DEFAULT_LIMITS.max_chunk_mb
+    max_mb: float = DEFAULT_LIMITS.max_mb
+
+    @property
+    def limits(self) -> Limits:
+        """How much memory a recording may take."""
+        return Limits(self.max_chunk_mb, self.max_mb)
 
     def __post_init__(self) -> None:
+        for name in ("max_chunk_mb", "max_mb"):
+            if not 0 < getattr(self, name) <= MOST_MB:
+                raise ValueError(f"{name} must be a positive number of MB, of at most {MOST_MB:g}")
         if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise ValueError("rate_hz must be a positive number of samples per second")
         if self.shuffle is not None and self.shuffle < 0:

@@ -26,6 +26,7 @@ from fltea.recording.session import (
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Event, Failed, Opened, RawSample, TransportEvent, Trouble
 from fltea.records.records import Hello, LinkStats
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.wire_events import WireEvents
 from fltea.wire.sensors import NO_SENSOR
 
@@ -145,15 +146,15 @@ def read_info(path: Path) -> PartInfo:
     raise UsageError(f"{path}: is no recording of fltea, or was cut before anything was written.")
 
 
-def read_entries(part: Part) -> Iterator[Entry | Damage | Torn]:
+def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry | Damage | Torn]:
     """All messages of a file; at its end a `Torn` if it was not finished.
 
     Raises:
-        UsageError: the file cannot be read any more.
+        UsageError: the file cannot be read any more, or would take more memory than the limits allow.
     """
     topics = dict(OWN_CHANNELS)
     prefix = f"/{part.info.device}/"
-    scan = Scan(part.path)
+    scan = Scan(part.path, limits)
     try:
         for item in scan:
             match item:
@@ -180,8 +181,9 @@ class McapRecording:
     the files that were not finished; `unix_offset_ns` is that of the last event.
     """
 
-    def __init__(self, parts: Sequence[Part], name: str) -> None:
+    def __init__(self, parts: Sequence[Part], name: str, limits: Limits = DEFAULT_LIMITS) -> None:
         self.parts = parts
+        self._limits = limits
         self.breaks = self.torn = 0
         self.unix_offset_ns = parts[0].info.offset_ns
         self._name = name
@@ -204,7 +206,7 @@ class McapRecording:
             if part.info.part != number:
                 self._break(f"files are missing before {part.path.name}", part.info.hello)
             number = part.info.part + 1
-            for entry in read_entries(part):
+            for entry in read_entries(part, self._limits):
                 match entry:
                     case Entry(topic=("wire" | "link")):
                         yield from self._on_entry(entry, part.info)
@@ -228,7 +230,11 @@ class McapRecording:
             self._next_sequence = (entry.sequence + 1) % WIRE_WRAP
             item = Chunk(entry.data, host_ns, offset_ns)
         else:
-            link = _link.decode(entry.data)
+            try:
+                link = _link.decode(entry.data)
+            except (ValueError, RecursionError):  # msgspec's errors, and brackets in brackets in brackets
+                self._break("a message about the line is damaged", None)
+                return
             if link.event == "gap":
                 why = f"{link.items} items, {link.bytes} bytes of the wire were not recorded ({link.kind})"
                 self._break(why, None if link.kind == OVERFLOW else info.hello)

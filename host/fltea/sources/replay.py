@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.files import Recording, read_csv, read_npz
+from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import read_ndjson
 from fltea.records import clock
 from fltea.records.errors import UsageError
@@ -23,6 +24,7 @@ from fltea.records.events import (
 )
 from fltea.records.records import Epoch, Hello, LinkStats, Sample
 from fltea.settings.extras import load
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.pacing import sleep_until
 from fltea.wire.units import to_counts
 
@@ -32,21 +34,20 @@ if TYPE_CHECKING:
 AT_ONCE = 8192
 """Samples of a block."""
 
-FILE_SUFFIXES = (".npz", ".csv", ".txt", ".ndjson", ".jsonl")
-"""Recordings that are one file, read whole; all else is MCAP: a file, a folder, or the name of a session."""
-
 
 class ReplaySource:
     """Events of one recording. Its times are the recording's, so a second run gives the same output.
 
-    path: a file, or of MCAP files also a folder or the name of a session (`recording_mcap.find_parts`).
+    path: a file, or of MCAP files also a folder or the name of a session (`sources.mcap.find_parts`). CSV and
+    NDJSON may come through a pipe; it is read to its end here.
 
     startup: samples that the start-up window needs; a shorter recording is refused.
     shuffle: seed of a permutation of the samples (times stay), which makes any noise white.
     realtime: wait between samples as long as the recording did.
+    limits: how much memory it may take.
 
     Raises:
-        UsageError: a missing or bad file; the text names file, line and reason.
+        UsageError: a missing, bad or too large file; the text names file, line and reason.
     """
 
     live = False
@@ -61,36 +62,43 @@ class ReplaySource:
         startup: int = 0,
         shuffle: int | None = None,
         realtime: bool = False,
+        limits: Limits = DEFAULT_LIMITS,
     ) -> None:
-        suffix = path.suffix.lower()
         self._realtime = self.prompt = realtime
         self._closed = False
         self._mcap: McapRecording | None = None
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
-        if shuffle is not None and suffix not in (".npz", ".csv", ".txt"):
-            raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings.")
-        if suffix in FILE_SUFFIXES and not path.is_file():
-            raise UsageError(f"{path}: there is no such file.")
-        if suffix in (".ndjson", ".jsonl"):
-            records, cut = read_ndjson(path)
-            self._events = _from_ndjson(records, cut)
-            samples = sum(isinstance(record, Sample) for record in records)
-        elif suffix in FILE_SUFFIXES:
-            is_npz = suffix == ".npz"
-            recording = read_npz(path) if is_npz else read_csv(path, columns, units or "dps", rate_hz)
-            self._events = _from_recording(name, recording, shuffle)
-            samples = len(recording.gyro)
-        elif path.is_file() and suffix != ".mcap":
+        kind, file = "mcap", None
+        if is_one_file(path):
+            if not (path.is_file() or is_stream(path)):
+                raise UsageError(f"{path}: there is no such file.")
+            kind, file = open_one_file(path)
+        elif path.is_file() and path.suffix and path.suffix.lower() != ".mcap":
             raise UsageError(
                 f"{path}: the kind is not known by its ending; .mcap, .npz, .csv or .ndjson is needed."
             )
-        else:
-            open_again = open_mcap([path], name)
+        if shuffle is not None and kind not in ("npz", "csv"):
+            if file is not None:
+                file.close()
+            raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings.")
+        if kind == "ndjson":
+            records, cut = read_ndjson(path, limits=limits, file=file)
+            self._events = _from_ndjson(records, cut)
+            samples = sum(isinstance(record, Sample) for record in records)
+        elif kind == "mcap":
+            open_again = open_mcap([path], name, limits)
             samples = _count_samples(open_again(), startup + 1)
             self._mcap = open_again()
             self._events = self._mcap.events()
-        if suffix not in (".csv", ".txt") and (columns or units or rate_hz):
+        else:
+            if kind == "npz":
+                recording = read_npz(path, limits)
+            else:
+                recording = read_csv(path, columns, units or "deg/s", rate_hz, limits=limits, file=file)
+            self._events = _from_recording(name, recording, shuffle)
+            samples = len(recording.gyro)
+        if kind != "csv" and (columns or units or rate_hz):
             raise UsageError(
                 f"{path}: --columns, --units and --rate are for CSV files; this one names its own."
             )
@@ -137,15 +145,17 @@ def _paced(event: Event) -> Iterator[Event]:
         yield event.rows(begin, end)
 
 
-def open_mcap(paths: Sequence[Path], name: str) -> Callable[[], "McapRecording"]:
+def open_mcap(
+    paths: Sequence[Path], name: str, limits: Limits = DEFAULT_LIMITS
+) -> Callable[[], "McapRecording"]:
     """What opens a recording in MCAP files, each time from its beginning.
 
     Raises:
-        UsageError: the library is not installed, or `recording_mcap.find_parts` finds no one session.
+        UsageError: the library is not installed, or `sources.mcap.find_parts` finds no one session.
     """
     library = _mcap_library()
     parts = library.find_parts(paths)
-    return lambda: library.McapRecording(parts, name)
+    return lambda: library.McapRecording(parts, name, limits)
 
 
 def find_mcap_sessions(paths: Sequence[Path]) -> "list[list[Part]]":

@@ -1,0 +1,92 @@
+"""What kind of recording a path is: its ending says it, or without one, and of a pipe, its first bytes."""
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO, Literal, NamedTuple
+
+from fltea.records.errors import UsageError
+
+Kind = Literal["npz", "csv", "ndjson", "mcap"]
+
+KINDS: dict[str, Kind] = {
+    ".npz": "npz",
+    ".csv": "csv",
+    ".txt": "csv",
+    ".ndjson": "ndjson",
+    ".jsonl": "ndjson",
+    ".mcap": "mcap",
+}
+FILE_SUFFIXES = tuple(suffix for suffix, kind in KINDS.items() if kind != "mcap")
+"""Recordings that are one file, read whole; all else is MCAP: a file, a folder, or the name of a session."""
+
+MAGIC: dict[bytes, Kind] = {b"PK\x03\x04": "npz", b"\x89MCAP": "mcap"}
+BOM = b"\xef\xbb\xbf"
+
+
+class Opened(NamedTuple):
+    """A recording that is one file. file: of a pipe, at its beginning; all else is opened by its path."""
+
+    kind: Kind
+    file: BinaryIO | None
+
+
+def is_one_file(path: Path) -> bool:
+    """Whether a path names a recording that is one file, read whole (not MCAP)."""
+    if path.suffix.lower() in KINDS:
+        return KINDS[path.suffix.lower()] != "mcap" or is_stream(path)
+    if is_stream(path):
+        return True
+    if path.suffix or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            return _kind_of_content(file) != "mcap"
+    except OSError:
+        return True  # opening it will tell why
+
+
+def is_stream(path: Path) -> bool:
+    """Whether a path is a pipe, a terminal or the like: read once, from its beginning to its end."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)
+
+
+def is_of_this_process(path: Path) -> bool:
+    """Whether other processes may find something else behind a path, as behind /dev/stdin."""
+    return is_stream(path) or path.is_relative_to("/dev") or path.is_relative_to("/proc")
+
+
+def open_one_file(path: Path) -> Opened:
+    """Open a recording that is one file. Of a pipe this waits for its first bytes.
+
+    Raises:
+        UsageError: it cannot be opened, or is of a kind that cannot come through a pipe.
+    """
+    try:
+        file = path.open("rb")
+        kind = KINDS.get(path.suffix.lower()) or _kind_of_content(file)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    if not is_stream(path):
+        file.close()
+        return Opened(kind, None)
+    if kind in ("npz", "mcap"):
+        file.close()
+        raise UsageError(
+            f"{path}: is a pipe, and .{kind} has to be a file, since it is not read in one go. "
+            f"Write it to a file first: cat {path} > recording.{kind}"
+        )
+    return Opened(kind, file)
+
+
+def _kind_of_content(file: BinaryIO) -> Kind:
+    """By the first bytes, which stay unread."""
+    begin = file.peek() if hasattr(file, "peek") else b""
+    for magic, kind in MAGIC.items():
+        if begin.startswith(magic):
+            return kind
+    return "ndjson" if begin.removeprefix(BOM).lstrip().startswith(b"{") else "csv"

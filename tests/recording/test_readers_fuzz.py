@@ -1,0 +1,265 @@
+"""Any bytes, and real files that were changed anywhere: records or an error that says why; nothing else."""
+
+import contextlib
+import io
+import json
+import tracemalloc
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import hostile_files
+import numpy as np
+import pytest
+from fltea.archive.export import export
+from fltea.archive.info import as_text, summarise
+from fltea.identify.load import Request, load
+from fltea.recording.recovery import recover
+from fltea.recording.session import SESSION
+from fltea.records.errors import FlteaError
+from fltea.settings.limits import Limits
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Message, Metadata
+from mcap_support import record, transport
+
+LIMITS = Limits(max_chunk_mb=1, max_mb=1)
+MOST_BYTES = 40_000_000
+"""Twice the limits, and what is made of a recording within them."""
+
+Change = tuple[float, bytes, int]
+changes = st.lists(
+    st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=12), st.integers(0, 12)),
+    min_size=1,
+    max_size=4,
+)
+"""Where, what is put there, and how much goes for it."""
+
+NUMBERS = [
+    0,
+    -1,
+    1,
+    2**31,
+    2**32,
+    2**63 - 1,
+    2**63,
+    2**64 - 1,
+    10**30,
+    1e-320,
+    1e-9,
+    1e308,
+    1e999,
+    True,
+    None,
+]
+ODD = [*NUMBERS, "", "x", "1", [], [0.0] * 4, ["x"], {}, {"a": 1}, "\x1b[31m"]
+odd = st.sampled_from(ODD)
+
+
+def changed(data: bytes, how: list[Change]) -> bytes:
+    for place, put, gone in how:
+        at = int(place * len(data))
+        data = data[:at] + put + data[at + gone :]
+    return data
+
+
+def walk(path: Path) -> None:
+    """All that reads recordings, to its end."""
+    out = path.with_name("out.npz")
+    for what in (
+        lambda: as_text(summarise([path], 100, LIMITS)),
+        lambda: load(Request((path,), limits=LIMITS)),
+        lambda: export([path], out, "samples", 100, force=True, limits=LIMITS),
+        lambda: export([path], out.with_suffix(".csv"), "estimates", 100, force=True, limits=LIMITS),
+    ):
+        with contextlib.suppress(FlteaError):
+            what()
+    if path.suffix == ".mcap":
+        with contextlib.suppress(FlteaError):
+            recover(path, in_place=True, limits=LIMITS)
+
+
+def check(folder: Path, name: str, data: bytes) -> None:
+    path = folder / name
+    path.write_bytes(data)
+    tracemalloc.start()
+    try:
+        walk(path)
+        assert tracemalloc.get_traced_memory()[1] < MOST_BYTES
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("fuzz")
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """One file of every kind, as fltea writes it."""
+    folder = tmp_path_factory.mktemp("real")
+    lines, _ = record(folder, transport(samples=60, boots=2))
+    (mcap,) = folder.glob("*.mcap")
+    found = {"due.mcap": mcap.read_bytes()}
+    for name in ("rest.npz", "rest.csv"):
+        export([mcap], folder / name, "samples", 100)
+        found[name] = (folder / name).read_bytes()
+    import msgspec
+
+    found["run.ndjson"] = b"\n".join(msgspec.json.encode(line) for line in lines) + b"\n"
+    return found
+
+
+KINDS = ["due.mcap", "rest.npz", "rest.csv", "run.ndjson"]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_the_real_files_are_read(name: str, real: dict[str, bytes], folder: Path) -> None:
+    (folder / name).write_bytes(real[name])
+    assert summarise([folder / name], 100, LIMITS).samples > 100
+
+
+@given(how=changes)
+@settings(max_examples=60)
+@pytest.mark.parametrize("name", KINDS)
+def test_files_that_were_changed_anywhere(
+    name: str, real: dict[str, bytes], folder: Path, how: list[Change]
+) -> None:
+    check(folder, name, changed(real[name], how))
+
+
+@given(data=st.binary(max_size=300))
+@settings(max_examples=60)
+@pytest.mark.parametrize("name", [*KINDS, "noending"])
+def test_any_bytes(name: str, folder: Path, data: bytes) -> None:
+    check(folder, name, data)
+
+
+@given(line=st.integers(0, 400), key=st.integers(0, 40), value=odd)
+@settings(max_examples=300)
+def test_ndjson_with_odd_values(
+    real: dict[str, bytes], folder: Path, line: int, key: int, value: Any
+) -> None:
+    lines = [json.loads(text) for text in real["run.ndjson"].splitlines()]
+    lines = [one for one in lines if one["class"] in ("hello", "epoch", "sample")]
+    one = lines[line % 8 if line < 200 else line % len(lines)]
+    one[sorted(one)[key % len(one)]] = value
+    text = "\n".join(json.dumps(one) for one in lines).replace("Infinity", "1e999")
+    check(folder, "run.ndjson", text.encode())
+
+
+ARRAYS = (
+    "gyro_raw",
+    "accel_raw",
+    "fs_hz",
+    "lsb_per_dps",
+    "accel_lsb_per_g",
+    "t_host_s",
+    "time_s",
+    "seq",
+    "epoch",
+)
+
+
+@given(
+    name=st.sampled_from(ARRAYS),
+    value=st.sampled_from([number for number in NUMBERS if isinstance(number, int | float)]),
+    row=st.integers(0, 200) | st.none(),
+    kind=st.sampled_from(["<f8", "<i8", "<u8", "<f4", "<i2", "<f2", "<f16", "?", "<c16", "<U4", "<M8[s]"]),
+)
+@settings(max_examples=300)
+def test_npz_with_odd_numbers(
+    real: dict[str, bytes], folder: Path, name: str, value: Any, row: int | None, kind: str
+) -> None:
+    """In one place or in all."""
+    with np.load(io.BytesIO(real["rest.npz"])) as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    with np.errstate(all="ignore"):
+        try:
+            if row is None:
+                arrays[name] = np.full(arrays[name].shape, value).astype(kind)
+            else:
+                array = np.atleast_1d(arrays[name]).astype(kind)
+                array[row % len(array)] = value
+                arrays[name] = array
+        except (OverflowError, ValueError, TypeError):
+            return
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    check(folder, "rest.npz", buffer.getvalue())
+
+
+@given(how=changes, name=st.sampled_from(ARRAYS))
+@settings(max_examples=100)
+def test_npz_with_changed_arrays(real: dict[str, bytes], folder: Path, how: list[Change], name: str) -> None:
+    """Behind the checksums of the archive."""
+    with zipfile.ZipFile(io.BytesIO(real["rest.npz"])) as archive:
+        arrays: dict[str, Any] = {key[:-4]: archive.read(key) for key in archive.namelist()}
+    arrays[name] = changed(arrays[name][:300], how) + arrays[name][300:]
+    check(folder, "rest.npz", hostile_files.npz(folder / "made.npz", **arrays).read_bytes())
+
+
+def mcap_of(*messages: tuple[str, int, int, int, bytes], **info: str) -> bytes:
+    """Messages by topic, outside of chunks: nothing stands between them and the reader."""
+    builder = RecordBuilder()
+    topics = {"wire": 1, "link": 2, "estimate": 3}
+    for topic, number in topics.items():
+        Channel(number, f"/due/{topic}", "json", {}, 0).write(builder)
+    for topic, sequence, log_ns, publish_ns, data in messages:
+        Message(topics[topic], data, log_ns, publish_ns, sequence).write(builder)
+    data = hostile_files.mcap_with(bytes(builder.end()))
+    if info:
+        head = RecordBuilder()
+        metadata = {"format": "1", "session": "s", "part": "0", "device": "due", "fltea": "1"}
+        metadata |= {"offset_ns": "0", "created_ns": "0"}
+        Metadata(metadata={**metadata, **info}, name=SESSION).write(head)
+        data = data[:8] + bytes(head.end()) + data[8:]
+    return data
+
+
+time_ns = st.sampled_from([0, 1, 10**9, 10**18, 2**63 - 1, 2**63, 2**64 - 1])
+text = st.sampled_from(
+    [b"{}", b"[]", b"", b"null", b"{" * 100, b'{"event":"opened"}', b'{"event":"failed","kind":"\x1b[31m"}']
+    + [b'{"event":"gap","items":-1,"bytes":1e30}', b'{"a":' * 50_000, b'{"host_ns":1}', b'{"axes":1}']
+    + [b'{"host_ns":1,"axes":{"gyro_x":{"alpha":"x"}},"epoch":[],"seq":{},"device_us":null}']
+    + [b'{"host_ns":"x","epoch":1,"seq":1,"device_us":1,"axes":[]}']
+    + [b'{"host_ns":1e300,"epoch":1,"seq":1e300,"device_us":1,"axes":{}}']
+)
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["wire", "link", "estimate"]), st.integers(0, 2**32 - 1), time_ns, time_ns, text
+        ),
+        max_size=5,
+    )
+)
+@settings(max_examples=300)
+def test_mcap_with_odd_messages(folder: Path, messages: list[tuple[str, int, int, int, bytes]]) -> None:
+    check(folder, "due.mcap", mcap_of(*messages))
+
+
+@given(
+    key=st.sampled_from(["format", "session", "part", "device", "offset_ns", "created_ns", "hello"]),
+    value=st.sampled_from(
+        ["", "x", "-1", "1e999", str(2**70), "9" * 5000, "nan", "{" * 100_000, "\x00", "../x"]
+    ),
+)
+@settings(max_examples=70)
+def test_mcap_with_an_odd_head(real: dict[str, bytes], folder: Path, key: str, value: str) -> None:
+    opened = ("link", 0, 10**18, 10**18, b'{"event":"opened"}')
+    check(folder, "due.mcap", mcap_of(opened, opened, **{key: value}))
+
+
+@given(key=st.integers(0, 40), value=odd)
+@settings(max_examples=200)
+def test_mcap_with_an_odd_hello(real: dict[str, bytes], folder: Path, key: int, value: Any) -> None:
+    """Of the device, as the head of a file keeps it, before bytes that are those of a real one."""
+    hello = next(json.loads(line) for line in real["run.ndjson"].splitlines() if b'"hello"' in line)
+    hello[sorted(hello)[key % len(hello)]] = value
+    chunks = [item.data for item in transport(samples=60) if hasattr(item, "data")]
+    messages = [("wire", k, 10**18 + k * 10**7, 10**18 + k * 10**7, data) for k, data in enumerate(chunks)]
+    check(folder, "due.mcap", mcap_of(*messages[5:], part="1", hello=json.dumps(hello)))

@@ -1,0 +1,182 @@
+"""Recordings through pipes: /dev/stdin, FIFOs, and files without an ending."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fltea.recording.kind import is_of_this_process, is_one_file, is_stream
+from fltea.records.errors import UsageError
+from fltea.records.events import RawSample
+from fltea.settings.limits import Limits
+from fltea.sources.replay import ReplaySource
+
+CSV = b"time_s,gyro_x_dps\n" + b"".join(b"%.2f,%d\n" % (k / 100, k % 7) for k in range(50))
+NDJSON = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n' + b"".join(
+    b'{"class":"sample","seq":%d,"device_us":%d,"host_ns":%d,"epoch":1,"gyro_dps":[0.5]}\n'
+    % (k, k * 10_000, k * 10_000_000)
+    for k in range(50)
+)
+TEXTS = {"csv": CSV, "ndjson": NDJSON, "blank lines first": b"\xef\xbb\xbf \n\n" + NDJSON}
+
+
+@pytest.fixture
+def fifo(tmp_path: Path) -> Iterator[Path]:
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    yield path
+    for flags in (os.O_RDONLY, os.O_WRONLY):  # let go of who still waits for the other side
+        with contextlib.suppress(OSError):
+            os.close(os.open(path, flags | os.O_NONBLOCK))
+
+
+def feed(path: Path, data: bytes) -> threading.Thread:
+    def write() -> None:
+        with contextlib.suppress(BrokenPipeError):
+            path.write_bytes(data)
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    return thread
+
+
+def fltea(*arguments: object, **how: object) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-m", "fltea", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, timeout=120, check=False, **how)  # type: ignore[call-overload]
+
+
+def samples(source: ReplaySource) -> int:
+    return sum(isinstance(event, RawSample) for event in source.events())
+
+
+@pytest.mark.parametrize("name", [name for name in TEXTS if name != "blank lines first"])
+def test_a_fifo_is_read_once_whatever_is_in_it(name: str, fifo: Path) -> None:
+    thread = feed(fifo, TEXTS[name])
+    assert samples(ReplaySource(fifo)) == 50
+    thread.join()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".ndjson"])
+def test_a_fifo_with_an_ending_is_what_it_says(suffix: str, fifo: Path) -> None:
+    path = fifo.rename(fifo.with_suffix(suffix))
+    thread = feed(path, TEXTS[suffix[1:]])
+    assert samples(ReplaySource(path)) == 50
+    thread.join()
+
+
+@pytest.mark.parametrize("begin", [b"PK\x03\x04", b"\x89MCAP0\r\n"])
+def test_what_has_to_be_a_file_is_refused_from_a_pipe(begin: bytes, fifo: Path) -> None:
+    thread = feed(fifo, begin + bytes(100))
+    with pytest.raises(UsageError, match=r"pipe: is a pipe, and \.(npz|mcap) has to be a file.*cat .*pipe >"):
+        ReplaySource(fifo)
+    thread.join()
+    for suffix in (".npz", ".mcap"):
+        fifo = fifo.rename(fifo.with_suffix(suffix))
+        thread = feed(fifo, begin)
+        with pytest.raises(UsageError, match=rf"is a pipe, and \{suffix} has to be a file"):
+            ReplaySource(fifo)
+        thread.join()
+
+
+def test_nothing_in_a_pipe_and_more_than_allowed(fifo: Path) -> None:
+    feed(fifo, b"")
+    with pytest.raises(UsageError, match="no header"):
+        ReplaySource(fifo)
+    for text in (CSV, NDJSON):
+        feed(fifo, text)
+        with pytest.raises(UsageError, match=r"pipe:\d+: .*replay\.max_mb"):
+            ReplaySource(fifo, limits=Limits(max_mb=0.0004))
+
+
+def test_a_file_without_an_ending_is_what_it_holds(tmp_path: Path) -> None:
+    for name, text in TEXTS.items():
+        if name == "blank lines first":
+            continue
+        path = tmp_path / f"rest_{name}"
+        path.write_bytes(text)
+        assert is_one_file(path)
+        assert samples(ReplaySource(path)) == 50
+    np.savez(tmp_path / "rest.npz", gyro_dps=np.ones((50, 1)), fs_hz=100.0)
+    (tmp_path / "rest.npz").rename(tmp_path / "rest")
+    assert samples(ReplaySource(tmp_path / "rest")) == 50
+    (tmp_path / "mcap").write_bytes(b"\x89MCAP0\r\n")
+    assert not is_one_file(tmp_path / "mcap")
+
+
+def test_which_paths_are_streams(tmp_path: Path, fifo: Path) -> None:
+    (tmp_path / "file").touch()
+    assert [is_stream(path) for path in (fifo, Path("/dev/null"), tmp_path, tmp_path / "file")] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+    assert not is_stream(tmp_path / "none")
+    assert is_of_this_process(Path("/dev/stdin"))
+    assert not is_of_this_process(tmp_path / "file")
+
+
+@pytest.mark.parametrize("name", ["csv", "ndjson"])
+@pytest.mark.parametrize("how", ["pipe", "file"])
+def test_standard_input_of_run(name: str, how: str, tmp_path: Path) -> None:
+    flags = ("-s", "replay:/dev/stdin", "--once", "--startup", "10", "--samples")
+    if how == "pipe":
+        done = fltea("run", *flags, input=TEXTS[name])
+    else:
+        (tmp_path / "rest").write_bytes(TEXTS[name])
+        with (tmp_path / "rest").open("rb") as file:
+            done = fltea("run", *flags, stdin=file)
+    assert done.returncode == 0, done.stderr
+    assert sum(json.loads(line)["class"] == "sample" for line in done.stdout.splitlines()) == 50
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_standard_input_of_identify(jobs: int, tmp_path: Path) -> None:
+    """Beside a file, too: other processes would read, but they do not have this one's standard input."""
+    rng = np.random.default_rng(1)
+    rows = "".join(f"{value:.6f}\n" for value in rng.normal(size=5000))
+    (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + rows)
+    flags = ("--rate", "100", "--shuffles", "0", "--json", "--jobs", jobs)
+    done = fltea(
+        "identify", "/dev/stdin", tmp_path / "rest.csv", *flags, input=(tmp_path / "rest.csv").read_bytes()
+    )
+    assert done.returncode == 0, done.stderr
+    first, second = json.loads(done.stdout)["files"]
+    first.pop("file")
+    second.pop("file")
+    assert first == second
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("command", ["run", "identify", "info"])
+def test_a_pipe_that_says_nothing_can_be_interrupted(
+    command: str, number: signal.Signals, fifo: Path
+) -> None:
+    words = ["run", "-s", f"replay:{fifo}"] if command == "run" else [command, str(fifo)]
+    process = subprocess.Popen([sys.executable, "-m", "fltea", *words], stderr=subprocess.PIPE)
+    try:
+        held = _opened_by_a_reader(fifo, process)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=30)
+        os.close(held)
+    finally:
+        process.kill()
+    assert b"Traceback" not in said
+    assert process.returncode in (0, 130, -number)
+
+
+def _opened_by_a_reader(fifo: Path, process: subprocess.Popen[bytes]) -> int:
+    """Open the pipe to write, which works once somebody reads."""
+    while process.poll() is None:
+        with contextlib.suppress(OSError):
+            return os.open(fifo, os.O_WRONLY | os.O_NONBLOCK)
+        time.sleep(0.05)
+    raise AssertionError(process.communicate())
