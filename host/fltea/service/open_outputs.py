@@ -27,16 +27,16 @@ def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
     for config in configs:
         assert config.name is not None
         if program.record.folder is not None:
-            module = _module("record", "mcap")
+            module = _module("record", "mcap", "record")
             hub.add(module.RecordSink(program.record, config.name, hub.report(config.name)), config.name)
         if program.mqtt.broker is not None:
-            module = _module("mqtt", "paho")
+            module = _module("mqtt.sink", "paho", "mqtt")
             hub.add(module.MqttSink(program.mqtt, config.name, hub.report(config.name)), config.name)
     if program.metrics.address is not None:
-        module = _module("metrics", "prometheus_client")
+        module = _module("metrics.sink", "prometheus_client", "metrics")
         hub.add(module.MetricsSink(program.metrics, hub.outlets, hub.report()))
     if program.dashboard.address is not None:
-        module = _module("dashboard", "bokeh")
+        module = _module("page.sink", "bokeh", "dashboard")
         estimators = {config.name: config.estimator for config in configs}
         accel = {config.name: config.accel for config in configs}
         page = module.DashboardSink(program.dashboard, estimators, hub.report(), accel)
@@ -49,8 +49,8 @@ def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
         hub.add(NdjsonSink(stdout, samples=program.samples))
 
 
-def _module(name: str, library: str) -> ModuleType:
-    return load(f"fltea.sinks.{name}", library, name, "this output needs")
+def _module(name: str, library: str, extra: str) -> ModuleType:
+    return load(f"fltea.sinks.{name}", library, extra, "this output needs")
 
 
 def _to_stderr(text: str) -> None:
