@@ -7,9 +7,17 @@ import msgspec
 
 from fltea.recording.files import LARGEST_DPS
 from fltea.records.errors import UsageError
-from fltea.records.records import AXES, Epoch, Hello, Sample
+from fltea.records.records import AXES, EpochReason, Hello, Record, Sample
 
-Kept = Hello | Epoch | Sample
+
+class EpochMark(Record, frozen=True, forbid_unknown_fields=False, tag="epoch"):
+    """What a replay needs of an `epoch` record; versions differ in the settings that it holds."""
+
+    reason: EpochReason
+    host_ns: int
+
+
+Kept = Hello | EpochMark | Sample
 
 
 def read_ndjson(path: Path) -> tuple[list[Kept], str | None]:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.files import Recording, read_csv, read_npz
-from fltea.recording.ndjson import read_ndjson
+from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Break, Event, RawSample, Trouble
-from fltea.records.records import DeviceStatus, Epoch, Hello, LinkStats, Sample
+from fltea.records.records import DeviceStatus, Hello, LinkStats, Sample
 from fltea.settings.extras import load
 from fltea.sources.pacing import sleep_until
 from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
@@ -179,7 +179,7 @@ def _sequence(recording: Recording) -> NDArray[np.int64]:
     return np.concatenate(([0], np.cumsum(steps))).astype(np.int64)
 
 
-def _from_ndjson(records: list[Hello | Sample | Epoch], cut: str | None) -> Iterator[Event]:
+def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
     """Our own output as events; numbers and times are unwrapped already, epochs begin where it says."""
     if cut is not None:
         yield Trouble("cut_recording", cut, records[0].host_ns, fatal=False)
@@ -189,7 +189,7 @@ def _from_ndjson(records: list[Hello | Sample | Epoch], cut: str | None) -> Iter
             case Hello():
                 hello = record
                 yield record
-            case Epoch(reason=reason) if reason != "gap":  # a gap is found anew, by the limit of now
+            case EpochMark(reason=reason) if reason != "gap":  # a gap is found anew, by the limit of now
                 yield Break(record.reason, record.host_ns)
             case Sample():
                 assert hello is not None  # read_ndjson refuses samples before it

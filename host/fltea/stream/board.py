@@ -22,7 +22,7 @@ from fltea.records.records import (
     Estimate,
     Sample,
 )
-from fltea.settings.config import BY_DEVICE, EstimatorConfig
+from fltea.settings.config import BY_DEVICE, EstimateOn, EstimatorConfig
 from fltea.stream.board_settings import host_settings
 
 SEQUENCE_WRAP = 1 << 16
@@ -51,13 +51,13 @@ class _Moment(NamedTuple):
 class DeviceFollower:
     """Follows one device.
 
-    engine: "device" gives `Estimate` records of the device's estimates, "both" `DeviceEstimates` that compare
-    them with the host's. name: of the device, for the records.
+    estimate_on: "device" gives `Estimate` records of the device's estimates, "both" `DeviceEstimates` that
+    compare them with the host's. name: of the device, for the records.
     """
 
-    def __init__(self, engine: str, name: str | None) -> None:
-        assert engine in BY_DEVICE
-        self.alone = engine == "device"
+    def __init__(self, estimate_on: EstimateOn, name: str | None) -> None:
+        assert estimate_on in BY_DEVICE
+        self.alone = estimate_on == "device"
         self.stated: DeviceEstimator | None = None
         self._name = name
         self._settings: EstimatorConfig | None = None
@@ -131,7 +131,7 @@ class DeviceFollower:
                 "no_device_estimates",
                 f"the device sends samples, but in {PATIENCE_NS // 10**9} s no word of estimates of its own: "
                 "its firmware was built with estimation switched off, or is none of an Arduino Due. Flash "
-                "that of this program (fltea flash), or let this computer estimate: --engine compressed.",
+                "that of this program (fltea flash), or let this computer estimate: --estimate-on host.",
             )
 
     def on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:

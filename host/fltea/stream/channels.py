@@ -98,7 +98,7 @@ class Channels:
         c = self.config
         bias = tuple(c.bias) if isinstance(c.bias, list) else c.bias
         R = tuple(c.R) if isinstance(c.R, list) else c.R
-        return EstimatorInfo(c.variant, c.engine, c.guard, c.window, c.startup_needed, bias, R)
+        return EstimatorInfo(c.variant, c.estimate_on, c.memory, c.guard, c.window, c.startup_needed, bias, R)
 
     def gyro_estimates(self, estimates: dict[str, gyroscope.AxisEstimate]) -> dict[str, AxisEstimate]:
         """Estimates of the newest sample as records: null in place of any number that is not finite."""

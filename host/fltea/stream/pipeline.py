@@ -65,8 +65,8 @@ class Pipeline:
         self._outputs = outputs
         self._state = state
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name)
-        engine = config.estimator.engine
-        self._follower = DeviceFollower(engine, config.name) if engine in BY_DEVICE else None
+        who = config.estimator.estimate_on
+        self._follower = DeviceFollower(who, config.name) if who in BY_DEVICE else None
         self._gyro: Channels | None = None
         self._accel: Channels | None = None
         self._sample_ns: int | None = None
@@ -304,15 +304,15 @@ class Pipeline:
 
     def _tell_unused(self) -> Iterator[Error]:
         """Tell once which settings were changed for nothing, since the device has its own."""
-        engine = self._config.estimator.engine
+        who = self._config.estimator.estimate_on
         if self._follower is None or self._told_unused:
             return
         self._told_unused = True
         unused = unused_settings(self._config.estimator)
         if unused:
             text = (
-                f"{', '.join(unused)}: not used with engine {engine}, since the device estimates with the "
-                "settings of its firmware" + (", and so does this computer." if engine == "both" else ".")
+                f"{', '.join(unused)}: not used with --estimate-on {who}, since the device estimates with "
+                "the settings of its firmware" + (", and so does this computer." if who == "both" else ".")
             )
             yield self._error("settings_unused", text)
 

@@ -119,13 +119,13 @@ class MqttSink(Sink):
             if self._status is not None and self._status.status != "online":
                 self._say("online")
             every = self._settings.sample_every
-            if every and item.seq % every == 0:
+            if every and self._is_due("sample", item.seq, every):
                 self._stream("sample", item, self._settings.stream_qos)
         elif isinstance(item, Estimate):
-            if self._is_due("estimate", item.seq):
+            if self._is_due("estimate", item.seq, self._settings.estimate_every):
                 self._stream("estimate", item, self._settings.stream_qos)
         elif isinstance(item, DeviceEstimates):
-            if self._is_due("device_estimate", item.seq):
+            if self._is_due("device_estimate", item.seq, self._settings.estimate_every):
                 self._stream("device_estimate", item, self._settings.stream_qos)
         elif isinstance(item, Stats):
             self._stream("stats", item, 1)
@@ -133,10 +133,9 @@ class MqttSink(Sink):
             self._keep(_Message(self._topic(type(item).__name__.lower()), self._encode(item), again=True))
             self._send_backlog()
 
-    def _is_due(self, kind: str, seq: int) -> bool:
-        """Whether it is the first in `estimate_every` samples; a device may not send one for each."""
+    def _is_due(self, kind: str, seq: int, every: int) -> bool:
+        """Whether it is the first in `every` samples; a device, or `output.every`, may leave none at it."""
         before, self._seen[kind] = self._seen.get(kind, seq), seq
-        every = self._settings.estimate_every
         return seq % every == 0 or seq // every > before // every
 
     def flush(self) -> None:
