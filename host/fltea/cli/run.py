@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from fltea.records.errors import UsageError
+from fltea.settings import filters
 from fltea.settings.config import load_configs, parse_setting
 from fltea.settings.old_names import old_engine
 from fltea.wire import layout as wire
@@ -120,11 +121,14 @@ def run(
     window: Annotated[
         int | None,
         typer.Option(
-            "--window", "-L", help="Length L of the memory in samples (default 3000); 0: unlimited."
+            "--window",
+            "-L",
+            help=f"Length L of the memory in samples (default {filters.WINDOW}); 0: unlimited.",
         ),
     ] = None,
     startup: Annotated[
-        int | None, typer.Option(metavar="N", help="Samples of the start-up window (default 500).")
+        int | None,
+        typer.Option(metavar="N", help=f"Samples of the start-up window (default {filters.STARTUP})."),
     ] = None,
     bias: Annotated[
         str | None,
@@ -158,7 +162,7 @@ def run(
     ] = None,
     baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
     max_gap: Annotated[
-        int | None, typer.Option(help="Longest gap in samples that is bridged (default 100).")
+        int | None, typer.Option(help=f"Longest gap in samples that is bridged (default {filters.MAX_GAP}).")
     ] = None,
     set_: Annotated[
         list[str] | None,

@@ -11,6 +11,7 @@ import msgspec
 
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
+from fltea.settings import filters
 from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
 from fltea.settings.old_names import refuse_old_names
 from fltea.settings.outputs import (
@@ -28,7 +29,7 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Serial link. max_gap: longest gap in samples that is bridged; a longer one begins a new epoch."""
 
     baud: int = wire.BAUD
-    max_gap: int = 100
+    max_gap: int = filters.MAX_GAP
 
     def __post_init__(self) -> None:
         if self.max_gap < 0:
@@ -74,15 +75,15 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     deviations from which on a guard softens an innovation.
     """
 
-    startup: int = 500
+    startup: int = filters.STARTUP
     bias: Literal["startup", "none"] | float | list[float] = "startup"
     R: Literal["auto"] | float | list[float] = "auto"
     estimate_on: EstimateOn = "host"
     memory: Literal["compressed", "direct"] = "compressed"
-    variant: Literal["triple", "joint"] = "joint"
-    guard: Literal["off", "faithful", "consistent"] = "consistent"
+    variant: Literal["triple", "joint"] = filters.VARIANT
+    guard: Literal["off", "faithful", "consistent"] = filters.GUARD
     joint: JointSettings = JointSettings()
-    gate: float = 10.0
+    gate: float = filters.GATE
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -107,13 +108,9 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
 
 
 class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
-    """The same for axes of the accelerometer, in m/s² in place of deg/s.
+    """The same for axes of the accelerometer, in m/s² in place of deg/s."""
 
-    Q and P0 of the state keep the ratio to the noise that the paper's have for its gyroscope: a resting
-    MPU-6050 has 9e-4 (m/s²)² where the paper's gyroscope has 0.02 (deg/s)².
-    """
-
-    state: StateSettings = StateSettings(P0=4.5e-4, Q=6.75e-3)
+    state: StateSettings = StateSettings(P0=filters.ACCEL_STATE_P0, Q=filters.ACCEL_STATE_Q)
 
     def __post_init__(self) -> None:
         super().__post_init__()
