@@ -43,6 +43,7 @@ lint: .venv/.dev
 		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea
 	@$(PY) tools/gen_protocol.py --check
 	@$(PY) tools/gen_registers.py --check
+	@$(PY) tools/gen_filter_settings.py --check
 	@$(PY) tools/build_id.py --check
 	@$(PY) tools/make_vectors.py --check
 	@$(PY) tools/gen_memory_constants.py --check
@@ -50,6 +51,7 @@ lint: .venv/.dev
 	@$(PY) tools/make_golden.py --check
 
 gen: .venv/.dev
+	@$(PY) tools/gen_filter_settings.py
 	@$(PY) tools/gen_protocol.py
 	@$(PY) tools/gen_registers.py
 	@$(PY) tools/make_vectors.py

@@ -16,6 +16,7 @@ from fltea.estimator.engine import (
     ParameterTuning,
     StateTuning,
 )
+from fltea.settings import filters
 from fltea.wire import layout as wire
 
 
@@ -27,10 +28,10 @@ def f32(value: float) -> float:
 JOINT = wire.Estimator(
     variant=wire.EstimatorVariant.JOINT,
     guard=wire.EstimatorGuard.CONSISTENT,
-    startup=500,
-    max_gap=100,
+    startup=filters.STARTUP,
+    max_gap=filters.MAX_GAP,
     every=1,
-    remaining=500,
+    remaining=filters.STARTUP,
     begun=1,
     queue=0,
     skipped=0,
@@ -44,31 +45,31 @@ JOINT = wire.Estimator(
     r_x=0.0,
     r_y=0.0,
     r_z=0.0,
-    state_x0=0.0,
-    state_p0=f32(0.01),
-    state_q=f32(0.15),
-    alpha0=f32(0.5),
-    alpha_p0=f32(0.06),
-    alpha_q0=0.0,
-    alpha_delta=0.0,
-    parameter0=f32(-0.1),
-    parameter_p0=f32(0.06),
-    parameter_q0=0.0,
-    parameter_delta=0.0,
-    gate=10.0,
+    state_x0=f32(filters.STATE_X0),
+    state_p0=f32(filters.STATE_P0),
+    state_q=f32(filters.STATE_Q),
+    alpha0=f32(filters.JOINT_ALPHA0),
+    alpha_p0=f32(filters.JOINT_P0),
+    alpha_q0=f32(filters.JOINT_Q0),
+    alpha_delta=f32(filters.JOINT_DELTA),
+    parameter0=f32(filters.JOINT_BETA0),
+    parameter_p0=f32(filters.JOINT_P0),
+    parameter_q0=f32(filters.JOINT_Q0),
+    parameter_delta=f32(filters.JOINT_DELTA),
+    gate=f32(filters.GATE),
 )
 """The default settings of `fltea run` with variant joint."""
 
 TRIPLE = JOINT._replace(
     variant=wire.EstimatorVariant.TRIPLE,
-    alpha0=1.0,
-    alpha_p0=f32(0.01),
-    alpha_q0=f32(0.1),
-    alpha_delta=0.5,
-    parameter0=0.0,
-    parameter_p0=f32(0.01),
-    parameter_q0=f32(0.1),
-    parameter_delta=0.5,
+    alpha0=f32(filters.ORDER_ALPHA0),
+    alpha_p0=f32(filters.ORDER_P0),
+    alpha_q0=f32(filters.ORDER_Q0),
+    alpha_delta=f32(filters.ORDER_DELTA),
+    parameter0=f32(filters.PARAMETER_F0),
+    parameter_p0=f32(filters.PARAMETER_P0),
+    parameter_q0=f32(filters.PARAMETER_Q0),
+    parameter_delta=f32(filters.PARAMETER_DELTA),
 )
 """The same with variant triple."""
 

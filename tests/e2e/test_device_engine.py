@@ -9,7 +9,7 @@ def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
     """At 500 Hz the start-up window of 500 samples takes a second."""
     port = tmp_path / "device"
     processes.stand_in(port, "--estimate", "--noise", "rate_hz=500")
-    daemon = processes.daemon("--source", f"serial:{port}", "--engine", "both")
+    daemon = processes.daemon("--source", f"serial:{port}", "--estimate-on", "both")
     daemon.wait_for(lambda: len(daemon.of("device_estimate")) > 20, "estimates of the device")
     code, stderr = daemon.end()
     assert (code, stderr) == (0, "")
@@ -23,7 +23,7 @@ def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
 def test_with_once_a_device_that_does_not_estimate_is_a_failure(processes: Processes, tmp_path: Path) -> None:
     port = tmp_path / "device"
     processes.stand_in(port)
-    daemon = processes.daemon("--source", f"serial:{port}", "--engine", "device", "--once")
+    daemon = processes.daemon("--source", f"serial:{port}", "--estimate-on", "device", "--once")
     code, stderr = daemon.end(None)
     assert code == 1
     assert stderr.startswith("fltea: error: the device sends samples, but in 5 s no word of estimates")

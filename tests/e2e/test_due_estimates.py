@@ -16,7 +16,7 @@ from fltea.wire import layout as wire
 
 from tools.due_emulator.noise import recorded_world
 
-BOTH = {"estimator.engine": "both"}
+BOTH = {"estimator.estimate_on": "both"}
 EVERY = 10
 RECORDINGS = ("mpu6050_sunsided_10min.npz", "mpu6050_tomisuarez_100s.npz")
 CLOSE = 1e-4
@@ -109,7 +109,7 @@ def test_after_each_fault_it_begins_anew_or_goes_on_as_the_host_does() -> None:
 
 
 def test_alone_its_estimates_are_what_is_published() -> None:
-    run = DueRun(image(), noise=NOISE, settings={"estimator.engine": "device"}).run_until(6.0)
+    run = DueRun(image(), noise=NOISE, settings={"estimator.estimate_on": "device"}).run_until(6.0)
     found = [record for record in run.records if isinstance(record, Estimate)]
     assert len(found) > 5
     sent = {(m.sample, m.axis): m for m in (a.frame.message for a in run.of(wire.Estimate))}

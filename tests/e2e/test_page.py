@@ -70,7 +70,7 @@ class Watched:
 
 def start(processes: Processes, *arguments: str | Path, page: str = "0") -> tuple[Daemon, str]:
     """The daemon and the address of its page."""
-    settings = [] if "--engine" in arguments else QUICK
+    settings = [] if "--estimate-on" in arguments else QUICK
     daemon = processes.daemon(*settings, *arguments, "--dashboard", page)
     assert daemon.process.stderr is not None
     line = daemon.process.stderr.readline().decode()
@@ -139,7 +139,7 @@ def test_estimates_of_device_and_host_stand_side_by_side(
 ) -> None:
     """At 250 Hz the device's start-up window of 500 samples takes two seconds."""
     processes.stand_in(tmp_path / "due", "--estimate", "--noise", "rate_hz=250")
-    daemon, url = start(processes, "--source", f"serial:{tmp_path / 'due'}", "--engine", "both")
+    daemon, url = start(processes, "--source", f"serial:{tmp_path / 'due'}", "--estimate-on", "both")
     one = Watched(chromium, url + "#window=0&axis=gyro_y")
     one.wait("Number(document.querySelector('[data-axis=gyro_y]')?.dataset.apart || 0) !== 0")
     one.wait("document.querySelector('#windows button').getAttribute('aria-pressed') === 'true'")

@@ -155,10 +155,6 @@ def test_given_settings_reach_the_estimators() -> None:
     assert (found.fltea.variant, found.fltea.guard, found.fltea.R) == ("triple", "off", 2.0)
     assert (found.fltea_other.variant, found.fltea_other.R) == ("joint", 2.0)
     assert found.null.shuffled is None
-    reference = IdentifyOptions(
-        EstimatorConfig(engine="reference", variant="triple", guard="off"), shuffles=0
-    )
-    assert identify_axis(y[:800], H, None, reference).fltea.valid
 
 
 @pytest.mark.parametrize(

@@ -48,11 +48,10 @@ ENGINE_ALONE = [
     ("triple", "consistent", {}),
     ("triple", "off", {}),
     ("joint", "consistent", {"bias": 1.7, "R": 0.02}),
-    ("joint", "consistent", {"engine": "direct"}),
+    ("joint", "consistent", {"memory": "direct"}),
 ]
 DAEMONS_WAY = [
     ("triple", "off", {"R": 0.002}),  # runs away, and begins anew
-    ("triple", "off", {"engine": "reference"}),
 ]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.recording.files import parse_units, read_csv, read_npz
-from fltea.recording.ndjson import read_ndjson
+from fltea.recording.ndjson import EpochMark, read_ndjson
 from fltea.records.errors import UsageError
 from fltea.records.records import Estimate, Hello, Sample
 from fltea.settings.limits import Limits
@@ -340,6 +340,14 @@ def test_ndjson_keeps_hello_and_samples_in_order(tmp_path: Path) -> None:
     other = '{"class":"stats","anything":1}'
     found, _ = read_ndjson(ndjson_file(tmp_path, other, HELLO, SAMPLE, other, HELLO, SAMPLE, SAMPLE))
     assert [type(record) for record in found] == [Hello, Sample, Hello, Sample, Sample]
+
+
+def test_epochs_that_another_version_wrote_are_read(tmp_path: Path) -> None:
+    """Of an epoch only its reason matters for a replay; what it was estimated with has changed before."""
+    old = '{"class":"epoch","epoch":1,"reason":"restart","host_ns":7,"estimator":{"engine":"reference"}}'
+    found, _ = read_ndjson(ndjson_file(tmp_path, HELLO, old, SAMPLE))
+    assert isinstance(found[1], EpochMark)
+    assert (found[1].reason, found[1].host_ns) == ("restart", 7)
 
 
 def test_ndjson_of_several_devices_is_refused(tmp_path: Path) -> None:

@@ -26,8 +26,8 @@ from fltea.stream.pipeline import Pipeline
 from host_support import hello
 
 QUICK = EstimatorConfig(startup=50, window=200)
-BOTH = msgspec.structs.replace(QUICK, engine="both")
-ALONE = msgspec.structs.replace(QUICK, engine="device")
+BOTH = msgspec.structs.replace(QUICK, estimate_on="both")
+ALONE = msgspec.structs.replace(QUICK, estimate_on="device")
 BOARD = DeviceStatus(0, 0, 0, 0, 0, "user", cpu_share_percent=16.75, longest_step_us=8210)
 OWN = DeviceEstimatorStats(
     begun=1,
@@ -160,10 +160,10 @@ def _of_device(e: AxisEstimate, age: int, apart: float | None) -> DeviceAxisEsti
     return DeviceAxisEstimate(*numbers, True, age, *differences)
 
 
-def _with_device(record: AnyRecord, engine: str, own: dict[str, Any]) -> AnyRecord:
+def _with_device(record: AnyRecord, estimate_on: str, own: dict[str, Any]) -> AnyRecord:
     match record:
         case Epoch(estimator=EstimatorInfo() as info):
-            info = msgspec.structs.replace(info, engine=engine, window=0)
+            info = msgspec.structs.replace(info, estimate_on=estimate_on, window=0)
             return msgspec.structs.replace(record, estimator=info)
         case Stats():
             estimator = msgspec.structs.replace(OWN, **own)

@@ -72,13 +72,15 @@ def record(
     report: Callable[[str, str], None] = lambda kind, text: None,
     device: str = "due",
     end: bool = True,
-    engine: str = "compressed",
+    estimate_on: str = "host",
     **settings: object,
 ) -> tuple[list[AnyRecord], RecordSink]:
     """Walk and record what came, as the daemon does; without `end` the file stays open."""
     sink = RecordSink(RecordConfig(folder=str(folder), **settings), device, report)
     source = Live()
-    pipeline = Pipeline(source, load_config(None, SMALL | {"name": device, "estimator.engine": engine}))
+    pipeline = Pipeline(
+        source, load_config(None, SMALL | {"name": device, "estimator.estimate_on": estimate_on})
+    )
     records = []
     for item in items:
         sink.write(item)

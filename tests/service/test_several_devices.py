@@ -130,9 +130,3 @@ def test_an_axis_that_the_source_does_not_have_is_told(tmp_path: Path) -> None:
     path.write_text("gyro_x_dps\n" + "".join(f"{k % 7}\n" for k in range(90)))
     run = fltea("run", "-s", str(path), "--rate", "100", "--once", *QUICK, "--channels", "gyro_z")
     assert "no_axis: channels names gyro_z, which this source does not have" in run.stderr
-
-
-def test_a_snapshot_of_the_reference_is_refused(tmp_path: Path) -> None:
-    run = fltea("run", "-s", "synthetic:", "--engine", "reference", "--state", tmp_path / "state")
-    assert run.returncode == 2
-    assert "--state keeps the native engines only" in run.stderr

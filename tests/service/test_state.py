@@ -221,15 +221,11 @@ def test_only_the_first_epoch_resumes() -> None:
     assert [r.reason for r in records if isinstance(r, Epoch)] == ["resumed", "restart"]
 
 
-def test_nothing_is_kept_of_a_start_up_window_or_of_the_reference() -> None:
+def test_nothing_is_kept_of_a_start_up_window() -> None:
     for settings, samples in ((config(), 20), (config(channels=["gyro_x", "accel_x"]), 25)):
         pipeline = Pipeline(NoSource(), settings)
         walk(pipeline, hello(), *map(raw, range(samples - 1)))
         assert pipeline.save() is None
-    printed = {"estimator__engine": "reference", "estimator__variant": "triple", "estimator__guard": "off"}
-    pipeline = Pipeline(NoSource(), config(**printed))
-    walk(pipeline, hello(), *map(raw, range(60)))
-    assert pipeline.save() is None
 
 
 # --- the file ---

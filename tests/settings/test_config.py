@@ -7,6 +7,7 @@ import msgspec
 import pytest
 from fltea.records.errors import UsageError
 from fltea.settings.config import Config, load_config, parse_setting
+from host_support import fltea
 
 
 def test_defaults_are_the_papers_gyroscope_settings() -> None:
@@ -25,6 +26,7 @@ def test_defaults_of_the_rest() -> None:
     assert (config.source, config.format, config.pace) == (None, "auto", "auto")
     assert (config.once, config.samples) == (False, False)
     assert (config.link.baud, config.link.max_gap) == (250_000, 100)
+    assert config.output.every == 1
     how = dict.fromkeys(("columns", "units", "rate_hz", "shuffle"))
     assert msgspec.to_builtins(config.replay) == {**how, "max_chunk_mb": 64.0, "max_mb": 1024.0}
 
@@ -110,6 +112,7 @@ WRONG_TYPE = [
     ("samples", "yes"),
     ("link.baud", "fast"),
     ("link.max_gap", 1.5),
+    ("output.every", 2.5),
     ("replay.columns", "gx"),
     ("replay.rate_hz", "100"),
     ("estimator.window", 200.5),
@@ -128,6 +131,9 @@ IMPOSSIBLE = [
     ("replay.rate_hz", float("nan"), "replay: rate_hz"),
     ("replay.rate_hz", float("inf"), "replay: rate_hz"),
     ("replay.shuffle", -1, "replay: shuffle"),
+    ("output.every", 0, "output: every must be 1"),
+    ("output.every", -5, "output: every must be 1"),
+    ("output.every", 10**9, "output: every must be 1"),
     ("estimator.window", -1, "estimator: window"),
     ("estimator.startup", 1, "estimator: startup"),
     ("estimator.R", 0, "estimator: R is a variance"),
@@ -222,3 +228,39 @@ def test_path_through_a_value_is_refused() -> None:
     text = refusal(None, {"estimator": 5, "estimator.window": 3})
     assert "estimator.window" in text
     assert "'estimator' is a value" in text
+
+
+OLD_NAMES = [
+    ("compressed", 'estimator.memory = "compressed"', "--memory compressed"),
+    ("direct", 'estimator.memory = "direct"', "--memory direct"),
+    ("device", 'estimator.estimate_on = "device"', "--estimate-on device"),
+    ("both", 'estimator.estimate_on = "both"', "--estimate-on both"),
+    ("reference", "fltea reproduce", "--memory direct --variant triple --guard off"),
+    ("numpy", "estimator.estimate_on", "--memory compressed|direct"),
+]
+
+
+@pytest.mark.parametrize(("value", "setting", "flag"), OLD_NAMES)
+def test_the_old_name_engine_is_refused_with_the_new_one(
+    value: str, setting: str, flag: str, tmp_path: Path
+) -> None:
+    for table in ("estimator", "accel"):
+        file = written(tmp_path, f'[{table}]\nengine = "{value}"')
+        for origin, text in (
+            (str(file), refusal(file, {})),
+            ("command line", refusal(None, {f"{table}.engine": value})),
+        ):
+            assert text.startswith(f"{origin}: {table}.engine: ")
+            assert setting.replace("estimator.", f"{table}.") in text
+    file = written(tmp_path, f'[device.a]\nsource = "synthetic:"\nestimator.engine = "{value}"')
+    assert setting in refusal(file, {})
+    run = fltea("run", "--engine", value)
+    assert run.returncode == 2
+    assert flag in run.stderr
+    assert not run.stdout
+
+
+def test_the_old_values_of_engine_are_accepted_under_the_new_names() -> None:
+    for path, values in (("memory", ("compressed", "direct")), ("estimate_on", ("host", "device", "both"))):
+        for value in values:
+            assert getattr(load_config(None, {f"estimator.{path}": value}).estimator, path) == value

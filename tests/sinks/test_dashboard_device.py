@@ -73,7 +73,7 @@ def test_band_keeps_in_step_with_the_samples_not_with_the_estimates() -> None:
     follower = history.followers["gyro_x"]
     assert follower is not None
     assert follower.power is not None
-    device = EstimatorConfig(engine="device", window=0, startup=50)
+    device = EstimatorConfig(estimate_on="device", window=0, startup=50)
     samples = estimates[-1].seq + 1 - 50
     expected = WhiteBand(device, 0.01, follower.power, 1 / 16.4).advance(samples // STEP * STEP)
     assert follower.quantiles.alpha.tolist() == expected.alpha.tolist()
@@ -134,9 +134,19 @@ def test_epoch_of_a_device_that_has_not_said_with_what_it_estimates() -> None:
 @pytest.mark.parametrize(
     ("found", "config", "words"),
     [
-        (alone, ALONE, "engine device (the device's own estimates as published, 10 a second), L = unlimited"),
-        (both, BOTH, "engine both (the host's estimates, and the device's own, 10 a second), L = unlimited"),
-        (list, QUICK, "engine compressed, L = 200"),
+        (
+            alone,
+            ALONE,
+            "estimates on device (the device's own estimates as published, 10 a second), "
+            "memory compressed, L = unlimited",
+        ),
+        (
+            both,
+            BOTH,
+            "estimates on both (the host's estimates, and the device's own, 10 a second), "
+            "memory compressed, L = unlimited",
+        ),
+        (list, QUICK, "guard consistent, memory compressed, L = 200"),
     ],
 )
 def test_engine_is_named_with_whose_the_estimates_are(

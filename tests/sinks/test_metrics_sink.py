@@ -82,7 +82,7 @@ EPOCH = Epoch(
     8,
     8,
     7,
-    EstimatorInfo("joint", "compressed", "consistent", 9, 9, "none", "auto"),
+    EstimatorInfo("joint", "host", "compressed", "consistent", 9, 9, "none", "auto"),
     device="due",
 )
 SAMPLE = Sample(7, 3, 70_000, 7_250_000_000, (0.5,), temperature_c=21.5, device="due")

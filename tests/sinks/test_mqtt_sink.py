@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mqtt_support import Bench, FakeConnection, estimate, gap, make_bench, sample, stats
 
-INFO = EstimatorInfo("joint", "compressed", "consistent", 3000, 500, "startup", "auto")
+INFO = EstimatorInfo("joint", "host", "compressed", "consistent", 3000, 500, "startup", "auto")
 
 
 @pytest.fixture

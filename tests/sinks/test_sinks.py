@@ -40,7 +40,13 @@ HELLO = hello(
     source="serial:/dev/ttyACM0", sensor="MPU-9250", gyro_range_dps=2000.0, firmware_version="0.1.0"
 )
 EPOCH = Epoch(
-    3, "gap", 700, 7_000_000, 7, 8, EstimatorInfo("triple", "reference", "off", 3000, 500, "startup", "auto")
+    3,
+    "gap",
+    700,
+    7_000_000,
+    7,
+    8,
+    EstimatorInfo("triple", "host", "direct", "off", 3000, 500, "startup", "auto"),
 )
 GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "undefined")
 INVALID = AxisEstimate(None, None, None, None, None, None, False)

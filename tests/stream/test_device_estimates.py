@@ -48,13 +48,13 @@ class WireSource:
     def close(self) -> None: ...
 
 
-def pipeline(engine: str, **settings: object) -> Pipeline:
-    return Pipeline(WireSource(), config(engine, **settings))
+def pipeline(who: str, **settings: object) -> Pipeline:
+    return Pipeline(WireSource(), config(who, **settings))
 
 
-def config(engine: str, **settings: object) -> Config:
+def config(who: str, **settings: object) -> Config:
     return load_config(
-        None, {"estimator.engine": engine, **{k.replace("__", "."): v for k, v in settings.items()}}
+        None, {"estimator.estimate_on": who, **{k.replace("__", "."): v for k, v in settings.items()}}
     )
 
 
@@ -98,7 +98,7 @@ def test_the_device_alone_is_published_as_it_is() -> None:
     assert all((e.epoch, e.device_us, e.host_ns) == places[e.seq] for e in estimates)
     got = [msgspec.structs.astuple(e.axes[axis])[:7] for e in estimates for axis in AXES]
     assert got == [(*rounded(one), True) for one in said]
-    settings = EstimatorInfo("joint", "device", "consistent", 0, STARTUP, "startup", "auto")
+    settings = EstimatorInfo("joint", "device", "compressed", "consistent", 0, STARTUP, "startup", "auto")
     assert of(Epoch, records)[0].estimator == settings
 
 
@@ -160,7 +160,7 @@ def test_both_differ_by_nothing_in_double_precision(stated: wire.Estimator) -> N
         for a in e.axes.values():
             assert (a.alpha_difference, a.f_difference, a.state_difference_dps) == (0, 0, 0)
     epoch = of(Epoch, records)[0].estimator
-    assert (epoch.engine, epoch.variant, epoch.window) == ("both", compared[0].variant, 0)
+    assert (epoch.estimate_on, epoch.variant, epoch.window) == ("both", compared[0].variant, 0)
     assert epoch.startup_samples == STARTUP
 
 
@@ -179,15 +179,15 @@ def test_both_over_the_wire_differ_by_single_precision() -> None:
     assert 0 < max(differences) < 1e-6
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_the_sequence_wraps_and_estimates_come_late(engine: str) -> None:
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_the_sequence_wraps_and_estimates_come_late(who: str) -> None:
     """Twenty samples behind, and the 16-bit numbers begin anew in between."""
     sent = list(Board(late=20, first=65_500).run(noise(200)))
-    walk = pipeline(engine)
+    walk = pipeline(who)
     records = feed(walk, events(sent))
-    found = of(Estimate if engine == "device" else DeviceEstimates, records)
+    found = of(Estimate if who == "device" else DeviceEstimates, records)
     assert [e.seq for e in found] == list(range(65_500 + STARTUP, 65_500 + 180))
-    if engine == "both":
+    if who == "both":
         assert all(e.comparable for e in found)
     places = {s.seq: s.device_us for s in of(Sample, records)}
     assert all(e.device_us == places[e.seq] for e in found)
@@ -201,16 +201,14 @@ def test_later_than_is_remembered_is_counted() -> None:
     assert own.unplaced == own.estimates == 3 * (400 - 256 - STARTUP)
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_an_axis_that_is_lost_on_the_line_costs_only_itself(engine: str) -> None:
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_an_axis_that_is_lost_on_the_line_costs_only_itself(who: str) -> None:
     sent = list(Board().run(noise(100)))
     k = next(i for i, one in enumerate(sent) if getattr(one.message, "sample", 0) == 60)
     assert sent[k + 1].message.axis == wire.Axis.GYRO_Y
     del sent[k + 1]
-    walk = pipeline(engine)
-    found = {
-        e.seq: e for e in of(Estimate if engine == "device" else DeviceEstimates, feed(walk, events(sent)))
-    }
+    walk = pipeline(who)
+    found = {e.seq: e for e in of(Estimate if who == "device" else DeviceEstimates, feed(walk, events(sent)))}
     assert sorted(found) == list(range(STARTUP, 100))
     assert list(found[60].axes) == ["gyro_x", "gyro_z"]
     assert all(len(e.axes) == 3 for seq, e in found.items() if seq != 60)
@@ -231,20 +229,20 @@ def test_a_sample_that_only_the_line_lost_has_no_place_for_its_estimate() -> Non
     assert compared[-1].axes["gyro_x"].state_difference_dps != 0
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_a_device_that_restarts_begins_anew(engine: str) -> None:
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_a_device_that_restarts_begins_anew(who: str) -> None:
     """Estimates of the boot before must not be taken for those of samples of the same number."""
     first = list(Board(late=5).run(noise(100)))
     second = list(Board(hello=WIRE_HELLO._replace(boot_id=6), late=5).run(noise(100, seed=2)))
     stray = [one for one in Board().run(noise(100)) if getattr(one.message, "sample", 0) in (95, 96)]
     assert len(stray) == 6
     link = WireEvents("board")
-    walk = pipeline(engine)
+    walk = pipeline(who)
     records = feed(walk, events([*first, *second[:1]], link))
     records += feed(walk, events([one._replace(at=0) for one in stray] + second[1:], link, start=120))
-    found = of(Estimate if engine == "device" else DeviceEstimates, records)
+    found = of(Estimate if who == "device" else DeviceEstimates, records)
     assert [(e.epoch, e.seq) for e in found] == [(n, k) for n in (1, 2) for k in range(STARTUP, 95)]
-    if engine == "both":
+    if who == "both":
         assert all(e.comparable for e in found)
     assert [e.reason for e in of(Epoch, records)] == ["start", "restart"]
     own = walk.stats().device_estimator
@@ -318,12 +316,12 @@ def test_what_was_skipped_is_told_once_a_minute_and_not_compared() -> None:
 
 def test_a_constant_axis_is_null_and_told_once() -> None:
     counts = [(x, -7, z) for x, _, z in noise(150)]
-    for engine in ("device", "both"):
-        records = feed(pipeline(engine), events(Board().run(counts)))
+    for who in ("device", "both"):
+        records = feed(pipeline(who), events(Board().run(counts)))
         told = [e for e in of(Error, records) if e.kind == "constant_axis"]
-        assert len(told) == 1, engine
+        assert len(told) == 1, who
         assert "gyro_y" in told[0].message
-        for e in of(Estimate if engine == "device" else DeviceEstimates, records):
+        for e in of(Estimate if who == "device" else DeviceEstimates, records):
             assert [a.valid for a in e.axes.values()] == [True, False, True]
             assert e.axes["gyro_y"].alpha is None
         assert of(Stats, records)[-1].axes["gyro_y"].R_dps2 is None
@@ -346,12 +344,12 @@ def test_a_device_that_says_that_an_axis_is_lost_is_believed() -> None:
 
 
 @pytest.mark.parametrize("field", ["alpha", "alpha_std", "f", "f_std", "state", "innovation"])
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_what_is_not_finite_is_published_as_null(engine: str, field: str) -> None:
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_what_is_not_finite_is_published_as_null(who: str, field: str) -> None:
     sent = list(Board().run(noise(60)))
     for bad in (math.nan, math.inf):
-        records = feed(pipeline(engine), events(changed(sent, wire.Estimate, **{field: bad})))
-        found = of(Estimate if engine == "device" else DeviceEstimates, records)
+        records = feed(pipeline(who), events(changed(sent, wire.Estimate, **{field: bad})))
+        found = of(Estimate if who == "device" else DeviceEstimates, records)
         assert len(found) == 60 - STARTUP
         for e in found:
             for a in e.axes.values():
@@ -367,32 +365,32 @@ def test_settings_that_are_not_finite_are_told_and_nothing_is_compared() -> None
     assert not any(e.comparable for e in of(DeviceEstimates, records))
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_a_device_that_never_estimates_is_told_of_once(engine: str) -> None:
-    walk = pipeline(engine)
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_a_device_that_never_estimates_is_told_of_once(who: str) -> None:
+    walk = pipeline(who)
     records = feed(walk, events(Board(None).run(noise(1200))))
     told = of(Error, records)
     assert [e.kind for e in told] == ["no_device_estimates"]
     assert told[0].host_ns == of(Sample, records)[500].host_ns
-    assert "--engine compressed" in told[0].message
+    assert "--estimate-on host" in told[0].message
     assert walk.stats().device_estimator is None
-    assert len(of(Estimate, records)) == (0 if engine == "device" else 1200 - 500)
+    assert len(of(Estimate, records)) == (0 if who == "device" else 1200 - 500)
 
 
-def test_other_engines_do_not_listen_to_the_device() -> None:
-    walk = pipeline("compressed", estimator__startup=20, estimator__window=50)
+def test_a_host_that_estimates_alone_does_not_listen_to_the_device() -> None:
+    walk = pipeline("host", estimator__startup=20, estimator__window=50)
     sent = list(Board().run(noise(100)))
     heard = feed(walk, events(sent))
     alone = [one for one in sent if not isinstance(one.message, wire.Estimate | wire.Estimator)]
-    assert heard == feed(pipeline("compressed", estimator__startup=20, estimator__window=50), events(alone))
+    assert heard == feed(pipeline("host", estimator__startup=20, estimator__window=50), events(alone))
     assert walk.stats().device_estimator is None
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_only_the_axes_that_were_asked_for(engine: str) -> None:
-    walk = pipeline(engine, channels=["gyro_z", "accel_x"], accel__startup=40, accel__window=50)
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_only_the_axes_that_were_asked_for(who: str) -> None:
+    walk = pipeline(who, channels=["gyro_z", "accel_x"], accel__startup=40, accel__window=50)
     records = feed(walk, events(Board().run(noise(100))))
-    found = of(Estimate if engine == "device" else DeviceEstimates, records)
+    found = of(Estimate if who == "device" else DeviceEstimates, records)
     found = [e for e in found if e.axes]
     assert {tuple(e.axes) for e in found} == {("gyro_z",)}
     assert [e.seq for e in found] == list(range(STARTUP, 100))
@@ -401,8 +399,8 @@ def test_only_the_axes_that_were_asked_for(engine: str) -> None:
 
 
 def test_settings_that_nobody_uses_are_told_once() -> None:
-    for engine in ("device", "both"):
-        walk = pipeline(engine, estimator__window=50, estimator__state__Q=1.0)
+    for who in ("device", "both"):
+        walk = pipeline(who, estimator__window=50, estimator__state__Q=1.0)
         restarted = [*Board().run(noise(40)), *Board(hello=WIRE_HELLO._replace(boot_id=9)).run(noise(40))]
         told = [e.message for e in of(Error, feed(walk, events(restarted))) if e.kind == "settings_unused"]
         assert len(told) == 1
@@ -435,10 +433,10 @@ def test_another_device_on_the_same_port_has_said_nothing_yet() -> None:
     assert walk.stats().device_estimator is None
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_a_step_without_a_measurement_has_no_innovation(engine: str) -> None:
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_a_step_without_a_measurement_has_no_innovation(who: str) -> None:
     flags = wire.EstimateFlags.VALID | wire.EstimateFlags.MISSING
-    records = feed(pipeline(engine), events(changed(Board().run(noise(50)), wire.Estimate, flags=flags)))
-    found = of(Estimate if engine == "device" else DeviceEstimates, records)
+    records = feed(pipeline(who), events(changed(Board().run(noise(50)), wire.Estimate, flags=flags)))
+    found = of(Estimate if who == "device" else DeviceEstimates, records)
     assert len(found) == 50 - STARTUP
     assert all(a.valid and a.innovation_dps is None for e in found for a in e.axes.values())

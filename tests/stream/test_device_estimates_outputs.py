@@ -84,8 +84,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_recording_of_raw_frames_replays_with_the_estimates_of_the_device(recording: Path) -> None:
-    alone = replay(recording, **{"estimator.engine": "device"})
-    both = replay(recording, **{"estimator.engine": "both"})
+    alone = replay(recording, **{"estimator.estimate_on": "device"})
+    both = replay(recording, **{"estimator.estimate_on": "both"})
     assert [e.seq for e in of(alone, Estimate)] == list(range(30, 160))
     compared = of(both, DeviceEstimates)
     assert [e.seq for e in compared] == list(range(30, 160))
@@ -95,7 +95,7 @@ def test_a_recording_of_raw_frames_replays_with_the_estimates_of_the_device(reco
 
 
 def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: Path) -> None:
-    live, _ = record(tmp_path, board_items(), engine="both")
+    live, _ = record(tmp_path, board_items(), estimate_on="both")
     compared = of(live, DeviceEstimates)
     out = tmp_path / "own.csv"
     assert export([tmp_path], out, "device_estimates", 100) == len(compared) == 130
@@ -107,14 +107,14 @@ def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: 
     assert float(row["alpha_difference_gyro_y"]) == axis.alpha_difference
     assert float(row["state_difference_gyro_y_dps"]) == axis.state_difference_dps
     assert (row["age_gyro_y"], row["valid_gyro_y"], row["seq"]) == ("1", "1", "30")
-    again = replay(tmp_path, **{"estimator.engine": "both"})
+    again = replay(tmp_path, **{"estimator.estimate_on": "both"})
     assert without(of(again, Estimate, DeviceEstimates), "device") == without(
         of(live, Estimate, DeviceEstimates), "device"
     )
 
 
 def test_export_of_estimates_that_no_device_made_says_so(recording: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="engine both"):
+    with pytest.raises(UsageError, match="estimate-on both"):
         export([recording], tmp_path / "none.csv", "device_estimates", 100)
 
 
@@ -220,31 +220,29 @@ def test_table_forgets_the_device_with_the_epoch() -> None:
 # --- settings and the command line ---
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
+@pytest.mark.parametrize("who", ["device", "both"])
 @pytest.mark.parametrize("source", ["synthetic:?alpha=0.3", "i2c:///dev/i2c-1?addr=0x68", "replay:rest.csv"])
-def test_only_a_wire_has_estimates_of_a_device(engine: str, source: str) -> None:
-    with pytest.raises(UsageError, match=rf"--engine {engine}: .*Arduino Due.*--engine compressed"):
-        open_source(load_config(None, {"source": source, "estimator.engine": engine}))
+def test_only_a_wire_has_estimates_of_a_device(who: str, source: str) -> None:
+    with pytest.raises(UsageError, match=rf"--estimate-on {who}: .*Arduino Due.*--estimate-on host"):
+        open_source(load_config(None, {"source": source, "estimator.estimate_on": who}))
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_a_state_file_cannot_keep_them(engine: str, tmp_path: Path) -> None:
-    config = load_config(None, {"estimator.engine": engine, "state.file": str(tmp_path / "state")})
-    with pytest.raises(UsageError, match=f"begins anew with its boot.*--engine {engine}"):
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_a_state_file_cannot_keep_them(who: str, tmp_path: Path) -> None:
+    config = load_config(None, {"estimator.estimate_on": who, "state.file": str(tmp_path / "state")})
+    with pytest.raises(UsageError, match=f"begins anew with its boot.*--estimate-on {who}"):
         _check_recordable(config, Live())
 
 
-@pytest.mark.parametrize("engine", ["device", "both"])
-def test_the_accelerometer_has_no_such_engine(engine: str) -> None:
-    with pytest.raises(UsageError, match=f"engine {engine} is not for the accelerometer"):
-        load_config(None, {"accel.engine": engine})
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_a_device_does_not_estimate_the_accelerometer(who: str) -> None:
+    with pytest.raises(UsageError, match=f"estimate_on {who} is not for the accelerometer"):
+        load_config(None, {"accel.estimate_on": who})
 
 
-@pytest.mark.parametrize("engine", ["direct", "reference"])
-def test_an_unlimited_window_needs_the_compressed_memory(engine: str) -> None:
-    printed = {"estimator.variant": "triple", "estimator.guard": "off"}
+def test_an_unlimited_window_needs_the_compressed_memory() -> None:
     with pytest.raises(UsageError, match="window 0 is an unlimited one"):
-        load_config(None, {"estimator.engine": engine, "estimator.window": 0, **printed})
+        load_config(None, {"estimator.memory": "direct", "estimator.window": 0})
 
 
 def test_window_and_gate_reach_the_engine() -> None:
@@ -256,7 +254,7 @@ def test_window_and_gate_reach_the_engine() -> None:
 
 
 def test_the_command_replays_a_recording_with_both(recording: Path) -> None:
-    found = fltea("run", "-s", recording, "--once", "--engine", "both")
+    found = fltea("run", "-s", recording, "--once", "--estimate-on", "both")
     assert found.returncode == 0, found.stderr
     records = strict_records(found.stdout)
     compared = of(records, DeviceEstimates)

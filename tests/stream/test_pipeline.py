@@ -8,6 +8,7 @@ from typing import TypeVar
 import msgspec
 import pytest
 from fltea.estimator.running_null import RunningNull
+from fltea.lab.reference.gyroscope import GyroscopeEstimator
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample, Tick, Trouble
 from fltea.records.records import (
@@ -179,13 +180,12 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
     assert last["gyro_x"].R_dps2 is not None
 
 
-@pytest.mark.parametrize("engine", ["compressed", "direct", "reference"])
-def test_running_test_of_whiteness_stands_beside_every_estimate(engine: str) -> None:
+@pytest.mark.parametrize("memory", ["compressed", "direct"])
+def test_running_test_of_whiteness_stands_beside_every_estimate(memory: str) -> None:
     """On the samples, start-up window included, so it is the same whatever estimates them."""
     lost = {700, 701}
     events = [hello(), *(raw(k, (k % 5, *raw(k).gyro[1:])) for k in range(1300) if k not in lost)]
-    settings = config(estimator__engine=engine, **(PRINTED if engine == "reference" else {}))
-    records = feed(Pipeline(ListSource(), settings), *events)
+    records = feed(Pipeline(ListSource(), config(estimator__memory=memory)), *events)
     test = RunningNull(3)
     for record in records:
         if isinstance(record, Gap):
@@ -223,8 +223,8 @@ def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
 
 def test_every_estimate_names_its_variant_and_every_epoch_its_estimator() -> None:
     for settings in (
-        {"engine": "reference", "variant": "triple", "guard": "off"},
-        {"engine": "direct", "variant": "joint"},
+        {"memory": "direct", "variant": "triple", "guard": "off"},
+        {"memory": "direct", "variant": "joint"},
         {},
     ):
         changes = {f"estimator__{key}": value for key, value in settings.items()}
@@ -232,35 +232,33 @@ def test_every_estimate_names_its_variant_and_every_epoch_its_estimator() -> Non
         records = feed(Pipeline(ListSource(), chosen), hello(), *(raw(k) for k in range(30)))
         assert {e.variant for e in of(Estimate, records)} == {chosen.estimator.variant}
         info = of(Epoch, records)[0].estimator
-        assert (info.engine, info.variant, info.guard) == (
-            chosen.estimator.engine,
+        assert (info.estimate_on, info.memory, info.variant, info.guard) == (
+            "host",
+            chosen.estimator.memory,
             chosen.estimator.variant,
             chosen.estimator.guard,
         )
 
 
-def test_native_engines_and_the_reference_give_the_same_estimates() -> None:
-    events = [hello(), *(raw(k) for k in range(300) if k not in (100, 101, 200))]
-    runs = {
-        engine: of(
-            Estimate,
-            feed(
-                Pipeline(
-                    ListSource(),
-                    config(estimator__engine=engine, estimator__guard="off", estimator__variant="triple"),
-                ),
-                *events,
-            ),
-        )
-        for engine in ("reference", "direct", "compressed")
-    }
-    for engine, tolerance in (("direct", 1e-10), ("compressed", 1e-5)):
-        for ours, theirs in zip(runs[engine], runs["reference"], strict=True):
-            for axis, one in theirs.axes.items():
-                other = ours.axes[axis]
-                assert other.alpha == pytest.approx(one.alpha, rel=tolerance, abs=tolerance)
-                assert other.f == pytest.approx(one.f, rel=tolerance, abs=tolerance)
-                assert other.state_dps == pytest.approx(one.state_dps, rel=tolerance, abs=tolerance)
+@pytest.mark.parametrize(("memory", "tolerance"), [("direct", 1e-10), ("compressed", 1e-5)])
+def test_the_walk_gives_the_estimates_of_the_reference(memory: str, tolerance: float) -> None:
+    lost = (100, 101, 200)
+    chosen = config(estimator__memory=memory, **PRINTED)
+    pipeline = Pipeline(ListSource(), chosen)
+    records = feed(pipeline, hello(), *(raw(k) for k in range(300) if k not in lost))
+    stats = pipeline.stats().axes
+    R, bias = [s.R_dps2 for s in stats.values()], [s.bias_dps for s in stats.values()]
+    reference = GyroscopeEstimator(tuple(stats), R, bias, 0.01, chosen.estimator)
+    samples = {sample.seq: sample.gyro_dps for sample in of(Sample, records)}
+    expected = {k: reference.step(samples.get(k)) for k in range(chosen.estimator.startup, 300)}
+    found = of(Estimate, records)
+    assert [one.seq for one in found] == [k for k in expected if k not in lost]
+    for one in found:
+        for axis, theirs in expected[one.seq].items():
+            ours = one.axes[axis]
+            assert ours.alpha == pytest.approx(theirs.alpha, rel=tolerance, abs=tolerance)
+            assert ours.f == pytest.approx(theirs.f, rel=tolerance, abs=tolerance)
+            assert ours.state_dps == pytest.approx(theirs.state_dps, rel=tolerance, abs=tolerance)
 
 
 def test_guard_interventions_are_published_by_cause() -> None:

@@ -221,7 +221,9 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limi
     records = _estimates(paths, what.removesuffix("s"), limits)
     first = next(records, None)
     if first is None and what == "device_estimates":
-        raise UsageError(f"{paths[0]}: holds no estimates of a device beside the host's (--engine both).")
+        raise UsageError(
+            f"{paths[0]}: holds no estimates of a device beside the host's (--estimate-on both)."
+        )
     if first is None:
         raise UsageError(
             f"{paths[0]}: holds no estimates. Make them of its samples: fltea run -s replay:{paths[0]}"

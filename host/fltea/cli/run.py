@@ -6,7 +6,9 @@ from typing import Annotated, Any
 import typer
 
 from fltea.records.errors import UsageError
+from fltea.settings import filters
 from fltea.settings.config import load_configs, parse_setting
+from fltea.settings.old_names import old_engine
 from fltea.wire import layout as wire
 
 
@@ -61,6 +63,15 @@ def run(
     samples: Annotated[
         bool, typer.Option("--samples", help="Write the samples too, so that the output can be replayed.")
     ] = False,
+    every: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Write samples and estimates of every N-th sample only (`seq` a multiple of N), to all "
+            "outputs alike; of MQTT's estimate_every and this the larger rules. All samples are estimated, "
+            "and events, statistics and the bytes that --record keeps stay whole.",
+        ),
+    ] = None,
     record: Annotated[
         str | None,  # as a Path, "" would be the folder in which fltea was started
         typer.Option(
@@ -110,11 +121,14 @@ def run(
     window: Annotated[
         int | None,
         typer.Option(
-            "--window", "-L", help="Length L of the memory in samples (default 3000); 0: unlimited."
+            "--window",
+            "-L",
+            help=f"Length L of the memory in samples (default {filters.WINDOW}); 0: unlimited.",
         ),
     ] = None,
     startup: Annotated[
-        int | None, typer.Option(metavar="N", help="Samples of the start-up window (default 500).")
+        int | None,
+        typer.Option(metavar="N", help=f"Samples of the start-up window (default {filters.STARTUP})."),
     ] = None,
     bias: Annotated[
         str | None,
@@ -126,14 +140,20 @@ def run(
             "--r", help="Measurement variance R in (deg/s)²: `auto` (of the window, default) or numbers."
         ),
     ] = None,
-    engine: Annotated[
+    estimate_on: Annotated[
         str | None,
         typer.Option(
-            help="`compressed` (default), `direct` (exact window), `reference` (numpy), `device` (an Arduino "
-            "Due's own estimates, none made here) or `both` (the Due's and those made here, with the "
-            "difference)."
+            help="Who estimates the gyroscope: `host` (this computer, default), `device` (an Arduino Due by "
+            "itself, nothing is estimated here) or `both` (with the difference)."
         ),
     ] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            help="Memory of past states: `compressed` (default; any window at one cost) or `direct` (exact)."
+        ),
+    ] = None,
+    engine: Annotated[str | None, typer.Option(hidden=True)] = None,
     variant: Annotated[
         str | None, typer.Option(help="`triple` (the paper's) or `joint` (one filter on α and h^α f).")
     ] = None,
@@ -142,7 +162,7 @@ def run(
     ] = None,
     baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
     max_gap: Annotated[
-        int | None, typer.Option(help="Longest gap in samples that is bridged (default 100).")
+        int | None, typer.Option(help=f"Longest gap in samples that is bridged (default {filters.MAX_GAP}).")
     ] = None,
     set_: Annotated[
         list[str] | None,
@@ -164,7 +184,7 @@ def run(
 
         fltea run -s replay:rest.npz --once --shuffle 1
 
-        fltea run --engine both
+        fltea run --estimate-on both
 
         fltea run --dashboard 5006 --record recordings --mqtt mqtts://broker.example --format none
 
@@ -172,11 +192,14 @@ def run(
     """
     from fltea.service import daemon
 
+    if engine is not None:
+        raise UsageError(f"--engine {engine}: there is no such flag any more; {old_engine(engine, True)}.")
     flags = {
         "format": format,
         "once": once or None,
         "pace": pace,
         "samples": samples or None,
+        "output.every": every,
         "record.folder": record,
         "mqtt.broker": mqtt,
         "dashboard.address": dashboard,
@@ -191,9 +214,10 @@ def run(
         "estimator.startup": startup,
         "estimator.bias": _numbers(bias, "--bias", ("startup", "none")),
         "estimator.R": _numbers(r, "--r", ("auto",)),
-        "estimator.engine": engine,
-        "estimator.variant": variant or ("triple" if engine == "reference" else None),
-        "estimator.guard": guard or ("off" if engine == "reference" else None),
+        "estimator.estimate_on": estimate_on,
+        "estimator.memory": memory,
+        "estimator.variant": variant,
+        "estimator.guard": guard,
         "link.baud": baud,
         "link.max_gap": max_gap,
     }

@@ -1,4 +1,4 @@
-"""What the native engine is told; the defaults are the paper's gyroscope settings (section 7.1) without R.
+"""What the native engine is told; the filters' defaults are those of settings/filters.toml.
 
 Every number may also be an array with one entry a lane. All raise ValueError with the field's name for values
 that no filter can work with.
@@ -11,6 +11,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fltea.settings import filters
 
 Array = NDArray[np.float64]
 Numbers = float | Sequence[float] | Array
@@ -49,32 +51,32 @@ FIELDS = (
 class StateTuning:
     """KFx. x0 in deg/s, the variances in (deg/s)²; Q is that of a whole step, it includes h^2α. R > 0."""
 
-    P0: Numbers = 0.01
-    Q: Numbers = 0.15
-    x0: Numbers = 0.0
-    R: Numbers = 0.0235
+    P0: Numbers = filters.STATE_P0
+    Q: Numbers = filters.STATE_Q
+    x0: Numbers = filters.STATE_X0
+    R: Numbers = filters.STATE_R
 
 
 @dataclass(frozen=True, eq=False)
 class OrderTuning:
     """KFo. P0 = Q0 = 0 holds the order at alpha0; delta is Q's forgetting factor; R None: the state's."""
 
-    P0: Numbers = 0.01
-    Q0: Numbers = 0.1
-    alpha0: Numbers = 1.0
+    P0: Numbers = filters.ORDER_P0
+    Q0: Numbers = filters.ORDER_Q0
+    alpha0: Numbers = filters.ORDER_ALPHA0
     R: Numbers | None = None
-    delta: Numbers = 0.5
+    delta: Numbers = filters.ORDER_DELTA
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterTuning:
     """KFw. f0 in s^-α, P0 and Q0 in its square; P0 = Q0 = 0 holds f at f0; R None: the state's."""
 
-    P0: Numbers = 0.01
-    Q0: Numbers = 0.1
-    f0: Numbers = 0.0
+    P0: Numbers = filters.PARAMETER_P0
+    Q0: Numbers = filters.PARAMETER_Q0
+    f0: Numbers = filters.PARAMETER_F0
     R: Numbers | None = None
-    delta: Numbers = 0.5
+    delta: Numbers = filters.PARAMETER_DELTA
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +87,13 @@ class JointTuning:
     none.
     """
 
-    P0: Numbers = 0.06
+    P0: Numbers = filters.JOINT_P0
     """initial variance of α and of β"""
-    Q0: Numbers = 0.0
-    alpha0: Numbers = 0.5
-    beta0: Numbers = -0.1
+    Q0: Numbers = filters.JOINT_Q0
+    alpha0: Numbers = filters.JOINT_ALPHA0
+    beta0: Numbers = filters.JOINT_BETA0
     R: Numbers | None = None
-    delta: Numbers = 0.0
+    delta: Numbers = filters.JOINT_DELTA
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +106,12 @@ class EngineSettings:
     """
 
     h: Numbers = 0.01
-    window: int | None = 3000
+    window: int | None = filters.WINDOW
     memory: Literal["direct", "compressed"] = "compressed"
     accuracy: int = 0
     variant: Literal["triple", "joint"] = "triple"
     guard: Literal["off", "faithful", "consistent"] = "off"
-    gate: Numbers = 10.0
+    gate: Numbers = filters.GATE
     state: StateTuning = field(default_factory=StateTuning)
     order: OrderTuning = field(default_factory=OrderTuning)
     parameter: ParameterTuning = field(default_factory=ParameterTuning)

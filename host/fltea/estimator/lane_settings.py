@@ -18,7 +18,7 @@ def lane_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> Engi
     return EngineSettings(
         h=h,
         window=config.window or None,
-        memory="direct" if config.engine == "direct" else "compressed",
+        memory=config.memory,
         variant=config.variant,
         guard=config.guard,
         gate=config.gate,

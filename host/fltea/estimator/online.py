@@ -4,7 +4,7 @@ from fltea.estimator.bias import Baseline, Startup
 from fltea.estimator.native_gyroscope import NativeGyroscope
 from fltea.estimator.online_state import OnlineState
 from fltea.estimator.supervisor import Reason
-from fltea.lab.reference.gyroscope import INVALID, AxisEstimate, GyroscopeEstimator
+from fltea.lab.reference.gyroscope import INVALID, AxisEstimate
 from fltea.settings.config import EstimatorConfig
 
 __all__ = ["OnlineEstimator", "OnlineState"]
@@ -35,7 +35,7 @@ class OnlineEstimator:
         self._startup = Startup(axes, config.startup, bias, config.R, resolution_dps)
         self.startup_remaining = self._startup.needed
         self.baseline: Baseline | None = None
-        self._estimator: GyroscopeEstimator | NativeGyroscope | None = None
+        self._estimator: NativeGyroscope | None = None
         if state is not None:
             self._resume(state)
         elif not self.startup_remaining:
@@ -62,11 +62,11 @@ class OnlineEstimator:
                 self._estimator.step(None)
 
     def save(self) -> OnlineState | None:
-        """What `state` takes; None in the start-up window, with a constant axis, and of numpy's engine."""
-        native = self._estimator if isinstance(self._estimator, NativeGyroscope) else None
-        if native is None or self.baseline is None or self.baseline.constant_axes:
+        """What `state` takes; None in the start-up window, and with a constant axis."""
+        native, base = self._estimator, self.baseline
+        if native is None or base is None or base.constant_axes:
             return None
-        return OnlineState(self.axes, self.baseline.bias_dps, self.baseline.R, self.restarts, native.save())
+        return OnlineState(self.axes, base.bias_dps, base.R, self.restarts, native.save())
 
     @property
     def restarts(self) -> dict[str, int]:
@@ -77,8 +77,7 @@ class OnlineEstimator:
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
         """How often the guard stepped in, by axis and cause."""
-        native = self._estimator if isinstance(self._estimator, NativeGyroscope) else None
-        return native.interventions if native else {}
+        return self._estimator.interventions if self._estimator else {}
 
     @property
     def lost(self) -> dict[str, Reason]:
@@ -86,20 +85,16 @@ class OnlineEstimator:
         return self._estimator.lost if self._estimator else {}
 
     def _resume(self, state: OnlineState) -> None:
-        if state.axes != self.axes or self._config.engine == "reference":
-            raise ValueError(f"the state is one of {', '.join(state.axes)} by a native engine")
+        if state.axes != self.axes:
+            raise ValueError(f"the state is one of {', '.join(state.axes)}")
         self.startup_remaining = 0
-        self._begin(Baseline(state.bias_dps, state.R, ()))
-        assert isinstance(self._estimator, NativeGyroscope)
-        self._estimator.restore(state.engine, state.restarts)
+        self._begin(Baseline(state.bias_dps, state.R, ())).restore(state.engine, state.restarts)
 
-    def _begin(self, baseline: Baseline) -> None:
+    def _begin(self, baseline: Baseline) -> NativeGyroscope:
         self.baseline = baseline
         self._live = [i for i, axis in enumerate(self.axes) if axis not in baseline.constant_axes]
         axes = [self.axes[i] for i in self._live]
         R = [baseline.R[i] for i in self._live]
         bias = [baseline.bias_dps[i] for i in self._live]
-        if self._config.engine == "reference":
-            self._estimator = GyroscopeEstimator(axes, R, bias, self._h, self._config)
-        else:
-            self._estimator = NativeGyroscope(axes, R, bias, self._h, self._config)
+        self._estimator = NativeGyroscope(axes, R, bias, self._h, self._config)
+        return self._estimator

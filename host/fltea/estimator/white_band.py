@@ -41,8 +41,8 @@ class WhiteBand:
 
     h: sampling period in s. power: variance of the axis in its unit squared, > 0. resolution: one LSB, None
     if unknown. R: measurement variance, None to draw it from the start-up window as the data do. Memory is
-    compressed whatever `config.engine` says (exact memory differs far less than two runs do), so "reference"
-    has a band too. A run that runs away (only without a guard) begins anew, as an axis does.
+    compressed whatever `config.memory` says: exact memory differs far less than two runs do. A run that runs
+    away (only without a guard) begins anew, as an axis does.
     """
 
     def __init__(

@@ -105,7 +105,9 @@ def identify_axis(
     seen = examine(samples, h, o.from_hz, o.notch_hz)
     own, own_innovations = fltea_fit(samples, h, o.estimator, lsb)
     other_variant = OTHER[o.estimator.variant]
-    other, other_innovations = fltea_fit(samples, h, _with_variant(o.estimator, other_variant), lsb)
+    other, other_innovations = fltea_fit(
+        samples, h, msgspec.structs.replace(o.estimator, variant=other_variant), lsb
+    )
     critical = dict(zip(PROBABILITIES, critical_values(seen.ordinates).tolist(), strict=True))
     return AxisResult(
         samples=len(samples),
@@ -137,9 +139,3 @@ def with_copies(result: AxisResult, parts: Sequence[Copies]) -> AxisResult:
     """Add what the shuffled copies of the axis gave, in whatever groups they were estimated."""
     found = shuffled_band(parts, result.fltea.alpha, result.fltea.f) if parts else None
     return msgspec.structs.replace(result, null=msgspec.structs.replace(result.null, shuffled=found))
-
-
-def _with_variant(config: EstimatorConfig, variant: Variant) -> EstimatorConfig:
-    """The same settings for the other variant, of which the numpy engine knows nothing."""
-    engine = "compressed" if config.engine == "reference" else config.engine
-    return msgspec.structs.replace(config, variant=variant, engine=engine)

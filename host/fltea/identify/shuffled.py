@@ -69,7 +69,7 @@ def estimate(
     """Estimate shuffled copies of one axis y (n,) with the settings of `config`, period h in s.
 
     copies: their numbers. Each is shuffled by (seed, number), and comes out the same beside whatever others.
-    Memory is compressed whatever `config.engine` says.
+    Memory is compressed whatever `config.memory` says.
 
     Raises:
         ValueError: settings that no filter can work with.

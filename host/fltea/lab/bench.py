@@ -201,7 +201,8 @@ def _filterpy(steps: int) -> Work | None:
         dim_x=1, dim_z=1, dt=0.01, hx=lambda x: x, fx=lambda x, dt: 0.9 * x, points=points
     )
     peer.x = np.zeros(1)
-    peer.P, peer.Q, peer.R = np.array([[0.01]]), np.array([[0.15]]), np.array([[0.0235]])
+    state = GYROSCOPE_FILTERS.state
+    peer.P, peer.Q, peer.R = (np.array([[value]], dtype=np.float64) for value in (state.P0, state.Q, state.R))
     y = _noise((max(1, steps), 1))
 
     def work() -> int:

@@ -10,10 +10,18 @@ from fltea.recording.kind import is_stream
 from fltea.recording.lines import lines
 from fltea.recording.session import check_hello
 from fltea.records.errors import UsageError
-from fltea.records.records import AXES, Epoch, Hello, Sample
+from fltea.records.records import AXES, EpochReason, Hello, Record, Sample
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
-Kept = Hello | Epoch | Sample
+
+class EpochMark(Record, frozen=True, forbid_unknown_fields=False, tag="epoch"):
+    """What a replay needs of an `epoch` record; versions differ in the settings that it holds."""
+
+    reason: EpochReason
+    host_ns: int
+
+
+Kept = Hello | EpochMark | Sample
 
 
 def read_ndjson(

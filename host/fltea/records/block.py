@@ -79,8 +79,8 @@ class Block:
 
     seq, device_us: unwrapped; host_ns: Unix time. gyro_dps (n, axes); accel_ms2 (n, 3), temperature_c (n,)
     and flags (n,) are None where there are none. estimates: of each sensor that has any; empty while the
-    start-up window fills. variant: that of the estimates. every: estimates are printed of the samples whose
-    number is a multiple of it.
+    start-up window fills. variant: that of the estimates. every: there are records of the samples whose number
+    is a multiple of it.
     """
 
     device: str | None
@@ -102,7 +102,12 @@ class Block:
     @cached_property
     def weight(self) -> int:
         """How many records it stands for."""
-        return len(self.seq) * (2 if self.estimates else 1)
+        return len(self.due_rows) * (2 if self.estimates else 1)
+
+    @property
+    def due_rows(self) -> range:
+        """The rows of which there are records."""
+        return range(len(self))[self.due(self.every)]
 
     def rows(self, begin: int, end: int) -> "Block":
         """Some of its rows."""
@@ -130,38 +135,33 @@ class Block:
         return slice(-int(self.seq[0]) % every, None, every)
 
     def last_estimate(self) -> Estimate | None:
-        """The newest that is due; None where there is none."""
-        rows = range(len(self))[self.due(self.every)]
+        """The newest of which there is a record; None where there is none."""
+        rows = self.due_rows
         return next(self.estimate_records(slice(rows[-1], rows[-1] + 1)), None) if rows else None
 
     def records(self, *, samples: bool = True, estimates: bool = True) -> Iterator[Sample | Estimate]:
-        """The records of all rows in the order of the samples, the estimates of every `every`-th."""
+        """The records of the rows that are due, in the order of the samples."""
+        chosen = self.due(self.every)
         if not (estimates and self.estimates):
-            yield from self.samples() if samples else ()
-            return
-        found = self.estimate_records(self.due(self.every))
-        if not samples:
-            yield from found
-            return
-        estimate = next(found, None)
-        for sample in self.samples():
-            yield sample
-            if estimate is not None and estimate.seq == sample.seq:
-                yield estimate
-                estimate = next(found, None)
+            yield from self.samples(chosen) if samples else ()
+        elif not samples:
+            yield from self.estimate_records(chosen)
+        else:
+            for pair in zip(self.samples(chosen), self.estimate_records(chosen), strict=True):
+                yield from pair
 
-    def samples(self) -> Iterator[Sample]:
-        """A record a row."""
-        n = len(self)
+    def samples(self, chosen: slice = slice(None)) -> Iterator[Sample]:
+        """A record for each of the chosen rows."""
+        n = len(self.seq[chosen])
         nothing = [None] * n
         columns = zip(
-            self.seq.tolist(),
-            self.device_us.tolist(),
-            self.host_ns.tolist(),
-            map(tuple, self.gyro_dps.tolist()),
-            nothing if self.accel_ms2 is None else map(tuple, self.accel_ms2.tolist()),
-            nothing if self.temperature_c is None else self.temperature_c.tolist(),
-            [0] * n if self.flags is None else self.flags.tolist(),
+            self.seq[chosen].tolist(),
+            self.device_us[chosen].tolist(),
+            self.host_ns[chosen].tolist(),
+            map(tuple, self.gyro_dps[chosen].tolist()),
+            nothing if self.accel_ms2 is None else map(tuple, self.accel_ms2[chosen].tolist()),
+            nothing if self.temperature_c is None else self.temperature_c[chosen].tolist(),
+            [0] * n if self.flags is None else self.flags[chosen].tolist(),
             strict=True,
         )
         for seq, device_us, host_ns, gyro, accel, temperature, flags in columns:

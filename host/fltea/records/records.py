@@ -148,10 +148,11 @@ class Gap(Record, frozen=True, tag="gap"):
 
 
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an epoch is estimated with; window 0 is unlimited."""
+    """What an epoch is estimated with, and by whom: host, device or both; window 0 is unlimited."""
 
     variant: str
-    engine: str
+    estimate_on: str
+    memory: str
     guard: str
     window: int
     startup_samples: int

@@ -217,12 +217,10 @@ def _close(sources: Sequence[Source]) -> None:
 def _check_recordable(config: Config, source: Source) -> None:
     if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
         raise UsageError("--record and --state are for devices; a recording is one already.")
-    if config.state.file and "reference" in (config.estimator.engine, config.accel.engine):
-        raise UsageError("--state keeps the native engines only; leave --engine reference or --state away.")
-    if config.state.file and config.estimator.engine in BY_DEVICE:
+    if config.state.file and config.estimator.estimate_on in BY_DEVICE:
         raise UsageError(
-            f"--state cannot keep what a device estimates, which begins anew with its boot; leave --engine "
-            f"{config.estimator.engine} or --state away."
+            "--state cannot keep what a device estimates, which begins anew with its boot; leave "
+            f"--estimate-on {config.estimator.estimate_on} or --state away."
         )
 
 

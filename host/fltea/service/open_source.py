@@ -57,7 +57,7 @@ def open_source(config: Config) -> Source:
 
             return I2cSource(rest)
         case "replay":
-            by_device = config.estimator.engine in BY_DEVICE
+            by_device = config.estimator.estimate_on in BY_DEVICE
             if is_one_file(Path(rest)):
                 _need_wire(config, url)
             return ReplaySource(
@@ -79,9 +79,9 @@ def open_source(config: Config) -> Source:
 
 
 def _need_wire(config: Config, url: str) -> None:
-    engine = config.estimator.engine
-    if engine in BY_DEVICE:
+    who = config.estimator.estimate_on
+    if who in BY_DEVICE:
         raise UsageError(
-            f"--engine {engine}: {url} gives samples only. An Arduino Due estimates by itself, so this needs "
-            "its port (serial:PORT) or an .mcap recording of it; else --engine compressed."
+            f"--estimate-on {who}: {url} gives samples only. An Arduino Due estimates by itself, so this "
+            "needs its port (serial:PORT) or an .mcap recording of it; else --estimate-on host."
         )

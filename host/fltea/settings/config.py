@@ -11,9 +11,18 @@ import msgspec
 
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
+from fltea.settings import filters
 from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
-from fltea.settings.outputs import DashboardConfig, MetricsConfig, MqttConfig, RecordConfig, StateConfig
+from fltea.settings.old_names import refuse_old_names
+from fltea.settings.outputs import (
+    DashboardConfig,
+    MetricsConfig,
+    MqttConfig,
+    OutputConfig,
+    RecordConfig,
+    StateConfig,
+)
 from fltea.wire import layout as wire
 
 MOST_MB = 1e9
@@ -24,7 +33,7 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Serial link. max_gap: longest gap in samples that is bridged; a longer one begins a new epoch."""
 
     baud: int = wire.BAUD
-    max_gap: int = 100
+    max_gap: int = filters.MAX_GAP
 
     def __post_init__(self) -> None:
         if self.max_gap < 0:
@@ -66,44 +75,42 @@ def _given(value: str | float | list[float]) -> list[float]:
     return value if isinstance(value, list) else [value]
 
 
-Engine = Literal["compressed", "direct", "reference", "device", "both"]
+EstimateOn = Literal["host", "device", "both"]
+"""Who estimates the gyroscope's axes."""
 
 BY_DEVICE = ("device", "both")
-"""Engines for which the device estimates by itself."""
+"""Those of `EstimateOn` for which the device estimates by itself."""
 
 
 class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True):
     """The estimator, its start-up window (samples), bias (deg/s) and R ((deg/s)²).
 
-    engine: "compressed" (native, at a cost that does not depend on the window), "direct" (native, exact),
-    "reference" (numpy; the printed algorithm only), "device" (an Arduino Due's own estimates, none here) or
-    "both" (the Due's, and "compressed" here with the Due's settings). variant: "triple" (the paper's) or
-    "joint" (one filter on α and h^α f). guard: "off" (printed), "faithful" or "consistent" (host/README.md
-    says what they do). gate: standard deviations from which on a guard softens an innovation.
+    estimate_on: "host" (this computer), "device" (an Arduino Due's own estimates, none here) or "both" (the
+    Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
+    window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
+    guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do). gate: standard
+    deviations from which on a guard softens an innovation.
     """
 
-    startup: int = 500
+    startup: int = filters.STARTUP
     bias: Literal["startup", "none"] | float | list[float] = "startup"
     R: Literal["auto"] | float | list[float] = "auto"
-    engine: Engine = "compressed"
-    variant: Literal["triple", "joint"] = "joint"
-    guard: Literal["off", "faithful", "consistent"] = "consistent"
+    estimate_on: EstimateOn = "host"
+    memory: Literal["compressed", "direct"] = "compressed"
+    variant: Literal["triple", "joint"] = filters.VARIANT
+    guard: Literal["off", "faithful", "consistent"] = filters.GUARD
     joint: JointSettings = JointSettings()
-    gate: float = 10.0
+    gate: float = filters.GATE
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.window and self.engine in ("direct", "reference"):
+        if not self.window and self.memory == "direct":
             raise ValueError(
-                f"window 0 is an unlimited one, which only engine compressed has: engine {self.engine} keeps "
-                "every sample of its window; give its length"
+                "window 0 is an unlimited one, which only memory compressed has: memory direct keeps every "
+                "sample of its window; give its length"
             )
         if not 1 <= self.gate <= 1000:
             raise ValueError(f"gate must be 1 to 1000 standard deviations, got {self.gate:g}")
-        if self.engine == "reference" and (self.variant, self.guard) != ("triple", "off"):
-            raise ValueError(
-                "engine reference is the printed algorithm: it needs variant triple and guard off"
-            )
         if self.startup < 2:
             raise ValueError("startup must be at least 2 samples: a variance needs two")
         if any(not math.isfinite(r) or r <= 0 for r in _given(self.R)):
@@ -118,20 +125,16 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
 
 
 class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
-    """The same for axes of the accelerometer, in m/s² in place of deg/s.
+    """The same for axes of the accelerometer, in m/s² in place of deg/s."""
 
-    Q and P0 of the state keep the ratio to the noise that the paper's have for its gyroscope: a resting
-    MPU-6050 has 9e-4 (m/s²)² where the paper's gyroscope has 0.02 (deg/s)².
-    """
-
-    state: StateSettings = StateSettings(P0=4.5e-4, Q=6.75e-3)
+    state: StateSettings = StateSettings(P0=filters.ACCEL_STATE_P0, Q=filters.ACCEL_STATE_Q)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.engine in BY_DEVICE:
+        if self.estimate_on in BY_DEVICE:
             raise ValueError(
-                f"engine {self.engine} is not for the accelerometer: a device estimates its gyroscope only; "
-                "leave accel.engine at compressed, direct or reference"
+                f"estimate_on {self.estimate_on} is not for the accelerometer: a device estimates its "
+                "gyroscope only; leave accel.estimate_on at host"
             )
 
 
@@ -149,11 +152,11 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pace: Literal["auto", "real", "fast"] = "auto"
     once: bool = False
     samples: bool = False
-    every: int = 1
     link: LinkConfig = LinkConfig()
     replay: ReplayConfig = ReplayConfig()
     estimator: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
+    output: OutputConfig = OutputConfig()
     record: RecordConfig = RecordConfig()
     mqtt: MqttConfig = MqttConfig()
     dashboard: DashboardConfig = DashboardConfig()
@@ -308,6 +311,7 @@ def _put(tree: dict[str, Any], path: str, value: Any) -> None:
 
 
 def _convert(tree: Mapping[str, Any], origin: str) -> Config:
+    refuse_old_names(tree, origin)
     try:
         return msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:

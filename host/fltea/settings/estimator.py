@@ -1,4 +1,4 @@
-"""Settings of the gyroscope estimator; the defaults are the paper's (Macias & Sierociuk 2023, section 7.1).
+"""Settings of the gyroscope estimator; their defaults have one home, filters.toml.
 
 Each filter has its own block, as in the paper. All raise ValueError with the field's name for values that no
 filter can work with. R is not here: it belongs to the data of each axis (see `bias`).
@@ -7,6 +7,8 @@ filter can work with. R is not here: it belongs to the data of each axis (see `b
 import math
 
 import msgspec
+
+from fltea.settings import filters
 
 LONGEST_WINDOW = 10_000_000
 """Samples; more than a day at 100 Hz, and as much memory as a small computer has to spare."""
@@ -31,9 +33,9 @@ def _check_delta(value: float) -> None:
 class StateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """KFx. P0 and Q in (deg/s)², x0 in deg/s. Q is the variance of a whole step: it includes h^2α."""
 
-    P0: float = 0.01
-    Q: float = 0.15
-    x0: float = 0.0
+    P0: float = filters.STATE_P0
+    Q: float = filters.STATE_Q
+    x0: float = filters.STATE_X0
 
     def __post_init__(self) -> None:
         _check_variance("P0", self.P0)
@@ -44,10 +46,10 @@ class StateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class OrderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """KFo. All without unit. P0 = Q0 = 0 holds the order at alpha0; delta is Q's forgetting factor."""
 
-    P0: float = 0.01
-    Q0: float = 0.1
-    alpha0: float = 1.0
-    delta: float = 0.5
+    P0: float = filters.ORDER_P0
+    Q0: float = filters.ORDER_Q0
+    alpha0: float = filters.ORDER_ALPHA0
+    delta: float = filters.ORDER_DELTA
 
     def __post_init__(self) -> None:
         _check_variance("P0", self.P0)
@@ -59,10 +61,10 @@ class OrderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ParameterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """KFw. f0 in s^-α, P0 and Q0 in its square. P0 = Q0 = 0 holds f at f0; delta is Q's forgetting factor."""
 
-    P0: float = 0.01
-    Q0: float = 0.1
-    f0: float = 0.0
-    delta: float = 0.5
+    P0: float = filters.PARAMETER_P0
+    Q0: float = filters.PARAMETER_Q0
+    f0: float = filters.PARAMETER_F0
+    delta: float = filters.PARAMETER_DELTA
 
     def __post_init__(self) -> None:
         _check_variance("P0", self.P0)
@@ -74,11 +76,11 @@ class ParameterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 class JointSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The joint filter on (α, β = h^α f), both without unit; P0 and Q0 hold for both. delta as in KFo."""
 
-    P0: float = 0.06
-    Q0: float = 0.0
-    alpha0: float = 0.5
-    beta0: float = -0.1
-    delta: float = 0.0
+    P0: float = filters.JOINT_P0
+    Q0: float = filters.JOINT_Q0
+    alpha0: float = filters.JOINT_ALPHA0
+    beta0: float = filters.JOINT_BETA0
+    delta: float = filters.JOINT_DELTA
 
     def __post_init__(self) -> None:
         _check_variance("P0", self.P0)
@@ -91,7 +93,7 @@ class JointSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class GyroscopeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of one gyroscope estimator; `window` is the implementation length L in samples, 0: unlimited."""
 
-    window: int = 3000
+    window: int = filters.WINDOW
     state: StateSettings = StateSettings()
     order: OrderSettings = OrderSettings()
     parameter: ParameterSettings = ParameterSettings()

@@ -8,8 +8,25 @@ import msgspec
 
 from fltea.settings.listen_address import listen_address
 
+LARGEST_EVERY = 1_000_000
+"""Nearly three hours at 100 Hz."""
+
 RECORDED = ("hello", "epoch", "gap", "sample", "estimate", "device_estimate", "stats", "error")
 """Classes of the records that can ride along in a recording."""
+
+
+class OutputConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What holds for every output alike.
+
+    every: records `sample`, `estimate` and `device_estimate` go out of samples whose `seq` is a multiple of
+    it; all else does whole, and so do the bytes that `--record` keeps. Estimation sees every sample.
+    """
+
+    every: int = 1
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.every <= LARGEST_EVERY:
+            raise ValueError(f"every must be 1 (every sample) to {LARGEST_EVERY}, got {self.every}")
 
 
 class RecordConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -53,8 +70,9 @@ class BrokerAddress(NamedTuple):
 class MqttConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Publishing to an MQTT broker; off without one.
 
-    broker: HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT. estimate_every, sample_every: every n-th
-    is published; sample_every 0: none. stream_qos: of estimates and samples, 0 or 1; all else has 1. tls: as
+    broker: HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT. estimate_every, sample_every: one in
+    so many samples is published, by `seq`, of those that `output.every` leaves: the larger of the two rules;
+    sample_every 0: none. stream_qos: of estimates and samples, 0 or 1; all else has 1. tls: as
     with mqtts://. ca, cert, key: PEM files. insecure: take whatever certificate the broker shows.
     password_file: one line USER:PASSWORD.
     """

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fltea.recording.files import Recording, read_csv, read_npz
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
-from fltea.recording.ndjson import read_ndjson
+from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import (
@@ -22,7 +22,7 @@ from fltea.records.events import (
     Trouble,
     host_ns_of,
 )
-from fltea.records.records import Epoch, Hello, LinkStats, Sample
+from fltea.records.records import Hello, LinkStats, Sample
 from fltea.settings.extras import load
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.pacing import sleep_until
@@ -216,7 +216,7 @@ def _sequence(recording: Recording) -> NDArray[np.int64]:
     return np.concatenate(([0], np.cumsum(steps))).astype(np.int64)
 
 
-def _from_ndjson(records: list[Hello | Sample | Epoch], cut: str | None) -> Iterator[Event]:
+def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
     """Our own output as events; numbers and times are unwrapped already, epochs begin where it says."""
     if cut is not None:
         yield Trouble("cut_recording", cut, records[0].host_ns, fatal=False)
@@ -239,7 +239,7 @@ def _from_ndjson(records: list[Hello | Sample | Epoch], cut: str | None) -> Iter
                 yield from block()
                 hello = record
                 yield record
-            case Epoch(reason=reason) if reason != "gap":  # a gap is found anew, by the limit of now
+            case EpochMark(reason=reason) if reason != "gap":  # a gap is found anew, by the limit of now
                 yield from block()
                 yield Break(record.reason, record.host_ns)
     yield from block()

@@ -62,7 +62,7 @@ class BoardEstimates:
     """
 
     def __init__(self, config: Config) -> None:
-        self.alone = config.estimator.engine == "device"
+        self.alone = config.estimator.estimate_on == "device"
         self.stated: DeviceEstimator | None = None
         self._config = config
         self._settings: EstimatorConfig | None = None
@@ -159,10 +159,10 @@ class BoardEstimates:
         self._told_unused = True
         unused = unused_settings(self._config.estimator)
         if unused:
-            engine = self._config.estimator.engine
+            who = self._config.estimator.estimate_on
             text = (
-                f"{', '.join(unused)}: not used with engine {engine}, since the device estimates with the "
-                "settings of its firmware" + (", and so does this computer." if engine == "both" else ".")
+                f"{', '.join(unused)}: not used with --estimate-on {who}, since the device estimates with "
+                "the settings of its firmware" + (", and so does this computer." if who == "both" else ".")
             )
             yield Notice("settings_unused", text, now_ns)
 
@@ -179,7 +179,7 @@ class BoardEstimates:
                 "no_device_estimates",
                 f"the device sends samples, but in {PATIENCE_NS // 10**9} s no word of estimates of its own: "
                 "its firmware was built with estimation switched off, or is none of an Arduino Due. Flash "
-                "that of this program (fltea flash), or let this computer estimate: --engine compressed.",
+                "that of this program (fltea flash), or let this computer estimate: --estimate-on host.",
                 int(host_ns[late[0]]),
             )
 
@@ -286,7 +286,7 @@ class BoardEstimates:
     def _record(self, moment: _Moment, variant: str) -> Iterator[Estimate | DeviceEstimates]:
         """The gathered estimates of one sample."""
         group, self._group = self._group, {}
-        if moment.seq % self._config.every:
+        if moment.seq % self._config.output.every:
             return
         ordered = [axis for axis in self._axes if axis in group]
         if self.alone:

@@ -32,7 +32,7 @@ def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
     else:
         filters = {"order": order, "parameter": {**parameter, "f0": stated.parameter0}}
     settings = {
-        "engine": "both",
+        "estimate_on": "both",
         "window": 0,
         "variant": stated.variant,
         "guard": stated.guard,
@@ -48,11 +48,13 @@ def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
 
 def info_of(stated: DeviceEstimator) -> EstimatorInfo:
     """What an epoch is estimated with if the device alone does it."""
-    return EstimatorInfo(stated.variant, "device", stated.guard, 0, stated.startup, "startup", "auto")
+    return EstimatorInfo(
+        stated.variant, "device", "compressed", stated.guard, 0, stated.startup, "startup", "auto"
+    )
 
 
 def unused_settings(config: EstimatorConfig) -> list[str]:
     """Settings that were changed for nothing, since the device has its own; each as a dotted path."""
-    usual = EstimatorConfig(engine=config.engine)
+    usual = EstimatorConfig(estimate_on=config.estimate_on)
     names = [name for name in config.__struct_fields__ if getattr(config, name) != getattr(usual, name)]
     return [f"estimator.{name}" for name in names]

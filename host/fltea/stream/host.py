@@ -110,7 +110,7 @@ class Channels:
         c = self.config
         bias = tuple(c.bias) if isinstance(c.bias, list) else c.bias
         R = tuple(c.R) if isinstance(c.R, list) else c.R
-        return EstimatorInfo(c.variant, c.engine, c.guard, c.window, c.startup_needed, bias, R)
+        return EstimatorInfo(c.variant, c.estimate_on, c.memory, c.guard, c.window, c.startup_needed, bias, R)
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
         """Statistics of every axis."""
@@ -225,7 +225,7 @@ class HostEstimates:
                 found.append(estimated.columns)
                 variant = variant or channels.config.variant
         if found:
-            block = replace(block, variant=variant, estimates=tuple(found), every=self._config.every)
+            block = replace(block, variant=variant, estimates=tuple(found), every=self._config.output.every)
         begin = 0
         for row, axis, why in sorted(lost):
             for notice in self._lost(axis, why, int(host_ns[row])):

@@ -47,7 +47,7 @@ def no_outputs() -> dict[str, OutputStats]:
 
 def stages_of(config: Config) -> list[Stage]:
     """What the samples go through, in order: this computer, the board, or both."""
-    if config.estimator.engine not in BY_DEVICE:
+    if config.estimator.estimate_on not in BY_DEVICE:
         return [HostEstimates(config, lambda: config.estimator)]
     board = BoardEstimates(config)
     return [HostEstimates(config, None if board.alone else board.host_settings), board]

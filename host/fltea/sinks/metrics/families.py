@@ -55,13 +55,13 @@ class Newest:
     def take(self, block: Block) -> None:
         """Remember samples and estimates; records are made of them when somebody asks."""
         self.block = block
-        if block.estimates and range(len(block))[block.due(block.every)]:
+        if block.estimates and block.due_rows:
             self.estimate, self.estimate_ns = block, host_ns()
 
     def newest_sample(self) -> Sample | None:
         """The last one."""
         n = len(self.block) if self.block is not None else 0
-        return next(self.block.rows(n - 1, n).samples()) if self.block is not None else None
+        return next(self.block.samples(slice(n - 1, n))) if self.block is not None else None
 
     def newest_estimate(self) -> Estimate | None:
         """The last one."""

@@ -123,10 +123,10 @@ class MqttSink(Sink):
         elif self._hello is None and not self._turned_away:
             self._keep_early(item)
         elif isinstance(item, Estimate):
-            if self._is_due("estimate", item.seq):
+            if self._is_due("estimate", item.seq, self._settings.estimate_every):
                 self._stream("estimate", item, self._settings.stream_qos)
         elif isinstance(item, DeviceEstimates):
-            if self._is_due("device_estimate", item.seq):
+            if self._is_due("device_estimate", item.seq, self._settings.estimate_every):
                 self._stream("device_estimate", item, self._settings.stream_qos)
         elif isinstance(item, Stats):
             self._stream("stats", item, 1)
@@ -142,20 +142,17 @@ class MqttSink(Sink):
         if self._status is not None and self._status.status != "online":
             self._say("online")
         qos = self._settings.stream_qos
-        if self._settings.sample_every:
-            rows = range(len(block))[block.due(self._settings.sample_every)]
-            for row in rows:
-                self._stream("sample", next(block.rows(row, row + 1).samples()), qos)
-        if block.estimates:
-            for row in range(len(block))[block.due(block.every)]:
-                if self._is_due("estimate", int(block.seq[row])):
-                    for estimate in block.estimate_records(slice(row, row + 1)):
-                        self._stream("estimate", estimate, qos)
+        for row in block.due_rows:
+            seq, chosen = int(block.seq[row]), slice(row, row + 1)
+            every = self._settings.sample_every
+            if every and self._is_due("sample", seq, every):
+                self._stream("sample", next(block.samples(chosen)), qos)
+            if block.estimates and self._is_due("estimate", seq, self._settings.estimate_every):
+                self._stream("estimate", next(block.estimate_records(chosen)), qos)
 
-    def _is_due(self, kind: str, seq: int) -> bool:
-        """Whether it is the first in `estimate_every` samples; a device may not send one for each."""
+    def _is_due(self, kind: str, seq: int, every: int) -> bool:
+        """Whether it is the first in `every` samples; a device, or `output.every`, may leave none at it."""
         before, self._seen[kind] = self._seen.get(kind, seq), seq
-        every = self._settings.estimate_every
         return seq % every == 0 or seq // every > before // every
 
     def flush(self) -> None:

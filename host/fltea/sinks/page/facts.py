@@ -59,7 +59,7 @@ def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
     """Samples until the last of the start-up windows is full, the device's own among them."""
     if epoch.reason == "resumed":
         return 0
-    of_host = max((info.startup_samples for info in infos(epoch) if info.engine != "device"), default=0)
+    of_host = max((info.startup_samples for info in infos(epoch) if info.estimate_on != "device"), default=0)
     return max(of_host - history.samples_of_epoch, facts_of_device.startup_to_go(history))
 
 
@@ -199,8 +199,9 @@ def settings(history: DeviceHistory) -> str:
         return ""
     e = found[0]
     window = f"{e.window:,}" if e.window else "unlimited"
-    whose = facts_of_device.whose(history, e.engine)
-    return f"variant {e.variant}, guard {e.guard}, engine {e.engine}{whose}, L = {window}"
+    whose = facts_of_device.whose(history, e.estimate_on)
+    who = "" if e.estimate_on == "host" else f"estimates on {e.estimate_on}{whose}, "
+    return f"variant {e.variant}, guard {e.guard}, {who}memory {e.memory}, L = {window}"
 
 
 def duration(ns: int) -> str:

@@ -20,11 +20,11 @@ def startup_to_go(history: DeviceHistory) -> int:
     return own.startup_remaining if own is not None and silent(history) else 0
 
 
-def whose(history: DeviceHistory, engine: str) -> str:
-    """What is said of an engine wherever it is named."""
-    if engine == "device":
+def whose(history: DeviceHistory, estimate_on: str) -> str:
+    """What is said of who estimates wherever it is named."""
+    if estimate_on == "device":
         return f" (the device's own estimates as published{_rate(history)})"
-    return f" (the host's estimates, and the device's own{_rate(history)})" if engine == "both" else ""
+    return f" (the host's estimates, and the device's own{_rate(history)})" if estimate_on == "both" else ""
 
 
 def own(history: DeviceHistory) -> list[list[str]]:

@@ -22,7 +22,7 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.config import EstimateOn, EstimatorConfig
 from fltea.sinks.page import tables
 from fltea.sinks.page.tables import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers
@@ -31,8 +31,6 @@ from fltea.wire.units import accel_resolution_ms2, resolution_dps
 
 SILENCE_MS = 1000.0
 EVENTS = 60
-
-Estimator = Literal["host", "device", "both"]
 
 
 class Happening(NamedTuple):
@@ -71,8 +69,7 @@ class DeviceHistory:
         self.followers: dict[str, WhiteFollower | None] = {}
         self.happenings: deque[Happening] = deque(maxlen=EVENTS)
         self._gyro, self._accel = gyro, accel
-        engine = gyro.engine
-        self._estimator: Estimator = engine if engine == "device" or engine == "both" else "host"
+        self._estimator: EstimateOn = gyro.estimate_on
         self._gaps = (0, 0)
         self._estimates = 0
         self._first_seq: int | None = None
@@ -110,7 +107,7 @@ class DeviceHistory:
             host_ns = self.sample.host_ns if self.sample else 0
             self._happen(host_ns, "missed", f"the page missed {count} records: it was too slow")
 
-    def estimator(self, axis: str) -> Estimator:
+    def estimator(self, axis: str) -> EstimateOn:
         """Who estimates an axis."""
         return self._estimator if axis in AXES else "host"
 
@@ -326,7 +323,7 @@ class DeviceHistory:
         if info is None or self._estimator == "host":
             return self._gyro
         return EstimatorConfig(
-            engine=self._gyro.engine,
+            estimate_on=self._gyro.estimate_on,
             variant=info.variant,  # type: ignore[arg-type]
             guard=info.guard,  # type: ignore[arg-type]
             window=info.window,
