@@ -39,13 +39,7 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"decode": decode, **estimator, **({"daemon": daemon} if daemon else {})}))
         return
-    print(
-        f"decode     {decode['fltea_frames_per_s']:>12,.0f} frames/s "
-        f"({decode['fltea_frames_per_s_min']:,.0f} to {decode['fltea_frames_per_s_max']:,.0f}, "
-        f"median of {decode['repetitions']}): COBS, CRC, version, fields\n"
-        f"bare cobs  {decode['cobs_frames_per_s']:>12,.0f} frames/s, {decode['ratio']:.1f} times as fast\n\n"
-        + bench_estimator.text(estimator)
-    )
+    print(f"{bench_decode.text(decode)}\n\n{bench_estimator.text(estimator)}")
     if daemon:
         print("\n" + bench_daemon.text(daemon))
 

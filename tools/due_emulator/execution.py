@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 import unicorn
-from fltea.errors import UsageError
+from fltea.records.errors import UsageError
 from unicorn import arm_const
 from unicorn.unicorn_py3.unicorn import uclib
 

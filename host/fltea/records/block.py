@@ -79,7 +79,7 @@ class Block:
 
     seq, device_us: unwrapped; host_ns: Unix time. gyro_dps (n, axes); accel_ms2 (n, 3), temperature_c (n,)
     and flags (n,) are None where there are none. estimates: of each sensor that has any; empty while the
-    start-up window fills. variant: that of the estimates. every: there are records of the samples whose number
+    start-up window fills. variant: that of the estimates. every: there are records of samples whose number
     is a multiple of it.
     """
 
