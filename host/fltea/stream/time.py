@@ -5,8 +5,6 @@ schedulers), so of every second only the earliest arrival counts; a straight lin
 the last ten minutes gives the host time of any sample, free of jitter.
 """
 
-from collections import deque
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +29,10 @@ class Timebase:
 
     def __init__(self, offset_ns: int) -> None:
         self._offset_ns = offset_ns
-        self._earliest_of: deque[tuple[float, float]] = deque(maxlen=SECONDS_KEPT)
+        # Of every second that is over: device's time and delay, in two rows. The last SECONDS_KEPT of `_seconds`
+        # count; there is room for as many more, so that they seldom move.
+        self._kept = np.empty((2, 2 * SECONDS_KEPT))
+        self._seconds = 0
         self._origin: tuple[int, int] | None = None
         self._second_end_us = 0
         self._earliest: tuple[float, float] | None = None
@@ -73,12 +74,12 @@ class Timebase:
         assert self._origin is not None
         best = int(delay_s.argmin())
         earliest = self._earliest
-        if not self._earliest_of:  # in the first second every earlier arrival moves all that follow
+        if not self._seconds:  # in the first second every earlier arrival moves all that follow
             least = np.minimum.accumulate(delay_s)
             estimate_s = device_s + (least if earliest is None else np.minimum(least, earliest[1]))
         if earliest is None or delay_s[best] < earliest[1]:
             self._earliest = (float(device_s[best]), float(delay_s[best]))
-        if self._earliest_of:
+        if self._seconds:
             centre_s, delay_of_centre_s = self._centre
             estimate_s = device_s + delay_of_centre_s + self._slope_error * (device_s - centre_s)
         now_ns = self._origin[1] + self._offset_ns + np.rint(estimate_s * 1e9).astype(np.int64)
@@ -93,20 +94,28 @@ class Timebase:
     def _close_second(self) -> None:
         if self._earliest is None:
             return
-        self._earliest_of.append(self._earliest)
+        if self._seconds == self._kept.shape[1]:
+            self._kept[:, : SECONDS_KEPT - 1] = self._kept[:, 1 - SECONDS_KEPT :]
+            self._seconds = SECONDS_KEPT - 1
+        self._kept[:, self._seconds] = self._earliest
+        self._seconds += 1
         self._earliest = None
-        device_s, delay_s = np.array(self._earliest_of).T
+        device_s, delay_s = self._window()
         x, y = device_s - device_s.mean(), delay_s - delay_s.mean()
         ridge = (DELAY_STD_S / CLOCK_STD) ** 2
         self._slope_error = float(x @ y / (x @ x + ridge))
         self._centre = (float(device_s.mean()), float(delay_s.mean()))
 
+    def _window(self) -> Array:
+        """Device's times and delays of the seconds that count, (2, seconds)."""
+        return self._kept[:, max(0, self._seconds - SECONDS_KEPT) : self._seconds]
+
     @property
     def clock_ppm(self) -> float | None:
         """How much faster the device's clock runs than the host's, in 1e-6; None at first."""
-        if len(self._earliest_of) < SECONDS_FOR_PPM:
+        if self._seconds < SECONDS_FOR_PPM:
             return None
-        if not any(delay_s for _, delay_s in self._earliest_of):
+        if not self._window()[1].any():
             return None  # to the nanosecond: times of arrival that were made from the device's
         return (1.0 / (1.0 + self._slope_error) - 1.0) * 1e6
 
