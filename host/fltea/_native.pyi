@@ -19,7 +19,11 @@ def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> by
 # ValueError if a value does not fit its field.
 def encode_message(type: int, sequence: int, device_us: int, fields: tuple[Any, ...]) -> bytes: ...
 
-# See fltea.block_reader.
+# Seven int64 a record of an unpacked MCAP chunk: kind, begin, end, channel, sequence, log_time, publish_time;
+# the last four are 0 for all but messages. ValueError if a record runs beyond the end.
+def chunk_records(chunk: bytes) -> bytes: ...
+
+# See fltea.wire.block_reader.
 class Decoder:
     def __init__(self) -> None: ...
 
