@@ -98,8 +98,8 @@ def _copy(path: Path, out: Path, limits: Limits) -> None:
                         item.topic, item.message_encoding, schema, item.metadata
                     )
                 case Messages():
-                    for channel, sequence, log_ns, publish_ns, data in item.of_channels(channels).each():
-                        writer.add_message(channels[channel_id], log_time, data, publish_time, sequence)
+                    for channel, number, log_ns, publish_ns, data in item.of_channels(channels).each():
+                        writer.add_message(channels[channel], log_ns, data, publish_ns, number)
                 case ChunkEnd():
                     writer.flush()  # type: ignore[no-untyped-call]
         writer.finish()  # type: ignore[no-untyped-call]
