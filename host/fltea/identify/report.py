@@ -11,6 +11,7 @@ from fltea.identify import figures, tables
 from fltea.identify.axis import AxisResult
 from fltea.identify.run import AxisReport, FileReport
 from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.extras import need_matplotlib
 
 PAGE = "report.html"
 
@@ -23,7 +24,7 @@ def prepare_folder(folder: Path) -> None:
     Raises:
         UsageError: matplotlib is missing, or the folder cannot be written to.
     """
-    figures.check_matplotlib()
+    need_matplotlib("--report needs")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".{PAGE}.part"
