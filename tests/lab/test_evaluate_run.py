@@ -18,7 +18,7 @@ from fltea.lab.evaluate.online import Reading
 from fltea.lab.evaluate.run import WHITTLE, Result, evaluate, evaluate_case, full_plan, quick_plan
 from fltea.lab.evaluate.score import Score, score
 from fltea.lab.evaluate.settings import CHANGES, MAIN
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError
 
 
 class Dies(Here):
@@ -162,9 +162,3 @@ def test_a_cell_is_empty_where_half_have_no_value(tiny: Result) -> None:
     }
     half = msgspec.structs.replace(row, score=scored(0.1, 1.0, without=10))
     assert np.isnan(figures._shown(half, error))
-
-
-def test_without_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
-    with pytest.raises(UsageError, match="--no-figures"):
-        figures.check_matplotlib()

@@ -70,12 +70,12 @@ def evaluate(
 
         fltea evaluate --quick --no-figures --json > quick.json
     """
-    from fltea.lab.evaluate.figures import check_matplotlib
     from fltea.lab.evaluate.run import full_plan, quick_plan
     from fltea.lab.reproduce.request import prepare_folder
+    from fltea.settings.extras import need_matplotlib
 
     if not no_figures:
-        check_matplotlib()
+        need_matplotlib("heat maps need", "; without it, ask for numbers alone: --no-figures")
     prepare_folder(out)
     plan = quick_plan(seeds or QUICK_SEEDS) if quick else full_plan(seeds or DEFAULT_SEEDS)
     result = _run(plan, jobs)

@@ -232,6 +232,10 @@ def _workers(jobs: int | None, dask: str | None) -> "Workers":
         return open_local(jobs)
     if jobs is not None:
         raise UsageError("--jobs is for this machine, --dask for a cluster: give one of them.")
+    from fltea.identify.dask_trust import trust_warning
+
+    if warning := trust_warning(dask):
+        say(f"fltea: warning: {warning}")
     workers: Workers = load("fltea.identify.dask_workers", "distributed", "dask", "--dask needs").DaskWorkers(
         dask
     )

@@ -13,6 +13,7 @@ from fltea.identify.axis import AxisResult
 from fltea.identify.run import AxisReport, FileReport
 from fltea.records.errors import UsageError
 from fltea.records.whole_file import whole_file
+from fltea.settings.extras import need_matplotlib
 
 PAGE = "report.html"
 
@@ -25,7 +26,7 @@ def prepare_folder(folder: Path) -> None:
     Raises:
         UsageError: matplotlib is missing, or the folder cannot be written to.
     """
-    figures.check_matplotlib()
+    need_matplotlib("--report needs")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

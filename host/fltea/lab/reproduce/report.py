@@ -11,6 +11,7 @@ from fltea.lab.reproduce.runs import Outcome, estimate, outcomes
 from fltea.lab.reproduce.scenarios import Data, Scenario, example, unknown_input
 from fltea.lab.reproduce.tables import Row
 from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.extras import need_matplotlib
 
 Progress = Callable[[str, int], None]
 """Is told what is being done and how many steps have just been finished."""
@@ -30,7 +31,7 @@ class Report:
         self.request = request
         self.progress = progress
         if request.figures:
-            figures.check_matplotlib()
+            need_matplotlib("figures need", "; without it, ask for tables alone: --table 2")
         if request.folder is not None:
             prepare_folder(request.folder)
         self._scenarios = self._choose_scenarios()

@@ -107,6 +107,10 @@ class DeviceHistory:
             host_ns = self.sample.host_ns if self.sample else 0
             self._happen(host_ns, "missed", f"the page missed {count} records: it was too slow")
 
+    def release(self) -> None:
+        """Let go of the runs of white noise; nothing is written any more."""
+        self.followers = {}
+
     def estimator(self, axis: str) -> EstimateOn:
         """Who estimates an axis."""
         return self._estimator if axis in AXES else "host"
