@@ -133,6 +133,12 @@ class Bank:
     def load(self, engine: bytes, supervisors: bytes | None, restarts: list[int]) -> None: ...
     def load_null(self, bytes: bytes) -> None: ...
 
+# The constants of the running test of whiteness (host/native/running_null.hpp).
+NULL_FEWEST: int
+NULL_LEVEL: float
+NULL_EFFECTIVE: int
+NULL_CHUNK: int
+
 # The running test of whiteness alone; see fltea.estimator.running_null.
 class RunningNull:
     def __init__(self, axes: int) -> None: ...

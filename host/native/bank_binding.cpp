@@ -191,6 +191,7 @@ class Null {
         for (size_t i = 0; i < count; ++i) null_.skip();
     }
 
+    // Figures of each axis.
     std::vector<double> p() const { return of_axes(&fltea::RunningNull::p); }
     std::vector<double> largest() const { return of_axes(&fltea::RunningNull::largest); }
     int depth() const {
@@ -223,6 +224,10 @@ class Null {
 
 void bind_bank(nb::module_& m) {
     m.attr("LARGEST_OFFSET") = kLargestOffset;
+    m.attr("NULL_FEWEST") = static_cast<int>(fltea::running_null::kFewest);
+    m.attr("NULL_LEVEL") = fltea::running_null::kLevel;
+    m.attr("NULL_EFFECTIVE") = fltea::running_null::kEffective;
+    m.attr("NULL_CHUNK") = static_cast<int>(fltea::running_null::kChunk);
     nb::class_<Bank>(m, "Bank")
         .def(nb::init<size_t>(), nb::arg("axes"))
         .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("flags"))
