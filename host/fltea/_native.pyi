@@ -93,6 +93,9 @@ class Lanes:
 # A bias beyond ± this, and a sample, is refused.
 LARGEST_OFFSET: float
 
+# Mean, variance and constancy of each column of y (rows, columns) float64, as a bank finds them.
+def moments(y: NDArray[np.float64], resolution: float) -> list[tuple[float, float, bool]]: ...
+
 # All axes of a sensor; see fltea.estimator.bank.
 class Bank:
     def __init__(self, axes: int) -> None: ...
@@ -104,7 +107,7 @@ class Bank:
     ) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
     def skip(self, count: int) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
 
-    # Mean, variance and constancy of each axis until `start`.
+    # `moments` of what came until `start`.
     def window(self, resolution: float) -> list[tuple[float, float, bool]]: ...
 
     # Arguments as of Lanes, then bias (axes,) float64 and live (axes,) uint8.

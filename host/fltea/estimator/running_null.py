@@ -23,7 +23,7 @@ Measured (tools/bench/running_null_tables.py):
 
 "Not white" is not "fractional": drift, resonances, filters and movement are not white either.
 
-The sums are in host/native/running_null.hpp, and a part of `Bank`; here is the test for those who have no bank.
+The sums are in host/native/running_null.hpp, and a part of `Bank`; here is the test for who has no bank.
 """
 
 import math
