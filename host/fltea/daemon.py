@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from functools import partial
 from types import FrameType
 from typing import TypeGuard
 
@@ -177,7 +178,8 @@ class _Run:
         """Move everything from source to outputs; the trouble that ended it, if one did."""
         name = config.name or ""
         found = state.found.get(name) if state else None
-        pipeline = Pipeline(source, config, lambda: self._hub.stats(name), found)
+        refuse = (lambda: None) if state is None else partial(state.refuse, name)
+        pipeline = Pipeline(source, config, lambda: self._hub.stats(name), found, refuse)
         tap, as_wire = self._hub.tap(name, wait=not source.prompt), None
         if isinstance(source, SerialSource):
             source.tap = tap

@@ -55,6 +55,7 @@ class Pipeline:
 
     outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their
     own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
+    refuse: is called if it is not sound.
     """
 
     def __init__(
@@ -63,11 +64,13 @@ class Pipeline:
         config: Config,
         outputs: Callable[[], dict[str, OutputStats]] = no_outputs,
         state: DeviceState | None = None,
+        refuse: Callable[[], None] = lambda: None,
     ) -> None:
         self._source = source
         self._config = config
         self._outputs = outputs
         self._state = state
+        self._refuse = refuse
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name)
         engine = config.estimator.engine
         self._follower = DeviceFollower(engine, config.name) if engine in BY_DEVICE else None
@@ -263,6 +266,7 @@ class Pipeline:
                     self._open(raw, hello, state)
                 except ValueError as error:
                     problem = str(error)
+                    self._refuse()
                 else:
                     age_s = (now_unix_ns - state.unix_ns) * 1e-9
                     missing = max(0, round(age_s * hello.rate_hz) - 1)

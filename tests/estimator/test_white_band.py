@@ -5,6 +5,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from fltea.config import EstimatorConfig
+from fltea.estimator.bank import Bank
 from fltea.estimator.white_band import WhiteBand, _quantiles
 from fltea.simulate import FractionalNoise
 from hypothesis import given

@@ -88,6 +88,7 @@ class OnlineEstimator:
     def _resume(self, state: OnlineState) -> None:
         if state.axes != self.axes or self._config.engine == "reference":
             raise ValueError(f"the state is one of {', '.join(state.axes)} by a native engine")
+        state.check(self.axes)
         self.startup_remaining = 0
         self._begin(Baseline(state.bias_dps, state.R, ()))
         assert isinstance(self._estimator, NativeGyroscope)
