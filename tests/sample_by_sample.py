@@ -286,7 +286,7 @@ class OnlineEstimator:
         self._estimator = NativeGyroscope(axes, R, bias, self._h, self._config)
 
 
-WHITENESS_BLOCK = 100
+BLOCK = 100
 BLOCKS = 10
 FEWEST = 200
 
@@ -308,7 +308,7 @@ class Whiteness:
         if std > 0:
             normalised += (innovation / std) ** 2
         self._now = (n + 1, products, squares + innovation * innovation, normalised)
-        if n + 1 == WHITENESS_BLOCK:
+        if n + 1 == BLOCK:
             self._blocks.append(self._now)
             self._now = (0, 0.0, 0.0, 0.0)
 

@@ -85,8 +85,9 @@ class OnlineEstimator:
         return self._estimator.lost if self._estimator else {}
 
     def _resume(self, state: OnlineState) -> None:
-        if state.axes != self.axes:
-            raise ValueError(f"the state is one of {', '.join(state.axes)}")
+        if state.axes != self.axes or self._config.engine == "reference":
+            raise ValueError(f"the state is one of {', '.join(state.axes)} by a native engine")
+        state.check(self.axes)
         self.startup_remaining = 0
         self._begin(Baseline(state.bias_dps, state.R, ())).restore(state.engine, state.restarts)
 

@@ -12,16 +12,20 @@ The filters know nothing of it. Rules, judged after each sample:
 
 import math
 from collections import deque
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
-LOST_ORDER = 5.0
-"""A diverged run can stay finite for ever, at orders of 10 to 60 with f up to 1e139. Noise has an order
-between 0 and 2, and no run that stayed of use was seen beyond 3.5."""
+from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, Reason
 
-BOUND_SAMPLES = 200
-BOUND_SHARE = 0.25
-
-Reason = Literal["runaway", "bound"]
+__all__ = [
+    "BOUND_SAMPLES",
+    "BOUND_SHARE",
+    "GOOD",
+    "LOST_ORDER",
+    "Reason",
+    "Supervisor",
+    "Verdict",
+    "ran_away",
+]
 
 
 class Verdict(NamedTuple):
