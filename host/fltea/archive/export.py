@@ -11,20 +11,25 @@ from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NamedTuple
+from typing import Annotated, Any, BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fltea.recording.kind import is_one_file
-from fltea.recording.session import Entry
+from fltea.recording.session import LATEST_NS, Entry
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES, AccelEstimate, AxisEstimate, DeviceAxisEstimate
 from fltea.records.whole_file import text_of, whole_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
+
+Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
+"""What an array of whole numbers takes, differences too."""
+
+Axis = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(AXES + ACCEL_AXES)})$")]
 
 What = Literal["samples", "estimates", "device_estimates"]
 OF_AN_AXIS = {
@@ -201,12 +206,18 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
     if lsb is None:
         arrays["gyro_dps"] = rates
     else:
-        arrays |= {"gyro_raw": rates.astype(np.int32), "lsb_per_dps": lsb}
+        arrays |= {"gyro_raw": _counts(rates), "lsb_per_dps": lsb}
     if accel_lsb and len(accel) == 3 * len(time_s):
-        arrays |= {"accel_raw": np.array(accel).reshape(-1, 3).astype(np.int32), "accel_lsb_per_g": accel_lsb}
+        arrays |= {"accel_raw": _counts(np.array(accel).reshape(-1, 3)), "accel_lsb_per_g": accel_lsb}
     if not np.isnan(temperature).all():
         arrays["temperature_c"] = np.array(temperature)
     return arrays | {name: np.array(values) for name, values in whole.items()}, len(time_s)
+
+
+def _counts(values: NDArray[np.float64]) -> NDArray[np.int32]:
+    if np.abs(values).max() >= 2**31:
+        raise UsageError("the counts in it are no sensor's, being beyond 32 bits; export it as .csv.")
+    return values.astype(np.int32)
 
 
 def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS) -> Table:
@@ -231,16 +242,16 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limi
     places = [
         (part, axis, field)
         for part, kind in kinds.items()
-        for axis in first.get(part, {})
+        for axis in getattr(first, part)
         for field in kind.__struct_fields__
     ]
     columns = ["time_s", *OF_ALL, *(OF_AN_AXIS[field].format(axis) for _, axis, field in places)]
 
     def rows() -> Iterator[list[Any]]:
         for record in chain([first], records):
-            time_s = round((record["host_ns"] - first["host_ns"]) * 1e-9, 9)
-            values = (record.get(part, {}).get(axis, {}).get(field) for part, axis, field in places)
-            yield [time_s, *(record[name] for name in OF_ALL), *(_number(value) for value in values)]
+            time_s = round((record.host_ns - first.host_ns) * 1e-9, 9)
+            values = (getattr(record, part).get(axis, {}).get(field) for part, axis, field in places)
+            yield [time_s, *(getattr(record, name) for name in OF_ALL), *(_number(value) for value in values)]
 
     return Table(columns, rows())
 
@@ -257,8 +268,22 @@ def estimate_arrays(
     return {name: np.array(a) for name, a in zip(columns, arrays, strict=True)}, len(arrays[0])
 
 
-def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[dict[str, Any]]:
-    """The estimates of a recording as they were published, null fields left out."""
+class _Estimate(msgspec.Struct, frozen=True):
+    """An estimate of any kind as it was published, null fields left out."""
+
+    host_ns: Whole
+    device_us: Whole
+    seq: Whole
+    epoch: Whole
+    axes: dict[Axis, dict[str, float | bool | str | None]] = {}
+    accel_axes: dict[Axis, dict[str, float | bool | str | None]] = {}
+
+
+_estimate = msgspec.json.Decoder(_Estimate)
+
+
+def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[_Estimate]:
+    """The estimates of a recording as they were published."""
     if is_one_file(paths[0]):
         return
     from fltea.sources.mcap import read_entries
@@ -266,7 +291,10 @@ def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[di
     for part in open_mcap(paths, "")().parts:
         for entry in read_entries(part, limits):
             if isinstance(entry, Entry) and entry.topic == topic:
-                yield msgspec.json.decode(entry.data)
+                try:
+                    yield _estimate.decode(entry.data)
+                except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets
+                    raise UsageError(f"{part.path}: a {topic} in it is damaged ({error}).") from error
 
 
 def _number(value: float | bool | str | None) -> float | None:

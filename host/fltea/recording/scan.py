@@ -15,6 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
+from fltea.recording.session import LATEST_NS
 from fltea.records.errors import UsageError
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
@@ -184,4 +185,6 @@ def _records(data: bytes) -> Iterator[Schema | Channel | Message]:
 
 def _message(body: bytes) -> Message:
     channel_id, sequence, log_time, publish_time = MESSAGE_HEAD.unpack_from(body)
+    if log_time > LATEST_NS or publish_time > LATEST_NS:
+        raise McapError("a message of a time that cannot be")
     return Message(channel_id, sequence, log_time, publish_time, body[MESSAGE_HEAD.size :])
