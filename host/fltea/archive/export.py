@@ -12,20 +12,26 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NamedTuple
+from typing import Annotated, Any, BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.recording.kind import is_one_file
-from fltea.recording.session import Entry
+from fltea.recording.session import LATEST_NS, Entry
 from fltea.records.errors import UsageError
+from fltea.records.events import Values
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
 from fltea.records.whole_file import text_of, whole_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
+
+Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
+"""What an array of whole numbers takes, differences too."""
+
+Axis = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(AXES + ACCEL_AXES)})$")]
 
 Array = NDArray[np.float64]
 What = Literal["samples", "estimates", "device_estimates"]
@@ -180,9 +186,9 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
         if hello.gyro_lsb_per_dps is None:
             columns["gyro_dps"].append(raw.gyro)
         else:
-            columns["gyro_raw"].append(raw.gyro.astype(np.int32))
+            columns["gyro_raw"].append(_counts(raw.gyro))
         if raw.accel is not None:
-            columns["accel_raw"].append(raw.accel.astype(np.int32))
+            columns["accel_raw"].append(_counts(raw.accel))
         no_temperature = np.full(n, np.nan)
         columns["temperature_c"].append(
             no_temperature if block.temperature_c is None else block.temperature_c
@@ -210,6 +216,12 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
     return {**{name: value for name, value in scales.items() if value is not None}, **whole}, rows
 
 
+def _counts(values: Values) -> NDArray[np.int32]:
+    if np.abs(values.astype(np.float64)).max() >= 2**31:
+        raise UsageError("the counts in it are no sensor's, being beyond 32 bits; export it as .csv.")
+    return values.astype(np.int32)
+
+
 def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS) -> Table:
     """One row an estimate, as it was published; what was not valid stays empty.
 
@@ -229,16 +241,16 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limi
             f"{paths[0]}: holds no estimates. Make them of its samples: fltea run -s replay:{paths[0]}"
         )
     kind = DeviceAxisEstimate if what == "device_estimates" else AxisEstimate
-    units = {axis: "ms2" if axis in ACCEL_AXES else "dps" for axis in first["axes"]}
+    units = {axis: "ms2" if axis in ACCEL_AXES else "dps" for axis in first.axes}
     places = [(axis, field) for axis in units for field in kind.__struct_fields__ if field in OF_AN_AXIS]
     names = (OF_AN_AXIS[field].format(axis=axis, unit=units[axis]) for axis, field in places)
     columns = ["time_s", *OF_ALL, *names]
 
     def rows() -> Iterator[list[Any]]:
         for record in chain([first], records):
-            time_s = round((record["host_ns"] - first["host_ns"]) * 1e-9, 9)
-            values = (record["axes"].get(axis, {}).get(field) for axis, field in places)
-            yield [time_s, *(record[name] for name in OF_ALL), *(_number(value) for value in values)]
+            time_s = round((record.host_ns - first.host_ns) * 1e-9, 9)
+            values = (record.axes.get(axis, {}).get(field) for axis, field in places)
+            yield [time_s, *(getattr(record, name) for name in OF_ALL), *(_number(value) for value in values)]
 
     return Table(columns, rows())
 
@@ -255,8 +267,21 @@ def estimate_arrays(
     return {name: np.array(a) for name, a in zip(columns, arrays, strict=True)}, len(arrays[0])
 
 
-def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[dict[str, Any]]:
-    """The estimates of a recording as they were published, null fields left out."""
+class _Estimate(msgspec.Struct, frozen=True):
+    """An estimate of any kind as it was published, null fields left out."""
+
+    host_ns: Whole
+    device_us: Whole
+    seq: Whole
+    epoch: Whole
+    axes: dict[Axis, dict[str, float | bool | str | None]] = {}
+
+
+_estimate = msgspec.json.Decoder(_Estimate)
+
+
+def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[_Estimate]:
+    """The estimates of a recording as they were published."""
     if is_one_file(paths[0]):
         return
     from fltea.sources.mcap import read_entries
@@ -264,7 +289,10 @@ def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[di
     for part in open_mcap(paths, "")().parts:
         for entry in read_entries(part, limits):
             if isinstance(entry, Entry) and entry.topic == topic:
-                yield msgspec.json.decode(entry.data)
+                try:
+                    yield _estimate.decode(entry.data)
+                except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets
+                    raise UsageError(f"{part.path}: a {topic} in it is damaged ({error}).") from error
 
 
 def _number(value: float | bool | str | None) -> float | None:

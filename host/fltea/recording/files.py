@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fltea.recording.lines import lines, shown
 from fltea.recording.npz_arrays import NUMBER_BYTES, read_arrays
+from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -35,7 +36,12 @@ LONGEST_NAME, MOST_NAMES = 60, 30
 EVENNESS, EVEN_SHARE = 0.2, 0.9
 """Times are a device's if nine steps in ten are within a fifth of the median."""
 
-SHORTEST_STEP_S, LONGEST_S = 1e-6, 1e10
+SHORTEST_STEP_S, LONGEST_S = 1e-6, 4e9
+"""The second is 126 years; so many nanoseconds fit into 64 bits."""
+
+LARGEST_COUNT, LARGEST_NUMBER = 2.0**31, 2.0**53
+"""Of a sensor's register, and what a float tells from its neighbours."""
+
 HOST_TOLERANCE = 0.05
 
 
@@ -119,7 +125,11 @@ def read_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Recording:
     for name, extra, shape in (("t_host_s", host_s, (len(gyro),)), ("accel_raw", accel, (len(gyro), 3))):
         if extra is not None and extra.shape != shape:
             raise UsageError(f"{path}: {name} has the shape {extra.shape}; {shape} is needed, as {key} has.")
+    for name, extra in ((key, gyro if key == "gyro_raw" else None), ("accel_raw", accel)):
+        if extra is not None and np.abs(extra).max() >= LARGEST_COUNT:
+            raise UsageError(f"{path}: {name} holds numbers beyond 32 bits, which are no sensor's counts.")
     device_s, seq, epoch = _read_gaps(path, data, len(gyro), rate_hz)
+    _check_span(path, rate_hz, device_s)
     if host_s is not None and len(host_s) > 1:
         _check_host_times(path, host_s, rate_hz, device_s)
     lsb = _positive(path, "lsb_per_dps", data["lsb_per_dps"]) if key == "gyro_raw" else None
@@ -147,8 +157,19 @@ def _read_gaps(
     if (np.diff(found["time_s"]) <= 0).any() or np.abs(found["time_s"]).max() > LONGEST_S:
         row = int(np.argmax(np.diff(found["time_s"]) <= 0)) + 1
         raise UsageError(f"{path}: time_s does not increase in row {row}, or is beyond {LONGEST_S:g} s.")
+    for name in ("seq", "epoch"):
+        if name in found and np.abs(found[name]).max() > LARGEST_NUMBER:
+            raise UsageError(f"{path}: {name} holds numbers beyond 53 bits, which number no samples.")
     whole = {name: values.astype(np.int64) for name, values in found.items() if name != "time_s"}
     return found["time_s"], whole.get("seq"), whole.get("epoch")
+
+
+def _check_span(path: Path, rate_hz: float, device_s: NDArray[np.float64]) -> None:
+    if not LOWEST_RATE_HZ <= rate_hz <= HIGHEST_RATE_HZ or device_s[-1] - device_s[0] > LONGEST_S:
+        raise UsageError(
+            f"{path}: a rate of {rate_hz:.6g} Hz is no gyroscope's ({len(device_s)} samples over "
+            f"{device_s[-1] - device_s[0]:.3g} s)."
+        )
 
 
 def _check_host_times(
@@ -212,7 +233,9 @@ def read_csv(
         line = numbers[int(np.argmax(too_large))]
         raise UsageError(f"{path}:{line}: more than {LARGEST_DPS:g} deg/s; is --units {units} right?")
     if rate_hz is not None:  # given: it wins over a column of times
-        return Recording(gyro, rate_hz, np.arange(len(gyro)) / rate_hz, lsb)
+        device_s = np.arange(len(gyro)) / rate_hz
+        _check_span(path, rate_hz, device_s)
+        return Recording(gyro, rate_hz, device_s, lsb)
     if not has_time:
         raise UsageError(f"{path}: has no column '{TIME_COLUMN}', so give its rate: --rate 100.")
     time_s = values[:, -1]

@@ -18,6 +18,7 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from fltea import _native
+from fltea.recording.session import LATEST_NS
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -200,6 +201,8 @@ def _records(data: bytes) -> Iterator[Schema | Channel | Messages]:
     """What is in a chunk, in its order."""
     table = np.frombuffer(_native.chunk_records(data), np.int64).reshape(-1, 7)
     kind = table[:, 0]
+    if len(table) and table[:, LOG_TIME:].max() > LATEST_NS:
+        raise McapError("a message of a time that cannot be")
     described = np.flatnonzero((kind == Opcode.CHANNEL) | (kind == Opcode.SCHEMA))
     begin = 0
     for place in [*described.tolist(), len(kind)]:
