@@ -44,6 +44,7 @@ lint: .venv/.dev
 	@$(PY) tools/gen_protocol.py --check
 	@$(PY) tools/gen_registers.py --check
 	@$(PY) tools/gen_filter_settings.py --check
+	@$(PY) tools/gen_error_kinds.py --check
 	@$(PY) tools/build_id.py --check
 	@$(PY) tools/make_vectors.py --check
 	@$(PY) tools/gen_memory_constants.py --check
@@ -52,6 +53,7 @@ lint: .venv/.dev
 
 gen: .venv/.dev
 	@$(PY) tools/gen_filter_settings.py
+	@$(PY) tools/gen_error_kinds.py
 	@$(PY) tools/gen_protocol.py
 	@$(PY) tools/gen_registers.py
 	@$(PY) tools/make_vectors.py
