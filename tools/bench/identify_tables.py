@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 from fltea.noise.weights import weights
+from fltea.spectrum.likelihood_ratio import null_fits, p_value
 from fltea.spectrum.lines import find_peaks
-from fltea.spectrum.null_test import null_fits, p_value
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.rivals import fit_all

@@ -14,7 +14,7 @@ from fltea.estimator.native_gyroscope import STATE_BOUND, lane_settings
 from fltea.estimator.online import OnlineEstimator
 from fltea.estimator.supervisor import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.whiteness_test import Innovations, innovations
+from fltea.spectrum.innovation_whiteness import Innovations, innovations
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from fltea.records.records import ACCEL_AXES, AXES, Hello
 from fltea.sources.replay import FILE_SUFFIXES, ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 from fltea.wire.layout import SampleFlags
-from fltea.wire.units import accel_resolution_ms2, resolution_dps
+from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 Array = NDArray[np.float64]
 

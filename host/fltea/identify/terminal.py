@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from fltea.identify import tables
+from fltea.identify import findings
 from fltea.identify.run import AxisReport, Failure, FileReport
 
 WIDTHS = (7, 9, 18, 9, 21)
@@ -21,28 +21,28 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
     """One recording: a table with a column an axis, the verdicts, and the traps."""
     if not first:
         console.print()
-    console.print(Text(report.name, style="bold"), Text(tables.heading(report)), soft_wrap=True)
+    console.print(Text(report.name, style="bold"), Text(findings.heading(report)), soft_wrap=True)
     if report.failure is not None:
         console.print(Text(str(report.failure), style="red"))
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     if good:
         table = Table("", *good, box=box.SIMPLE_HEAD, pad_edge=False)
-        for label, values in tables.side_by_side(good):
+        for label, values in findings.side_by_side(good):
             table.add_row(*(escape(text) for text in (label, *values)))
         console.print(table)
-        for line in dict.fromkeys(tables.method(axis.result.fltea) for axis in good.values()):
+        for line in dict.fromkeys(findings.method(axis.result.fltea) for axis in good.values()):
             console.print(Text(f"{line}."))
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
         console.print(Text(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
-    for axes, trap in tables.traps(report):
+    for axes, trap in findings.traps(report):
         text = Text(f"{trap.severity}: ", style=COLOURS[trap.severity])
         text.append(f"{axes}: " if axes else "", style="default not dim not bold")
         text.append(f"{trap.text} {trap.remedy}", style="default not dim not bold")
         console.print(text)
-    for doubt in tables.doubts(report):
+    for doubt in findings.doubts(report):
         console.print(Text(doubt))
 
 
@@ -56,14 +56,14 @@ def _verdict(name: str, axis: AxisReport | Failure) -> Text:
 def summary(console: Console, reports: Sequence[FileReport]) -> None:
     """All axes of all recordings, a line each under the recording's name, which may be long."""
     console.print()
-    console.print(Text(_line("Summary", tables.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
+    console.print(Text(_line("Summary", findings.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
     for report in reports:
         console.print(Text(Path(report.name).name, style="bold"), soft_wrap=True)
         if report.failure is not None:
             console.print(Text("  failed", style="red"))
         for axis, found in report.axes.items():
             if isinstance(found, AxisReport):
-                console.print(Text(_line(f"  {axis}", tables.short(found))), soft_wrap=True)
+                console.print(Text(_line(f"  {axis}", findings.short(found))), soft_wrap=True)
             else:
                 console.print(Text(f"  {axis}  failed", style="red"))
 

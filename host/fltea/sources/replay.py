@@ -18,7 +18,7 @@ from fltea.records.records import DeviceStatus, Hello, LinkStats, Sample
 from fltea.settings.extras import load
 from fltea.sources.pacing import sleep_until
 from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US
-from fltea.wire.units import to_counts
+from fltea.wire.sample_scaling import to_counts
 
 if TYPE_CHECKING:
     from fltea.sources.mcap import McapRecording, Part

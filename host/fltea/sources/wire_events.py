@@ -19,7 +19,7 @@ from fltea.records.events import (
 from fltea.records.records import LinkStats
 from fltea.wire import layout as wire
 from fltea.wire.faults import fault_text
-from fltea.wire.in_units import axis_event, estimator_event, hello_event, name_of, status_event
+from fltea.wire.message_events import axis_event, estimator_event, hello_event, name_of, status_event
 from fltea.wire.messages import Frame, FrameReader, Refused
 from fltea.wire.sensors import NO_SENSOR, RELATIVES, SENSORS, sensor_name
 

@@ -10,7 +10,7 @@ from fltea.records.events import Break, Event, LinkDown, RawSample
 from fltea.records.records import EpochReason, Hello, Sample
 from fltea.stream.place import Continuity
 from fltea.stream.time import Timebase
-from fltea.wire.units import to_units
+from fltea.wire.sample_scaling import to_units
 
 
 class Decoded(NamedTuple):

@@ -33,7 +33,7 @@ from fltea.stream.board import DeviceFollower, Notice
 from fltea.stream.board_settings import info_of, unused_settings
 from fltea.stream.channels import Channels, explain_lost
 from fltea.stream.decode import Decoded, Decoder
-from fltea.wire.units import accel_resolution_ms2, resolution_dps
+from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 STATS_PERIOD_NS = 10**9
 LOST_PERIOD_NS = 60 * 10**9
