@@ -37,7 +37,7 @@ test: .venv/.dev
 lint: .venv/.dev
 	@$(PY) -m ruff format --check $(PY_DIRS)
 	@$(PY) -m ruff check $(PY_DIRS)
-	@$(PY) -m mypy
+	@$(PY) tools/check_types.py
 	@.venv/bin/clang-format --dry-run -Werror $(CXX_FILES)
 	@cppcheck --quiet --std=c++11 --language=c++ --enable=warning,style,performance,portability --error-exitcode=1 \
 		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea

@@ -60,7 +60,7 @@ def test_where_Q_and_R_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
     def read(y: Any, h: float, config: Any, lengths: Any, Q: Any, R: Any) -> list[Reading]:
         np.testing.assert_array_equal(y, samples(STRONG, 2, 1_000))
         given.append((Q, R))
-        return [Reading(*np.ones((4, 2)), np.ones(2, dtype=bool))]
+        return [Reading(*np.ones((4, 2)), np.ones(2, dtype=bool))]  # type: ignore[call-arg]
 
     def fitted_variances(y: Any, h: float, Q: float, power: float) -> tuple[Any, Any]:
         np.testing.assert_array_equal(y, samples(STRONG, 2, 1_500, record=1))
