@@ -277,7 +277,7 @@ def test_code_runs_at_the_new_clock_as_soon_as_it_changes():
 def test_a_program_without_events_is_left_often_enough_to_hear_a_signal():
     bench = Bench(program("1: nop\n b 1b"))
     looks = []
-    bench.board.machine.check_interrupted = lambda: looks.append(bench.board.cpu.instructions)
+    bench.board.machine.check_interrupted = lambda: looks.append(bench.board.cpu.instructions)  # type: ignore[method-assign]
     bench.run(0.25)
     steps = [after - before for before, after in pairwise(looks)]
     assert 0 < max(steps) <= 50_000

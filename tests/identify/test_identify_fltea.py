@@ -18,7 +18,7 @@ from fltea.identify.shuffled import (
     shuffled_band,
 )
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.whiteness_test import chi2_tail, innovations
+from fltea.spectrum.innovation_whiteness import chi2_tail, innovations
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white

@@ -87,7 +87,8 @@ def csv_file(tmp_path: Path, times_s: list[float]) -> Path:
 
 
 def walked(source: ReplaySource) -> tuple[Continuity, list[str]]:
-    continuity, reasons = Continuity(100), []
+    continuity = Continuity(100)
+    reasons: list[str] = []
     for event in source.events():
         if isinstance(event, Hello):
             continuity.on_hello(event)

@@ -130,6 +130,7 @@ def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatc
         outcome = outcomes.pop()
         if isinstance(outcome, Exception):
             raise outcome
+        assert isinstance(outcome, bytes)
         return outcome
 
     monkeypatch.setattr(os, "read", read_late)

@@ -3,9 +3,9 @@
 from typing import Any
 
 from fltea.records.events import RawSample
-from fltea.sources.wire_events import hello_event
 from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US, Continuity, Placed
 from fltea.wire import layout as wire
+from fltea.wire.message_events import hello_event
 from fltea.wire.messages import Frame, FrameReader, Refused
 
 from tools.due_emulator.board import Board

@@ -23,11 +23,11 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.settings.config import EstimateOn, EstimatorConfig
-from fltea.sinks.page import tables
-from fltea.sinks.page.tables import Table
+from fltea.sinks.page import row_layout
+from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers
 from fltea.sinks.page.white_follower import STEP, Sensor, WhiteFollower
-from fltea.wire.units import accel_resolution_ms2, resolution_dps
+from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 SILENCE_MS = 1000.0
 EVENTS = 60
@@ -138,7 +138,7 @@ class DeviceHistory:
 
     def columns(self, table: Table, axis: str) -> dict[str, int]:
         """Where the columns that concern an axis stand in the table's rows."""
-        return tables.places(table, self.axes, axis)
+        return row_layout.places(table, self.axes, axis)
 
     def offset(self, axis: str) -> float:
         """What is taken off the samples of an axis: its bias, or in the start-up window the mean so far."""
@@ -221,7 +221,7 @@ class DeviceHistory:
             return
         row: list[float | None] = [record.host_ns * 1e-6, record.seq]
         for axis in self.axes:
-            row += tables.estimate(record.axes.get(axis))
+            row += row_layout.estimate(record.axes.get(axis))
         self._tables["own"].append(np.array(row, dtype=np.float64))
 
     def _on_device_estimates(self, record: DeviceEstimates) -> None:
@@ -230,7 +230,7 @@ class DeviceHistory:
             return
         row: list[float | None] = [record.host_ns * 1e-6]
         for axis in self.axes:
-            row += tables.beside(record.axes.get(axis))
+            row += row_layout.beside(record.axes.get(axis))
         self._tables["beside"].append(np.array(row, dtype=np.float64))
 
     def _on_stats(self, record: Stats) -> None:
@@ -276,7 +276,7 @@ class DeviceHistory:
         for axis in self.axes:
             y = _value(sample, axis) - self.offset(axis)
             row += [y, y, y]
-            row += tables.estimate(both.get(axis))
+            row += row_layout.estimate(both.get(axis))
         self._tables["rows"].append(np.array(row, dtype=np.float64))
 
     def _cut(self, time_ms: float) -> None:
@@ -292,18 +292,18 @@ class DeviceHistory:
         rate_hz = self.hello.rate_hz if self.hello else 100.0
         axes = len(self.axes)
         self._tables: dict[Table, Tiers] = {
-            "rows": tables.make("rows", axes, rate_hz),
-            "white": tables.make("white", axes, rate_hz / STEP),
-            "checks": tables.make("checks", axes, 1.0),
+            "rows": row_layout.make("rows", axes, rate_hz),
+            "white": row_layout.make("white", axes, rate_hz / STEP),
+            "checks": row_layout.make("checks", axes, 1.0),
         }
         self._make_table_of_device()
 
     def _make_table_of_device(self) -> None:
         rate_hz = (self.hello.rate_hz if self.hello else 100.0) / self._every
         if self._estimator == "device":
-            self._tables["own"] = tables.make("own", len(self.axes), rate_hz)
+            self._tables["own"] = row_layout.make("own", len(self.axes), rate_hz)
         if self._estimator == "both":
-            self._tables["beside"] = tables.make("beside", len(self.axes), rate_hz)
+            self._tables["beside"] = row_layout.make("beside", len(self.axes), rate_hz)
 
     def _follow(self) -> None:
         """Begin to watch the axes of an epoch."""

@@ -2,7 +2,7 @@
 
 import pytest
 from fltea.records.events import RawSample
-from fltea.wire.units import resolution_dps, to_units
+from fltea.wire.sample_scaling import resolution_dps, to_units
 from host_support import hello
 
 # MPU-9250 Product Specification PS-MPU-9250A-01 rev. 1.1, tables 1 and 2: full scale and LSB per unit.
