@@ -43,7 +43,7 @@ ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
 ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
 ON_EVENTS = ctypes.CFUNCTYPE(None)
 ON_LIMIT = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
-UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "context_restore")
+UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "context_restore", "ctl")
 
 
 class Block(ctypes.Structure):
@@ -86,10 +86,10 @@ class Execution(ctypes.Structure):
         *_numbers("done limit address _next _block_end"),
         *_numbers("slice_ps charged_ps hz until_ps longest next_event_ps halted_until_ps"),
         *_numbers("waiting stops dead dropped interrupt"),
-        *_numbers("may_be_fast may_be_quick _calm _go_fast _fast_block _recent_count"),
+        *_numbers("may_be_fast may_be_quick _calm _go_fast _fast_block _code_begin _code_end _recent_count"),
         ("_recent_pcs", ctypes.c_uint64 * POLL_PCS),
         ("_recent_values", ctypes.c_uint64 * POLL_PCS),
-        *_numbers("_access_cycles _waiting_instructions _poll_near_ps _poll_step_ps _pc_register"),
+        *_numbers("_access_cycles _waiting_instructions _poll_near_ps _poll_step_ps _pc_register _flush_control"),
         *_pointers("_flash"),
         *_numbers("_flash_base _flash_bytes"),
         *_pointers("_quick _blocks _exact _fast _context _fresh"),
@@ -123,6 +123,7 @@ class Execution(ctypes.Structure):
         self._access_cycles, self._waiting_instructions = ACCESS_CYCLES, WAITING_INSTRUCTIONS
         self._poll_near_ps, self._poll_step_ps = POLL_NEAR_PS, POLL_STEP_PS
         self._pc_register = arm_const.UC_ARM_REG_PC
+        self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
             setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))
         self.may_be_quick = 1
@@ -130,7 +131,7 @@ class Execution(ctypes.Structure):
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
         """Run on these processors, both fresh and with the same memory; peripherals: base and size."""
         self.forget_reads()
-        self._calm = self.dead = 0
+        self._calm = self._code_begin = self._code_end = self.dead = 0
         self._block_table = (Block * (FLASH_BYTES // 2))()
         self._blocks = ctypes.addressof(self._block_table)
         self._processors = (exact, fast)
