@@ -29,8 +29,8 @@ class Timebase:
 
     def __init__(self, offset_ns: int) -> None:
         self._offset_ns = offset_ns
-        # Of every second that is over: device's time and delay, in two rows. The last SECONDS_KEPT of `_seconds`
-        # count; there is room for as many more, so that they seldom move.
+        # Of every second that is over: device's time and delay, in two rows. The last SECONDS_KEPT of
+        # `_seconds` count; there is room for as many more, so that they seldom move.
         self._kept = np.empty((2, 2 * SECONDS_KEPT))
         self._seconds = 0
         self._origin: tuple[int, int] | None = None
