@@ -225,7 +225,7 @@ class HostEstimates:
                 found.append(estimated.columns)
                 variant = variant or channels.config.variant
         if found:
-            block = replace(block, variant=variant, estimates=tuple(found), every=self._config.output.every)
+            block = replace(block, variant=variant, estimates=tuple(found))
         begin = 0
         for row, axis, why in sorted(lost):
             for notice in self._lost(axis, why, int(host_ns[row])):

@@ -70,7 +70,8 @@ class Pipeline:
         refuse: Callable[[], None] = lambda: None,
     ) -> None:
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
-        self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name)
+        every = config.output.every
+        self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name, every)
         self._refuse = refuse
         self._stages: list[Stage] = stages_of(config)
         self._board: DeviceStatus | None = None
@@ -282,9 +283,9 @@ def _by_second(event: Event) -> Iterator[Any]:
         yield event
         return
     host_ns = event.host_ns
-    if host_ns[0] // SECOND_NS == host_ns[-1] // SECOND_NS:
+    ends = (np.flatnonzero(np.diff(host_ns // SECOND_NS)) + 1).tolist()
+    if not ends:
         yield event
         return
-    ends = (np.flatnonzero(np.diff(host_ns // SECOND_NS)) + 1).tolist()
     for begin, end in zip([0, *ends], [*ends, len(host_ns)], strict=True):
         yield event.rows(begin, end)
