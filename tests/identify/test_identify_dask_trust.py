@@ -46,5 +46,5 @@ def test_told_before_anything_is_connected(
 def test_tls_without_a_certificate_says_what_to_set() -> None:
     from fltea.identify.dask_workers import DaskWorkers
 
-    with pytest.raises(UsageError, match="no certificate to show.*CLIENT__CERT"):
+    with pytest.raises(UsageError, match=r"no certificate to show.*CLIENT__CERT"):
         DaskWorkers("tls://192.0.2.1:8786")
