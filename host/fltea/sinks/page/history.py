@@ -26,8 +26,7 @@ from fltea.settings.config import EstimateOn, EstimatorConfig
 from fltea.sinks.page import row_layout
 from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers
-from fltea.sinks.page.white_follower import STEP, Sensor, WhiteFollower
-from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
+from fltea.stream.white import STEP, WhiteFollower, follow
 
 SILENCE_MS = 1000.0
 EVENTS = 60
@@ -307,19 +306,7 @@ class DeviceHistory:
 
     def _follow(self) -> None:
         """Begin to watch the axes of an epoch."""
-        self.followers = {}
-        hello = self.hello
-        for number, axis in enumerate(self.axes):
-            of_gyro = axis in AXES
-            config = self._config_of_gyro() if of_gyro else self._accel
-            if hello is None or config is None:
-                self.followers[axis] = None
-                continue
-            resolution = resolution_dps(hello) if of_gyro else accel_resolution_ms2(hello)
-            R = config.R if isinstance(config.R, int | float) else None
-            if isinstance(config.R, list):
-                R = config.R[[a for a in self.axes if (a in AXES) == of_gyro].index(axis)]
-            self.followers[axis] = WhiteFollower(Sensor(config, 1 / hello.rate_hz, resolution), R, number)
+        self.followers = follow(self.axes, self.hello, self._config_of_gyro(), self._accel)
 
     def _config_of_gyro(self) -> EstimatorConfig:
         """Settings of the gyroscope's axes: a device's own, as far as it says them, where it has its own."""
