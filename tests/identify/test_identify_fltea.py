@@ -5,7 +5,6 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.bank import Bank
 from fltea.identify.fltea_fit import fltea_fit
 from fltea.identify.shuffled import (

@@ -14,7 +14,7 @@ import numpy as np
 from fltea.estimator.white_band import Quantiles, WhiteBand
 from fltea.records.records import AXES, Hello
 from fltea.settings.config import EstimatorConfig
-from fltea.wire.units import accel_resolution_ms2, resolution_dps
+from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 STEP = 25
 """Samples that the runs are moved on by at a time: often enough for a smooth band, at half the cost of 10."""
