@@ -124,8 +124,14 @@ class BoardEstimates:
             self._moments[seq] = _Moment(seq, block, row, seq - self._window_end)
         while len(self._moments) > REMEMBERED:
             del self._moments[next(iter(self._moments))]
-        yield block
-        yield from self._silent(host_ns)
+        late = self._silent(host_ns)
+        if late is None:
+            yield block
+            return
+        yield block.rows(0, late + 1)
+        yield self._silence(int(host_ns[late]))
+        if late + 1 < len(block):
+            yield block.rows(late + 1, len(block))
 
     def on_event(self, event: Event) -> Iterator[Item]:
         """Take what the board says of its estimates."""
@@ -166,22 +172,24 @@ class BoardEstimates:
             )
             yield Notice("settings_unused", text, now_ns)
 
-    def _silent(self, host_ns: Ints) -> Iterator[Notice]:
-        """Tell of a board that sends samples, and for some time no word of estimates."""
+    def _silent(self, host_ns: Ints) -> int | None:
+        """The sample with which it is too long that the board sent samples, and no word of estimates."""
         if self.stated is not None or self._told_silent:
-            return
+            return None
         if self._waits_since_ns is None:
             self._waits_since_ns = int(host_ns[0])
         late = np.flatnonzero(host_ns - self._waits_since_ns >= PATIENCE_NS)
-        if len(late):
-            self._told_silent = True
-            yield Notice(
-                "no_device_estimates",
-                f"the device sends samples, but in {PATIENCE_NS // 10**9} s no word of estimates of its own: "
-                "its firmware was built with estimation switched off, or is none of an Arduino Due. Flash "
-                "that of this program (fltea flash), or let this computer estimate: --estimate-on host.",
-                int(host_ns[late[0]]),
-            )
+        return int(late[0]) if len(late) else None
+
+    def _silence(self, now_ns: int) -> Notice:
+        self._told_silent = True
+        return Notice(
+            "no_device_estimates",
+            f"the device sends samples, but in {PATIENCE_NS // 10**9} s no word of estimates of its own: "
+            "its firmware was built with estimation switched off, or is none of an Arduino Due. Flash "
+            "that of this program (fltea flash), or let this computer estimate: --estimate-on host.",
+            now_ns,
+        )
 
     def _on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:
         self.stated, self._told_silent = stated, False
