@@ -1,6 +1,7 @@
 """The serial source's judgement, with transport events made up and time under control."""
 
 import pytest
+from blocks import in_samples
 from fltea.records import clock
 from fltea.records.events import (
     Chunk,
@@ -32,7 +33,7 @@ class Script:
         self.source = WireEvents("/dev/none")
 
     def at(self, item: TransportEvent) -> list[Event]:
-        return list(self.source.feed(item, item.host_ns))
+        return in_samples(self.source.feed(item, item.host_ns))
 
     def later(self, host_ns: int) -> list[Trouble]:
         return [event for event in self.source.feed(None, host_ns) if isinstance(event, Trouble)]

@@ -4,8 +4,9 @@ import time
 
 import numpy as np
 import pytest
+from blocks import samples_of
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.events import RawSample
+from fltea.records.events import RawBlock
 from fltea.records.records import Hello
 from fltea.sources.synthetic import NoiseSettings, SyntheticSource, parse_noise
 
@@ -15,7 +16,7 @@ def events(query: str) -> list:
 
 
 def gyro(query: str) -> np.ndarray:
-    return np.array([event.gyro for event in events(query) if isinstance(event, RawSample)])
+    return np.array([raw.gyro for raw in samples_of(events(query))])
 
 
 def test_every_key_is_read() -> None:
@@ -140,4 +141,4 @@ def test_endless_until_closed() -> None:
 def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     source = SyntheticSource("?rate_hz=0.001&window=10", realtime=True)
     monkeypatch.setattr(time, "sleep", lambda seconds: source.close())
-    assert [type(event) for event in source.events()] == [Hello, RawSample]
+    assert [type(event) for event in source.events()] == [Hello, RawBlock]
