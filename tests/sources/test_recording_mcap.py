@@ -6,17 +6,19 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
-from blocks import in_samples, records_of
+from blocks import in_samples, samples_of
 from fltea.recording.scan import HEAD
 from fltea.recording.session import Entry
 from fltea.records.errors import UsageError
-from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Trouble, host_ns_of
+from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Trouble
 from fltea.records.records import DeviceStatus, Epoch, Error, Estimate, Gap, Hello, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.sinks import record as record_module
+from fltea.sources.as_wire import AsWire
 from fltea.sources.mcap import McapRecording, find_parts, read_entries
 from fltea.sources.replay import ReplaySource
+from fltea.sources.synthetic import SyntheticSource
 from fltea.wire import layout as wire
 from fltea.wire.messages import FrameReader
 from hypothesis import given, settings
@@ -350,7 +352,7 @@ def test_real_pace_waits_for_what_came(tmp_path: Path, monkeypatch: pytest.Monke
     times = []
     for event in ReplaySource(tmp_path, realtime=True).events():
         if not isinstance(event, DeviceStatus):
-            times.append(host_ns_of(event) - now_ns[0])
+            times += [one.host_ns - now_ns[0] for one in in_samples([event])]
     assert len(times) > 98
     assert max(times) - min(times) <= 10
 
@@ -383,3 +385,11 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path, monkeypatch: py
 
     peak(100)
     assert peak(2000) < 1.2 * peak(500) + 20_000
+
+
+def test_made_up_samples_have_no_temperature_though_their_frames_had_to_state_one(tmp_path: Path) -> None:
+    source, encoder = SyntheticSource("?n=60&seed=2", realtime=False), AsWire(lambda: 0)
+    record(tmp_path, [item for event in source.events() for item in encoder.encode(event)])
+    samples = of(replay(tmp_path), Sample)
+    assert len(samples) == 60
+    assert {sample.temperature_c for sample in samples} == {None}
