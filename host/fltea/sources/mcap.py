@@ -24,7 +24,7 @@ from fltea.recording.session import (
     from_metadata,
 )
 from fltea.records.errors import UsageError
-from fltea.records.events import Chunk, Event, Failed, Opened, RawSample, TransportEvent, Trouble
+from fltea.records.events import Chunk, Event, Failed, Opened, RawBlock, TransportEvent, Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.wire_events import WireEvents
@@ -276,7 +276,7 @@ class McapRecording:
                     yield event._replace(fatal=False)
                 case Hello():
                     yield self._renamed(event)
-                case RawSample() if self._no_sensor:  # made-up samples: their frames had to say something
+                case RawBlock() if self._no_sensor:  # made-up samples: their frames had to say something
                     yield event._replace(temperature=None)
                 case _:
                     yield event
