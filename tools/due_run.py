@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar
 
+from fltea.records.block import Block
 from fltea.records.events import Chunk, Event, Opened
 from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, LinkStats, Sample, Stats
 from fltea.settings.config import load_config
@@ -251,7 +252,8 @@ class DueRun:
 
     def _feed(self, item: Opened | Chunk) -> None:
         for event in self._source.wire.feed(item, item.host_ns):
-            self.records += self._pipeline.feed(event)
+            for found in self._pipeline.feed(event):
+                self.records += found.records() if isinstance(found, Block) else [found]
 
     def _on_reset(self, cause: ResetType) -> None:
         self.boots[-1].ended_ps = self.now_ps

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -31,6 +32,16 @@ def ndjson(items: Iterable[AnyRecord | Block]) -> list[bytes]:
 def samples_of(events: Iterable[object]) -> list[RawSample]:
     """The samples among events, one by one."""
     return [raw for event in events if isinstance(event, RawBlock) for raw in event.samples()]
+
+
+def in_samples(events: Iterable[object]) -> list[Any]:
+    """The same events, the samples of a block one by one in its place."""
+    return [one for event in events for one in (event.samples() if isinstance(event, RawBlock) else [event])]
+
+
+def of_samples(events: Iterable[object]) -> list[Any]:
+    """The other way: each sample a block."""
+    return [as_block(event) if isinstance(event, RawSample) else event for event in events]
 
 
 def one_by_one(events: Iterable[object]) -> Iterator[object]:

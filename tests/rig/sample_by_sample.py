@@ -31,7 +31,7 @@ class AxisEstimate(NamedTuple):
     valid: bool
 
 
-INVALID = AxisEstimate(*[math.nan] * 7, valid=False)
+INVALID = AxisEstimate(*(math.nan,) * 7, False)
 
 
 class Verdict(NamedTuple):

@@ -1,8 +1,9 @@
-// What Unicorn calls at each block of code, before each instruction and at each access to a peripheral, millions of
-// times a second, so not in Python; and the choice between two processors that share one memory:
+// What Unicorn calls at each block of code, before each instruction and at each access to a peripheral,
+// millions of times a second, so not in Python; and the choice between two processors that share one memory:
 //   the exact one stops before any instruction and knows at each access which one it is of;
 //   the fast one counts whole blocks of code, has no peripherals, and stops before what it cannot do.
-// A slice goes over to the fast one when a program computes, and its results are those of the exact one alone.
+// A slice goes over to the fast one when a program computes, and its results are those of the exact one
+// alone.
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -15,7 +16,8 @@ constexpr uint64_t kNowhere = 1;
 constexpr uint64_t kThumb = 1;
 constexpr uint32_t kExceptionExit = 8;
 constexpr uint64_t kNoInterrupt = UINT64_MAX;
-constexpr uint64_t kCalmInstructions = 100;  // without an access; a change of processors costs as much as about 100
+constexpr uint64_t kCalmInstructions =
+    100;  // without an access; a change of processors costs as much as about 100
 
 enum RegisterKind : uint64_t { kNone, kWord, kCounter };
 
@@ -204,7 +206,8 @@ bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t 
             return !(r.value & r.cleared);
         }
         using Wide = unsigned __int128;
-        const Wide cycles = static_cast<Wide>(now_ps - r.from_ps) * r.hz / (static_cast<Wide>(kPsPerS) * r.divider);
+        const Wide cycles =
+            static_cast<Wide>(now_ps - r.from_ps) * r.hz / (static_cast<Wide>(kPsPerS) * r.divider);
         *value = static_cast<uint64_t>((r.from_cycles + cycles) % r.period);
         return true;
     }
@@ -264,7 +267,8 @@ void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_end - e.code_begin > kCodeBytes) e.may_be_fast = 0;
 }
 
-// Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that comes.
+// Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that
+// comes.
 void run_fast(Execution& e, uint64_t pc) {
     uint8_t code[kCodeBytes], code_now[kCodeBytes];
     const size_t code_bytes = e.code_end - e.code_begin;

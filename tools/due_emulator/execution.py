@@ -1,4 +1,4 @@
-"""Runs slices of a program in C++: `execution.cpp` says how, and its struct has these fields in this order."""
+"""Runs slices of a program in C++: `execution.cpp` says how; its structs have the fields of those here."""
 
 import ctypes
 import hashlib
@@ -112,8 +112,10 @@ class Execution(ctypes.Structure):
         on_events: Callable[[], None],
         on_limit: Callable[[int], None],
     ) -> None:
-        """Tell of reads (address, bytes), writes (address, bytes, value), of events that are due after an
-        access, and of the limit when it is reached (the address of the next instruction).
+        """Tell what happens in a slice, as it happens.
+
+        on_read(address, bytes), on_write(address, bytes, value): accesses to peripherals. on_events(): events
+        are due after an access. on_limit(pc): the limit is reached before the instruction at pc.
         """
         super().__init__()
         self._library = _library()
