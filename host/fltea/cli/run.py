@@ -164,7 +164,7 @@ def run(
         bool | None,
         typer.Option(
             "--white-band/--no-white-band",
-            help="Publish in `stats` what the same estimator gives of white noise, some 6 µs of processor "
+            help="Publish in `stats` what the same estimator gives of white noise, some 15 µs of processor "
             "time a sample of three axes; on with --dashboard, else off.",
         ),
     ] = None,

@@ -90,7 +90,7 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
     guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do). gate: standard
     deviations from which on a guard softens an innovation. white_band: publish what white noise would give,
-    at some 2 µs a sample of each axis; None: where the live page is on.
+    at some 5 µs a sample of each axis; None: where the live page is on.
     """
 
     startup: int = filters.STARTUP
