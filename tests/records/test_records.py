@@ -13,9 +13,9 @@ from fltea.records.records import (
     EpochReason,
     Estimate,
     Hello,
-    Order,
     Sample,
     Stats,
+    Whiteness,
 )
 from fltea.wire import layout as wire
 from fltea.wire.messages import REASONS
@@ -29,7 +29,7 @@ KINDS = {kind.__struct_config__.tag: kind for kind in typing.get_args(AnyRecord)
 
 MODULE_FUNCTIONS = {
     node.name: node
-    for node in ast.walk(ast.parse((ROOT / "host/fltea/stream/channels.py").read_text()))
+    for node in ast.walk(ast.parse((ROOT / "host/fltea/stream/host.py").read_text()))
     if isinstance(node, ast.FunctionDef)
 }
 """Functions that return kind and text, imported by those who make the error."""
@@ -190,7 +190,7 @@ def test_every_word_that_a_field_can_hold_is_documented() -> None:
     cases = [
         (page["epoch"]["field"]["reason"], typing.get_args(EpochReason)),
         (page["hello"]["field"]["sampling_mode"], [mode.name.lower() for mode in wire.SamplingMode]),
-        (page["estimate"]["field"]["axes.<axis>.order"], typing.get_args(Order)),
+        (page["estimate"]["field"]["axes.<axis>.whiteness"], typing.get_args(Whiteness)),
         (page["stats"]["field"]["board.reset_cause"], [cause.name.lower() for cause in wire.ResetCause]),
     ]
     for (_, meaning), words in cases:
@@ -260,8 +260,9 @@ def test_invalid_axis_is_null_and_the_others_go_on(tmp_path: Path) -> None:
         assert [*record.axes] == list(AXES[:2])
         assert record.axes["gyro_x"].valid
         assert msgspec.to_builtins(record.axes["gyro_y"]) == {
-            **dict.fromkeys(("alpha", "alpha_std", "f", "f_std", "state_dps", "innovation_dps")),
+            **dict.fromkeys(("alpha", "alpha_std", "f", "f_std", "state", "innovation")),
             "valid": False,
             "null_p": None,
-            "order": None,
+            "whiteness": None,
+            "unit": "deg/s",
         }
