@@ -14,8 +14,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST
 from fltea.records.ports import Item, Sink
 from fltea.records.records import (
-    AccelEstimate,
-    AccelStats,
+    ACCEL_UNIT,
     AxisEstimate,
     AxisStats,
     DeviceStatus,
@@ -58,12 +57,14 @@ STATS = Stats(
         reconnects=1,
     ),
     samples=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9),
-    axes={"gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5)},
-    accel_axes={"accel_z": AccelStats(0.1, 0.02, 2, {}, None, None)},
+    axes={
+        "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5),
+        "accel_z": AxisStats(0.1, 0.02, 2, {}, unit=ACCEL_UNIT),
+    },
     board=DeviceStatus(11, 12, 14, 15, 16, "user"),
     device="due",
 )
-GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.31, "undefined")
+GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.31, "not rejected")
 INVALID = AxisEstimate(None, None, None, None, None, None, False)
 ESTIMATE = Estimate(
     7,
@@ -71,8 +72,11 @@ ESTIMATE = Estimate(
     70_000,
     7,
     "joint",
-    {"gyro_x": GOOD, "gyro_y": INVALID},
-    {"accel_z": AccelEstimate(0.5, 0.1, -1.0, 0.2, 9.8, 0.0, True, 1e-9, "not white")},
+    {
+        "gyro_x": GOOD,
+        "gyro_y": INVALID,
+        "accel_z": AxisEstimate(0.5, 0.1, -1.0, 0.2, 9.8, 0.0, True, 1e-9, "rejected", ACCEL_UNIT),
+    },
     device="due",
 )
 EPOCH = Epoch(
@@ -234,9 +238,7 @@ def test_devices_do_not_mix(serve: Callable[..., MetricsSink]) -> None:
 
 
 def test_what_is_not_known_is_left_out(serve: Callable[..., MetricsSink]) -> None:
-    bare = msgspec.structs.replace(
-        STATS, rate_hz=None, clock_ppm=None, board=None, axes={}, accel_axes=None, link=LinkStats()
-    )
+    bare = msgspec.structs.replace(STATS, rate_hz=None, clock_ppm=None, board=None, axes={}, link=LinkStats())
     names = {name for name, _ in scrape(serve(bare).url)}
     assert not [
         name for name in names if "board" in name or "hertz" in name or "drift" in name or "axis" in name

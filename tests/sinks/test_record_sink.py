@@ -143,7 +143,7 @@ def test_schemas_are_such_as_foxglove_reads(kind: type[msgspec.Struct]) -> None:
 
 def test_plots_find_the_numbers_of_every_axis() -> None:
     schema = msgspec.json.decode(record_schema(Estimate))
-    axis = {"alpha", "alpha_std", "f", "f_std", "state_dps", "innovation_dps", "valid", "null_p", "order"}
+    axis = {"alpha", "alpha_std", "f", "f_std", "state", "innovation", "valid", "null_p", "whiteness", "unit"}
     assert schema["properties"]["axes"]["properties"].keys() == {"gyro_x", "gyro_y", "gyro_z"}
     assert schema["properties"]["axes"]["properties"]["gyro_z"]["properties"].keys() == axis
 

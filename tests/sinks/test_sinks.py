@@ -13,7 +13,7 @@ import msgspec
 import pytest
 from fltea.records.ports import SinkClosed
 from fltea.records.records import (
-    AccelEstimate,
+    ACCEL_UNIT,
     AnyRecord,
     AxisEstimate,
     AxisStats,
@@ -24,10 +24,10 @@ from fltea.records.records import (
     EstimatorInfo,
     Gap,
     LinkStats,
-    Order,
     Sample,
     SampleStats,
     Stats,
+    Whiteness,
 )
 from fltea.sinks.ndjson import BLOCK, NdjsonSink
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, number, sparkline
@@ -48,7 +48,7 @@ EPOCH = Epoch(
     8,
     EstimatorInfo("triple", "host", "direct", "off", 3000, 500, "startup", "auto"),
 )
-GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "undefined")
+GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "not rejected")
 INVALID = AxisEstimate(None, None, None, None, None, None, False)
 STATS = Stats(
     epoch=3,
@@ -272,23 +272,23 @@ def test_axis_that_is_not_valid_keeps_its_trend_and_shows_no_number() -> None:
     ("null", "words"),
     [
         ((None, None), "unknown"),
-        ((0.0123, "undefined"), "undefined, p=0.012"),
-        ((1e-9, "not white"), "not white, p<0.001"),
+        ((0.0123, "not rejected"), "undefined, p=0.012"),
+        ((1e-9, "rejected"), "not white, p<0.001"),
     ],
 )
 def test_what_the_test_of_whiteness_says_is_in_the_row_of_its_axis(
-    width: int, null: tuple[float | None, Order | None], words: str
+    width: int, null: tuple[float | None, Whiteness | None], words: str
 ) -> None:
-    axis = msgspec.structs.replace(GOOD, null_p=null[0], order=null[1])
-    accel = AccelEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, *null)
-    record = msgspec.structs.replace(estimate(gyro_x=axis), accel_axes={"accel_z": accel})
+    axis = msgspec.structs.replace(GOOD, null_p=null[0], whiteness=null[1])
+    accel = AxisEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, *null, ACCEL_UNIT)
+    record = estimate(gyro_x=axis, accel_z=accel)
     lines = shown(HELLO, record, width=width).splitlines()
     for name in ("gyro_x", "accel_z"):
         assert any(name in line and words in line for line in lines)
 
 
 def test_missing_innovation_and_deviation_are_left_out() -> None:
-    axis = msgspec.structs.replace(GOOD, innovation_dps=None, alpha_std=None)
+    axis = msgspec.structs.replace(GOOD, innovation=None, alpha_std=None)
     text = shown(HELLO, estimate(gyro_x=axis))
     assert "0.412" in text
     assert "0.412 ±" not in text
@@ -374,8 +374,8 @@ def test_several_devices_below_each_other() -> None:
 
 
 def test_axes_of_the_accelerometer_have_their_unit() -> None:
-    axis = AccelEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True)
-    text = shown(HELLO, EPOCH, msgspec.structs.replace(estimate(), accel_axes={"accel_z": axis}), width=150)
+    axis = AxisEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, unit=ACCEL_UNIT)
+    text = shown(HELLO, EPOCH, estimate(gyro_x=GOOD, accel_z=axis), width=150)
     assert re.search(r"accel_z.*\+0\.0123.*-0\.0045", text)
     assert "m/s²" in text
 
