@@ -19,7 +19,11 @@ def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> by
 # ValueError if a value does not fit its field.
 def encode_message(type: int, sequence: int, device_us: int, fields: tuple[Any, ...]) -> bytes: ...
 
-# See fltea.block_reader.
+# Seven int64 a record of an unpacked MCAP chunk: kind, begin, end, channel, sequence, log_time, publish_time;
+# the last four are 0 for all but messages. ValueError if a record runs beyond the end.
+def chunk_records(chunk: bytes) -> bytes: ...
+
+# See fltea.wire.block_reader.
 class Decoder:
     def __init__(self) -> None: ...
 
@@ -125,6 +129,9 @@ class Lanes:
 # A bias beyond ± this, and a sample, is refused.
 LARGEST_OFFSET: float
 
+# Mean, variance and constancy of each column of y (rows, columns) float64, as a bank finds them.
+def moments(y: NDArray[np.float64], resolution: float) -> list[tuple[float, float, bool]]: ...
+
 # All axes of a sensor; see fltea.estimator.bank.
 class Bank:
     def __init__(self, axes: int) -> None: ...
@@ -136,7 +143,7 @@ class Bank:
     ) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
     def skip(self, count: int) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
 
-    # Mean, variance and constancy of each axis until `start`.
+    # `moments` of what came until `start`.
     def window(self, resolution: float) -> list[tuple[float, float, bool]]: ...
 
     # Arguments as of Lanes, then bias (axes,) float64 and live (axes,) uint8.
@@ -164,6 +171,12 @@ class Bank:
     # ValueError for bytes that cannot come from `save`.
     def load(self, engine: bytes, supervisors: bytes | None, restarts: list[int]) -> None: ...
     def load_null(self, bytes: bytes) -> None: ...
+
+# The constants of the running test of whiteness (host/native/running_null.hpp).
+NULL_FEWEST: int
+NULL_LEVEL: float
+NULL_EFFECTIVE: int
+NULL_CHUNK: int
 
 # The running test of whiteness alone; see fltea.estimator.running_null.
 class RunningNull:

@@ -42,6 +42,23 @@ void load_null(fltea::RunningNull& null, const nb::bytes& bytes) {
     }
 }
 
+// Mean, variance (at least that of the resolution's rounding), and whether it never changed.
+using Moments = std::tuple<double, double, bool>;
+
+Moments moments_of(const fltea::engine::Baseline<double>& window, double resolution) {
+    return {window.bias(), window.variance(resolution), window.constant()};
+}
+
+// Of every column.
+std::vector<Moments> moments(Rows y, double resolution) {
+    const size_t columns = y.shape(1);
+    std::vector<fltea::engine::Baseline<double>> windows(columns);
+    for (size_t i = 0; i < y.size(); ++i) windows[i % columns].add(y.data()[i]);
+    std::vector<Moments> result;
+    for (const auto& window : windows) result.push_back(moments_of(window, resolution));
+    return result;
+}
+
 class Bank {
   public:
     explicit Bank(size_t axes) : bank_(checked(axes)) {}
@@ -79,14 +96,11 @@ class Bank {
         return as_list(lost);
     }
 
-    // Mean, variance (at least that of the resolution's rounding), and whether it never changed, of each
-    // axis.
-    std::vector<std::tuple<double, double, bool>> window(double resolution) const {
+    std::vector<Moments> window(double resolution) const {
         const std::lock_guard<std::mutex> alone(mutex_);
-        std::vector<std::tuple<double, double, bool>> result;
+        std::vector<Moments> result;
         for (size_t axis = 0; axis < bank_.axes(); ++axis) {
-            const auto& window = bank_.window(axis);
-            result.emplace_back(window.bias(), window.variance(resolution), window.constant());
+            result.push_back(moments_of(bank_.window(axis), resolution));
         }
         return result;
     }
@@ -191,6 +205,7 @@ class Null {
         for (size_t i = 0; i < count; ++i) null_.skip();
     }
 
+    // Figures of each axis.
     std::vector<double> p() const { return of_axes(&fltea::RunningNull::p); }
     std::vector<double> largest() const { return of_axes(&fltea::RunningNull::largest); }
     int depth() const {
@@ -223,6 +238,11 @@ class Null {
 
 void bind_bank(nb::module_& m) {
     m.attr("LARGEST_OFFSET") = kLargestOffset;
+    m.attr("NULL_FEWEST") = static_cast<int>(fltea::running_null::kFewest);
+    m.attr("NULL_LEVEL") = fltea::running_null::kLevel;
+    m.attr("NULL_EFFECTIVE") = fltea::running_null::kEffective;
+    m.attr("NULL_CHUNK") = static_cast<int>(fltea::running_null::kChunk);
+    m.def("moments", &moments, nb::arg("y"), nb::arg("resolution"));
     nb::class_<Bank>(m, "Bank")
         .def(nb::init<size_t>(), nb::arg("axes"))
         .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("flags"))

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "cobs.h"
+#include "chunk_index.hpp"
 #include "crc32.h"
 #include "decoder_binding.hpp"
 #include "engine_binding.hpp"
@@ -127,6 +128,15 @@ nb::bytes cobs_encode(nb::bytes bytes) {
     return nb::bytes(out.data(), n);
 }
 
+// The records of an unpacked chunk, seven numbers each (chunk_index.hpp).
+nb::bytes chunk_records(nb::bytes chunk) {
+    std::vector<fltea::ChunkRecord> records;
+    if (!fltea::index_chunk(data(chunk), chunk.size(), records)) {
+        throw nb::value_error("a record runs beyond the end of its chunk");
+    }
+    return nb::bytes(records.data(), records.size() * sizeof(fltea::ChunkRecord));
+}
+
 }  // namespace
 
 NB_MODULE(_native, m) {
@@ -138,6 +148,7 @@ NB_MODULE(_native, m) {
           nb::arg("payload"));
     m.def("encode_message", &encode_message, nb::arg("type"), nb::arg("sequence"), nb::arg("device_us"),
           nb::arg("fields"));
+    m.def("chunk_records", &chunk_records, nb::arg("chunk"));
     bind_decoder(m);
     bind_engine(m);
     bind_lanes(m);

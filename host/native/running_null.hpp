@@ -324,7 +324,7 @@ class RunningNull {
         const int effective = running_null::kEffective * depth();
         for (std::size_t axis = 0; axis < axes_; ++axis) {
             const double statistic = largest(axis);
-            p_[axis] = effective == 0 || std::isnan(statistic)
+            p_[axis] = effective == 0 || !std::isfinite(statistic)
                            ? __builtin_nan("")
                            : running_null::rounded(running_null::p_value(statistic, effective));
         }

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import fltea as package
 import pytest
@@ -219,7 +220,7 @@ def test_table_off_a_terminal_is_printed_once_at_the_end(width: int) -> None:
 # --- ends ---
 
 
-def started(*arguments: str | Path, **options: object) -> subprocess.Popen[bytes]:
+def started(*arguments: str | Path, **options: Any) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "fltea", *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
 

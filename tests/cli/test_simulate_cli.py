@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.identify.simulation_file import write_simulation
-from fltea.recording.files import read_csv, read_npz
+from fltea.recording.csv_file import read_csv
+from fltea.recording.npz_file import read_npz
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import RawSample
 from fltea.sources.replay import ReplaySource

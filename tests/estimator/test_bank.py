@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, Array, Gaps, H, assert_close, assert_same, by_bank, by_sample
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.bank import Bank
+from fltea.settings.config import EstimatorConfig
 from fltea.simulate import FractionalNoise
 from hypothesis import given, settings
 from hypothesis import strategies as st

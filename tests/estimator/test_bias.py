@@ -2,7 +2,8 @@ import math
 
 import numpy as np
 import pytest
-from fltea.estimator.bias import Baseline, Startup
+from fltea.estimator.baseline import Baseline
+from sample_by_sample import Startup
 
 AXES = ("x", "y")
 

@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 from device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
 from fltea.estimator.engine import CAUSES, Estimates
-from fltea.estimator.online import OnlineEstimator
-from fltea.estimator.supervisor import Supervisor
-from fltea.recording.files import read_npz
-from fltea.settings.config import EstimatorConfig
-from fltea.wire.layout import EstimateFlags
+from fltea.sources.recording import read_npz
+from fltea.wire import EstimateFlags
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from sample_by_sample import OnlineEstimator, Supervisor
 
 # The first test compiles the probes.
 pytestmark = pytest.mark.timeout(300)

@@ -8,9 +8,7 @@ import pytest
 from fltea.estimator.running_null import (
     CHUNK,
     EFFECTIVE,
-    FACTOR,
     FEWEST,
-    LAGS,
     LEVEL,
     RunningNull,
     Standing,
@@ -20,6 +18,8 @@ from fltea.estimator.running_null import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from numpy_null import FACTOR, LAGS
+from numpy_null import RunningNull as NumpyNull
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,7 @@ def fed(y: Array, *, test: RunningNull | None = None) -> RunningNull:
 def many(y: Array) -> RunningNull:
     """The same by whole chunks, for many series at once."""
     test = RunningNull(y.shape[1])
-    for begin in range(0, len(y) - CHUNK + 1, CHUNK):
-        test.add_chunk(y[begin : begin + CHUNK])
+    test.add_rows(y[: len(y) // CHUNK * CHUNK])
     return test
 
 
@@ -188,7 +187,7 @@ def test_white_noise_that_is_looked_at_for_ten_minutes_is_rarely_called_not_whit
     ever = np.zeros(200, dtype=bool)
     often = np.zeros(200, dtype=bool)
     for _ in range(60_000 // CHUNK):
-        test.add_chunk(rng.standard_normal((CHUNK, 200)))
+        test.add_rows(rng.standard_normal((CHUNK, 200)))
         p = np.array([1.0 if s.p is None else s.p for s in test.standings])
         ever |= p < LEVEL
         often |= p < 0.05
@@ -262,3 +261,31 @@ def test_p_value_and_its_text() -> None:
         "p = 0.001",
         "p < 0.001",
     ]
+
+
+@given(
+    n=st.integers(0, 9_000), lost=st.integers(0, 9_000), count=st.integers(0, 700), seed=st.integers(0, 99)
+)
+@settings(max_examples=25)
+def test_equals_the_numpy_oracle_and_either_goes_on_where_the_other_stopped(
+    n: int, lost: int, count: int, seed: int
+) -> None:
+    y = white(n + 1_500, 3, seed)
+    y[: lost // 2, 1] = y[0, 1]
+    y[lost : lost + count] = np.nan
+    native, oracle = fed(y[:n]), fed(y[:n], test=NumpyNull(3))
+    found, expected = (np.frombuffer(test.save(), "<f8") for test in (native, oracle))
+    assert len(found) == len(expected)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(native.largest(), oracle.largest(), rtol=1e-7, atol=1e-7)
+    assert native.depth == oracle.depth
+    swapped = fed(y[n:], test=RunningNull.restore(3, oracle.save()))
+    for a, b in zip(swapped.standings, fed(y).standings, strict=True):
+        assert a.order == b.order
+        assert a.p == (b.p if b.p is None else pytest.approx(b.p, rel=1.1e-2))
+    NumpyNull.restore(3, native.save())
+
+
+@pytest.mark.parametrize("y", [1e90 * white(3_000, 2), 1e-160 * white(3_000, 2), np.ones((3_000, 2))])
+def test_nothing_is_said_of_what_overflows_or_vanishes(y: Array) -> None:
+    assert all(one.order != "not white" for one in fed(y).standings)

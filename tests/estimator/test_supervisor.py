@@ -1,22 +1,22 @@
-"""The supervisor's rules, one by one, and what the lanes do under it."""
+"""The oracle's supervisor: its rules, one by one, and what lanes do under it; the native one follows it."""
 
 import math
 
 import numpy as np
 import pytest
-from fltea.estimator.native_gyroscope import NativeGyroscope
-from fltea.estimator.supervisor import (
+from fltea.settings.config import EstimatorConfig
+from hypothesis import given
+from hypothesis import strategies as st
+from sample_by_sample import (
     BOUND_SAMPLES,
     BOUND_SHARE,
     GOOD,
     LOST_ORDER,
+    NativeGyroscope,
     Supervisor,
     Verdict,
     ran_away,
 )
-from fltea.settings.config import EstimatorConfig
-from hypothesis import given
-from hypothesis import strategies as st
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 

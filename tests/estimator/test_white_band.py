@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from fltea.estimator.online import OnlineEstimator
+from fltea.estimator.bank import Bank
 from fltea.estimator.white_band import WhiteBand, _quantiles
 from fltea.noise.simulation import FractionalNoise
 from fltea.settings.config import EstimatorConfig
@@ -31,20 +31,17 @@ def test_covers_white_noise_in_just_its_share(
     config = quick(variant, guard)
     axes = tuple(f"axis_{i}" for i in range(120))
     rng = np.random.default_rng(5)
-    live = OnlineEstimator(axes, config, H, lsb)
+    y = offset + rng.standard_normal((100 + 600, len(axes))) * np.sqrt(POWER)
+    y = np.rint(y / lsb) * lsb if lsb else y
+    live = Bank(axes, config, H, lsb)
+    live.run(y[:100])
+    found = live.run(y[100:])
     band = WhiteBand(config, H, POWER, lsb, runs=256)
     shares = []
-    for k in range(100 + 600):
-        y = offset + rng.standard_normal(len(axes)) * np.sqrt(POWER)
-        estimates = live.on_sample(tuple(np.rint(y / lsb) * lsb if lsb else y))
-        if k in (349, 699):
-            assert estimates is not None
-            white = band.advance(250 if k == 349 else 350)
-            for found, (low, _, high) in (
-                ([e.alpha for e in estimates.values()], white.alpha),
-                ([e.f for e in estimates.values()], white.f),
-            ):
-                shares.append(np.mean([low <= value <= high for value in found]))
+    for k, step in ((249, 250), (599, 350)):
+        white = band.advance(step)
+        for values, (low, _, high) in ((found.alpha[k], white.alpha), (found.f[k], white.f)):
+            shares.append(np.mean((low <= values) & (values <= high)))
     assert all(0.80 <= share <= 0.98 for share in shares), shares
 
 
@@ -52,13 +49,12 @@ def test_noise_with_an_order_leaves_it() -> None:
     """An axis that is not white has to come out, or the band says nothing."""
     config = EstimatorConfig(startup=100)
     noise = FractionalNoise(0.6, -3.0, 40.0, 1e-4, H, 3000, np.random.default_rng(3))
-    samples = [noise.step()[0] for _ in range(2100)]
-    live = OnlineEstimator(("x",), config, H, None)
-    for y in samples:
-        estimates = live.on_sample((y,))
-    assert estimates is not None
+    samples = np.array([[noise.step()[0]] for _ in range(2100)])
+    live = Bank(("x",), config, H, None)
+    live.run(samples[:100])
+    found = live.run(samples[100:])
     white = WhiteBand(config, H, float(np.var(samples[:100])), None).advance(2000)
-    assert estimates["x"].alpha > white.alpha[2] + 0.1
+    assert found.alpha[-1, 0] > white.alpha[2] + 0.1
 
 
 @given(

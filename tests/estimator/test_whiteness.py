@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from fltea.estimator.whiteness import BLOCK, BLOCKS, FEWEST, Whiteness
 from hypothesis import given
 from hypothesis import strategies as st
+from sample_by_sample import BLOCK, BLOCKS, FEWEST, Whiteness
 
 
 def filled(innovations: list[float], std: float = 1.0) -> Whiteness:

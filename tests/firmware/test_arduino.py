@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import pytest
 from fltea.records.events import RawSample
-from fltea.sources.wire_events import hello_event
 from fltea.stream.place import Continuity
 from fltea.wire import layout as wire
+from fltea.wire.message_events import hello_event
 from fltea.wire.messages import Frame, FrameReader
 from toolchain import missing
 
@@ -67,7 +67,7 @@ def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
 def lost(run: Run) -> tuple[list[str], int, int]:
     """Reasons of the host's epochs, samples that the host takes as lost, and epochs' samples delivered."""
     continuity = Continuity(max_gap=10**6)
-    reasons = []
+    reasons: list[str] = []
     for frame in run.frames:
         match frame.message:
             case wire.Hello() as hello:

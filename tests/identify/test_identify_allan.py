@@ -136,7 +136,7 @@ def test_what_cannot_be_analysed(y: Array, h: float, word: str) -> None:
 
 def test_without_allantools(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "allantools", None)
-    with pytest.raises(UsageError, match=r"pip install 'fltea\[identify\]'"):
+    with pytest.raises(UsageError, match=r"pip install -e '\.\[identify\]'"):
         allan_module.allan(white(1000, 1, 1)[0], H)
 
 

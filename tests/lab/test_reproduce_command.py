@@ -175,7 +175,7 @@ def test_without_matplotlib_tables_work_and_figures_say_what_to_do(
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     code, _, err = fltea("reproduce", "--figure", "2")
     assert code == 2
-    assert "pip install 'fltea[plot]'" in err
+    assert "pip install -e '.[plot]'" in err
     assert fltea("reproduce", "--table", "4", "--seeds", "1")[0] == 0
 
 
@@ -204,7 +204,7 @@ def test_bench_does_without_filterpy(monkeypatch: pytest.MonkeyPatch) -> None:
     result = bench_estimator.measure(1, scale=0.001)
     assert result["axis_steps_per_s"]["filterpy_ukf"] is None
     assert result["ratios"]["compressed_over_filterpy"] is None
-    assert "fltea[bench]" in bench_estimator.text(result)
+    assert "-e '.[bench]'" in bench_estimator.text(result)
 
 
 def test_bench_knows_one_thing(fltea: Call) -> None:

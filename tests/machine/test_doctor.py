@@ -20,6 +20,7 @@ from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.diagnosis import check_source, examine
 from fltea.machine.doctor.finding import Finding
 from fltea.settings.config import load_configs
+from fltea.settings.extras import how_to_install
 
 
 @pytest.fixture
@@ -82,7 +83,7 @@ def test_packages_have_to_be_there_only_if_asked_for(system: FakeSystem) -> None
     assert told(list(check_packages(config, system)), "packages").level == "ok"
     system.without = {"mcap", "paho"}
     found = told(list(check_packages(config, system)), "packages")
-    assert (found.level, found.remedy) == ("problem", "pip install 'fltea[mqtt]'")
+    assert (found.level, found.remedy) == ("problem", f"{how_to_install('mqtt')}.")
 
 
 def test_a_clock_that_nobody_keeps(system: FakeSystem) -> None:

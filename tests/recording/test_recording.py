@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.recording.files import parse_units, read_csv, read_npz
+from fltea.recording.csv_file import read_csv
+from fltea.recording.files import parse_units
 from fltea.recording.ndjson import EpochMark, read_ndjson
+from fltea.recording.npz_file import read_npz
 from fltea.records.errors import UsageError
 from fltea.records.records import Estimate, Hello, Sample
 from fltea.settings.limits import Limits

@@ -310,3 +310,75 @@ def test_a_file_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
         state_file(tmp_path / "no" / "state")
     with pytest.raises(UsageError, match="cannot be"):
         state_file(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"bias_dps": (0.0,)}, "bias_dps has 1 numbers for 3 axes"),
+        ({"bias_dps": (1e308, 0.0, 0.0)}, "bias of gyro_x cannot be"),
+        ({"R": (-1.0, 0.02, 0.02)}, "R of gyro_x is no variance"),
+        ({"restarts": {"gyro_x": -1}}, "-1 restarts"),
+        ({"restarts": {"mag_x": 1}}, "mag_x"),
+        ({"engine": b"nothing"}, "not a snapshot"),
+    ],
+    ids=str,
+)
+def test_a_snapshot_that_is_not_sound_is_set_aside_and_the_window_begins(
+    changes: dict[str, object], reason: str, tmp_path: Path
+) -> None:
+    """At every start again: a service must not fall over what its file holds."""
+    path = tmp_path / "state"
+    state, other = snapshot(config()), snapshot(config(), 250)
+    assert state.gyro is not None
+    broken = msgspec.structs.replace(state, gyro=msgspec.structs.replace(state.gyro, **changes))
+    first, _ = state_file(path)
+    first.put("left", broken)
+    first.put("right", other)
+    first.close()
+    held = path.read_bytes()
+    file, said = state_file(path)
+    pipeline = Pipeline(NoSource(), config(), state=file.found["left"], refuse=lambda: file.refuse("left"))
+    records = walk(pipeline, hello(boot_id=99, host_ns=200 * PERIOD_NS), *map(raw, range(200, 260)))
+    [error] = [r for r in records if isinstance(r, Error)]
+    assert error.kind == "state_unused"
+    assert reason in error.message
+    assert min(estimates(records)) == 220
+    assert (tmp_path / "state.refused").read_bytes() == held
+    assert [kind for kind, _ in said] == ["state_refused"]
+    assert "state.refused" in said[0][1]
+    file.close()
+    assert state_file(path)[0].found == {"right": other}
+
+
+def test_a_file_of_ours_with_what_no_snapshot_holds_is_set_aside(tmp_path: Path) -> None:
+    path = tmp_path / "state"
+    file, _ = state_file(path)
+    file.put("due", snapshot(config()))
+    file.close()
+    broken = path.read_bytes().replace(b'"R":[', b'"R":["much",')
+    path.write_bytes(broken)
+    file, said = state_file(path)
+    assert file.found == {}
+    [(kind, text)] = said
+    assert kind == "state_refused"
+    assert "R" in text
+    assert path.with_name("state.refused").read_bytes() == broken
+    assert not path.exists()
+    file.close()
+    assert state_file(path)[1] == []
+
+
+def test_a_file_that_cannot_be_set_aside_is_told_and_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "state"
+    file, _ = state_file(path)
+    file.put("due", snapshot(config()))
+    file.close()
+    (tmp_path / "state.refused" / "in the way").mkdir(parents=True)
+    file, said = state_file(path)
+    file.refuse("due")
+    assert [kind for kind, _ in said] == ["state_failed"]
+    kept = snapshot(config(), 250)
+    file.put("due", kept)
+    file.close()
+    assert state_file(path)[0].found == {"due": kept}

@@ -14,10 +14,10 @@ from fltea.settings.config import EstimatorConfig
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
-from fltea.sinks.page.tables import Table
+from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import Cursor
-from fltea.sinks.page.white_follower import STEP
 from fltea.sinks.page.words import apart
+from fltea.stream.white import STEP
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 SLOW = "n=700&rate_hz=20"

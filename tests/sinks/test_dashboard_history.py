@@ -9,7 +9,7 @@ from fltea.records.records import AnyRecord, AxisEstimate, Error, Estimate, Gap,
 from fltea.settings.config import EstimatorConfig
 from fltea.sinks.page.history import DeviceHistory, Table
 from fltea.sinks.page.tiers import Cursor
-from fltea.sinks.page.white_follower import STEP
+from fltea.stream.white import STEP
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 

@@ -6,6 +6,9 @@ import json
 import os
 import re
 import socket
+import subprocess
+import sys
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +17,7 @@ from typing import Any
 import msgspec
 import pytest
 from bokeh.document import Document
+from bokeh.util.token import generate_jwt_token, generate_session_id
 from dashboard_support import QUICK, records, told
 from fltea.records.errors import FlteaError
 from fltea.records.records import Estimate
@@ -262,8 +266,119 @@ def test_close_with_an_open_page_leaves_no_thread_and_frees_the_port() -> None:
     sink.close()
     wait_until(lambda: not any(t.name == "live page" for t in threading.enumerate()), "the thread's end")
     one.close()
-    again = PageServer("127.0.0.1", port, (), lambda document: None)
+    again = PageServer("127.0.0.1", port, (), lambda document: None, 1, no_report)
     again.close()
+
+
+# --- how many there may be ---
+
+
+@pytest.fixture
+def told_by() -> list[tuple[str, str]]:
+    return []
+
+
+@pytest.fixture
+def small(told_by: list[tuple[str, str]]) -> Iterator[DashboardSink]:
+    config = DashboardConfig(address=0, visitors=3)
+    made = DashboardSink(config, {"due": QUICK}, lambda *error: told_by.append(error))
+    yield made
+    made.close()
+
+
+def test_one_visitor_too_many_is_told_how_to_be_let_in(
+    small: DashboardSink, told_by: list[tuple[str, str]]
+) -> None:
+    """200 visitors took 260 MB."""
+    port = port_of(small)
+    token = token_of(port)
+    for _ in range(2):
+        assert get(port)[0] == 200
+    for path in ("/", "/autoload.js?bokeh-autoload-element=1", "/?x=1"):
+        status, body = get(port, path)
+        assert status == 503
+        assert "3 visitors" in body
+        assert "--set dashboard.visitors=6" in body
+        assert "token" not in body
+    assert get(port, SCRIPT)[0] == 200
+    assert small._server.pages == 3
+    assert [kind for kind, _ in told_by] == ["too_many_visitors"]
+    line, one = open_websocket(port, f"http://127.0.0.1:{port}", token=token)
+    one.close()
+    assert " 101 " in line, "a page that is there already gets its data"
+
+
+def test_websocket_of_no_page_is_one_visitor_too_many(small: DashboardSink) -> None:
+    port = port_of(small)
+    for _ in range(3):
+        get(port)
+    for token in (generate_jwt_token(generate_session_id()), "nonsense"):
+        line, one = open_websocket(port, f"http://127.0.0.1:{port}", token=token)
+        one.close()
+        assert " 503 " in line
+    assert small._server.pages == 3
+
+
+def test_visitors_who_come_at_once_are_not_more(
+    small: DashboardSink, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pages = Pages(monkeypatch)
+    port = port_of(small)
+    threads = [threading.Thread(target=get, args=(port,)) for _ in range(20)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(pages.made) == 3
+
+
+def test_when_one_leaves_another_is_let_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fltea.sinks.page.server.UNUSED_SESSION_MS", 200)
+    quick = DashboardSink(DashboardConfig(address=0, visitors=1), {"due": QUICK}, lambda *error: None)
+    try:
+        port = port_of(quick)
+        line, one = open_websocket(port, f"http://127.0.0.1:{port}")
+        assert " 101 " in line
+        assert get(port)[0] == 503
+        one.close()
+        wait_until(lambda: get(port)[0] == 200, "room")
+    finally:
+        quick.close()
+
+
+def test_visitors_are_at_least_one() -> None:
+    with pytest.raises(ValueError, match="visitors"):
+        DashboardConfig(address=5006, visitors=0)
+
+
+def test_nothing_native_is_left_when_a_page_is_still_busy_at_the_end() -> None:
+    """nanobind says on stderr what was not released; a thread that goes on held all the histories."""
+    script = """
+        import threading, time, urllib.request
+        from dashboard_support import QUICK, records
+        from fltea.settings.outputs import DashboardConfig
+        from fltea.sinks.page.page import Page
+        from fltea.sinks.page.sink import DashboardSink
+
+        busy = threading.Event()
+        Page.update = lambda page: (busy.set(), time.sleep(60))
+        sink = DashboardSink(DashboardConfig(address=0), {"due": QUICK}, print)
+        for record in records("n=400"):
+            sink.write(record)
+        assert all(one._runs._band for one in sink._histories["due"].followers.values())
+        urllib.request.urlopen(sink.url).read()
+        assert busy.wait(60)
+        sink.close()
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    ended = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script)],
+        capture_output=True,
+        encoding="utf-8",
+        env=environment,
+        timeout=PATIENCE_S * 2,
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 # --- what a page sends ---

@@ -26,7 +26,7 @@ from fltea.settings.config import Config, load_config
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
-from fltea.wire.in_units import axis_event, estimator_event, hello_event
+from fltea.wire.message_events import axis_event, estimator_event, hello_event
 from host_support import WIRE_HELLO
 from own_estimator import TRIPLE
 

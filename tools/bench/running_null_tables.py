@@ -32,8 +32,7 @@ def p_values(test: RunningNull) -> Array:
 def of_series(y: Array) -> Array:
     """p-values of series of some length, (samples, series)."""
     test = RunningNull(y.shape[1])
-    for begin in range(0, len(y) - CHUNK + 1, CHUNK):
-        test.add_chunk(y[begin : begin + CHUNK])
+    test.add_rows(y[: len(y) // CHUNK * CHUNK])
     return p_values(test)
 
 
@@ -46,7 +45,7 @@ def ever(series: int, hours: float, rng: np.random.Generator) -> None:
     """How many runs of white noise have been rejected by some time."""
     test, least, marks = RunningNull(series), np.ones(series), list(MARKS_S)
     for k in range(1, int(hours * 3600 / H) // CHUNK + 1):
-        test.add_chunk(rng.standard_normal((CHUNK, series)))
+        test.add_rows(rng.standard_normal((CHUNK, series)))
         least = np.minimum(least, p_values(test))
         if marks and (k + 1) * CHUNK * H > marks[0]:
             print(f"  by {marks.pop(0):>6} s {shares(least)}", flush=True)
@@ -54,10 +53,9 @@ def ever(series: int, hours: float, rng: np.random.Generator) -> None:
 
 def cost() -> float:
     """Processor time of a sample of three axes [µs]."""
-    rows = [tuple(row) for row in np.random.default_rng(1).standard_normal((60_000, 3)).tolist()]
+    rows = np.random.default_rng(1).standard_normal((60_000, 3))
     test, start = RunningNull(3), time.process_time()
-    for row in rows:
-        test.add(row)
+    test.add_rows(rows)
     return (time.process_time() - start) / len(rows) * 1e6
 
 

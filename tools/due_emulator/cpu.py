@@ -219,9 +219,7 @@ class Cpu:
             self._leave()
         elif slice_.interrupt != NO_INTERRUPT:
             number = slice_.interrupt
-            machine.fault(
-                HOOK_NUMBERS.get(number, f"exception {number} of the processor: not modelled")
-            )
+            machine.fault(HOOK_NUMBERS.get(number, f"exception {number} of the processor: not modelled"))
         elif self._has_just_done(WFI):
             machine.asleep = True
         elif self._has_just_done(WFE):

@@ -44,10 +44,10 @@ class Baseline {
 
     void add(T value) {
         if (Sums<T>::kFromFirst && n_ == 0) first_ = value;
-        const Sum centred = Sums<T>::kFromFirst ? value - first_ : value;
+        const Sum distance = Sums<T>::kFromFirst ? value - first_ : value;
         ++n_;
-        sum_ += centred;
-        squares_ += static_cast<Squares>(centred) * centred;
+        sum_ += distance;
+        squares_ += static_cast<Squares>(distance) * distance;
     }
 
     Size samples() const { return n_; }

@@ -111,8 +111,8 @@ def identify(
 
         fltea identify *.npz --json --jobs 4 > verdicts.json
     """
+    from fltea.identify import findings, run
     from fltea.identify import load as reading
-    from fltea.identify import run, tables
     from fltea.identify.axis import IdentifyOptions
 
     flags = {
@@ -161,7 +161,9 @@ def identify(
     reports = _run(requests, settings, jobs, dask)
     # First of all, lest a file that cannot be written costs what took minutes to compute.
     if as_json:
-        print_result(json_module.dumps(tables.document(reports), ensure_ascii=False, allow_nan=False) + "\n")
+        print_result(
+            json_module.dumps(findings.document(reports), ensure_ascii=False, allow_nan=False) + "\n"
+        )
     else:
         _show(reports)
     if report is not None:
@@ -232,6 +234,10 @@ def _workers(jobs: int | None, dask: str | None) -> "Workers":
         return open_local(jobs)
     if jobs is not None:
         raise UsageError("--jobs is for this machine, --dask for a cluster: give one of them.")
+    from fltea.identify.dask_trust import trust_warning
+
+    if warning := trust_warning(dask):
+        say(f"fltea: warning: {warning}")
     workers: Workers = load("fltea.identify.dask_workers", "distributed", "dask", "--dask needs").DaskWorkers(
         dask
     )

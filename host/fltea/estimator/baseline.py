@@ -12,11 +12,13 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
 from fltea.estimator.engine_settings import LARGEST
 from fltea.settings.config import EstimatorConfig
+
+Array = NDArray[np.float64]
 
 
 class Baseline(NamedTuple):
@@ -121,24 +123,37 @@ def rule_of(axes: Sequence[str], config: EstimatorConfig, resolution: float | No
     return BaselineRule(axes, config.startup, config.bias, config.R, resolution)
 
 
-def moments(y: ArrayLike, resolution: float = 0.0) -> list[Moments]:
-    """Of every column of y (n, axes), to the bit as a `Bank` finds them; n >= 2."""
-    bank = _native.Bank(np.shape(y)[1])
-    rows = np.ascontiguousarray(y, dtype=np.float64)
-    bank.run(rows, np.empty((8, *rows.shape)), np.empty((2, *rows.shape), dtype=np.uint8))
-    return [Moments(*axis) for axis in bank.window(resolution)]
-
-
-def baseline_of(
-    y: ArrayLike, axes: Sequence[str], config: EstimatorConfig, resolution: float | None
-) -> Baseline:
-    """Bias and R of every column of y (n, axes) from its first samples, or from the settings.
+def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: float | None) -> Baseline:
+    """Bias and R of one axis from its first samples, y (n,), or from the settings.
 
     Raises:
         ValueError: settings as for `BaselineRule`, or fewer samples than the window needs.
     """
-    rule = rule_of(axes, config, resolution)
-    window = np.asarray(y, dtype=np.float64)[: rule.needed]
+    rule = rule_of((axis,), config, resolution)
+    window = np.array(y, dtype=np.float64)[: rule.needed, np.newaxis]
     if len(window) < rule.needed:
         raise ValueError(f"the start-up window needs {rule.needed} samples, there are {len(window)}")
-    return rule.baseline_of(moments(window, rule.resolution) if rule.needed else [])
+    found = _native.moments(window, rule.resolution) if rule.needed else []
+    return rule.baseline_of([Moments(*axis) for axis in found])
+
+
+def lane_moments(window: Array, resolution: float | None) -> tuple[Array, Array]:
+    """Means and variances of start-up windows, (n, lanes): as `Moments`, (lanes,) each."""
+    found = _native.moments(np.ascontiguousarray(window), resolution or 0.0)
+    mean, variance = (np.array([lane[i] for lane in found]) for i in range(2))
+    return mean, variance
+
+
+def lane_baselines(window: Array, config: EstimatorConfig, resolution: float | None) -> tuple[Array, Array]:
+    """Bias and R of lanes that all have the settings of one axis, (lanes,) each.
+
+    window: their start-up windows, (n, lanes). R may be 0 where a lane never changed.
+    """
+    bias, R = np.zeros(window.shape[1]), np.zeros(window.shape[1])
+    if len(window):
+        bias, R = lane_moments(window, resolution)
+    if config.bias != "startup":
+        bias = np.full_like(bias, 0.0 if isinstance(config.bias, str) else np.ravel(config.bias)[0])
+    if config.R != "auto":
+        R = np.full_like(R, np.ravel(config.R)[0])
+    return bias, R

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.estimator.engine import Engine
+from fltea.estimator.baseline import lane_moments
 from fltea.estimator.lane_settings import lane_settings
-from fltea.estimator.supervisor import LOST_ORDER
+from fltea.estimator.lanes import Lanes
 from fltea.settings.config import EstimatorConfig
 
 Array = NDArray[np.float64]
@@ -24,6 +24,9 @@ RUNS = 64
 128 runs, at twice the cost, have 0.006."""
 
 PROBABILITIES = (0.05, 0.5, 0.95)
+SLAB = 1024
+"""Samples of all runs at a time."""
+
 COARSEST = 0.5
 """Quantised only where the noise has a standard deviation of at least this many LSB: below, what a quantiser
 gives depends on where between two counts the offset lies."""
@@ -41,8 +44,8 @@ class WhiteBand:
 
     h: sampling period in s. power: variance of the axis in its unit squared, > 0. resolution: one LSB, None
     if unknown. R: measurement variance, None to draw it from the start-up window as the data do. Memory is
-    compressed whatever `config.memory` says: exact memory differs far less than two runs do. A run that runs
-    away (only without a guard) begins anew, as an axis does.
+    compressed whatever `config.engine` says (exact memory differs far less than two runs do), so "reference"
+    has a band too. A run that is lost begins again and is left out while it is not valid, as an axis is.
     """
 
     def __init__(
@@ -64,22 +67,22 @@ class WhiteBand:
         self._bias = np.zeros(runs)
         variances = np.full(runs, R or power)
         if config.startup_needed:
-            window = self._noise(config.startup)
+            mean, drawn = lane_moments(self._noise(config.startup), resolution)
             if config.bias == "startup":
-                self._bias = window.mean(axis=0)
+                self._bias = mean
             if R is None:
-                variances = np.maximum(window.var(axis=0, ddof=1), lsb**2 / 12)
+                variances = drawn
         settings = lane_settings(config, h, variances.tolist())
-        self._engine = Engine(runs, replace(settings, memory="compressed"))
+        self._lanes = Lanes(runs, replace(settings, memory="compressed"))
 
     def advance(self, count: int) -> Quantiles:
         """Let every run take `count` more samples, at least one; return where they stand then."""
-        after = self._engine.run(self._noise(count) - self._bias)
-        alpha, f = after.alpha[-1].copy(), after.f[-1].copy()
-        lost = ~(np.isfinite(f) & np.isfinite(after.x[-1]) & (np.abs(alpha) <= LOST_ORDER))
-        if lost.any():
-            self._engine.reset(lost)
-        return Quantiles(_quantiles(alpha[~lost]), _quantiles(f[~lost]))
+        while count:
+            rows = min(count, SLAB)
+            after = self._lanes.run(self._noise(rows) - self._bias)
+            count -= rows
+        valid = after.valid[-1]
+        return Quantiles(_quantiles(after.alpha[-1, valid]), _quantiles(after.f[-1, valid]))
 
     def _noise(self, count: int) -> Array:
         """Samples as a sensor at rest without offset gives them, (count, runs)."""

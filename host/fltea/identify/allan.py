@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.records.errors import UsageError
+from fltea.settings.extras import load
 
 Array = NDArray[np.float64]
 
@@ -250,10 +250,4 @@ def _times(value: float | None, factor: float) -> float | None:
 
 def _allantools() -> Any:
     """Imported late: it brings all of scipy."""
-    try:
-        import allantools
-    except ImportError as error:
-        raise UsageError(
-            "the Allan deviation needs allantools, which is not installed: pip install 'fltea[identify]'."
-        ) from error
-    return allantools
+    return load("allantools", "allantools", "identify", "the Allan deviation needs")

@@ -6,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.estimator.engine import Engine
+from fltea.estimator.baseline import baseline_of, lane_baselines
 from fltea.estimator.lane_settings import lane_settings
-from fltea.estimator.supervisor import LOST_ORDER
+from fltea.estimator.lanes import Lanes
 from fltea.identify.axis import AxisResult, IdentifyOptions
-from fltea.identify.fltea_fit import baseline
 from fltea.identify.shuffled import ACCURACY, BLOCK, PROBABILITIES
 from fltea.noise.spectra import HIGHEST_ORDER
 from fltea.settings.config import EstimatorConfig
@@ -99,23 +98,19 @@ def _path(y: Array, h: float, lsb: float | None, options: IdentifyOptions) -> tu
     config, startup = options.estimator, options.estimator.startup_needed
     copies = min(COPIES, options.shuffles)
     rng = np.random.default_rng(options.seed)
-    own = baseline(y, config, lsb)
+    own = baseline_of(y, "axis", config, lsb)
     bias, R = _baselines(rng.choice(y, (startup, copies)), own.bias_dps[0], own.R[0], config, lsb)
     settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
-    engine = Engine(copies + 1, settings)
+    lanes = Lanes(copies + 1, settings)
     rest = y[startup:]
     block = max(BLOCK, -(-len(rest) // POINTS))
     rows, innovation = [], np.empty(len(rest))
     for start in range(0, len(rest), block):
         now = rest[start : start + block]
         drawn = rng.choice(y, (len(now), copies))
-        e = engine.run(np.column_stack([now, drawn]) - bias)
+        e = lanes.run(np.column_stack([now, drawn]) - bias)
         innovation[start : start + block] = e.innovation[:, 0]
-        last = np.stack([e.alpha[-1], np.sqrt(np.maximum(e.alpha_var[-1], 0)), e.f[-1], np.sqrt(e.f_var[-1])])
-        gone = ~(np.isfinite(last).all(axis=0) & (np.abs(last[0]) <= LOST_ORDER))
-        if gone.any():
-            engine.reset(gone)
-        rows.append(np.where(gone, np.nan, last))
+        rows.append(np.stack([e.alpha[-1], e.alpha_std[-1], e.f[-1], e.f_std[-1]]))
     table = np.stack(rows)
     ends = np.minimum(np.arange(1, len(rows) + 1) * block, len(rest))
     white = table[:, :, 1:]
@@ -129,14 +124,10 @@ def _baselines(
     window: Array, bias: float, R: float, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array]:
     """Bias and R of all lanes; those of the copies from their own start-up windows, where the data's are."""
-    copies = window.shape[1]
-    biases, Rs = np.full(copies + 1, bias), np.full(copies + 1, R)
-    if config.bias == "startup":
-        biases[1:] = window.mean(axis=0)
-    if config.R == "auto":
-        # A copy can happen to be constant, of data that hardly ever change.
-        Rs[1:] = np.maximum(window.var(axis=0, ddof=1), max((lsb or 0.0) ** 2 / 12, 1e-6 * R))
-    return biases, Rs
+    biases, Rs = lane_baselines(window, config, lsb)
+    # A copy can happen to be constant, of data that hardly ever change.
+    Rs = np.maximum(Rs, 1e-6 * R) if config.R == "auto" else Rs
+    return np.append(bias, biases), np.append(R, Rs)
 
 
 def _quantiles(values: Array) -> Array:

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from fltea.identify.allan import FLICKER
 from fltea.identify.curves import Curves
+from fltea.identify.findings import MODELS, model_name
 from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
 from fltea.identify.run import AxisReport
-from fltea.identify.tables import MODELS, model_name
-from fltea.records.errors import UsageError
 from fltea.spectrum.profile import CRITICAL
 from fltea.spectrum.verdict import LEVEL
 
@@ -29,16 +28,6 @@ WHITE: dict[str, Any] = {"color": "#2b8a3e", "linewidth": 1.3, "linestyle": (0, 
 OWN: dict[str, Any] = {"color": "#542788", "linewidth": 1.4}
 BAND = "#c7c7c7"
 HIGHEST_DEVIANCE = 20.0
-
-
-def check_matplotlib() -> None:
-    """Raise UsageError with what to do if matplotlib is not installed."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "--report needs matplotlib, which is not installed: pip install 'fltea[plot]'."
-        ) from None
 
 
 def draw(axis: AxisReport) -> dict[str, bytes]:

@@ -1,26 +1,25 @@
 """FLTEA itself on a recording, as the daemon runs it: start-up window, bias, R, guard, supervisor."""
 
 import math
-from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.estimator.bias import Baseline, Startup
-from fltea.estimator.engine import CAUSES, Engine
+from fltea.estimator.baseline import baseline_of
+from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import lane_settings
-from fltea.estimator.native_gyroscope import STATE_BOUND
-from fltea.estimator.online import OnlineEstimator
-from fltea.estimator.supervisor import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER
+from fltea.estimator.lanes import Lanes
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.whiteness_test import Innovations, innovations
+from fltea.spectrum.innovation_whiteness import Innovations, innovations
 
 Array = NDArray[np.float64]
 
-CHUNK = 50
-"""Samples between two looks at the guard's counts; BOUND_SAMPLES is a multiple of it."""
+CHUNK = 4096
+"""Samples that the lane takes at a time."""
+LEAST = 100
+"""Samples after the start-up window."""
 
 
 class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -66,20 +65,18 @@ def fltea_fit(
         ValueError: settings that no filter can work with, fewer samples than the start-up window has
             and a hundred more, or an axis that is constant in it.
     """
-    if len(y) < config.startup_needed + 2 * CHUNK:
+    if len(y) < config.startup_needed + LEAST:
         raise ValueError(
-            f"{len(y)} samples: the start-up window takes {config.startup_needed}, and at least {2 * CHUNK} "
+            f"{len(y)} samples: the start-up window takes {config.startup_needed}, and at least {LEAST} "
             "have to follow it"
         )
-    base = baseline(y, config, lsb)
+    base = baseline_of(y, "axis", config, lsb)
     if base.constant_axes:
         raise ValueError("the axis is constant in the start-up window: there is no noise to identify")
     bias, R = base.bias_dps[0], base.R[0]
-    rest = y[config.startup_needed :]
-    run = _Run.fast(rest - bias, h, config, R) or _Run.as_daemon(y, h, config, lsb)
-    alpha, alpha_std, f, f_std = (_number(run.columns[i][-1]) if run.valid else None for i in range(4))
-    third = len(rest) // 3
-    alpha_drift, f_drift = (_drift(run.columns[i][-third:]) for i in (0, 2))
+    run = _Run(y[config.startup_needed :] - bias, h, config, R)
+    alpha, alpha_std, f, f_std = (_number(value) if run.valid else None for value in run.last)
+    alpha_drift, f_drift = _drift(run.alpha), _drift(run.f)
     result = FlteaFit(
         variant=config.variant,
         guard=config.guard,
@@ -99,68 +96,39 @@ def fltea_fit(
         converged=alpha_drift is not None and abs(alpha_drift) <= max(alpha_std or 0.0, 0.02),
         settings=config,
     )
-    return result, innovations(run.columns[4][third:], run.columns[5][third:])
-
-
-def baseline(y: Array, config: EstimatorConfig, lsb: float | None) -> Baseline:
-    """Bias and R of one axis from its first samples, or from the settings."""
-    bias: Literal["startup", "none"] | float | Sequence[float] = config.bias
-    startup = Startup(("axis",), config.startup, bias, config.R, lsb)
-    for value in y[: startup.needed]:
-        startup.add((float(value),))
-    return startup.baseline()
+    return result, innovations(run.innovation, run.innovation_std)
 
 
 class _Run:
-    """α, its deviation, f, its deviation, innovation, its deviation: each (n,), after the start-up."""
+    """One lane over y (n,), the start-up window and the bias taken off, under the supervisor.
 
-    def __init__(
-        self, columns: list[Array], valid: bool, restarts: int, interventions: dict[str, int]
-    ) -> None:
-        self.columns = columns
-        self.valid = valid
-        self.restarts = restarts
-        self.interventions = interventions
+    last: α, its deviation, f, its deviation after the last sample. alpha, f: of the last third; innovation,
+    innovation_std: of the last two thirds.
+    """
 
-    @staticmethod
-    def fast(y: Array, h: float, config: EstimatorConfig, R: float) -> "_Run | None":
-        """The engine alone; None if the supervisor might have had something to say."""
-        engine = Engine(1, lane_settings(config, h, [R]))
-        columns = np.empty((6, len(y)))
-        lately = BOUND_SAMPLES // CHUNK + 1
-        bounded = [0] * lately
-        for start in range(0, len(y), CHUNK):
-            e = engine.run(y[start : start + CHUNK, np.newaxis])
-            columns[:, start : start + CHUNK] = np.concatenate(
-                [e.alpha, e.alpha_var, e.f, e.f_var, e.innovation, e.innovation_var], axis=1
-            ).T
-            bounded.append(int(e.interventions[0, STATE_BOUND]))
-        # Windows that are a chunk longer, so that none of the supervisor's can hold more.
-        longer = np.subtract(bounded[lately:], bounded[:-lately])
-        if longer.max() > BOUND_SHARE * BOUND_SAMPLES:
-            return None
-        if not np.isfinite(columns).all() or np.abs(columns[0]).max() > LOST_ORDER:
-            return None
-        columns[[1, 3, 5]] = np.sqrt(np.maximum(columns[[1, 3, 5]], 0))
-        counts = zip(CAUSES, e.interventions[0].tolist(), strict=True)
-        return _Run(list(columns), True, 0, {cause: n for cause, n in counts if n})
-
-    @staticmethod
-    def as_daemon(y: Array, h: float, config: EstimatorConfig, lsb: float | None) -> "_Run":
-        """Sample by sample with the daemon's own restarts; slower."""
-        online = OnlineEstimator(("axis",), config, h, lsb)
-        rows = []
-        for value in y.tolist():
-            found = online.on_sample((value,))
-            if found is not None:
-                e = found["axis"]
-                rows.append((e.alpha, e.alpha_std, e.f, e.f_std, e.innovation_dps, e.innovation_std_dps))
-        return _Run(
-            list(np.array(rows).T),
-            found is not None and found["axis"].valid,
-            online.restarts["axis"],
-            online.interventions.get("axis", {}),
+    def __init__(self, y: Array, h: float, config: EstimatorConfig, R: float) -> None:
+        lanes = Lanes(1, lane_settings(config, h, [R]))
+        third = len(y) // 3
+        self.alpha, self.f = np.empty(third), np.empty(third)
+        self.innovation, self.innovation_std = np.empty(len(y) - third), np.empty(len(y) - third)
+        kept = (
+            (self.alpha, len(y) - third),
+            (self.f, len(y) - third),
+            (self.innovation, third),
+            (self.innovation_std, third),
         )
+        for start in range(0, len(y), CHUNK):
+            block = lanes.run(y[start : start + CHUNK, np.newaxis])
+            columns = block.alpha, block.f, block.innovation, block.innovation_std
+            for column, (to, begin) in zip(columns, kept, strict=True):
+                skipped = max(0, begin - start)
+                to[start + skipped - begin : start + CHUNK - begin] = column[skipped:, 0]
+        last = block.alpha, block.alpha_std, block.f, block.f_std
+        self.last = tuple(float(column[-1, 0]) for column in last)
+        self.valid = bool(block.valid[-1, 0])
+        self.restarts = int(lanes.restarts[0])
+        counts = zip(CAUSES, lanes.interventions()[0].tolist(), strict=True)
+        self.interventions = {cause: n for cause, n in counts if n}
 
 
 def _drift(values: Array) -> float | None:

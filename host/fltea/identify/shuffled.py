@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.estimator.engine import Engine
+from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.lane_settings import lane_settings
-from fltea.estimator.supervisor import LOST_ORDER
+from fltea.estimator.lanes import Lanes
 from fltea.settings.config import EstimatorConfig
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ class ShuffledBand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     copies: int
     lost: int
-    """copies that ran away (only without a guard); left out"""
+    """copies that ran away (only without a guard), or are not valid at the end; left out"""
     alpha: tuple[float, float, float] | None
     f: tuple[float, float, float] | None
     """in s^-α"""
@@ -79,29 +79,18 @@ def estimate(
     for row, number in zip(shuffles, copies, strict=True):
         row[:] = np.random.default_rng((seed, number)).permutation(y)
     startup = config.startup_needed
-    window = shuffles[:, :startup]
-    bias = np.zeros(lanes)
-    if config.bias == "startup":
-        bias = window.mean(axis=1)
-    elif config.bias != "none":
-        bias += np.ravel(config.bias)[0]
+    bias, R = lane_baselines(shuffles[:, :startup].T, config, lsb)
     if config.R == "auto":
-        R = np.maximum(window.var(axis=1, ddof=1), ((lsb or 0.0) ** 2) / 12)
         # A copy that happens to be constant in its window, of data that hardly ever change.
         R = np.maximum(R, 1e-6 * y.var())
-    else:
-        R = np.full(lanes, np.ravel(config.R)[0])
     settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
-    engine = Engine(lanes, settings)
+    runner = Lanes(lanes, settings)
     lost = np.zeros(lanes, dtype=bool)
     for start in range(startup, len(y), BLOCK):
-        after = engine.run(shuffles[:, start : start + BLOCK].T - bias)
-        last_alpha, last_f = after.alpha[-1].copy(), after.f[-1].copy()
-        gone = ~(np.isfinite(last_f) & np.isfinite(after.x[-1]) & (np.abs(last_alpha) <= LOST_ORDER))
-        if gone.any():
-            engine.reset(gone)
-            lost |= gone
-    return Copies(last_alpha, last_f, lost)
+        block = runner.run(shuffles[:, start : start + BLOCK].T - bias)
+        for one in block.lost:
+            lost[one.lane] |= one.reason == "runaway"
+    return Copies(block.alpha[-1].copy(), block.f[-1].copy(), lost | ~block.valid[-1])
 
 
 def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None) -> ShuffledBand:

@@ -309,7 +309,8 @@ def _chance(axis: Array, lsb: float | None) -> float:
     moves = moves[moves != 0]
     if step is None or not moves.size:
         return 0.0 if moves.size else 1.0
-    return min(step / (float(moves.std()) * math.sqrt(2 * math.pi)), 1.0)
+    spread = float(moves.std())
+    return min(step / (spread * math.sqrt(2 * math.pi)), 1.0) if spread else 0.0  # all moves alike: a ramp
 
 
 def _first(at: NDArray[np.intp], h: float) -> str:

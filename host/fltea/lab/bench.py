@@ -20,6 +20,7 @@ from fltea.lab.reproduce.paper import SAMPLES_PER_SECOND
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS
 from fltea.lab.reproduce.timing import reference_filters
 from fltea.records.errors import FlteaError
+from fltea.settings.extras import how_to_install
 
 WINDOW = 3000
 WINDOWS: tuple[int | None, ...] = (1_000, 10_000, 100_000, 1_000_000, None)
@@ -97,7 +98,7 @@ def text(result: dict[str, Any]) -> str:
     }
     for key, name in names.items():
         rate = speed[key]
-        shown = "not installed (pip install 'fltea[bench]') | –"
+        shown = f"not installed ({how_to_install('bench')}) | –"
         if rate is not None:
             shown = f"{rate:,.0f} | {rate / result['paper_samples_per_s']:,.0f}"
         lines.append(f"| {name} | {shown} |")

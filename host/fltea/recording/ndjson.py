@@ -8,7 +8,7 @@ import msgspec
 from fltea.recording.files import LARGEST_DPS
 from fltea.recording.kind import is_stream
 from fltea.recording.lines import lines
-from fltea.recording.session import check_hello
+from fltea.recording.session import LATEST_NS, check_hello
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES, EpochReason, Hello, Record, Sample
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -82,6 +82,8 @@ def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:
 def _convert(path: Path, number: int, record: dict[str, Any], before: list[Kept]) -> Kept:
     try:
         item: Kept = msgspec.convert(record, Kept)
+        if abs(item.host_ns) > LATEST_NS:
+            raise ValueError("a time that cannot be")
         if isinstance(item, Hello):
             check_hello(item)
         elif isinstance(item, Sample):
@@ -100,3 +102,8 @@ def _check_sample(sample: Sample, before: list[Kept]) -> None:
         raise ValueError(f"gyro_dps has {len(sample.gyro_dps)} axes" + (f", {axes} before" if axes else ""))
     if max(map(abs, sample.gyro_dps)) > LARGEST_DPS:
         raise ValueError(f"more than {LARGEST_DPS:g} deg/s")
+    if max(map(abs, (*(sample.accel_ms2 or ()), sample.temperature_c or 0.0))) > LARGEST_DPS:
+        raise ValueError(f"more than {LARGEST_DPS:g} m/s² or °C")
+    whole = sample.seq, sample.device_us, sample.epoch, sample.flags
+    if max(map(abs, whole)) > LATEST_NS:
+        raise ValueError("numbers that cannot be")

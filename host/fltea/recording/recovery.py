@@ -8,7 +8,7 @@ from mcap.records import Channel, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from fltea import __version__
-from fltea.recording.scan import ChunkEnd, Damage, Message, Scan
+from fltea.recording.scan import LOG_TIME, ChunkEnd, Damage, Messages, Scan
 from fltea.records.errors import UsageError
 from fltea.records.whole_file import whole_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -69,10 +69,11 @@ def _examine(path: Path, limits: Limits) -> Recovered:
     for item in scan:
         if isinstance(item, Channel):
             known.add(item.id)
-        elif isinstance(item, Message) and item.channel_id in known:
-            messages += 1
-            first_ns = item.log_time if first_ns is None else min(first_ns, item.log_time)
-            last_ns = item.log_time if last_ns is None else max(last_ns, item.log_time)
+        elif isinstance(item, Messages) and len(found := item.of_channels(known).table):
+            messages += len(found)
+            times = found[:, LOG_TIME]
+            first_ns = int(times.min()) if first_ns is None else min(first_ns, int(times.min()))
+            last_ns = int(times.max()) if last_ns is None else max(last_ns, int(times.max()))
         damaged += isinstance(item, Damage)
     seconds = 0.0 if first_ns is None or last_ns is None else (last_ns - first_ns) * 1e-9
     needed = damaged or not scan.whole
@@ -96,14 +97,9 @@ def _copy(path: Path, out: Path, limits: Limits) -> None:
                     channels[item.id] = writer.register_channel(
                         item.topic, item.message_encoding, schema, item.metadata
                     )
-                case Message() if item.channel_id in channels:
-                    writer.add_message(
-                        channels[item.channel_id],
-                        item.log_time,
-                        item.data,
-                        item.publish_time,
-                        item.sequence,
-                    )
+                case Messages():
+                    for channel, number, log_ns, publish_ns, data in item.of_channels(channels).each():
+                        writer.add_message(channels[channel], log_ns, data, publish_ns, number)
                 case ChunkEnd():
                     writer.flush()  # type: ignore[no-untyped-call]
         writer.finish()  # type: ignore[no-untyped-call]

@@ -16,6 +16,9 @@ WIRE, LINK = "wire", "link"
 OVERFLOW = "overflow"
 """Kind of a gap that the recorder itself made, being too slow: it did not see what it missed."""
 
+LATEST_NS = 1 << 62
+"""In the year 2116; sums and differences of such times fit into 64 bits."""
+
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e6
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
 """Far beyond any sensor; what is computed from them stays finite."""
@@ -62,7 +65,10 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
         except RecursionError as error:  # brackets in brackets in brackets
             raise ValueError("its hello is damaged") from error
         check_hello(hello)
-    return msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
+    info = msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
+    if max(abs(info.offset_ns), abs(info.created_ns)) > LATEST_NS:
+        raise ValueError("its times cannot be")
+    return info
 
 
 def check_hello(hello: Hello) -> None:

@@ -15,9 +15,9 @@ from fltea.records.whole_file import whole_file
 from fltea.settings.outputs import StateConfig
 from fltea.stream.snapshot import DeviceState
 
-VERSION = 2
-READABLE = (1, 2)
-"""1 had no running test of whiteness, which then begins anew."""
+VERSION = 3
+READABLE = (1, 2, 3)
+"""1 had no running test of whiteness, 1 and 2 not what the supervisors have seen: these then begin anew."""
 
 LOOK_S = 1.0
 """What is new is on the disk after this long; how often there is something, `period_s` says."""
@@ -64,16 +64,42 @@ class StateFile:
             raise UsageError(f"--state {path}: cannot be read ({error}).") from error
         try:
             version = msgspec.json.decode(data, type=_Header).version
-            if version in READABLE:
-                return dict(msgspec.json.decode(data, type=_File).devices)
         except msgspec.DecodeError as error:
             text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
             raise UsageError(text) from error
-        self._report(
-            "state_unused",
-            f"{path} is of another version of fltea ({version}): the start-up window begins, it is replaced.",
-        )
-        return {}
+        if version not in READABLE:
+            self._report(
+                "state_unused",
+                f"{path} is of another version of fltea ({version}): the start-up window begins, "
+                "it is replaced.",
+            )
+            return {}
+        try:
+            return dict(msgspec.json.decode(data, type=_File).devices)
+        except msgspec.DecodeError as error:
+            self._set_aside(f"{path} holds what no snapshot does ({error}), so the start-up window begins")
+            return {}
+
+    def refuse(self, name: str) -> None:
+        """Set the file aside for somebody to look at, since an estimator has refused a device's snapshot.
+
+        Those of the other devices are written again.
+        """
+        with self._lock:
+            self._devices.pop(name, None)
+            self._changed = bool(self._devices)
+        self._set_aside(f"the snapshot of {name or 'the device'} in {self._path} was refused")
+
+    def _set_aside(self, why: str) -> None:
+        refused = self._path.with_name(self._path.name + ".refused")
+        try:
+            self._path.replace(refused)
+        except FileNotFoundError:  # another device's estimator was first
+            return
+        except OSError as error:
+            self._report("state_failed", f"{why}; the file cannot be kept as {refused} ({error}).")
+        else:
+            self._report("state_refused", f"{why}; the file is kept as {refused}.")
 
     def put(self, name: str, state: DeviceState) -> None:
         """Replace a device's snapshot; it is written before long."""

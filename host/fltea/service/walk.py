@@ -30,8 +30,13 @@ class Walk:
         self.failure: Trouble | Error | None = None
         self.moved_s = time.monotonic()
         self._once, self._hub, self._state = config.once, hub, state
-        found = state.found.get(self.name) if state else None
-        self._pipeline = Pipeline(source, config, lambda: hub.stats(self.name), found)
+        self._pipeline = Pipeline(
+            source,
+            config,
+            lambda: hub.stats(self.name),
+            state.found.get(self.name) if state else None,
+            lambda: state.refuse(self.name) if state else None,
+        )
         self._tap = hub.tap(self.name, wait=not source.prompt)
         self._as_wire: AsWire | None = None
         if isinstance(source, SerialSource):

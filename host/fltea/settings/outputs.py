@@ -134,13 +134,17 @@ class MqttConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class DashboardConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The live page; off without an address. address: PORT or HOST:PORT; without a host the loopback.
 
-    names: further names under which browsers may ask for it, such as that of a proxy in front.
+    names: further names under which browsers may ask for it, such as that of a proxy in front. visitors:
+    pages that may be open at a time.
     """
 
     address: str | int | None = None
     names: tuple[str, ...] = ()
+    visitors: int = 20
 
     def __post_init__(self) -> None:
+        if self.visitors < 1:
+            raise ValueError("visitors must be 1 or more")
         if self.address is not None:
             self.listen()
 

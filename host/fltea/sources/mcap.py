@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 from mcap.records import Channel, Metadata
 
-from fltea.recording.scan import Damage, Message, Scan
+from fltea.recording.scan import BEGIN, CHANNEL, END, LOG_TIME, PUBLISH_TIME, SEQUENCE, Damage, Messages, Scan
 from fltea.recording.session import (
     LINK,
     OVERFLOW,
@@ -24,13 +25,14 @@ from fltea.recording.session import (
     from_metadata,
 )
 from fltea.records.errors import UsageError
-from fltea.records.events import Chunk, Event, Failed, Opened, RawBlock, TransportEvent, Trouble
+from fltea.records.events import Chunk, Event, Failed, Ints, Opened, RawBlock, TransportEvent, Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
-from fltea.sources.wire_events import WireEvents
+from fltea.sources.wire_events import Chunks, WireEvents
 from fltea.wire.sensors import NO_SENSOR
 
 SUFFIX = ".mcap"
+SECOND_NS = 10**9
 TICK_NS = 500_000_000
 """Live, a silent line is looked at so often (`fltea.sources.serial`)."""
 
@@ -139,14 +141,21 @@ def read_info(path: Path) -> PartInfo:
         for item in Scan(path):
             if isinstance(item, Metadata) and item.name == SESSION:
                 return from_metadata(item.metadata)
-            if isinstance(item, Message):
+            if isinstance(item, Messages) and len(item.table):
                 break
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: cannot be read as a recording ({error}).") from error
     raise UsageError(f"{path}: is no recording of fltea, or was cut before anything was written.")
 
 
-def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry | Damage | Torn]:
+class Batch(NamedTuple):
+    """Successive messages of a file. topics: by channel, without the device."""
+
+    messages: Messages
+    topics: dict[int, str]
+
+
+def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch | Damage | Torn]:
     """All messages of a file; at its end a `Torn` if it was not finished.
 
     Raises:
@@ -160,9 +169,8 @@ def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry 
             match item:
                 case Channel():
                     topics[item.id] = item.topic.removeprefix(prefix)
-                case Message():
-                    topic = topics.get(item.channel_id, "")
-                    yield Entry(topic, item.log_time, item.publish_time, item.sequence, item.data)
+                case Messages():
+                    yield Batch(item, topics)
                 case Damage():
                     yield item
     except (OSError, ValueError) as error:
@@ -172,6 +180,16 @@ def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry 
             f"{part.path}: ends without its index, as a program that was killed leaves it, or one that still "
             f"writes; what reached the disk is read ({scan.lost_bytes} bytes at its end are not)."
         )
+
+
+def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry | Damage | Torn]:
+    """The same, message by message."""
+    for item in read_batches(part, limits):
+        if not isinstance(item, Batch):
+            yield item
+            continue
+        for channel, sequence, log_ns, publish_ns, data in item.messages.each():
+            yield Entry(item.topics.get(channel, ""), log_ns, publish_ns, sequence, data)
 
 
 class McapRecording:
@@ -206,10 +224,10 @@ class McapRecording:
             if part.info.part != number:
                 self._break(f"files are missing before {part.path.name}", part.info.hello)
             number = part.info.part + 1
-            for entry in read_entries(part, self._limits):
-                match entry:
-                    case Entry(topic=("wire" | "link")):
-                        yield from self._on_entry(entry, part.info)
+            for item in read_batches(part, self._limits):
+                match item:
+                    case Batch():
+                        yield from self._on_batch(item, part.info)
                     case Damage(offset, text):
                         self._break(f"{part.path.name} is damaged at byte {offset} ({text})", None)
                     case Torn(text):
@@ -219,6 +237,55 @@ class McapRecording:
     def _break(self, why: str, hello: Hello | None) -> None:
         """Take note that something is missing here. hello: what is known of the device behind the gap."""
         self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
+
+    def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
+        """Yield what messages lead to; chunks that came in one second without a break are taken at once."""
+        of_wire = [channel for channel, topic in batch.topics.items() if topic == WIRE]
+        of_link = [channel for channel, topic in batch.topics.items() if topic == LINK]
+        messages = batch.messages.of_channels([*of_wire, *of_link])
+        table = messages.table
+        if not len(table):
+            return
+        host_ns = table[:, LOG_TIME] - info.offset_ns
+        is_wire = np.isin(table[:, CHANNEL], of_wire)
+        step_ns = np.diff(host_ns)
+        breaks = ~(is_wire[1:] & is_wire[:-1])
+        breaks |= (np.diff(table[:, SEQUENCE]) % WIRE_WRAP != 1) | (step_ns < 0) | (step_ns > TICK_NS)
+        breaks |= np.diff(host_ns // SECOND_NS) != 0
+        begins = [0, *(np.flatnonzero(breaks) + 1).tolist()]
+        for begin, end in zip(begins, [*begins[1:], len(table)], strict=True):
+            group = Messages(messages.data, table[begin:end])
+            if end - begin > 1 and self._may_group(group, int(host_ns[begin]), int(host_ns[end - 1])):
+                yield from self._on_group(group, host_ns[begin:end])
+                continue
+            for channel, sequence, log_ns, publish_ns, data in group.each():
+                entry = Entry(batch.topics[channel], log_ns, publish_ns, sequence, data)
+                yield from self._on_entry(entry, info)
+
+    def _may_group(self, group: Messages, first_ns: int, last_ns: int) -> bool:
+        """Whether nothing but bytes matters in these chunks: no break before them, nothing to be watched."""
+        return (
+            self._missing is None
+            and self._opened
+            and self._hello is None
+            and self._next_sequence == group.table[0, SEQUENCE]
+            and self._now_ns is not None
+            and 0 <= first_ns - self._now_ns <= TICK_NS
+            and self._wire.is_settled(last_ns)
+        )
+
+    def _on_group(self, group: Messages, host_ns: Ints) -> Iterator[Event]:
+        table = group.table
+        begin, end = table[:, BEGIN], table[:, END]
+        spans = zip(begin.tolist(), end.tolist(), strict=True)
+        data = b"".join([group.data[first:last] for first, last in spans])
+        chunks = Chunks(np.cumsum(end - begin), host_ns, table[:, PUBLISH_TIME] - host_ns)
+        self._next_sequence = (int(table[-1, SEQUENCE]) + 1) % WIRE_WRAP
+        self._now_ns = int(host_ns[-1])
+        for event in self._wire.feed_chunks(data, chunks):
+            self.unix_offset_ns = self._wire.unix_offset_ns
+            yield self._as_replayed(event)
+        self.unix_offset_ns = int(chunks.unix_offset_ns[-1])
 
     def _on_entry(self, entry: Entry, info: PartInfo) -> Iterator[Event]:
         host_ns = entry.log_ns - info.offset_ns
@@ -271,16 +338,18 @@ class McapRecording:
 
     def _interpret(self, item: TransportEvent | None, now_ns: int) -> Iterator[Event]:
         for event in self._wire.feed(item, now_ns):
-            match event:
-                case Trouble():
-                    yield event._replace(fatal=False)
-                case Hello():
-                    yield self._renamed(event)
-                case RawBlock() if self._no_sensor:  # made-up samples: their frames had to say something
-                    yield event._replace(temperature=None)
-                case _:
-                    yield event
+            yield self._as_replayed(event)
         self._wire.resume(now_ns)
+
+    def _as_replayed(self, event: Event) -> Event:
+        match event:
+            case Trouble():
+                return event._replace(fatal=False)
+            case Hello():
+                return self._renamed(event)
+            case RawBlock() if self._no_sensor:  # made-up samples: their frames had to say something
+                return event._replace(temperature=None)
+        return event
 
     def _renamed(self, hello: Hello) -> Hello:
         self._no_sensor = hello.who_am_i == NO_SENSOR

@@ -11,7 +11,7 @@ from fltea.records.events import Break, Event, LinkDown, RawBlock
 from fltea.records.records import EpochReason, Hello
 from fltea.stream.place import Piece, Place
 from fltea.stream.time import Timebase
-from fltea.wire.units import accel_ms2, gyro_dps, temperatures_c
+from fltea.wire.sample_scaling import accel_ms2, gyro_dps, temperatures_c
 
 
 class Decoded(NamedTuple):

@@ -58,6 +58,7 @@ class Pipeline:
 
     outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their
     own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
+    refuse: is called if it is not sound.
     """
 
     def __init__(
@@ -66,10 +67,12 @@ class Pipeline:
         config: Config,
         outputs: Callable[[], dict[str, OutputStats]] = no_outputs,
         state: DeviceState | None = None,
+        refuse: Callable[[], None] = lambda: None,
     ) -> None:
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
         every = config.output.every
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name, every)
+        self._refuse = refuse
         self._stages: list[Stage] = stages_of(config)
         self._board: DeviceStatus | None = None
         self._now_ns = 0
@@ -227,6 +230,7 @@ class Pipeline:
                         stage.begin(beginning._replace(saved=state.estimators))
                 except ValueError as error:
                     problem = str(error)
+                    self._refuse()
                 else:
                     age_s = (now_unix_ns - state.unix_ns) * 1e-9
                     for stage in self._stages:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from fltea.lab.evaluate.cases import Case
 from fltea.lab.evaluate.run import WHITTLE, Result, Row
-from fltea.records.errors import UsageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,17 +77,6 @@ MAPS = {
         "Median error of f, as a share of f", "error of f", "f", _relative, 0.0, 1.0, "viridis_r", ".0%"
     ),
 }
-
-
-def check_matplotlib() -> None:
-    """Raise UsageError with what to do if matplotlib is not installed."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "heat maps need matplotlib, which is not installed: pip install 'fltea[plot]'. Without it, ask "
-            "for numbers alone: --no-figures."
-        ) from None
 
 
 def draw(result: Result) -> dict[str, bytes]:

@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.estimator.engine import Engine
+from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.lane_settings import lane_settings
-from fltea.estimator.native_gyroscope import STATE_BOUND
-from fltea.estimator.supervisor import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER
+from fltea.estimator.lanes import Lanes
 from fltea.settings.config import EstimatorConfig
 
 Array = NDArray[np.float64]
@@ -44,31 +43,23 @@ def read(
     Q, R: (seeds,) in (deg/s)², in place of those of `config`.
 
     Lengths count from the first sample of the start-up window; they are rising multiples of BLOCK beyond it.
-    A lane that ran away or was held by the guard (as the supervisor counts) at the end of a block, is not
-    valid from there on; the daemon would begin anew.
+    A lane that the supervisor has withdrawn once is not valid from there on, though it begins again as it
+    does in the daemon.
     """
     startup = config.startup_needed
     if any(n % BLOCK or n < startup + BLOCK for n in lengths) or startup % BLOCK:
         raise ValueError(f"lengths must be multiples of {BLOCK} beyond the start-up window, got {lengths}")
-    window = y[:startup]
-    bias = window.mean(axis=0) if config.bias == "startup" else np.zeros(y.shape[1])
-    if R is None:
-        R = window.var(axis=0, ddof=1) if config.R == "auto" else np.full(y.shape[1], np.ravel(config.R)[0])
-    settings = lane_settings(config, h, R.tolist())
+    bias, own_R = lane_baselines(y[:startup], config, None)
+    settings = lane_settings(config, h, (own_R if R is None else R).tolist())
     if Q is not None:
         settings = replace(settings, state=replace(settings.state, Q=Q))
-    engine = Engine(y.shape[1], settings)
+    lanes = Lanes(y.shape[1], settings)
     valid = np.ones(y.shape[1], dtype=bool)
-    back = BOUND_SAMPLES // BLOCK
-    held = [np.zeros(y.shape[1], dtype=np.int64)] * (back + 1)
     readings = []
     for start in range(startup, lengths[-1], BLOCK):
-        e = engine.run(y[start : start + BLOCK] - bias)
-        alpha, f = e.alpha[-1].copy(), e.f[-1].copy()
-        gone = ~(np.isfinite(f) & np.isfinite(e.x[-1]) & (np.abs(alpha) <= LOST_ORDER))
-        held = [*held[1:], engine.interventions()[:, STATE_BOUND].astype(np.int64)]
-        valid &= ~gone & (held[-1] - held[0] <= BOUND_SHARE * BOUND_SAMPLES)
+        e = lanes.run(y[start : start + BLOCK] - bias)
+        valid[[one.lane for one in e.lost]] = False
         if start + BLOCK in lengths:
-            alpha_std, f_std = (np.sqrt(np.maximum(v[-1], 0)) for v in (e.alpha_var, e.f_var))
+            alpha, alpha_std, f, f_std = (v[-1].copy() for v in (e.alpha, e.alpha_std, e.f, e.f_std))
             readings.append(Reading(alpha, alpha_std, f, f_std, valid.copy()))
     return readings

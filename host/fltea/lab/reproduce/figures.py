@@ -14,7 +14,7 @@ from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce.runs import Outcome
 from fltea.lab.reproduce.scenarios import SOURCE_ALPHA, Data, Scenario
 from fltea.lab.reproduce.simulate import Array
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,17 +32,6 @@ STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#542788", "linewidth": 0.9, "linestyle": (0, (2, 2))},
 )
 ORIGINAL: dict[str, Any] = {"color": "black", "linewidth": 0.8}
-
-
-def check_matplotlib() -> None:
-    """Raise UsageError with what to do if matplotlib is not installed."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "figures need matplotlib, which is not installed: pip install 'fltea[plot]'. Without it, ask for "
-            "tables alone: --table 2."
-        ) from None
 
 
 def median_seed(scenario: Scenario, results: Mapping[int, Outcome]) -> tuple[int, str]:

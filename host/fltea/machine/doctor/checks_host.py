@@ -8,6 +8,7 @@ from fltea.machine.devices import find_ports
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.host_system import System
 from fltea.settings.config import Config
+from fltea.settings.extras import how_to_install
 from fltea.wire import layout as wire
 
 RULE = "70-fltea.rules"
@@ -28,11 +29,11 @@ def check_program() -> Iterator[Finding]:
     try:
         from fltea import _native
     except ImportError as error:
-        remedy = "install fltea anew: make setup in a clone, or pip install --force-reinstall."
+        remedy = "install fltea anew: make setup in a clone."
         yield problem("native", f"the estimator's native module cannot be loaded ({error}).", remedy)
         return
     if wire.SCHEMA_HASH != _native.SCHEMA_HASH:
-        remedy = "build it anew: make setup in a clone, or pip install --force-reinstall."
+        remedy = "build it anew: make setup in a clone."
         yield problem("native", "the native module was built from another version of the protocol.", remedy)
         return
     yield ok("native", f"the estimator's native module uses {_native.instruction_sets()[0]}")
@@ -52,12 +53,12 @@ def check_packages(config: Config, system: System) -> Iterator[Finding]:
         yield problem(
             "packages",
             f"not installed, but the configuration asks for it: {', '.join(needed)}.",
-            f"pip install 'fltea[{','.join(needed)}]'",
+            f"{how_to_install(*needed)}.",
         )
     elif missing:
         yield ok(
             "packages",
-            f"not installed, and not asked for: {', '.join(missing)} (pip install 'fltea[outputs]')",
+            f"not installed, and not asked for: {', '.join(missing)} ({how_to_install('outputs')})",
         )
     else:
         yield ok("packages", f"all outputs can be used: {', '.join(PACKAGES)}")

@@ -6,6 +6,7 @@ from typing import Any
 from fltea.records.records import AXES, DeviceAxisEstimate
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import apart, counted, figure, guard_words, quantity
+from fltea.stream.comparable import WHY_NOT, why_not_comparable
 
 
 def silent(history: DeviceHistory) -> bool:
@@ -81,21 +82,21 @@ def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) ->
 
 def _why_not(history: DeviceHistory, axis: str, seq: int, e: DeviceAxisEstimate | None) -> str:
     """Why the device's estimate says nothing beside the host's; empty if it can be compared."""
-    if e is None:
-        return "no estimate of the device yet"
-    if e.alpha_difference is not None:
+    if e is not None and e.alpha_difference is not None:
         return ""
     host, stats = history.newest.get(axis), history.stats
-    skipped = stats is not None and stats.device_estimator is not None and stats.device_estimator.skipped
-    if not e.valid:
-        why = "the device's estimate is not valid"
-    elif host is not None and not host.valid:
-        why = "the host's estimate is not valid"
-    elif history.host_age(seq) != e.age:
-        why = "the device began at another sample"
-    else:
-        why = "the device skipped samples" if skipped else "the host has other settings than the device"
-    return f"not comparable: {why}"
+    own = stats.device_estimator if stats else None
+    reason = why_not_comparable(
+        device_valid=e.valid if e else None,
+        host_valid=host.valid if host else None,
+        device_age=e.age if e else None,
+        host_age=history.host_age(seq),
+        device_skipped=own is not None and own.skipped > 0,
+        same_settings=False,  # or there would be a difference
+    )
+    if reason is None or reason == "no_device_estimate":
+        return WHY_NOT["no_device_estimate"]
+    return f"not comparable: {WHY_NOT[reason]}"
 
 
 def _apart(newest: float | None, farthest: float) -> str:

@@ -23,11 +23,10 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.settings.config import EstimateOn, EstimatorConfig
-from fltea.sinks.page import tables
-from fltea.sinks.page.tables import Table
+from fltea.sinks.page import row_layout
+from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers
-from fltea.sinks.page.white_follower import STEP, Sensor, WhiteFollower
-from fltea.wire.units import accel_resolution_ms2, resolution_dps
+from fltea.stream.white import STEP, WhiteFollower, follow
 
 SILENCE_MS = 1000.0
 EVENTS = 60
@@ -107,6 +106,10 @@ class DeviceHistory:
             host_ns = self.sample.host_ns if self.sample else 0
             self._happen(host_ns, "missed", f"the page missed {count} records: it was too slow")
 
+    def release(self) -> None:
+        """Let go of the runs of white noise; nothing is written any more."""
+        self.followers = {}
+
     def estimator(self, axis: str) -> EstimateOn:
         """Who estimates an axis."""
         return self._estimator if axis in AXES else "host"
@@ -134,7 +137,7 @@ class DeviceHistory:
 
     def columns(self, table: Table, axis: str) -> dict[str, int]:
         """Where the columns that concern an axis stand in the table's rows."""
-        return tables.places(table, self.axes, axis)
+        return row_layout.places(table, self.axes, axis)
 
     def offset(self, axis: str) -> float:
         """What is taken off the samples of an axis: its bias, or in the start-up window the mean so far."""
@@ -217,7 +220,7 @@ class DeviceHistory:
             return
         row: list[float | None] = [record.host_ns * 1e-6, record.seq]
         for axis in self.axes:
-            row += tables.estimate(record.axes.get(axis))
+            row += row_layout.estimate(record.axes.get(axis))
         self._tables["own"].append(np.array(row, dtype=np.float64))
 
     def _on_device_estimates(self, record: DeviceEstimates) -> None:
@@ -226,7 +229,7 @@ class DeviceHistory:
             return
         row: list[float | None] = [record.host_ns * 1e-6]
         for axis in self.axes:
-            row += tables.beside(record.axes.get(axis))
+            row += row_layout.beside(record.axes.get(axis))
         self._tables["beside"].append(np.array(row, dtype=np.float64))
 
     def _on_stats(self, record: Stats) -> None:
@@ -272,7 +275,7 @@ class DeviceHistory:
         for axis in self.axes:
             y = _value(sample, axis) - self.offset(axis)
             row += [y, y, y]
-            row += tables.estimate(both.get(axis))
+            row += row_layout.estimate(both.get(axis))
         self._tables["rows"].append(np.array(row, dtype=np.float64))
 
     def _cut(self, time_ms: float) -> None:
@@ -288,34 +291,22 @@ class DeviceHistory:
         rate_hz = self.hello.rate_hz if self.hello else 100.0
         axes = len(self.axes)
         self._tables: dict[Table, Tiers] = {
-            "rows": tables.make("rows", axes, rate_hz),
-            "white": tables.make("white", axes, rate_hz / STEP),
-            "checks": tables.make("checks", axes, 1.0),
+            "rows": row_layout.make("rows", axes, rate_hz),
+            "white": row_layout.make("white", axes, rate_hz / STEP),
+            "checks": row_layout.make("checks", axes, 1.0),
         }
         self._make_table_of_device()
 
     def _make_table_of_device(self) -> None:
         rate_hz = (self.hello.rate_hz if self.hello else 100.0) / self._every
         if self._estimator == "device":
-            self._tables["own"] = tables.make("own", len(self.axes), rate_hz)
+            self._tables["own"] = row_layout.make("own", len(self.axes), rate_hz)
         if self._estimator == "both":
-            self._tables["beside"] = tables.make("beside", len(self.axes), rate_hz)
+            self._tables["beside"] = row_layout.make("beside", len(self.axes), rate_hz)
 
     def _follow(self) -> None:
         """Begin to watch the axes of an epoch."""
-        self.followers = {}
-        hello = self.hello
-        for number, axis in enumerate(self.axes):
-            of_gyro = axis in AXES
-            config = self._config_of_gyro() if of_gyro else self._accel
-            if hello is None or config is None:
-                self.followers[axis] = None
-                continue
-            resolution = resolution_dps(hello) if of_gyro else accel_resolution_ms2(hello)
-            R = config.R if isinstance(config.R, int | float) else None
-            if isinstance(config.R, list):
-                R = config.R[[a for a in self.axes if (a in AXES) == of_gyro].index(axis)]
-            self.followers[axis] = WhiteFollower(Sensor(config, 1 / hello.rate_hz, resolution), R, number)
+        self.followers = follow(self.axes, self.hello, self._config_of_gyro(), self._accel)
 
     def _config_of_gyro(self) -> EstimatorConfig:
         """Settings of the gyroscope's axes: a device's own, as far as it says them, where it has its own."""

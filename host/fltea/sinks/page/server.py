@@ -17,10 +17,13 @@ from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPServerRequest
 from tornado.ioloop import IOLoop
 from tornado.netutil import bind_sockets
-from tornado.routing import Matcher, Rule, RuleRouter
+from tornado.routing import AnyMatches, Matcher, Rule, RuleRouter
+from tornado.web import Application as WebApplication
 
 from fltea.records.errors import FlteaError
+from fltea.records.ports import Report
 from fltea.sinks.own_names import is_own, own_names
+from fltea.sinks.page.visitors import Full, OneTooMany
 
 UNUSED_SESSION_MS = 5_000
 """What a closed page may still cost. A page that was cut off for longer loads itself anew."""
@@ -55,13 +58,20 @@ class PageServer:
     """Bokeh's server on a loop in a thread of its own.
 
     make: fills the document of each page. names: further names under which the page may be asked for.
+    visitors: pages that may be open at a time; `report` is told of others.
 
     Raises:
         FlteaError: the port is taken, or the address is not ours.
     """
 
     def __init__(
-        self, host: str, port: int, names: Collection[str], make: Callable[[Document], None]
+        self,
+        host: str,
+        port: int,
+        names: Collection[str],
+        make: Callable[[Document], None],
+        visitors: int,
+        report: Report,
     ) -> None:
         try:
             sockets = bind_sockets(port, host)
@@ -70,7 +80,8 @@ class PageServer:
         self.port: int = sockets[0].getsockname()[1]
         self._sockets = sockets
         self._names = own_names(host, names)
-        self._application = Application(FunctionHandler(make))
+        self._make, self._visitors, self._report = make, visitors, report
+        self._application = Application(FunctionHandler(self._fill))
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live page", daemon=True)
         self._thread.start()
@@ -83,7 +94,7 @@ class PageServer:
     @property
     def pages(self) -> int:
         """Pages that are open, or were until a few seconds ago."""
-        return len(self._server.get_sessions("/"))
+        return len(self._ids())
 
     def close(self) -> None:
         """End the server; open pages are told by the loss of their connection."""
@@ -104,13 +115,24 @@ class PageServer:
             stats_log_frequency_milliseconds=3_600_000,
             websocket_max_message_size_bytes=LARGEST_MESSAGE,
         )
-        http = HTTPServer(RuleRouter([Rule(OwnName(self._names), tornado)]))
+        full = Rule(OneTooMany(self._visitors, self._ids, self._report), Full)
+        inside = WebApplication([], log_function=lambda handler: None)  # it takes a 503 for a fault
+        inside.wildcard_router.add_rules([full, Rule(AnyMatches(), tornado)])
+        http = HTTPServer(RuleRouter([Rule(OwnName(self._names), inside)]))
         http.add_sockets(self._sockets)
         self._server = BaseServer(self._loop, tornado, http)
         self._server.start()
         self._ready.set()
         self._loop.start()
         self._loop.close(all_fds=True)
+
+    def _ids(self) -> set[str]:
+        return {session.id for session in self._server.get_sessions("/")}
+
+    def _fill(self, document: Document) -> None:
+        """Make a page, unless several that came at once found room for one; theirs stays empty."""
+        if self.pages < self._visitors:
+            self._make(document)
 
     async def _stop(self) -> None:
         self._server.stop(wait=False)

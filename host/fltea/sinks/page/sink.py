@@ -38,7 +38,7 @@ class DashboardSink(Sink):
         }
         Complaints(report)
         self._host, port = settings.listen()
-        self._server = PageServer(self._host, port, settings.names, self._make)
+        self._server = PageServer(self._host, port, settings.names, self._make, settings.visitors, report)
 
     @property
     def url(self) -> str:
@@ -61,8 +61,14 @@ class DashboardSink(Sink):
             history.missed(count)
 
     def close(self) -> None:
-        """End the server."""
+        """End the server, and let go of the native estimators, even if a page's thread outlives this.
+
+        Such a thread keeps its histories, and they would keep what the native module finds not released when
+        the program ends.
+        """
         self._server.close()
+        for history in self._histories.values():
+            history.release()
 
     def _make(self, document: Document) -> None:
         Page(document, self._histories)

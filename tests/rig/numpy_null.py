@@ -1,28 +1,4 @@
-"""Is it white? A running test of the measurements, cheap enough to stand beside every live α.
-
-FLTEA's own α has almost no power as a test (host/README.md, What α and f are worth). The likelihood ratio of
-`fltea identify` has, but costs a fit. This one costs a few products a sample. The samples are summed in
-blocks of 1, 4, 16, ... 16,384; of each level the correlations at lags 1 to 8 and the variance ratios over 4
-and 8 blocks (sums of these correlations, with falling weights) are kept, each divided by its standard
-deviation as it is without correlation, whatever the variance does meanwhile (Lo & MacKinlay, Rev. Financial
-Studies 1 (1988) 41): neither heavy tails nor quantisation to a whole deviation change the false alarms, and
-that to five deviations adds none. The largest magnitude is the statistic. Variance ratios see memory and
-drift, correlations resonances and lines.
-It covers all since the epoch began, start-up window included, and forgets nothing: a sensor that was once
-moved is not white until the next epoch.
-
-The largest of ten normal figures a level behaves like that of `EFFECTIVE` independent ones, which gives the
-p-value at any one moment. It is looked at all the time, so the noise is called not white only below `LEVEL`.
-Measured (tools/bench/running_null_tables.py):
-
-- the p-value of white noise is below 5 % in 4.6 to 6.2 % of 1,000 series of 30 s and of 10 minutes, Gaussian,
-  one LSB per deviation or t4;
-- white noise has been called not white at least once in 1.8 % after 10 minutes and 2.8 % after an hour (of
-  500 axes), and 4.7 % after a day (of 150);
-- the power at 5 % is near that of the likelihood ratio: 83 % for α 0.3, f 0 in a tenth of the power, 30 s.
-
-"Not white" is not "fractional": drift, resonances, filters and movement are not white either.
-"""
+"""The running test of whiteness in numpy: the oracle of the native one (fltea.estimator.running_null)."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -30,7 +6,6 @@ from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
-from fltea.records.records import Order
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -59,7 +34,7 @@ class Standing(NamedTuple):
     """p: how often white noise would look at least as unlike white, at one moment; None while not known."""
 
     p: float | None
-    order: Order | None
+    order: str | None
 
 
 UNKNOWN = Standing(None, None)
@@ -253,13 +228,6 @@ def p_value(largest: float, effective: int) -> float:
     """Probability that the largest magnitude of so many independent normal figures is no smaller."""
     single = math.erfc(largest / math.sqrt(2))
     return -math.expm1(effective * math.log1p(-single)) if single < 1 else 1.0
-
-
-def p_text(p: float) -> str:
-    """A p-value as a person reads it."""
-    if p < LEVEL:
-        return f"p < {LEVEL:g}"
-    return f"p = {p:.2f}" if p >= 0.1 else f"p = {p:.3f}"
 
 
 def _standing(largest: float, effective: int) -> Standing:

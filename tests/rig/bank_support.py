@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.bank import Bank, BankBlock
 from fltea.estimator.lanes import Lost
+from fltea.settings.config import EstimatorConfig
 from numpy.typing import NDArray
 from numpy_null import RunningNull
 from sample_by_sample import OnlineEstimator, Whiteness

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.baseline import Baseline, BaselineRule
 from fltea.estimator.engine import CAUSES, Engine
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, Reason
+from fltea.settings.config import EstimatorConfig
 
 STATE_BOUND = CAUSES.index("state_bound")
 
@@ -31,7 +31,7 @@ class AxisEstimate(NamedTuple):
     valid: bool
 
 
-INVALID = AxisEstimate(*[math.nan] * 7, valid=False)
+INVALID = AxisEstimate(*(math.nan,) * 7, False)
 
 
 class Verdict(NamedTuple):
@@ -286,7 +286,7 @@ class OnlineEstimator:
         self._estimator = NativeGyroscope(axes, R, bias, self._h, self._config)
 
 
-WHITENESS_BLOCK = 100
+BLOCK = 100
 BLOCKS = 10
 FEWEST = 200
 
@@ -308,7 +308,7 @@ class Whiteness:
         if std > 0:
             normalised += (innovation / std) ** 2
         self._now = (n + 1, products, squares + innovation * innovation, normalised)
-        if n + 1 == WHITENESS_BLOCK:
+        if n + 1 == BLOCK:
             self._blocks.append(self._now)
             self._now = (0, 0.0, 0.0, 0.0)
 

@@ -1,0 +1,52 @@
+// Where the records of an unpacked MCAP chunk stand (the MCAP specification, "Records" and "Message").
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace fltea {
+
+// One record. begin, end: of its content in the chunk, of a message of what stands behind its head; the rest is
+// 0 for all but messages.
+struct ChunkRecord {
+    std::int64_t kind, begin, end, channel, sequence, log_time, publish_time;
+};
+
+// Appends the records of a chunk; false if one of them runs beyond its end, or cannot be.
+inline bool index_chunk(const std::uint8_t* data, std::size_t size, std::vector<ChunkRecord>& records) {
+    constexpr std::size_t kHead = 9, kMessageHead = 22;
+    constexpr std::uint8_t kMessage = 0x05;
+    const auto number = [](const std::uint8_t* at, int bytes) {
+        std::uint64_t value = 0;
+        for (int i = bytes; i-- > 0;) value = value << 8 | at[i];
+        return value;
+    };
+    const auto is_time = [](std::uint64_t value) { return value <= INT64_MAX; };
+    std::size_t at = 0;
+    while (at < size) {
+        if (size - at < kHead) return false;
+        const std::uint8_t kind = data[at];
+        const std::uint64_t length = number(data + at + 1, 8);
+        at += kHead;
+        if (length > size - at) return false;
+        ChunkRecord record = {kind, static_cast<std::int64_t>(at), static_cast<std::int64_t>(at + length), 0,
+                              0,    0,                             0};
+        if (kind == kMessage) {
+            const std::uint8_t* head = data + at;
+            if (length < kMessageHead || !is_time(number(head + 6, 8)) || !is_time(number(head + 14, 8))) {
+                return false;
+            }
+            record.begin += static_cast<std::int64_t>(kMessageHead);
+            record.channel = static_cast<std::int64_t>(number(head, 2));
+            record.sequence = static_cast<std::int64_t>(number(head + 2, 4));
+            record.log_time = static_cast<std::int64_t>(number(head + 6, 8));
+            record.publish_time = static_cast<std::int64_t>(number(head + 14, 8));
+        }
+        records.push_back(record);
+        at += static_cast<std::size_t>(length);
+    }
+    return true;
+}
+
+}  // namespace fltea

@@ -1,0 +1,206 @@
+"""Lanes under the supervisor: the oracle's verdicts and estimates, in blocks of any size."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fltea.config import EstimatorConfig
+from fltea.estimator.engine import Engine, instruction_sets
+from fltea.estimator.engine_settings import EngineSettings
+from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, LaneBlock, Lanes, Lost
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from sample_by_sample import NativeGyroscope
+
+Array = NDArray[np.float64]
+PRINTED = {"variant": "triple", "guard": "off"}
+
+
+def tuning(n: int, R: float = 0.0235, **changes: object) -> EngineSettings:
+    config = EstimatorConfig(window=100, **changes)  # type: ignore[arg-type]
+    return lane_settings(config, 0.01, [R] * n)
+
+
+def white(n: int, lanes: int, seed: int = 0) -> Array:
+    return np.random.default_rng(seed).standard_normal((n, lanes)) * 0.153
+
+
+def thrown_about(n: int, lanes: int) -> Array:
+    """Ever more of it in every lane, and none at the end."""
+    y = white(n, lanes)
+    loud = np.random.default_rng(1).random(y.shape) < np.arange(lanes) / (2 * lanes)
+    loud[2 * n // 3 :] = False
+    return y + 20 * loud * np.random.default_rng(2).choice([-1, 1], y.shape)
+
+
+def on_and_off(n: int, lanes: int) -> Array:
+    """Loud again as soon as a lane is back: what its supervisor saw before must be forgotten."""
+    y = white(n, lanes)
+    loud = (np.random.default_rng(1).random(y.shape) < 0.45) & (np.arange(n)[:, np.newaxis] % 350 < 200)
+    return y + 20 * loud * np.random.default_rng(2).choice([-1, 1], y.shape)
+
+
+CASES = [
+    ({}, 0.0235, white),
+    ({}, 0.0235, thrown_about),
+    ({}, 0.0235, on_and_off),
+    ({"variant": "triple", "guard": "faithful"}, 0.001, thrown_about),
+    (PRINTED, 0.0235, white),
+    (PRINTED, 0.002, white),
+    (PRINTED | {"engine": "direct"}, 0.001, thrown_about),
+]
+
+
+@pytest.mark.parametrize(("changes", "R", "make"), CASES)
+@pytest.mark.parametrize("lanes", [1, 3, 11])
+def test_equals_the_oracle_to_the_bit(changes: dict[str, object], R: float, make: object, lanes: int) -> None:
+    y = make(900, lanes)  # type: ignore[operator]
+    gone = np.zeros(900, dtype=bool)
+    gone[[50, 51, 300, 899]] = True
+    names = [f"lane_{i}" for i in range(lanes)]
+    config = EstimatorConfig(window=100, **changes)  # type: ignore[arg-type]
+    oracle = NativeGyroscope(names, [R] * lanes, [0.0] * lanes, 0.01, config)
+    runner = Lanes(lanes, tuning(lanes, R, **changes))
+    found = runner.run(y, np.repeat(gone[:, np.newaxis], lanes, axis=1))
+    lost = []
+    for k, row in enumerate(y.tolist()):
+        estimates = oracle.step(None if gone[k] else row)
+        lost += [Lost(k, names.index(name), why) for name, why in oracle.lost.items()]
+        expected = np.array([tuple(e) for e in estimates.values()]).T
+        for column, values in zip(found[:7], expected[:7], strict=True):
+            np.testing.assert_array_equal(column[k], values)
+        assert found.valid[k].tolist() == expected[7].astype(bool).tolist()
+    assert found.lost == lost
+    assert dict(zip(names, runner.restarts.tolist(), strict=True)) == oracle.restarts
+    assert runner.interventions().tolist() == oracle._engine.interventions().tolist()  # type: ignore[union-attr]
+
+
+def test_the_cases_are_there_for_something() -> None:
+    """Runaways, withdrawals and returns do occur in them."""
+    reasons = []
+    for changes, R, make in CASES:
+        runner = Lanes(11, tuning(11, R, **changes))
+        found = runner.run(make(900, 11))
+        reasons.append(({one.reason for one in found.lost}, bool(runner.restarts.any())))
+    assert reasons[1] == ({"bound"}, True)
+    assert reasons[2] == ({"bound"}, True)
+    assert reasons[5] == ({"runaway"}, True)
+    assert (reasons[0], reasons[4]) == ((set(), False),) * 2
+
+
+@settings(max_examples=40)
+@given(
+    cuts=st.lists(st.integers(1, 499), max_size=8),
+    lanes=st.integers(1, 12),
+    case=st.sampled_from(CASES),
+    missing=st.integers(0, 9),
+)
+def test_any_cut_is_the_same_to_the_bit(
+    cuts: list[int], lanes: int, case: tuple[dict[str, object], float, object], missing: int
+) -> None:
+    changes, R, make = case
+    y = make(500, lanes)  # type: ignore[operator]
+    gone = np.random.default_rng(missing).random(y.shape) < missing / 20
+    y[gone] = math.nan
+    whole, parts = Lanes(lanes, tuning(lanes, R, **changes)), Lanes(lanes, tuning(lanes, R, **changes))
+    expected = whole.run(y, gone)
+    edges = sorted({0, 500, *cuts})
+    found = [(a, parts.run(y[a:b], gone[a:b])) for a, b in itertools.pairwise(edges)]
+    for name in LaneBlock._fields[:-1]:
+        columns = np.concatenate([getattr(block, name) for _, block in found])
+        np.testing.assert_array_equal(columns, getattr(expected, name), err_msg=name)
+    assert [one._replace(row=one.row + a) for a, block in found for one in block.lost] == expected.lost
+    np.testing.assert_array_equal(whole.restarts, parts.restarts)
+    np.testing.assert_array_equal(whole.interventions(), parts.interventions())
+
+
+@pytest.mark.parametrize("instruction_set", instruction_sets())
+def test_lanes_are_the_engine_where_nothing_is_lost(instruction_set: str) -> None:
+    y = white(600, 5)
+    found = Lanes(5, tuning(5), instruction_set=instruction_set).run(y)
+    engine = Engine(5, tuning(5), instruction_set=instruction_set).run(y)
+    for mine, theirs in (
+        (found.alpha, engine.alpha),
+        (found.alpha_std, np.sqrt(engine.alpha_var)),
+        (found.f, engine.f),
+        (found.f_std, np.sqrt(engine.f_var)),
+        (found.x, engine.x),
+        (found.innovation, engine.innovation),
+        (found.innovation_std, np.sqrt(engine.innovation_var)),
+    ):
+        np.testing.assert_array_equal(mine, theirs)
+    assert found.valid.all()
+    assert found.lost == []
+
+
+def test_a_lane_that_begins_again_is_a_new_lane_and_the_others_do_not_notice() -> None:
+    y = white(3000, 2, 5)
+    y[:, 1] += 1.0
+    settings = tuning(2, **PRINTED)
+    found = Lanes(2, settings).run(y)
+    row = next(one.row for one in found.lost if one.lane == 1)
+    assert not found.valid[row, 1]
+    again = Lanes(2, settings).run(y[row + 1 : row + 60])
+    np.testing.assert_array_equal(again.alpha[:, 1], found.alpha[row + 1 : row + 60, 1])
+    alone = Lanes(1, tuning(1, **PRINTED)).run(y[:, :1])
+    np.testing.assert_array_equal(alone.x[:, 0], found.x[:, 0])
+
+
+def test_a_wrong_r_is_called_not_valid_while_it_lasts() -> None:
+    """R is a hundredth of the noise's variance at first: the guard holds the state all the time."""
+    random = np.random.default_rng(3)
+    y = np.concatenate([random.standard_normal((1500, 1)) * 3.0, random.standard_normal((1500, 1)) * 0.153])
+    runner = Lanes(1, tuning(1))
+    found = runner.run(y)
+    assert not found.valid[BOUND_SAMPLES:1500].any()
+    assert found.valid[1500 + BOUND_SAMPLES :].all()
+    assert runner.restarts.tolist() == [1]
+    assert [one.reason for one in found.lost] == ["bound"]
+
+
+def test_constants_are_the_supervisors() -> None:
+    assert (LOST_ORDER, BOUND_SAMPLES, BOUND_SHARE) == (5.0, 200, 0.25)
+
+
+def test_what_cannot_be_run_is_refused_and_changes_nothing() -> None:
+    runner, other = Lanes(2, tuning(2)), Lanes(2, tuning(2))
+    y = white(10, 2)
+    for wrong in (math.nan, math.inf, 1e101):
+        bad = y.copy()
+        bad[3, 1] = wrong
+        with pytest.raises(ValueError, match=r"y\[3\], lane 1"):
+            runner.run(bad)
+    for shape in ((2,), (3, 1), (1, 2, 2)):
+        with pytest.raises(ValueError, match="y must have 2 lanes"):
+            runner.run(np.zeros(shape))
+    with pytest.raises(ValueError, match="missing must have y's shape"):
+        runner.run(y, np.zeros((9, 2), dtype=bool))
+    with pytest.raises(ValueError, match=r"state\.R"):
+        Lanes(2, replace(tuning(2), state=replace(tuning(2).state, R=-1.0)))
+    assert runner.run(y[:0]).alpha.shape == (0, 2)
+    first, second = runner.run(y), other.run(y)
+    np.testing.assert_array_equal(first.alpha, second.alpha)
+
+
+def test_any_number_of_lanes_gives_the_same_estimates() -> None:
+    y = white(200, 9)
+    whole = Lanes(9, tuning(9)).run(y)
+    for i in range(9):
+        np.testing.assert_array_equal(Lanes(1, tuning(1)).run(y[:, [i]]).f[:, 0], whole.f[:, i])
+
+
+def test_threads_wait_for_each_other() -> None:
+    """Calls release Python's lock; each block is taken whole."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    runner = Lanes(3, tuning(3))
+    y = np.repeat(white(1, 3), 200, axis=0)
+    with ThreadPoolExecutor(4) as pool:
+        found = [future.result() for future in [pool.submit(runner.run, y) for _ in range(20)]]
+    expected = Lanes(3, tuning(3)).run(np.repeat(y[:1], 4000, axis=0))
+    ends = sorted(block.alpha[-1, 0] for block in found)
+    assert ends == sorted(expected.alpha[199::200, 0])
