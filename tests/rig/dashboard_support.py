@@ -158,8 +158,10 @@ def _of_device(e: AxisEstimate, age: int, apart: float | None) -> DeviceAxisEsti
     assert e.f is not None
     d = apart or 0.0
     numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state, e.innovation
-    differences = (None,) * 3 if apart is None else (d, -3 * d, d / 2)
-    return DeviceAxisEstimate(*numbers, True, age, *differences)
+    if apart is None:
+        return DeviceAxisEstimate(*numbers, True, age=age)
+    differences = {"alpha_difference": d, "f_difference": -3 * d, "state_difference": d / 2}
+    return DeviceAxisEstimate(*numbers, True, age=age, **differences)
 
 
 def _with_device(record: AnyRecord, estimate_on: str, own: dict[str, Any]) -> AnyRecord:
