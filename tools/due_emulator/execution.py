@@ -39,10 +39,10 @@ POLL_STEP_PS = 10_000_000
 the value is the same as then. After a poll, time jumps to the next event if that is near, about a byte on a
 wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it."""
 
-ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
-ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
-ON_EVENTS = ctypes.CFUNCTYPE(None)
-ON_LIMIT = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
+ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
+ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
+ON_EVENTS = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
+ON_LIMIT = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)
 UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "context_restore", "ctl")
 
 
@@ -107,15 +107,16 @@ class Execution(ctypes.Structure):
         flash: mmap.mmap,
         quick: QuickReads,
         *,
-        on_read: Callable[[int, int], int],
-        on_write: Callable[[int, int, int], None],
-        on_events: Callable[[], None],
-        on_limit: Callable[[int], None],
+        on_read: Callable[[int, int, int], int],
+        on_write: Callable[[int, int, int, int], None],
+        on_events: Callable[[int], None],
+        on_limit: Callable[[int, int], None],
     ) -> None:
-        """Tell what happens in a slice, as it happens.
+        """Tell what happens in a slice, as it happens and with its moment in virtual time [ps].
 
-        on_read(address, bytes), on_write(address, bytes, value): accesses to peripherals. on_events(): events
-        are due after an access. on_limit(pc): the limit is reached before the instruction at pc.
+        on_read(now_ps, address, bytes), on_write(now_ps, address, bytes, value): accesses to peripherals.
+        on_events(now_ps): events are due after an access. on_limit(now_ps, pc): the limit is reached before
+        the instruction at pc.
         """
         super().__init__()
         self._library = _library()
