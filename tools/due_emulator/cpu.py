@@ -98,7 +98,7 @@ class Cpu:
     @property
     def return_address(self) -> int:
         """Where the function that was just called returns to."""
-        return self._uc.reg_read(LR) & ~THUMB
+        return self._execution.register(LR) & ~THUMB
 
     @property
     def active_exceptions(self) -> int:
@@ -141,7 +141,7 @@ class Cpu:
                 machine.advance_to(min(machine.next_event_ps, at_ps))
                 continue
             machine.asleep = False
-            masked = urgent is not None and self._uc.reg_read(PRIMASK) & 1
+            masked = urgent is not None and self._execution.register(PRIMASK) & 1
             if urgent is not None and not masked:
                 self._enter(urgent)
             # A window without PRIMASK may be two instructions long: no slice may run over it.
@@ -151,7 +151,7 @@ class Cpu:
         nvic = self._nvic
         if not nvic.pending & nvic.enabled:
             return None
-        return nvic.urgent(self._uc.reg_read(BASEPRI))
+        return nvic.urgent(self._execution.register(BASEPRI))
 
     def _begin(self) -> None:
         """Reset: a fresh processor on the same memory."""
@@ -206,7 +206,7 @@ class Cpu:
         self._told = None
         self._tell()
         error = slice_.run(self._pc)
-        self._pc = self._uc.reg_read(PC)
+        self._pc = self._execution.register(PC)
         if self._raised is not None:
             raise self._raised
         done = slice_.done - (error != unicorn.UC_ERR_OK and self._pc == slice_.address)
@@ -244,10 +244,11 @@ class Cpu:
 
     def _enter(self, exception: int) -> None:
         uc = self._uc
-        if uc.reg_read(CONTROL):
+        register = self._execution.register
+        if register(CONTROL):
             self._machine.fault("the process stack and unprivileged code are not modelled")
-        values = [uc.reg_read(register) for register in STACKED]
-        sp = uc.reg_read(SP)
+        values = [register(number) for number in STACKED]
+        sp = register(SP)
         frame = (sp - 4 * FRAME_WORDS) & ~7
         values[-1] |= XPSR_ALIGNED * bool(sp & 4)
         try:
@@ -275,7 +276,7 @@ class Cpu:
         if not active or self._pc != expected:
             self._machine.fault(f"return from an exception to 0x{self._pc | 1:08X} is not possible here")
         self._nvic.leave()
-        frame = uc.reg_read(SP)
+        frame = self._execution.register(SP)
         stacked = bytes(uc.mem_read(frame, 4 * FRAME_WORDS))
         values = [int.from_bytes(stacked[i : i + 4], "little") for i in range(0, len(stacked), 4)]
         xpsr = values[-1]

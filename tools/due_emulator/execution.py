@@ -132,6 +132,9 @@ class Execution(ctypes.Structure):
         self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
             setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))
+        # Unicorn's own way to read a register takes ten times as long.
+        self._value = ctypes.c_uint32()
+        self._value_at = ctypes.byref(self._value)
         self.may_be_quick = 1
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
@@ -191,6 +194,11 @@ class Execution(ctypes.Structure):
     def run(self, pc: int) -> int:
         """Run from an address to the end of the slice; returns Unicorn's error, or UC_ERR_OK."""
         return int(self._library.run(ctypes.byref(self), ctypes.c_uint64(pc)))
+
+    def register(self, number: int) -> int:
+        """A register of the processor, by Unicorn's number."""
+        uclib.uc_reg_read(self._exact, number, self._value_at)
+        return self._value.value
 
     def time_after(self, instructions: int) -> int:
         """Moment at which so many instructions of the slice have run [ps]."""
