@@ -41,7 +41,7 @@ FEWEST_AVERAGED = 5
 """Samples, for K: below, the sum of steps is more than 1 % above the line of a continuous random walk."""
 FLICKER = math.sqrt(2 * math.log(2) / math.pi)
 """σ / B at the floor, 0.664."""
-BLOCK = 1 << 15
+BLOCK = 1 << 13
 """Samples that are looked at at a time."""
 SQRT_HOUR = 60.0
 HOUR = 3600.0

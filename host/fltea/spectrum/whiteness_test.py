@@ -39,7 +39,7 @@ class InnovationSums:
         self._before = np.empty(0)
 
     def add(self, innovation: Array, std: Array) -> None:
-        """The next ones and the filter's deviations of them, both (n,); those that are not finite count not."""
+        """Take the next ones, and the filter's deviations of them, both (n,); some may not be finite."""
         good = np.isfinite(innovation) & np.isfinite(std) & (std > 0)
         e, s = innovation[good], std[good]
         if not len(e):
