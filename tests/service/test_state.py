@@ -3,7 +3,6 @@
 import random
 import time
 from collections.abc import Iterator
-from itertools import groupby
 from pathlib import Path
 
 import msgspec
