@@ -185,7 +185,9 @@ def _run(command: list[str], out: Path | None) -> Cost:
         program = subprocess.Popen(command, stdout=stream, stderr=subprocess.PIPE, start_new_session=True)
         seen: dict[int, tuple[float, float]] = {}
         while program.poll() is None:
-            seen |= _session(program.pid)
+            for process, now in _session(program.pid).items():
+                before = seen.get(process, (0.0, 0.0))
+                seen[process] = max(before[0], now[0]), max(before[1], now[1])
             time.sleep(0.05)
         wall_s = time.monotonic() - begin_s
         assert program.stderr is not None

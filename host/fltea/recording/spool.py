@@ -27,7 +27,7 @@ class _Column(NamedTuple):
 class Spool(contextlib.AbstractContextManager["Spool"]):
     """Named columns; what is appended to one has the type and width of its first block.
 
-    The files go with it: at the end of a `with`, or with the last user. In a folder they have names and stay.
+    The files go with it: at the end of a `with`, or with its last user. In a folder they have names and stay.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
