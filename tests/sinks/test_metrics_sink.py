@@ -10,9 +10,10 @@ from typing import Any
 
 import msgspec
 import pytest
+from blocks import as_items
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST
-from fltea.records.ports import Item, Sink
+from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Sink
 from fltea.records.records import (
     ACCEL_UNIT,
     AxisEstimate,
@@ -27,7 +28,7 @@ from fltea.records.records import (
     SampleStats,
     Stats,
 )
-from fltea.service.outlet import LATENCY_BOUNDS_MS, Outlet
+from fltea.service.outlet import Outlet
 from fltea.settings.config import load_config
 from fltea.settings.listen_address import listen_address
 from fltea.settings.outputs import MetricsConfig
@@ -133,8 +134,8 @@ def serve() -> Iterator[Callable[..., MetricsSink]]:
         config = MetricsConfig(address="0", **settings)
         sink = MetricsSink(config, outlets, lambda kind, text: told.append(kind))
         started.append(sink)
-        for record in records:
-            sink.write(record)
+        for item in as_items(records):
+            sink.write(item)
         return sink
 
     yield start

@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from blocks import as_items
 from fltea.records.ports import SinkClosed
 from fltea.records.records import (
     ACCEL_UNIT,
@@ -29,7 +30,7 @@ from fltea.records.records import (
     Stats,
     Whiteness,
 )
-from fltea.sinks.ndjson import BLOCK, NdjsonSink
+from fltea.sinks.ndjson import BUFFER, NdjsonSink
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, number, sparkline
 from host_support import hello, strict_records
 from hypothesis import given
@@ -84,8 +85,8 @@ EVERY_KIND: list[AnyRecord] = [
 def written(*records: AnyRecord, samples: bool = True) -> bytes:
     stream = io.BytesIO()
     sink = NdjsonSink(stream, samples=samples)
-    for record in records:
-        sink.write(record)
+    for item in as_items(records):
+        sink.write(item)
     sink.close()
     return stream.getvalue()
 
@@ -144,7 +145,7 @@ def test_lines_go_out_together_at_a_flush_and_at_once_when_many() -> None:
     sink.flush()
     assert stream.data == written(*EVERY_KIND)
     assert stream.calls == 1
-    for _ in range(BLOCK // 100):
+    for _ in range(BUFFER // 100):
         sink.write(ERROR)
     assert stream.calls > 1
 
@@ -214,8 +215,8 @@ def test_record_that_cannot_be_encoded_is_no_closed_pipe() -> None:
 def shown(*records: AnyRecord, width: int = 80) -> str:
     console = Console(file=io.StringIO(), width=width, color_system=None)
     sink = TableSink(console)
-    for record in records:
-        sink.write(record)
+    for item in as_items(records):
+        sink.write(item)
     sink.close()
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()

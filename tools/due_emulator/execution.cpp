@@ -95,10 +95,10 @@ struct Execution {
     void* fast;
     void* context;
     void* fresh;
-    uint64_t (*on_read)(uint64_t address, uint64_t size);
-    void (*on_write)(uint64_t address, uint64_t size, uint64_t value);
-    void (*on_events)();
-    void (*on_limit)(uint64_t pc);
+    uint64_t (*on_read)(uint64_t now_ps, uint64_t address, uint64_t size);
+    void (*on_write)(uint64_t now_ps, uint64_t address, uint64_t size, uint64_t value);
+    void (*on_events)(uint64_t now_ps);
+    void (*on_limit)(uint64_t now_ps, uint64_t pc);
     int (*mem_read)(void* processor, uint64_t address, void* to, size_t bytes);
     int (*emu_start)(void* processor, uint64_t begin, uint64_t end, uint64_t timeout, size_t count);
     int (*emu_stop)(void* processor);
@@ -238,9 +238,9 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     const uint64_t now_ps = time_after(e, e.done - 1);
     uint64_t value = 0;
     if (written) {
-        e.on_write(address, size, *written);
+        e.on_write(now_ps, address, size, *written);
     } else {
-        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(address, size);
+        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(now_ps, address, size);
     }
     if (e.dead) {
         e.limit = 0;
@@ -254,7 +254,7 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     // What happens during the access need not end the slice: often it was what a poll waits for.
     const uint64_t end_ps = time_after(e, e.done - 1);
     // BASEPRI, which nothing tells of, may have let in what waits.
-    if (e.next_event_ps <= end_ps || e.waiting) e.on_events();
+    if (e.next_event_ps <= end_ps || e.waiting) e.on_events(end_ps);
     e.limit = e.dead || e.stops || end_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
     return value;
 }
@@ -341,7 +341,7 @@ void before_instruction(void* processor, uint64_t address, uint32_t bytes, void*
     if (e.go_fast) return;
     count_silent_ones(e, processor, address);
     if (e.done >= e.limit) {
-        if (!e.dead && !e.stops && e.limit) e.on_limit(address);
+        if (!e.dead && !e.stops && e.limit) e.on_limit(time_after(e, e.done), address);
         e.limit = e.dead || e.stops || e.slice_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
         if (!e.limit) {
             e.emu_stop(processor);
