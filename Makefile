@@ -37,13 +37,14 @@ test: .venv/.dev
 lint: .venv/.dev
 	@$(PY) -m ruff format --check $(PY_DIRS)
 	@$(PY) -m ruff check $(PY_DIRS)
-	@$(PY) -m mypy
+	@$(PY) tools/check_types.py
 	@.venv/bin/clang-format --dry-run -Werror $(CXX_FILES)
 	@cppcheck --quiet --std=c++11 --language=c++ --enable=warning,style,performance,portability --error-exitcode=1 \
 		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea
 	@$(PY) tools/gen_protocol.py --check
 	@$(PY) tools/gen_registers.py --check
 	@$(PY) tools/gen_filter_settings.py --check
+	@$(PY) tools/gen_error_kinds.py --check
 	@$(PY) tools/build_id.py --check
 	@$(PY) tools/make_vectors.py --check
 	@$(PY) tools/gen_memory_constants.py --check
@@ -52,6 +53,7 @@ lint: .venv/.dev
 
 gen: .venv/.dev
 	@$(PY) tools/gen_filter_settings.py
+	@$(PY) tools/gen_error_kinds.py
 	@$(PY) tools/gen_protocol.py
 	@$(PY) tools/gen_registers.py
 	@$(PY) tools/make_vectors.py

@@ -7,8 +7,9 @@ counts can be held against what was really there.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
+from fltea.records.block import Block
 from fltea.records.events import Chunk, Event, Opened
 from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, LinkStats, Sample, Stats
 from fltea.settings.config import load_config
@@ -23,6 +24,8 @@ from tools.due_emulator.instants import PERIOD_PS, Burst, BusWatch, due_between
 from tools.due_emulator.machine import PS_PER_S, EmulationFault
 from tools.due_emulator.noise import World, fractional_world
 from tools.due_emulator.reset_controller import ResetType
+
+M = TypeVar("M")
 
 DATA_BYTES = 14
 QUIET_PS = PERIOD_PS * 8 // 10
@@ -133,6 +136,11 @@ class DueRun:
 
     # What the host has
 
+    def messages(self, kind: type[M]) -> list[M]:
+        """Good messages of one kind."""
+        found = (arrival.frame.message for arrival in self.arrivals)
+        return [message for message in found if isinstance(message, kind)]
+
     def of(self, kind: type) -> list[Arrival]:
         """Good frames of one message."""
         return [arrival for arrival in self.arrivals if isinstance(arrival.frame.message, kind)]
@@ -165,8 +173,9 @@ class DueRun:
     @property
     def faults(self) -> list[tuple[str, int]]:
         """FAULTs: name of the code, detail."""
-        found = [arrival.frame.message for arrival in self.of(wire.Fault)]
-        return [(wire.FaultCode(fault.code).name.lower(), fault.detail) for fault in found]
+        return [
+            (wire.FaultCode(fault.code).name.lower(), fault.detail) for fault in self.messages(wire.Fault)
+        ]
 
     @property
     def status(self) -> wire.Status:
@@ -243,7 +252,8 @@ class DueRun:
 
     def _feed(self, item: Opened | Chunk) -> None:
         for event in self._source.wire.feed(item, item.host_ns):
-            self.records += self._pipeline.feed(event)
+            for found in self._pipeline.feed(event):
+                self.records += found.records() if isinstance(found, Block) else [found]
 
     def _on_reset(self, cause: ResetType) -> None:
         self.boots[-1].ended_ps = self.now_ps

@@ -1,4 +1,4 @@
-"""Simulates the null distribution of `identify.null_test`: writes host/fltea/spectrum/null_constants.py.
+"""Simulates the distribution of `spectrum.likelihood_ratio`: writes host/fltea/spectrum/null_constants.py.
 
 Ordinates of white noise are independent and exponential, so series need not be made. For each length the
 quantiles of the likelihood ratio are counted; over the lengths each is smoothed by a parabola (the rarest by
@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from fltea.spectrum.null_test import null_fits
+from fltea.spectrum.likelihood_ratio import null_fits
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, used_ordinates
 from generated import update
 

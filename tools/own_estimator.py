@@ -103,16 +103,19 @@ class OwnEstimator:
         e = self._engine.step(y[self._live], missing=np.full(len(self._live), counts is None))
         found = []
         for axis in range(3):
-            numbers, causes, flags = [0.0] * 6, [0] * 9, wire.EstimateFlags.CONSTANT
+            numbers: tuple[float, ...] = (0.0,) * 6
+            causes, flags = [0] * 9, wire.EstimateFlags.CONSTANT
             if axis in self._live:
                 i = self._live.index(axis)
                 flags, causes = wire.EstimateFlags.VALID, e.interventions[i].tolist()
                 stds = e.alpha_var[i] ** 0.5, e.f_var[i] ** 0.5
-                numbers = [e.alpha[i], stds[0], e.f[i], stds[1], e.x[i], e.innovation[i]]
+                innovation = 0.0 if counts is None else e.innovation[i]
+                numbers = e.alpha[i], stds[0], e.f[i], stds[1], e.x[i], innovation
             if counts is None:
                 flags |= wire.EstimateFlags.MISSING
-                numbers[5] = 0.0
-            found.append(wire.Estimate(axis, flags, sample, self._age, *map(float, numbers), *causes))
+            alpha, alpha_std, f, f_std, x, innovation = map(float, numbers)
+            place = axis, flags, sample, self._age
+            found.append(wire.Estimate(*place, alpha, alpha_std, f, f_std, x, innovation, *causes))
         return found
 
     def _begin(self) -> None:
@@ -140,6 +143,6 @@ class OwnEstimator:
         )
         self._engine = Engine(len(self._live), settings)
         R[[axis for axis in range(3) if axis not in self._live]] = 0.0
-        bias = {f"bias_{axis}": f32(value) for axis, value in zip("xyz", self._bias, strict=True)}
-        variances = {f"r_{axis}": f32(value) for axis, value in zip("xyz", R, strict=True)}
-        self.stated = s._replace(**bias, **variances)
+        x, y, z = map(f32, self._bias)
+        r_x, r_y, r_z = map(f32, R)
+        self.stated = s._replace(bias_x=x, bias_y=y, bias_z=z, r_x=r_x, r_y=r_y, r_z=r_z)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from protocol_definition import CRC_SIZE, HEADER_SIZE, Message, Named, Protocol
 from protocol_python import camel, scaled_unit
 
@@ -41,6 +43,6 @@ def _named(named: Named, key: str) -> str:
     return f"### {camel(named.name)}\n\n" + _table((key, "name", "meaning"), rows)
 
 
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     lines = [head, ("---",) * len(head), *rows]
     return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)

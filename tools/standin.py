@@ -55,9 +55,9 @@ class Device:
 
     def tick(self) -> bytes:
         """The frames of one sampling instant; HELLO and STATUS ride along once a second."""
-        gyro = [int(count) for count in self._noise.step()]
+        gyro = x, y, z = [int(count) for count in self._noise.step()]
         sequence = self._sequences[wire.Sample.TYPE]
-        frames = self._frame(wire.Sample(*gyro, 0, 0, ACCEL_1G, TEMPERATURE_25C, 0))
+        frames = self._frame(wire.Sample(x, y, z, 0, 0, ACCEL_1G, TEMPERATURE_25C, 0))
         if self._own is not None:
             frames += b"".join(map(self._frame, self._own.step(gyro, sequence)))
         if self.samples % round(self._settings.rate_hz) == 0:

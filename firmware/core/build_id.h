@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "7516ee2c";
+constexpr char kBuildId[] = "544c4da3";
 
 }  // namespace fltea

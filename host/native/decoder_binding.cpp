@@ -1,5 +1,5 @@
 // fltea._native.Decoder: the wire's bytes in, columns of numpy and everything else in order out.
-// fltea.block_reader is the interface for people.
+// fltea.wire.block_reader is the interface for people.
 #include "decoder_binding.hpp"
 
 #include <cstring>

@@ -9,7 +9,7 @@ from tools.due_emulator.wire import Wire
 
 def test_wire_levels():
     wire = Wire(Machine(), "W")
-    changes = []
+    changes: list[object] = []
     wire.listen(changes.append)
     assert not wire.level
     wire.pull_up("board", True)

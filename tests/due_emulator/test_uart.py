@@ -95,7 +95,7 @@ def test_settings_do_not_change_under_a_byte(board, line):
 
 
 def test_the_interrupt_follows_txrdy_and_the_mask(board, line):
-    lines = {}
+    lines: dict[int, bool] = {}
     board.machine.on_irq = lines.__setitem__
     board.uart.write("IER", TXRDY)
     assert lines[UART_ID]

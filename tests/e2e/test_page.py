@@ -114,7 +114,7 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
             assert (shown["alpha"][i], shown["f"][i], shown["state"][i]) == (
                 e["alpha"],
                 e["f"],
-                e["state_dps"],
+                e["state"],
             )
             assert shown["alpha_low"][i] == e["alpha"] - e["alpha_std"]
             assert shown["f_high"][i] == e["f"] + e["f_std"]

@@ -150,8 +150,8 @@ def test_two_devices_in_one_folder(processes: Processes, tmp_path: Path) -> None
     assert result.returncode == 2
     names = [line.split()[0] for line in result.stderr.splitlines() if "(device " in line]
     assert len(names) == 2
-    for name, device in zip(names, ("left", "right"), strict=True):
-        live = [r for r in daemon.of("estimate") if r["device"] == device]
+    for name, side in zip(names, ("left", "right"), strict=True):
+        live = [r for r in daemon.of("estimate") if r["device"] == side]
         found = records(replay(Path(name)), "estimate")
         assert found == [{k: v for k, v in r.items() if k != "device"} for r in live]
 

@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, Array, H
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator import snapshot
 from fltea.estimator.bank import Bank
 from fltea.estimator.online_state import OnlineState
+from fltea.settings.config import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,7 +39,7 @@ CONFIGS = [
     {},
     {"variant": "triple", "guard": "off"},
     {"variant": "triple", "guard": "faithful"},
-    {"engine": "direct"},
+    {"memory": "direct"},
     {"window": 0},
     {"window": 3000},
     {"window": 10},

@@ -21,7 +21,7 @@ from hypothesis import example as case
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from test_straight_loop import Walk, c, unscented
+from test_straight_loop import Walk, c, unscented  # type: ignore[import-not-found]  # beside this file
 
 Flags = NDArray[np.bool_]
 

@@ -39,7 +39,7 @@ def straight_loop(
         predicted = shrink @ predicted @ shrink
         root = np.sqrt(3) * np.linalg.cholesky(predicted).T
         points = np.vstack([mean, mean + root, mean - root])
-        Y = np.array([output(*point, drive) for point in points])
+        Y = np.array([output(alpha, beta, drive) for alpha, beta in points])
         noise = Q + R
         if consistent:
             noise += mean.sum() ** 2 * variances[-1] + V

@@ -4,7 +4,6 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.bank import Bank
 from fltea.estimator.white_band import WhiteBand, _quantiles
 from fltea.noise.simulation import FractionalNoise

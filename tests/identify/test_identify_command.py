@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from identify_support import ar, white
 FAST = ("--jobs", "1", "--startup", "100", "--window", "100", "--shuffles", "5")
 
 
-def strict(text: str) -> dict[str, object]:
+def strict(text: str) -> dict[str, Any]:
     def refuse(name: str) -> float:
         raise AssertionError(f"{name} is not JSON")
 

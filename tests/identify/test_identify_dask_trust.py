@@ -41,3 +41,10 @@ def test_told_before_anything_is_connected(
     monkeypatch.setattr(command, "load", refuse)
     with pytest.raises(UsageError, match="no scheduler"):
         command._workers(None, "tcp://192.0.2.1:8786")
+
+
+def test_tls_without_a_certificate_says_what_to_set() -> None:
+    from fltea.identify.dask_workers import DaskWorkers
+
+    with pytest.raises(UsageError, match=r"no certificate to show.*CLIENT__CERT"):
+        DaskWorkers("tls://192.0.2.1:8786")

@@ -5,7 +5,6 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.bank import Bank
 from fltea.identify.fltea_fit import fltea_fit
 from fltea.identify.shuffled import (
@@ -18,7 +17,7 @@ from fltea.identify.shuffled import (
     shuffled_band,
 )
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.whiteness_test import chi2_tail, innovations
+from fltea.spectrum.innovation_whiteness import chi2_tail, innovations
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white
@@ -49,7 +48,7 @@ SETTINGS: list[tuple[Variant, Guard, dict[str, object]]] = [
     ("triple", "consistent", {}),
     ("triple", "off", {}),
     ("joint", "consistent", {"bias": 1.7, "R": 0.02}),
-    ("joint", "consistent", {"engine": "direct"}),
+    ("joint", "consistent", {"memory": "direct"}),
     ("triple", "off", {"R": 0.002}),  # runs away, and begins again
 ]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from fltea.identify.load import Request, Unreadable, load, recordings
 from fltea.records.errors import UsageError
-from fltea.records.records import Epoch, Sample
-from fltea.wire.units import STANDARD_GRAVITY_MS2
+from fltea.records.records import AnyRecord, Epoch, Sample
+from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
 from host_support import hello
 from identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
 
@@ -63,7 +63,7 @@ def test_csv_with_its_columns(tmp_path: Path) -> None:
 @pytest.mark.parametrize("told", [True, False])
 def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
     """Samples of another range are another stretch, whether or not an epoch is said to begin."""
-    records = [hello()]
+    records: list[AnyRecord] = [hello()]
     for k in range(90):
         if k == 30:
             starts = 2 if told else 1

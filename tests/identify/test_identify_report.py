@@ -100,7 +100,7 @@ def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> N
         for scheme in ("light", "dark"):
             page = browser.new_page(viewport={"width": 375, "height": 800}, color_scheme=scheme)
             asked: list[str] = []
-            page.on("request", lambda request, asked=asked: asked.append(request.url))
+            page.on("request", lambda request, asked=asked: asked.append(request.url))  # type: ignore[call-overload]
             page.goto((made[0] / report.PAGE).as_uri())
             assert page.evaluate("document.documentElement.scrollWidth") <= 375
             assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 400)")

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fltea.identify.findings import document
 from fltea.identify.load import Request, Unreadable, load
 from fltea.identify.run import AxisReport, Failure, FileReport, Settings, identify_all
-from fltea.identify.tables import document
 from fltea.identify.workers import Here, Processes, Workers, open_local
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES

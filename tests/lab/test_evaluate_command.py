@@ -11,7 +11,7 @@ from fltea.cli import app as cli
 from fltea.identify import workers
 from fltea.lab.evaluate import figures, run
 from fltea.lab.evaluate.run import Result
-from fltea.lab.evaluate.tables import to_csv, to_json
+from fltea.lab.evaluate.summaries import to_csv, to_json
 
 Call = Callable[..., tuple[int, str, str]]
 PNGS = ("coverage", "error", "settings")

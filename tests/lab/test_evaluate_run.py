@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from evaluate_support import STRONG, TINY
 from fltea.identify.workers import Here
-from fltea.lab.evaluate import figures, run, tables
+from fltea.lab.evaluate import figures, run, summaries
 from fltea.lab.evaluate.cases import POWER, samples
 from fltea.lab.evaluate.online import Reading
 from fltea.lab.evaluate.run import WHITTLE, Result, evaluate, evaluate_case, full_plan, quick_plan
@@ -60,7 +60,7 @@ def test_where_Q_and_R_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
     def read(y: Any, h: float, config: Any, lengths: Any, Q: Any, R: Any) -> list[Reading]:
         np.testing.assert_array_equal(y, samples(STRONG, 2, 1_000))
         given.append((Q, R))
-        return [Reading(*np.ones((4, 2)), np.ones(2, dtype=bool))]
+        return [Reading(*np.ones((4, 2)), np.ones(2, dtype=bool))]  # type: ignore[call-arg]
 
     def fitted_variances(y: Any, h: float, Q: float, power: float) -> tuple[Any, Any]:
         np.testing.assert_array_equal(y, samples(STRONG, 2, 1_500, record=1))
@@ -92,9 +92,9 @@ def test_plans() -> None:
 
 
 def test_json_and_csv_say_the_same(tiny: Result) -> None:
-    found = json.loads(tables.to_json(tiny), parse_constant=lambda name: pytest.fail(name))
-    assert msgspec.json.decode(tables.to_json(tiny), type=Result) == tiny
-    lines = list(csv.DictReader(io.StringIO(tables.to_csv(tiny))))
+    found = json.loads(summaries.to_json(tiny), parse_constant=lambda name: pytest.fail(name))
+    assert msgspec.json.decode(summaries.to_json(tiny), type=Result) == tiny
+    lines = list(csv.DictReader(io.StringIO(summaries.to_csv(tiny))))
     assert len(lines) == len(found["rows"]) + len(found["changes"])
     for line, row in zip(lines, found["rows"] + found["changes"], strict=True):
         assert (line["estimator"], line["quantity"]) == (row["estimator"], row["quantity"])
@@ -112,31 +112,31 @@ def scored(error: float, coverage: float, without: int = 0) -> Score:
 
 
 def test_what_is_right() -> None:
-    assert tables.right(scored(0.09, 0.9))
-    assert not tables.right(scored(0.11, 1.0))
-    assert not tables.right(scored(0.09, 0.85))
-    assert tables.right(scored(0.05, 1.0, without=2))
-    assert not tables.right(scored(0.05, 1.0, without=3))
-    assert not tables.right(scored(0.05, 1.0, without=20))
+    assert summaries.right(scored(0.09, 0.9))
+    assert not summaries.right(scored(0.11, 1.0))
+    assert not summaries.right(scored(0.09, 0.85))
+    assert summaries.right(scored(0.05, 1.0, without=2))
+    assert not summaries.right(scored(0.05, 1.0, without=3))
+    assert not summaries.right(scored(0.05, 1.0, without=20))
 
 
 def test_tables_and_conclusion(tiny: Result) -> None:
-    summary, white, changes = tables.summary(tiny), tables.white(tiny), tables.changes(tiny)
+    summary, white, changes = summaries.summary(tiny), summaries.white(tiny), summaries.changes(tiny)
     assert len(summary) == len(white) == (len(MAIN) + 1) * 2
     assert len(changes) == len(CHANGES)
     for headings, rows in (
-        (tables.SUMMARY_HEADINGS, summary),
-        (tables.WHITE_HEADINGS, white),
-        (tables.CHANGE_HEADINGS, changes),
+        (summaries.SUMMARY_HEADINGS, summary),
+        (summaries.WHITE_HEADINGS, white),
+        (summaries.CHANGE_HEADINGS, changes),
     ):
         assert {len(row) for row in rows} == {len(headings)}
         assert all(cell for row in rows for cell in row)
     joint = next(r.score for r in tiny.changes if r.case == STRONG and r.estimator == "joint, as it is")
-    assert changes[0][1:3] == (f"{int(tables.right(joint))} of 1", f"{joint.rmse:.2f}")
+    assert changes[0][1:3] == (f"{int(summaries.right(joint))} of 1", f"{joint.rmse:.2f}")
     claims = {(name, n): claim for name, n, _, _, claim, _ in white}
     alpha = next(r.score for r in tiny.rows if r.case.alpha is None and r.estimator == "triple")
     assert claims["triple", "1,000"] == f"{alpha.beyond_zero:.0%}"
-    words = tables.conclusion(tiny)
+    words = summaries.conclusion(tiny)
     assert words.startswith("After 1,500 samples")
     assert "Where x has at least 90% of the power joint is right in" in words
     assert "less than" not in words  # there is no such noise in the plan

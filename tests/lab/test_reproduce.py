@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.estimator.engine import Estimates
-from fltea.lab.reproduce import gyroscope, paper, tables, timing
+from fltea.lab.reproduce import gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.figures import median_seed
 from fltea.lab.reproduce.gyroscope import RecordingFile
 from fltea.lab.reproduce.runs import Options, Outcome, estimate, has_diverged, outcomes
@@ -268,7 +268,7 @@ def test_divergences_are_counted_and_guards_prevent_them() -> None:
     guarded = outcomes(wild, range(8), Options(guard="consistent"), quiet)[4000]
     assert printed.diverged.sum() >= 6
     assert guarded.diverged.sum() == 0
-    row = tables.outcome_row(printed, paper.TABLE_3[4000])
+    row = paper_tables.outcome_row(printed, paper.TABLE_3[4000])
     assert (row["seeds"], row["diverged"]) == (8, int(printed.diverged.sum()))
 
 
@@ -282,16 +282,16 @@ def test_joint_runs_too() -> None:
 
 def test_medians_are_of_those_that_did_not_diverge() -> None:
     outcome = make_outcome([False, True, False, False], state=[1.0, np.inf, 3.0, 2.0])
-    row = tables.outcome_row(outcome, paper.Errors(9.0, 8.0, 7.0))
+    row = paper_tables.outcome_row(outcome, paper.Errors(9.0, 8.0, 7.0))
     assert (row["seeds"], row["diverged"]) == (4, 1)
     assert row["state"] == {"median": 2.0, "p05": pytest.approx(1.1), "p95": pytest.approx(2.9), "paper": 9.0}
     assert row["order"]["paper"] == 7.0
 
 
 def test_what_is_not_a_number_is_null() -> None:
-    row = tables.outcome_row(make_outcome([True, True]), None)
+    row = paper_tables.outcome_row(make_outcome([True, True]), None)
     assert row["state"] == {"median": None, "p05": None, "p95": None, "paper": None}
-    overflowed = tables.spread(np.array([np.inf, 1.0, np.inf]))
+    overflowed = paper_tables.spread(np.array([np.inf, 1.0, np.inf]))
     assert (overflowed["median"], overflowed["p95"]) == (None, None)
 
 
@@ -307,11 +307,11 @@ def test_the_seed_that_is_drawn_is_the_median_of_those_that_did_not_diverge() ->
 def test_every_printed_number_stands_beside_ours() -> None:
     scenario = short(1)
     result = {L: make_outcome([False]) for L in scenario.lengths}
-    rows = tables.example_rows(2, scenario, result, Options())
+    rows = paper_tables.example_rows(2, scenario, result, Options())
     assert [row["L"] for row in rows] == [4000, 3000, 2500, 2000]
     assert [row["parameter"]["paper"] for row in rows] == [37.8467, 38.1044, 38.6321, 39.8187]
     assert rows[0]["data"] == "saw-tooth ±1, 1 Hz, starting at -1"
-    text = tables.markdown("2", rows)
+    text = paper_tables.markdown("2", rows)
     assert "| 2,000 | 0 | 1 | 0.217 | 1 | 39.82 | 1 | 62.91 |" in text
     assert "saw-tooth ±1" in text
 

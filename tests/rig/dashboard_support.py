@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import msgspec
+from blocks import as_block, records_of
 from fltea.records.events import Break, Event, RawSample
 from fltea.records.records import (
     AXES,
@@ -77,7 +78,7 @@ _made: dict[tuple[str, str], list[AnyRecord]] = {}
 def _records(query: str, config: EstimatorConfig) -> list[AnyRecord]:
     source = SyntheticSource(query, realtime=False)
     pipeline = Pipeline(source, Config(name="due", estimator=config))
-    found = [record for event in source.events() for record in pipeline.feed(event)]
+    found = records_of(item for event in source.events() for item in pipeline.feed(event))
     return [*found, pipeline.stats()]
 
 
@@ -91,12 +92,13 @@ def with_breaks(
         for _ in range(length):
             raw = tuple(20 + (k * factor) % 7 for factor in (3, 5, 8))
             force = (16384 + k % 5, k % 3, -k % 4) if accel else None
-            events.append(RawSample(k % 65536, k * 10_000 % 2**32, k * 10_000_000, raw, force, 0.0))
+            sample = RawSample(k % 65536, k * 10_000 % 2**32, k * 10_000_000, raw, force, 0.0)
+            events.append(as_block(sample))
             k += 1
         events.append(Break(reason, k * 10_000_000))  # type: ignore[arg-type]
     channels = ["gyro_x", "accel_x", "accel_y"] if accel else None
     pipeline = Pipeline(Events(events), Config(name="due", estimator=config, channels=channels))  # type: ignore[arg-type]
-    found = [record for event in events for record in pipeline.feed(event)]
+    found = records_of(item for event in events for item in pipeline.feed(event))
     return [*found, pipeline.stats()]
 
 
@@ -155,9 +157,11 @@ def _of_device(e: AxisEstimate, age: int, apart: float | None) -> DeviceAxisEsti
     assert e.alpha is not None
     assert e.f is not None
     d = apart or 0.0
-    numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state_dps, e.innovation_dps
-    differences = (None,) * 3 if apart is None else (d, -3 * d, d / 2)
-    return DeviceAxisEstimate(*numbers, True, age, *differences)
+    numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state, e.innovation
+    if apart is None:
+        return DeviceAxisEstimate(*numbers, True, age=age)
+    differences = {"alpha_difference": d, "f_difference": -3 * d, "state_difference": d / 2}
+    return DeviceAxisEstimate(*numbers, True, age=age, **differences)
 
 
 def _with_device(record: AnyRecord, estimate_on: str, own: dict[str, Any]) -> AnyRecord:

@@ -62,7 +62,8 @@ class Board:
                 if self._own is not None:
                     yield self._sent(self._own.stated)
             if row is not None:
-                yield Sent(at, wire.Sample(*row, 0, 0, 16384, 0, 0), number)
+                x, y, z = row
+                yield Sent(at, wire.Sample(x, y, z, 0, 0, 16384, 0, 0), number)
             if self._own is not None:
                 waiting.append((at, self._own.step(row, number)))
             while waiting and waiting[0][0] <= at - self._late:

@@ -25,7 +25,7 @@ class SmallBoard:
         self.machine = Machine()
         self.machine.set_mck(84_000_000)
         self.machine.clocked = 1 << PIOB_ID | 1 << TWI1_ID
-        self.irqs = {}
+        self.irqs: dict[int, bool] = {}
         self.machine.on_irq = self.irqs.__setitem__
         self.chip = Mpu9250(world or Constant((1.0, -2.0, 3.0)))
         self.socket = SensorSocket(self.machine, self.chip)
@@ -65,7 +65,7 @@ class SmallBoard:
         """Read as the datasheet says (33.8.5): STOP after the next-to-last byte."""
         self.address(register, True)
         self.twi.write("CR", START | (STOP if n == 1 else 0))
-        data = []
+        data: list[int] = []
         while len(data) < n:
             if (seen := self.wait_for(RXRDY | NACK)) is None or seen & NACK:
                 return None

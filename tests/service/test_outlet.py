@@ -5,10 +5,10 @@ import time
 from collections.abc import Callable
 
 import pytest
-from fltea.records.ports import Item, Sink, SinkClosed
+from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Latency, Sink, SinkClosed
 from fltea.records.records import AnyRecord, Error, Gap
 from fltea.service.hub import Hub
-from fltea.service.outlet import LATENCY_BOUNDS_MS, Latency, Outlet
+from fltea.service.outlet import Outlet
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -9,15 +9,15 @@ import pytest
 from bokeh.document import Document
 from dashboard_support import ALONE, BOTH, QUICK, alone, both, records, told, with_breaks
 from fltea.estimator.white_band import WhiteBand
-from fltea.records.records import AnyRecord, DeviceEstimates, Epoch, Estimate, Sample
+from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, DeviceEstimates, Epoch, Estimate, Sample
 from fltea.settings.config import EstimatorConfig
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
-from fltea.sinks.page.tables import Table
+from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import Cursor
-from fltea.sinks.page.white_follower import STEP
 from fltea.sinks.page.words import apart
+from fltea.stream.white import STEP
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 SLOW = "n=700&rate_hz=20"
@@ -49,7 +49,7 @@ def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> N
     assert history.estimator("gyro_y") == "device"
     shown, samples = columns(history, "own", "gyro_y"), columns(history, "rows", "gyro_y")
     expected = [
-        (e.host_ns * 1e-6, e.seq, y.alpha, y.alpha_std, y.f, y.f_std, y.state_dps)
+        (e.host_ns * 1e-6, e.seq, y.alpha, y.alpha_std, y.f, y.f_std, y.state)
         for e in found
         if isinstance(e, Estimate)
         for y in (e.axes["gyro_y"],)
@@ -93,10 +93,12 @@ def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -
     found: list[AnyRecord] = []
     for record in with_breaks([700], accel=True):
         if isinstance(record, Estimate):
-            if record.axes and record.seq % 10 == 0:
-                found.append(msgspec.structs.replace(record, accel_axes=None))
-            if record.accel_axes:
-                found.append(msgspec.structs.replace(record, axes={}))
+            own = {axis: e for axis, e in record.axes.items() if axis in AXES}
+            accel = {axis: e for axis, e in record.axes.items() if axis in ACCEL_AXES}
+            if own and record.seq % 10 == 0:
+                found.append(msgspec.structs.replace(record, axes=own))
+            if accel:
+                found.append(msgspec.structs.replace(record, axes=accel))
         else:
             found.append(record)
     history = told(found, config=ALONE)

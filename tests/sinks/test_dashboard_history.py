@@ -9,7 +9,7 @@ from fltea.records.records import AnyRecord, AxisEstimate, Error, Estimate, Gap,
 from fltea.settings.config import EstimatorConfig
 from fltea.sinks.page.history import DeviceHistory, Table
 from fltea.sinks.page.tiers import Cursor
-from fltea.sinks.page.white_follower import STEP
+from fltea.stream.white import STEP
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 
@@ -33,13 +33,13 @@ def test_rows_are_the_estimates_to_the_bit() -> None:
             i, e = by_seq[estimate.seq], estimate.axes[axis]
             assert shown["time"][i] == estimate.host_ns * 1e-6
             got = tuple(shown[name][i] for name in ("alpha", "alpha_std", "f", "f_std", "state"))
-            assert got == (e.alpha, e.alpha_std, e.f, e.f_std, e.state_dps)
+            assert got == (e.alpha, e.alpha_std, e.f, e.f_std, e.state)
 
 
 def test_samples_are_shown_without_the_offset_that_the_estimator_removes() -> None:
     found = records(NOISE)
     history = told(found)
-    bias = of(Stats, found)[-1].axes["gyro_y"].bias_dps
+    bias = of(Stats, found)[-1].axes["gyro_y"].bias
     assert bias == pytest.approx(1.5, abs=0.1)
     shown = columns(history, "rows", "gyro_y")
     samples = {s.seq: s.gyro_dps[1] for s in of(Sample, found)}

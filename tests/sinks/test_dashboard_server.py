@@ -365,7 +365,7 @@ def test_nothing_native_is_left_when_a_page_is_still_busy_at_the_end() -> None:
         sink = DashboardSink(DashboardConfig(address=0), {"due": QUICK}, print)
         for record in records("n=400"):
             sink.write(record)
-        assert all(one._runs for one in sink._histories["due"].followers.values())
+        assert all(one._runs._band for one in sink._histories["due"].followers.values())
         urllib.request.urlopen(sink.url).read()
         assert busy.wait(60)
         sink.close()

@@ -71,7 +71,7 @@ def test_a_stall_between_any_two_transfers_is_counted(register: int) -> None:
 
 def test_a_fifo_that_is_emptied_before_it_is_read_gives_no_sample() -> None:
     pi = Pi()
-    once(pi, 0x74, lambda messages: [pi.chip.fifo.pop() for _ in range(len(pi.chip.fifo))] and None)
+    once(pi, 0x74, lambda messages: [pi.chip.fifo.pop() for _ in range(len(pi.chip.fifo))] and None)  # type: ignore[return-value]
     pi.run_until(SETTLED_S + 2)
     pi.check()
     assert pi.source.link_stats().bad_frames == {"out_of_step": 1}

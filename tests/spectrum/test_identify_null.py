@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from fltea.spectrum.likelihood_ratio import critical_values, null_fits, p_value
 from fltea.spectrum.null_constants import PROBABILITIES
-from fltea.spectrum.null_test import critical_values, null_fits, p_value
 from fltea.spectrum.periodogram import binned, periodogram
 from hypothesis import given
 from hypothesis import strategies as st

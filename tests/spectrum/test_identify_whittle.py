@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fltea.noise import spectra as spectrum
 from fltea.spectrum import models
-from fltea.spectrum.null_test import null_fits
+from fltea.spectrum.likelihood_ratio import null_fits
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, periodogram, used_ordinates
 from fltea.spectrum.profile import FractionalFit, fractional_fit
 from fltea.spectrum.simplex import minimise

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import msgspec
 import pytest
+from blocks import as_block, records_of
 from fltea.estimator.running_null import RunningNull
 from fltea.lab.reference.gyroscope import GyroscopeEstimator
 from fltea.records.errors import UsageError
@@ -62,8 +63,10 @@ def raw(k: int, gyro: tuple[float, ...] | None = None) -> RawSample:
     return RawSample(k % 65536, k * 10_000 % 2**32, k * PERIOD_NS, gyro)
 
 
-def feed(pipeline: Pipeline, *events: Event) -> list[AnyRecord]:
-    return [record for event in events for record in pipeline.feed(event)]
+def feed(pipeline: Pipeline, *events: Event | RawSample) -> list[AnyRecord]:
+    """The records; each sample is a block of its own."""
+    blocks = [as_block(event) if isinstance(event, RawSample) else event for event in events]
+    return records_of(item for event in blocks for item in pipeline.feed(event))
 
 
 def of(kind: type[T], records: list[AnyRecord]) -> list[T]:
@@ -71,20 +74,20 @@ def of(kind: type[T], records: list[AnyRecord]) -> list[T]:
 
 
 def test_order_of_records_and_first_estimate_after_the_startup_window() -> None:
-    records = feed(Pipeline(ListSource(), config()), hello(), *(raw(k) for k in range(25)))
-    assert [type(r).__name__ for r in records] == ["Hello", "Epoch"] + ["Sample"] * 20 + ["Stats"] + [
-        "Sample",
-        "Estimate",
-    ] * 5
-    epoch, stats, first = records[1], records[22], records[24]
+    pipeline = Pipeline(ListSource(), config())
+    records = feed(pipeline, hello(), *(raw(k) for k in range(20)))
+    assert [type(r).__name__ for r in records] == ["Hello", "Epoch"] + ["Sample"] * 20
+    epoch, stats = records[1], pipeline.stats()
+    records = feed(pipeline, *(raw(k) for k in range(20, 25)))
+    assert [type(r).__name__ for r in records] == ["Sample", "Estimate"] * 5
+    first = records[1]
     assert isinstance(epoch, Epoch)
-    assert isinstance(stats, Stats)
     assert isinstance(first, Estimate)
     assert (epoch.epoch, epoch.reason, epoch.seq) == (1, "start", 0)
     assert first.seq == 20
     assert stats.startup_remaining == 0
     assert stats.link.frames == 7
-    assert stats.axes["gyro_x"].R_dps2 is not None
+    assert stats.axes["gyro_x"].R is not None
     assert first.host_ns == ListSource.unix_offset_ns + 20 * PERIOD_NS
 
 
@@ -118,7 +121,7 @@ def test_bridging_is_prediction_and_not_forgetting() -> None:
     assert all(e.axes["gyro_x"] == by_seq[e.seq] for e in before)
     after = [e for e in with_gap if e.seq > 50]
     assert all(e.axes["gyro_x"].valid for e in after)
-    assert after[0].axes["gyro_x"].state_dps != by_seq[51].state_dps
+    assert after[0].axes["gyro_x"].state != by_seq[51].state
 
 
 def test_a_long_gap_begins_a_new_epoch_with_a_new_startup_window() -> None:
@@ -169,15 +172,16 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
     events = [
         raw(k, (random.Random(k).gauss(0, 0.1), 0.25, random.Random(k).gauss(0, 0.2))) for k in range(30)
     ]
-    records = feed(Pipeline(ListSource(), config()), hello(lsb=None), *events)
+    pipeline = Pipeline(ListSource(), config())
+    records = feed(pipeline, hello(lsb=None), *events)
     assert [e.kind for e in of(Error, records)] == ["constant_axis"]
     assert "gyro_y" in of(Error, records)[0].message
     for estimate in of(Estimate, records):
         assert [estimate.axes[a].valid for a in ("gyro_x", "gyro_y", "gyro_z")] == [True, False, True]
         assert estimate.axes["gyro_y"].alpha is None
-    last = of(Stats, records)[-1].axes
-    assert last["gyro_y"].R_dps2 is None
-    assert last["gyro_x"].R_dps2 is not None
+    last = pipeline.stats().axes
+    assert last["gyro_y"].R is None
+    assert last["gyro_x"].R is not None
 
 
 @pytest.mark.parametrize("memory", ["compressed", "direct"])
@@ -193,16 +197,17 @@ def test_running_test_of_whiteness_stands_beside_every_estimate(memory: str) -> 
         elif isinstance(record, Sample):
             test.add(record.gyro_dps)
         elif isinstance(record, Estimate):
-            assert tuple((a.null_p, a.order) for a in record.axes.values()) == test.standings
-    assert [one.order for one in test.standings] == ["not white", "undefined", "undefined"]
+            assert tuple((a.null_p, a.whiteness) for a in record.axes.values()) == test.standings
+    assert [one.whiteness for one in test.standings] == ["rejected", "not rejected", "not rejected"]
 
 
 def test_running_test_of_whiteness_begins_anew_with_an_epoch() -> None:
     events = [hello(), *map(raw, range(1200)), hello(boot_id=2), *map(raw, range(1200, 1400))]
     by_epoch = {
-        r.epoch: r.axes["gyro_x"].order for r in of(Estimate, feed(Pipeline(ListSource(), config()), *events))
+        r.epoch: r.axes["gyro_x"].whiteness
+        for r in of(Estimate, feed(Pipeline(ListSource(), config()), *events))
     }
-    assert by_epoch == {1: "undefined", 2: None}
+    assert by_epoch == {1: "not rejected", 2: None}
 
 
 def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
@@ -219,6 +224,12 @@ def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
     assert pipeline.stats().axes["gyro_x"].restarts == len(invalid)
     told = [e for e in of(Error, records) if e.kind == "axis_runaway"]
     assert len(told) == 3, "each axis once a minute"
+    for error in told:
+        sample, estimate = [r for r in records[: records.index(error)] if not isinstance(r, Error)][-2:]
+        assert isinstance(sample, Sample)
+        assert isinstance(estimate, Estimate)
+        assert not estimate.axes[error.message.split()[0]].valid
+        assert error.host_ns == estimate.host_ns == sample.host_ns
 
 
 def test_every_estimate_names_its_variant_and_every_epoch_its_estimator() -> None:
@@ -247,7 +258,7 @@ def test_the_walk_gives_the_estimates_of_the_reference(memory: str, tolerance: f
     pipeline = Pipeline(ListSource(), chosen)
     records = feed(pipeline, hello(), *(raw(k) for k in range(300) if k not in lost))
     stats = pipeline.stats().axes
-    R, bias = [s.R_dps2 for s in stats.values()], [s.bias_dps for s in stats.values()]
+    R, bias = [s.R for s in stats.values()], [s.bias for s in stats.values()]
     reference = GyroscopeEstimator(tuple(stats), R, bias, 0.01, chosen.estimator)
     samples = {sample.seq: sample.gyro_dps for sample in of(Sample, records)}
     expected = {k: reference.step(samples.get(k)) for k in range(chosen.estimator.startup, 300)}
@@ -258,7 +269,7 @@ def test_the_walk_gives_the_estimates_of_the_reference(memory: str, tolerance: f
             ours = one.axes[axis]
             assert ours.alpha == pytest.approx(theirs.alpha, rel=tolerance, abs=tolerance)
             assert ours.f == pytest.approx(theirs.f, rel=tolerance, abs=tolerance)
-            assert ours.state_dps == pytest.approx(theirs.state_dps, rel=tolerance, abs=tolerance)
+            assert ours.state == pytest.approx(theirs.state_dps, rel=tolerance, abs=tolerance)
 
 
 def test_guard_interventions_are_published_by_cause() -> None:
@@ -274,6 +285,27 @@ def test_stats_come_once_a_second_even_when_nothing_else_does() -> None:
     assert len(of(Stats, records)) == len(records) == 5
 
 
+def test_stats_go_out_before_the_first_event_of_a_new_second() -> None:
+    records = feed(Pipeline(ListSource(), config()), hello(), *(raw(k) for k in range(50, 350)))
+    places = [k for k, record in enumerate(records) if isinstance(record, Stats)]
+    after = [records[k + 1] for k in places]
+    assert [s.seq for s in after if isinstance(s, Sample)] == [100, 200, 300]
+    assert [records[k].samples.delivered for k in places] == [50, 150, 250]
+    assert [records[k].host_ns for k in places] == [one.host_ns for one in after]
+
+
+@pytest.mark.parametrize("every", [1, 7, 1000])
+def test_thinned_are_samples_and_estimates_alike_and_nothing_else(every: int) -> None:
+    """Also while the start-up window fills; what is estimated is the same."""
+    events = [hello(), *(raw(k) for k in range(300) if k not in (100, 101))]
+    thin = feed(Pipeline(ListSource(), config(output__every=every)), *events)
+    assert thin == [
+        r
+        for r in feed(Pipeline(ListSource(), config()), *events)
+        if not isinstance(r, Sample | Estimate) or r.seq % every == 0
+    ]
+
+
 def test_trouble_and_device_counters_are_passed_on() -> None:
     pipeline = Pipeline(ListSource(), config())
     status = DeviceStatus(1, 2, 3, 4, 5, "watchdog")
@@ -287,8 +319,8 @@ def test_fixed_bias_and_r_need_no_startup_window() -> None:
     records = feed(pipeline, hello(), raw(0))
     assert [type(r).__name__ for r in records] == ["Hello", "Epoch", "Sample", "Estimate"]
     axes = pipeline.stats().axes
-    assert [a.R_dps2 for a in axes.values()] == [0.1, 0.2, 0.3]
-    assert [a.bias_dps for a in axes.values()] == [0.5] * 3
+    assert [a.R for a in axes.values()] == [0.1, 0.2, 0.3]
+    assert [a.bias for a in axes.values()] == [0.5] * 3
 
 
 def test_settings_that_do_not_fit_the_axes_are_the_users_mistake() -> None:

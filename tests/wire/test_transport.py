@@ -15,7 +15,7 @@ import serial
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
 from fltea.wire import transport
-from fltea.wire.transport import Reader, explain_open_failure
+from fltea.wire.transport import Port, Reader, explain_open_failure
 
 PATIENCE_S = 20.0
 
@@ -30,7 +30,7 @@ def readers() -> Iterator[Callable[[str], Reader]]:
     started: list[Reader] = []
 
     def start(url: str) -> Reader:
-        started.append(reader := Reader(url, 250000))
+        started.append(reader := Reader(Port(url, 250000)))
         reader.start()
         return reader
 
@@ -89,20 +89,30 @@ def test_an_unplugged_port_is_an_event_and_is_tried_again(terminal, readers) -> 
     assert missing.kind == "no_port"
 
 
-def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, terminal, readers) -> None:
-    master, name = terminal
+def broken(*arguments: object) -> bytes:
+    raise TypeError("'NoneType' object cannot be interpreted as an integer")
 
-    def broken() -> bytes:
-        raise TypeError("'NoneType' object cannot be interpreted as an integer")
 
-    monkeypatch.setattr(transport, "_reader_of", lambda port, url: broken)
-    events = readers(name).events(0.05)
+def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, readers) -> None:
+    monkeypatch.setattr(type(serial.serial_for_url("loop://")), "read", broken)
+    events = readers("loop://").events(0.05)
     for _ in range(2):  # the thread lives on
         next_of(Opened, events)
-        os.write(master, b"x")
         failed = next_of(Failed, events)
         assert isinstance(failed, Failed)
         assert "NoneType" in failed.message
+
+
+def test_a_port_whose_descriptor_cannot_be_had_is_tried_again(monkeypatch, terminal, readers) -> None:
+    _, name = terminal
+    with monkeypatch.context() as patch:
+        patch.setattr(transport, "_descriptor_of", broken)
+        events = readers(name).events(0.05)
+        for _ in range(2):
+            failed = next_of(Failed, events)
+            assert isinstance(failed, Failed)
+            assert "NoneType" in failed.message
+    next_of(Opened, events)
 
 
 def test_a_second_reader_finds_the_port_busy_and_gets_it_when_it_is_free(terminal, readers) -> None:
@@ -130,6 +140,7 @@ def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatc
         outcome = outcomes.pop()
         if isinstance(outcome, Exception):
             raise outcome
+        assert isinstance(outcome, bytes)
         return outcome
 
     monkeypatch.setattr(os, "read", read_late)
@@ -181,7 +192,7 @@ def test_hwgrep_without_a_match_waits_for_one(readers) -> None:
 
 def test_close_ends_the_events_and_frees_the_port(terminal) -> None:
     _, name = terminal
-    reader = Reader(name, 250000)
+    reader = Reader(Port(name, 250000))
     reader.start()
     events = reader.events(0.05)
     next_of(Opened, events)
@@ -194,7 +205,7 @@ def test_close_ends_the_events_and_frees_the_port(terminal) -> None:
 def test_a_slow_consumer_costs_bytes_that_are_counted(monkeypatch, terminal) -> None:
     monkeypatch.setattr(transport, "QUEUE_BYTES", 55)
     master, name = terminal
-    reader = Reader(name, 250000)
+    reader = Reader(Port(name, 250000))
     reader.start()
     deadline = time.monotonic() + PATIENCE_S
     while reader._queue.empty():  # until it has opened the port, and thrown away what was in it
@@ -218,12 +229,12 @@ def test_a_slow_consumer_costs_bytes_that_are_counted(monkeypatch, terminal) -> 
 @pytest.mark.parametrize("baud", [1200, 0, -1])
 def test_refused_baud_rates(baud: int) -> None:
     with pytest.raises(UsageError, match="erases its flash" if baud == 1200 else "not possible"):
-        Reader("/dev/ttyACM0", baud)
+        Port("/dev/ttyACM0", baud)
 
 
 def test_an_unknown_kind_of_url_is_refused() -> None:
     with pytest.raises(UsageError, match="no serial port that this program knows"):
-        Reader("carrier-pigeon://home", 250000)
+        Port("carrier-pigeon://home", 250000)
 
 
 @pytest.mark.parametrize(
@@ -267,13 +278,12 @@ def test_no_group_is_advised_that_would_not_help(mode: int, gid: int, monkeypatc
 @pytest.mark.parametrize("url", ["hwgrep://[", "socket://localhost"])
 def test_urls_that_no_retry_can_cure_are_refused(url: str) -> None:
     with pytest.raises(UsageError, match="no serial port that this program knows"):
-        Reader(url, 250000)
+        Port(url, 250000)
 
 
 def test_a_port_that_dies_at_once_is_tried_ever_more_slowly(monkeypatch) -> None:
     waits: list[float] = []
-    reader = Reader("/dev/none", 250000)
-    monkeypatch.setattr(reader, "_open", lambda: serial.serial_for_url("loop://", timeout=0.01))
+    reader = Reader(Port("loop://", 250000))
     monkeypatch.setattr(type(serial.serial_for_url("loop://")), "read", _dead)
 
     def wait(timeout: float) -> None:

@@ -10,6 +10,7 @@ import json
 import statistics
 import sys
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -51,7 +52,7 @@ def nanoseconds(memory: Memory, window: int) -> float:
     return statistics.median(memory.seconds(steps) / steps * 1e9 for _ in range(REPETITIONS))
 
 
-def measure() -> dict[str, object]:
+def measure() -> dict[str, list[dict[str, Any]]]:
     """Everything as one object for JSON."""
     by_digits = []
     for digits in DIGITS:

@@ -56,15 +56,15 @@ def differences(variant: str, counts: Counts) -> dict[str, Any]:
     bias, R = host_baseline(counts[:STARTUP])
     device, host = Device(variant), host_engine(variant, R)
     device.run(counts[:STARTUP])
-    alpha, f = [], []
+    alphas, fs = [], []
     valid = True
     for first in range(STARTUP, len(counts), CHUNK):
         part = counts[first : first + CHUNK]
         rows, expected = device.run(part), host.run(part[:, None] / LSB_PER_DPS - bias)
-        alpha.append(np.abs(rows["alpha"] - expected.alpha[:, 0]))
-        f.append(np.abs(rows["f"] - expected.f[:, 0]))
+        alphas.append(np.abs(rows["alpha"] - expected.alpha[:, 0]))
+        fs.append(np.abs(rows["f"] - expected.f[:, 0]))
         valid = valid and bool((rows["flags"] == 1).all())
-    alpha, f = np.concatenate(alpha), np.concatenate(f)
+    alpha, f = np.concatenate(alphas), np.concatenate(fs)
     n = len(alpha)
     ages = [age for age in AGES if age < n] + [n]
     return {

@@ -46,9 +46,9 @@ def frames(k: int, n: int) -> list[bytes]:
     rng = random.Random(k)
     found = []
     for i in range(n):
-        counts = [round(rng.gauss(0, 3)) for _ in range(3)]
+        x, y, z = (round(rng.gauss(0, 3)) for _ in range(3))
         now_us = i * PERIOD_NS // 1000
-        data = encode(wire.Sample(*counts, 0, 0, 16384, 1335, 0), i % 65536, now_us % 2**32)
+        data = encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), i % 65536, now_us % 2**32)
         if i % RATE_HZ == 0:
             second = i // RATE_HZ
             status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 from fltea.noise.weights import weights
+from fltea.spectrum.likelihood_ratio import null_fits, p_value
 from fltea.spectrum.lines import find_peaks
-from fltea.spectrum.null_test import null_fits, p_value
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.rivals import fit_all
@@ -93,7 +93,8 @@ def ar(*phi: float) -> Make:
         x = filtered(
             lambda lam: 1 / (1 - sum(p * np.exp(-1j * lam * (i + 1)) for i, p in enumerate(phi))), n, rng
         )
-        return x / x.std()
+        found: Array = x / x.std()
+        return found
 
     return make
 
@@ -103,14 +104,16 @@ def in_white(part: Make, share: float) -> Make:
 
     def make(n: int, rng: np.random.Generator) -> Array:
         x = part(n, rng)
-        return np.sqrt(share) * x / x.std() + np.sqrt(1 - share) * rng.standard_normal(n)
+        found: Array = np.sqrt(share) * x / x.std() + np.sqrt(1 - share) * rng.standard_normal(n)
+        return found
 
     return make
 
 
 def random_walk(n: int, rng: np.random.Generator) -> Array:
     """White noise on a random walk that reaches its size in about 30 s."""
-    return rng.standard_normal(n) + np.cumsum(rng.standard_normal(n)) / np.sqrt(3000)
+    found: Array = rng.standard_normal(n) + np.cumsum(rng.standard_normal(n)) / np.sqrt(3000)
+    return found
 
 
 def ramp(n: int, rng: np.random.Generator) -> Array:
@@ -121,7 +124,8 @@ def ramp(n: int, rng: np.random.Generator) -> Array:
 def line(n: int, rng: np.random.Generator) -> Array:
     """White noise and a tenth of the power in one line."""
     t = np.arange(n) * H
-    return rng.standard_normal(n) + 0.47 * np.sin(2 * np.pi * 13.37 * t + rng.uniform(0, 2 * np.pi))
+    found: Array = rng.standard_normal(n) + 0.47 * np.sin(2 * np.pi * 13.37 * t + rng.uniform(0, 2 * np.pi))
+    return found
 
 
 def low_pass(n: int, rng: np.random.Generator) -> Array:

@@ -61,8 +61,8 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
             data += encode(hello(1)._replace(boot_id=boot), second, now_us % 2**32)
             status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
             data += encode(status, second, now_us % 2**32)
-        counts = [round(rng.gauss(0, 3)) for _ in range(3)]
-        data += encode(wire.Sample(*counts, 0, 0, 16384, 1335, 0), k % 65536, now_us % 2**32)
+        x, y, z = (round(rng.gauss(0, 3)) for _ in range(3))
+        data += encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), k % 65536, now_us % 2**32)
         k += 1
         if silent:
             silent -= 1

@@ -1,8 +1,9 @@
-// What Unicorn calls at each block of code, before each instruction and at each access to a peripheral, millions of
-// times a second, so not in Python; and the choice between two processors that share one memory:
+// What Unicorn calls at each block of code, before each instruction and at each access to a peripheral,
+// millions of times a second, so not in Python; and the choice between two processors that share one memory:
 //   the exact one stops before any instruction and knows at each access which one it is of;
 //   the fast one counts whole blocks of code, has no peripherals, and stops before what it cannot do.
-// A slice goes over to the fast one when a program computes, and its results are those of the exact one alone.
+// A slice goes over to the fast one when a program computes, and its results are those of the exact one
+// alone.
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -15,7 +16,8 @@ constexpr uint64_t kNowhere = 1;
 constexpr uint64_t kThumb = 1;
 constexpr uint32_t kExceptionExit = 8;
 constexpr uint64_t kNoInterrupt = UINT64_MAX;
-constexpr uint64_t kCalmInstructions = 200;  // without an access; a change of processors costs as much as some 100
+constexpr uint64_t kCalmInstructions =
+    100;  // without an access; a change of processors costs as much as about 100
 
 enum RegisterKind : uint64_t { kNone, kWord, kCounter };
 
@@ -47,6 +49,7 @@ struct Block {
 };
 
 constexpr size_t kPollPcs = 8;
+constexpr size_t kCodeBytes = 4096;
 
 // Fields as in execution.py.
 struct Execution {
@@ -72,6 +75,8 @@ struct Execution {
     uint64_t calm;
     uint64_t go_fast;
     uint64_t fast_block;
+    uint64_t code_begin;
+    uint64_t code_end;
     uint64_t recent_count;
     uint64_t recent_pcs[kPollPcs];
     uint64_t recent_values[kPollPcs];
@@ -80,6 +85,7 @@ struct Execution {
     uint64_t poll_near_ps;
     uint64_t poll_step_ps;
     uint64_t pc_register;
+    uint64_t flush_control;
     const uint8_t* flash;
     uint64_t flash_base;
     uint64_t flash_bytes;
@@ -89,16 +95,17 @@ struct Execution {
     void* fast;
     void* context;
     void* fresh;
-    uint64_t (*on_read)(uint64_t address, uint64_t size);
-    void (*on_write)(uint64_t address, uint64_t size, uint64_t value);
-    void (*on_events)();
-    void (*on_limit)(uint64_t pc);
+    uint64_t (*on_read)(uint64_t now_ps, uint64_t address, uint64_t size);
+    void (*on_write)(uint64_t now_ps, uint64_t address, uint64_t size, uint64_t value);
+    void (*on_events)(uint64_t now_ps);
+    void (*on_limit)(uint64_t now_ps, uint64_t pc);
     int (*mem_read)(void* processor, uint64_t address, void* to, size_t bytes);
     int (*emu_start)(void* processor, uint64_t begin, uint64_t end, uint64_t timeout, size_t count);
     int (*emu_stop)(void* processor);
     int (*reg_read)(void* processor, int id, void* value);
     int (*context_save)(void* processor, void* context);
     int (*context_restore)(void* processor, void* context);
+    int (*ctl)(void* processor, uint32_t control, ...);
 };
 
 struct Space {
@@ -146,7 +153,7 @@ bool is_special(uint16_t halfword) {
 }
 
 // Unicorn is silent about instructions that their condition switches off; they take a cycle too.
-void count_silent_ones(Execution& e, void* processor, uint64_t end) {
+inline void count_silent_ones(Execution& e, void* processor, uint64_t end) {
     while (e.next < end) {
         uint16_t halfword = 0;
         if (in_flash(e, e.next, sizeof halfword))
@@ -199,7 +206,8 @@ bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t 
             return !(r.value & r.cleared);
         }
         using Wide = unsigned __int128;
-        const Wide cycles = static_cast<Wide>(now_ps - r.from_ps) * r.hz / (static_cast<Wide>(kPsPerS) * r.divider);
+        const Wide cycles =
+            static_cast<Wide>(now_ps - r.from_ps) * r.hz / (static_cast<Wide>(kPsPerS) * r.divider);
         *value = static_cast<uint64_t>((r.from_cycles + cycles) % r.period);
         return true;
     }
@@ -230,9 +238,9 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     const uint64_t now_ps = time_after(e, e.done - 1);
     uint64_t value = 0;
     if (written) {
-        e.on_write(address, size, *written);
+        e.on_write(now_ps, address, size, *written);
     } else {
-        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(address, size);
+        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(now_ps, address, size);
     }
     if (e.dead) {
         e.limit = 0;
@@ -246,13 +254,25 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     // What happens during the access need not end the slice: often it was what a poll waits for.
     const uint64_t end_ps = time_after(e, e.done - 1);
     // BASEPRI, which nothing tells of, may have let in what waits.
-    if (e.next_event_ps <= end_ps || e.waiting) e.on_events();
+    if (e.next_event_ps <= end_ps || e.waiting) e.on_events(end_ps);
     e.limit = e.dead || e.stops || end_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
     return value;
 }
 
-// Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that comes.
+// Code in RAM runs on the exact processor only, which does not notice what the fast one writes over it.
+void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
+    if (e.code_begin == e.code_end) e.code_begin = e.code_end = address;
+    if (address < e.code_begin) e.code_begin = address;
+    if (address + bytes > e.code_end) e.code_end = address + bytes;
+    if (e.code_end - e.code_begin > kCodeBytes) e.may_be_fast = 0;
+}
+
+// Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that
+// comes.
 void run_fast(Execution& e, uint64_t pc) {
+    uint8_t code[kCodeBytes], code_now[kCodeBytes];
+    const size_t code_bytes = e.code_end - e.code_begin;
+    if (code_bytes) e.mem_read(e.exact, e.code_begin, code, code_bytes);
     e.context_save(e.exact, e.context);
     e.context_restore(e.fast, e.context);
     e.fast_block = kNowhere;
@@ -274,6 +294,10 @@ void run_fast(Execution& e, uint64_t pc) {
     e.context_restore(e.exact, e.context);
     // A context holds pointers to what its processor owns.
     e.context_restore(e.fast, e.fresh);
+    if (code_bytes) {
+        e.mem_read(e.exact, e.code_begin, code_now, code_bytes);
+        if (std::memcmp(code, code_now, code_bytes)) e.ctl(e.exact, static_cast<uint32_t>(e.flush_control));
+    }
     e.address = kNowhere;
     e.next = e.block_end = 0;
 }
@@ -290,8 +314,7 @@ void enter_block(void* processor, uint64_t address, uint32_t bytes, void* data) 
     if (!e.may_be_fast) return;
     const Block* block = find_block(e, address, bytes);
     if (!block) {
-        // What one processor writes over code in RAM, the other one does not notice.
-        e.may_be_fast = 0;
+        note_code_elsewhere(e, address, bytes);
         return;
     }
     e.calm += block->instructions;
@@ -318,7 +341,7 @@ void before_instruction(void* processor, uint64_t address, uint32_t bytes, void*
     if (e.go_fast) return;
     count_silent_ones(e, processor, address);
     if (e.done >= e.limit) {
-        if (!e.dead && !e.stops && e.limit) e.on_limit(address);
+        if (!e.dead && !e.stops && e.limit) e.on_limit(time_after(e, e.done), address);
         e.limit = e.dead || e.stops || e.slice_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
         if (!e.limit) {
             e.emu_stop(processor);

@@ -1,4 +1,4 @@
-"""Runs slices of a program in C++: `execution.cpp` says how, and its struct has these fields in this order."""
+"""Runs slices of a program in C++: `execution.cpp` says how; its structs have the fields of those here."""
 
 import ctypes
 import hashlib
@@ -39,11 +39,11 @@ POLL_STEP_PS = 10_000_000
 the value is the same as then. After a poll, time jumps to the next event if that is near, about a byte on a
 wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it."""
 
-ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
-ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
-ON_EVENTS = ctypes.CFUNCTYPE(None)
-ON_LIMIT = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
-UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "context_restore")
+ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
+ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
+ON_EVENTS = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
+ON_LIMIT = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)
+UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "context_restore", "ctl")
 
 
 class Block(ctypes.Structure):
@@ -86,10 +86,12 @@ class Execution(ctypes.Structure):
         *_numbers("done limit address _next _block_end"),
         *_numbers("slice_ps charged_ps hz until_ps longest next_event_ps halted_until_ps"),
         *_numbers("waiting stops dead dropped interrupt"),
-        *_numbers("may_be_fast may_be_quick _calm _go_fast _fast_block _recent_count"),
+        *_numbers("may_be_fast may_be_quick _calm _go_fast _fast_block _code_begin _code_end _recent_count"),
         ("_recent_pcs", ctypes.c_uint64 * POLL_PCS),
         ("_recent_values", ctypes.c_uint64 * POLL_PCS),
-        *_numbers("_access_cycles _waiting_instructions _poll_near_ps _poll_step_ps _pc_register"),
+        *_numbers(
+            "_access_cycles _waiting_instructions _poll_near_ps _poll_step_ps _pc_register _flush_control"
+        ),
         *_pointers("_flash"),
         *_numbers("_flash_base _flash_bytes"),
         *_pointers("_quick _blocks _exact _fast _context _fresh"),
@@ -105,13 +107,17 @@ class Execution(ctypes.Structure):
         flash: mmap.mmap,
         quick: QuickReads,
         *,
-        on_read: Callable[[int, int], int],
-        on_write: Callable[[int, int, int], None],
-        on_events: Callable[[], None],
-        on_limit: Callable[[int], None],
+        on_read: Callable[[int, int, int], int],
+        on_write: Callable[[int, int, int, int], None],
+        on_events: Callable[[int], None],
+        on_limit: Callable[[int, int], None],
     ) -> None:
-        """Tell of reads (address, bytes), writes (address, bytes, value), of events that are due after an
-        access, and of the limit when it is reached (the address of the next instruction)."""
+        """Tell what happens in a slice, as it happens and with its moment in virtual time [ps].
+
+        on_read(now_ps, address, bytes), on_write(now_ps, address, bytes, value): accesses to peripherals.
+        on_events(now_ps): events are due after an access. on_limit(now_ps, pc): the limit is reached before
+        the instruction at pc.
+        """
         super().__init__()
         self._library = _library()
         self._quick_reads = quick
@@ -123,14 +129,18 @@ class Execution(ctypes.Structure):
         self._access_cycles, self._waiting_instructions = ACCESS_CYCLES, WAITING_INSTRUCTIONS
         self._poll_near_ps, self._poll_step_ps = POLL_NEAR_PS, POLL_STEP_PS
         self._pc_register = arm_const.UC_ARM_REG_PC
+        self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
             setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))
+        # Unicorn's own way to read a register takes ten times as long.
+        self._value = ctypes.c_uint32()
+        self._value_at = ctypes.byref(self._value)
         self.may_be_quick = 1
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
         """Run on these processors, both fresh and with the same memory; peripherals: base and size."""
         self.forget_reads()
-        self._calm = self.dead = 0
+        self._calm = self._code_begin = self._code_end = self.dead = 0
         self._block_table = (Block * (FLASH_BYTES // 2))()
         self._blocks = ctypes.addressof(self._block_table)
         self._processors = (exact, fast)
@@ -148,11 +158,13 @@ class Execution(ctypes.Structure):
             self._hook(uc, kind, function)
         self._spaces = [Space(ctypes.addressof(self), base) for base in peripherals]
         for space, (base, size) in zip(self._spaces, peripherals.items(), strict=True):
-            place, read, write = ctypes.addressof(space), functions.read_peripheral, functions.write_peripheral
+            place, read, write = (
+                ctypes.addressof(space),
+                functions.read_peripheral,
+                functions.write_peripheral,
+            )
             _check(
-                uclib.uc_mmio_map(
-                    exact._uch, base, size, _address_of(read), place, _address_of(write), place
-                )
+                uclib.uc_mmio_map(exact._uch, base, size, _address_of(read), place, _address_of(write), place)
             )
 
     def _hook(self, uc: unicorn.Uc, kind: int, function: ctypes._CFuncPtr) -> None:
@@ -160,9 +172,7 @@ class Execution(ctypes.Structure):
         handle, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
         place = ctypes.addressof(self)
         _check(
-            uclib.uc_hook_add(
-                uc._uch, ctypes.byref(handle), kind, _address_of(function), place, *everywhere
-            )
+            uclib.uc_hook_add(uc._uch, ctypes.byref(handle), kind, _address_of(function), place, *everywhere)
         )
 
     def forget_reads(self) -> None:
@@ -184,6 +194,11 @@ class Execution(ctypes.Structure):
     def run(self, pc: int) -> int:
         """Run from an address to the end of the slice; returns Unicorn's error, or UC_ERR_OK."""
         return int(self._library.run(ctypes.byref(self), ctypes.c_uint64(pc)))
+
+    def register(self, number: int) -> int:
+        """A register of the processor, by Unicorn's number."""
+        uclib.uc_reg_read(self._exact, number, self._value_at)
+        return self._value.value
 
     def time_after(self, instructions: int) -> int:
         """Moment at which so many instructions of the slice have run [ps]."""

@@ -20,7 +20,7 @@ def functions_of(elf: Path) -> dict[int, str]:
         FileNotFoundError: arm-none-eabi-nm is not installed (Debian: binutils-arm-none-eabi).
         subprocess.CalledProcessError: the file is no ELF file.
     """
-    command = [NM, "--demangle", "--defined-only", elf]
+    command = [NM, "--demangle", "--defined-only", str(elf)]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     symbols = [(int(line[:8], 16), line[11:]) for line in text.splitlines() if line[9] in "tTwW"]
     symbols.sort(key=lambda symbol: (symbol[1].startswith("__aeabi_"), symbol[1]))

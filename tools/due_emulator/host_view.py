@@ -1,11 +1,11 @@
-"""What a host makes of the bytes: fltea's own decoder and its own judgement of continuity."""
+"""What a host makes of the bytes: fltea's own decoder and its own judgement of continuity, frame by frame."""
 
 from typing import Any
 
-from fltea.records.events import RawSample
-from fltea.sources.wire_events import hello_event
-from fltea.stream.place import SEQUENCE_WRAP, TIME_WRAP_US, Continuity, Placed
+from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, RawSample, block_of
+from fltea.stream.place import Place
 from fltea.wire import layout as wire
+from fltea.wire.message_events import hello_event
 from fltea.wire.messages import Frame, FrameReader, Refused
 
 from tools.due_emulator.board import Board
@@ -28,7 +28,7 @@ class HostView:
         """Of each boot that was heard, by its place: numbers of the first and of the last sample."""
         self._boot = 0
         self.reader = FrameReader()
-        self.continuity = Continuity(MAX_GAP)
+        self.place = Place(MAX_GAP)
         self.hello: wire.Hello | None = None
         self.hellos = 0
         self.boots: list[int] = []
@@ -43,7 +43,8 @@ class HostView:
         self.max_step_us: int | None = None
         self._steps = 0
         self._steps_us = 0
-        self._last: Placed | None = None
+        self._last: tuple[int, int] | None = None
+        """Number and time of the last sample, unwrapped."""
         self._block = bytearray()
         self._new_boot = True
 
@@ -62,6 +63,11 @@ class HostView:
         return True
 
     @property
+    def bytes_in(self) -> int:
+        """Bytes taken."""
+        return self.reader.bytes_in + len(self._block)
+
+    @property
     def rate_hz(self) -> float | None:
         """Samples per second of the device's own clock, lost ones included; None before two samples."""
         return self._steps / self._steps_us * 1e6 if self._steps_us else None
@@ -76,7 +82,7 @@ class HostView:
                     self._new_boot = True
                     self._boot = self._instants.boot
                 self.hello = hello
-                self.continuity.on_hello(hello_event(hello, "emulator", host_ns))
+                self.place.on_hello(hello_event(hello, "emulator", host_ns))
             case wire.Sample() as sample:
                 self._on_sample(sample, frame, host_ns)
             case wire.Status() as status:
@@ -95,21 +101,19 @@ class HostView:
                 name = str(flag.name).lower()
                 self.flags[name] = self.flags.get(name, 0) + 1
         gyro = (sample.gyro_x, sample.gyro_y, sample.gyro_z)
-        placed = self.continuity.on_sample(
-            RawSample(frame.sequence % SEQUENCE_WRAP, frame.device_us % TIME_WRAP_US, host_ns, gyro)
-        )
-        if placed is None:
-            return
-        if placed.new_epoch is None and self._last is not None:
-            step_us = placed.device_us - self._last.device_us
-            self._steps += placed.seq - self._last.seq
-            self._steps_us += step_us
-            if not placed.missing:
-                self.min_step_us = min(step_us, self.min_step_us or step_us)
-                self.max_step_us = max(step_us, self.max_step_us or step_us)
-        self._last = placed
-        first = self._spans.get(self._boot, (placed.seq, 0))[0]
-        self._spans[self._boot] = (first, placed.seq)
+        raw = RawSample(frame.sequence % SEQUENCE_WRAP, frame.device_us % TIME_WRAP_US, host_ns, gyro)
+        for piece in self.place.on_block(block_of([raw])):
+            seq, device_us = int(piece.seq[0]), int(piece.device_us[0])
+            if piece.new_epoch is None and self._last is not None:
+                step_us = device_us - self._last[1]
+                self._steps += seq - self._last[0]
+                self._steps_us += step_us
+                if not piece.missing:
+                    self.min_step_us = min(step_us, self.min_step_us or step_us)
+                    self.max_step_us = max(step_us, self.max_step_us or step_us)
+            self._last = seq, device_us
+            first = self._spans.get(self._boot, (seq, 0))[0]
+            self._spans[self._boot] = (first, seq)
 
     @property
     def due(self) -> int | None:

@@ -21,7 +21,7 @@ def make_report(
 
     wall_s: how long it took; None if it was paced. error: why the run ended early; None if it did not.
     """
-    machine, counts, bridge = board.machine, host.continuity, board.bridge
+    machine, counts, bridge = board.machine, host.place, board.bridge
     elapsed_ps = machine.now_ps or 1
     touched = board.memory.ram_touched_bytes()
     bad_frames = {reason: n for reason, n in sorted(host.reader.counts.items()) if reason != "frames"}
@@ -54,7 +54,7 @@ def make_report(
         "refused": host.refused,
         "status": plain(host.statuses[-1]) if host.statuses else None,
         "statuses": [plain(status) for status in host.statuses],
-        "bytes": host.reader.bytes_in,
+        "bytes": host.bytes_in,
         "frames": host.reader.counts["frames"],
         "bad_frames": bad_frames,
         "bytes_lost_by_fault": bridge.lost_by_fault,

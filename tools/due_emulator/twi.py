@@ -37,6 +37,7 @@ class Twi(Peripheral):
 
     def __init__(self, machine: Machine, name: str, lines: I2cLines, pio: Pio, pins: tuple[int, int]) -> None:
         super().__init__(machine, name)
+        self._stale = False
         self._lines = lines
         self._pio = pio
         self._pins = pins

@@ -74,7 +74,7 @@ def page_that_does_not_read(stage: Stage) -> Outcome:
     url, _ = _page_of(program)
     board.send(BEFORE)
     pages: list[socket.socket] = []
-    stage.later(lambda: [page.close() for page in pages])
+    stage.later(lambda: [page.close() for page in pages])  # type: ignore[func-returns-value]
     with stage.fault():
         board.send_during(lambda: pages.extend(open_page_and_read_nothing(url) for _ in range(PAGES)))
         before_mb = _memory_mb(program)

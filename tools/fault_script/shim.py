@@ -36,7 +36,7 @@ def list_ports_of(path: Path) -> None:
             found.append(port)
         return found
 
-    list_ports.comports = comports
+    list_ports.comports = comports  # type: ignore[assignment]
 
 
 if __name__ == "__main__":

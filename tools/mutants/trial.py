@@ -13,7 +13,8 @@ from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from fltea.wire import layout as wire
 
 from tools.due_emulator import mpu9250_registers as reg
-from tools.due_run import PERIOD_PS, DueRun
+from tools.due_emulator.instants import PERIOD_PS
+from tools.due_run import DueRun
 
 NOISE = "alpha=0.5&f=-1&seed=7"
 FAULTS = (
@@ -124,9 +125,9 @@ def troubled(image: bytes) -> Iterator[Statement]:
     causes = [boot.cause.name.lower() for boot in run.boots]
     yield f"resets ({causes})", causes == ["power_up", "watchdog", "user", "power_up"]
     yield _sound(run)
-    said = list(dict.fromkeys(a.frame.message.reset_cause for a in run.of(wire.Status)))
+    said = list(dict.fromkeys(status.reset_cause for status in run.messages(wire.Status)))
     yield f"STATUS gives their causes ({said})", said == [0, 2, 4]
-    boots = {arrival.frame.message.boot_id for arrival in run.of(wire.Hello)}
+    boots = {hello.boot_id for hello in run.messages(wire.Hello)}
     yield f"each boot has its own id ({len(boots)})", len(boots) == 4
     identifiers = {hello.device_id for hello in run.hellos}
     yield "and the same device", len(identifiers) == 1
@@ -164,8 +165,7 @@ def _is_noise(run: DueRun) -> bool:
     noise = NoiseGenerator(parse_noise(NOISE))
     for _ in range(round(run.boots[0].bursts[0].at_ps / PERIOD_PS)):
         noise.step()
-    samples = [arrival.frame.message for arrival in run.of(wire.Sample)]
-    return all((s.gyro_x, s.gyro_y, s.gyro_z) == noise.step() for s in samples)
+    return all((s.gyro_x, s.gyro_y, s.gyro_z) == noise.step() for s in run.messages(wire.Sample))
 
 
 def _settings(run: DueRun) -> Iterator[Statement]:

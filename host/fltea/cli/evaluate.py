@@ -81,7 +81,7 @@ def evaluate(
     result = _run(plan, jobs)
     files = _write(result, out, figures=not no_figures)
     if as_json:
-        from fltea.lab.evaluate.tables import to_json
+        from fltea.lab.evaluate.summaries import to_json
 
         print_result(to_json(result).decode())
     else:
@@ -106,7 +106,7 @@ def _run(plan: "Plan", jobs: int | None) -> "Result":
 def _write(result: "Result", folder: Path, *, figures: bool) -> list[Path]:
     """Everything is made before the first file is written; each is written whole or not at all."""
     from fltea.lab.evaluate.figures import draw
-    from fltea.lab.evaluate.tables import to_csv, to_json
+    from fltea.lab.evaluate.summaries import to_csv, to_json
     from fltea.records.whole_file import whole_file
 
     contents = {"evaluation.json": to_json(result), "evaluation.csv": to_csv(result).encode()}
@@ -125,14 +125,14 @@ def _show(result: "Result") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from fltea.lab.evaluate import tables
+    from fltea.lab.evaluate import summaries
 
     console = Console()
     with console.capture() as shown:  # rich itself ends the program if the reader has left
         for headings, rows in (
-            (tables.SUMMARY_HEADINGS, tables.summary(result)),
-            (tables.WHITE_HEADINGS, tables.white(result)),
-            (tables.CHANGE_HEADINGS, tables.changes(result)),
+            (summaries.SUMMARY_HEADINGS, summaries.summary(result)),
+            (summaries.WHITE_HEADINGS, summaries.white(result)),
+            (summaries.CHANGE_HEADINGS, summaries.changes(result)),
         ):
             table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
             table.add_column(headings[0], no_wrap=True)
@@ -141,5 +141,5 @@ def _show(result: "Result") -> None:
             for row in rows:
                 table.add_row(*row)
             console.print(table)
-        console.print(Text(tables.conclusion(result)))
+        console.print(Text(summaries.conclusion(result)))
     print_result(shown.get())

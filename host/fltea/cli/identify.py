@@ -111,8 +111,8 @@ def identify(
 
         fltea identify *.npz --json --jobs 4 > verdicts.json
     """
+    from fltea.identify import findings, run
     from fltea.identify import load as reading
-    from fltea.identify import run, tables
     from fltea.identify.axis import IdentifyOptions
 
     flags = {
@@ -161,7 +161,9 @@ def identify(
     reports = _run(requests, settings, jobs, dask)
     # First of all, lest a file that cannot be written costs what took minutes to compute.
     if as_json:
-        print_result(json_module.dumps(tables.document(reports), ensure_ascii=False, allow_nan=False) + "\n")
+        print_result(
+            json_module.dumps(findings.document(reports), ensure_ascii=False, allow_nan=False) + "\n"
+        )
     else:
         _show(reports)
     if report is not None:

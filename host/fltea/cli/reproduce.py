@@ -93,11 +93,11 @@ def reproduce(
         fltea reproduce --table 5 --figure 13 --recording rest.npz --out figures
     """
     from fltea.lab.reproduce.gyroscope import RecordingFile
+    from fltea.lab.reproduce.paper_tables import document
     from fltea.lab.reproduce.report import Report
     from fltea.lab.reproduce.request import Request, select
     from fltea.lab.reproduce.runs import Options
     from fltea.lab.reproduce.scenarios import SawTooth
-    from fltea.lab.reproduce.tables import document
 
     if score:
         if table or figure or out or recording:

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 from fltea.identify.fltea_fit import FlteaFit, fltea_fit
 from fltea.identify.shuffled import Copies, ShuffledBand, shuffled_band
 from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.innovation_whiteness import Innovations
+from fltea.spectrum.likelihood_ratio import critical_values
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.null_constants import PROBABILITIES
-from fltea.spectrum.null_test import critical_values
 from fltea.spectrum.profile import FractionalFit, fractional_fit
 from fltea.spectrum.rivals import Contest
 from fltea.spectrum.spectral import Band, examine
 from fltea.spectrum.verdict import LEVEL, Verdict, decide
-from fltea.spectrum.whiteness_test import Innovations
 
 Variant = Literal["triple", "joint"]
 

@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 from distributed import Client
+from distributed.security import Security
 
 from fltea import __version__
 from fltea.records.errors import FlteaError, UsageError
@@ -32,6 +33,12 @@ class DaskWorkers:
     """
 
     def __init__(self, address: str) -> None:
+        security: Any = Security
+        if address.startswith("tls://") and not security().get_connection_args("client")["ssl_context"]:
+            raise UsageError(
+                f"--dask {address}: no certificate to show there. Set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
+                "…__CLIENT__CERT and …__CLIENT__KEY (host/identify.md, A Dask cluster)."
+            )
         connect: Any = Client
         self._address = address
         try:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from fltea.identify.allan import FLICKER
 from fltea.identify.curves import Curves
+from fltea.identify.findings import MODELS, model_name
 from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
 from fltea.identify.run import AxisReport
-from fltea.identify.tables import MODELS, model_name
 from fltea.spectrum.profile import CRITICAL
 from fltea.spectrum.verdict import LEVEL
 

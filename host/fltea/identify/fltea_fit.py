@@ -12,7 +12,7 @@ from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.whiteness_test import Innovations, InnovationSums
+from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums
 
 Array = NDArray[np.float64]
 

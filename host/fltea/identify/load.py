@@ -21,7 +21,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 from fltea.wire.layout import SampleFlags
-from fltea.wire.units import accel_resolution_ms2, resolution_dps
+from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 Array = NDArray[np.float64]
 

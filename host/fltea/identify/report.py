@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 
 from fltea import __version__
-from fltea.identify import figures, tables
+from fltea.identify import figures, findings
 from fltea.identify.axis import AxisResult
 from fltea.identify.run import AxisReport, FileReport
 from fltea.records.errors import UsageError
@@ -87,7 +87,7 @@ def _page(reports: Sequence[FileReport], sections: list[str]) -> str:
 
 
 def _summary(reports: Sequence[FileReport]) -> str:
-    head = "".join(f"<th>{escape(text)}</th>" for text in ("recording", "axis", *tables.SHORT_HEADINGS))
+    head = "".join(f"<th>{escape(text)}</th>" for text in ("recording", "axis", *findings.SHORT_HEADINGS))
     lines = []
     for report in reports:
         name = f"<td>{escape(Path(report.name).name)}</td>"
@@ -97,7 +97,7 @@ def _summary(reports: Sequence[FileReport]) -> str:
             )
         for axis, found in report.axes.items():
             if isinstance(found, AxisReport):
-                cells = "".join(f"<td>{escape(text)}</td>" for text in tables.short(found))
+                cells = "".join(f"<td>{escape(text)}</td>" for text in findings.short(found))
             else:
                 cells = f'<td colspan="5" class="text bad">{escape(found.error)}</td>'
             lines.append(f"<tr>{name}<td>{axis}</td>{cells}</tr>")
@@ -105,7 +105,7 @@ def _summary(reports: Sequence[FileReport]) -> str:
 
 
 def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Iterator[str]:
-    yield f'<section><h2>{escape(report.name)}</h2><p class="faint">{escape(tables.heading(report))}</p>'
+    yield f'<section><h2>{escape(report.name)}</h2><p class="faint">{escape(findings.heading(report))}</p>'
     if report.failure is not None:
         yield f'<p class="bad">{escape(str(report.failure))}</p></section>'
         return
@@ -121,7 +121,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
     for name, axis in good.items():
         yield f'<h3 class="axis">{name}</h3><p>{escape(axis.result.verdict.text)}</p>'
         yield _rules(axis.result)
-        yield f'<p class="faint">{escape(tables.settings(axis))}</p>'
+        yield f'<p class="faint">{escape(findings.settings(axis))}</p>'
         if axis.reproduction is not None:
             yield f'<p class="faint">{escape(axis.reproduction.text)}</p>'
         yield '<div class="figures">'
@@ -141,7 +141,7 @@ def _table(axes: dict[str, AxisReport]) -> str:
         return ""
     head = "".join(f"<th>{name}</th>" for name in axes)
     lines = []
-    for label, values in tables.side_by_side(axes):
+    for label, values in findings.side_by_side(axes):
         cells = "".join(f"<td>{escape(value)}</td>" for value in values)
         sub = ' class="sub"' if label.startswith(" ") else ""
         lines.append(f"<tr{sub}><th>{escape(label.strip())}</th>{cells}</tr>")
@@ -153,14 +153,14 @@ def _wide(head: str, lines: Sequence[str]) -> str:
 
 
 def _traps(report: FileReport) -> str:
-    found = tables.traps(report)
+    found = findings.traps(report)
     lines = [
         f'<tr><td class="{trap.severity}">{trap.severity}</td><td>{escape(axes) or "all"}</td>'
         f'<td class="text">{escape(trap.text)}</td><td class="text">{escape(trap.remedy)}</td></tr>'
         for axes, trap in found
     ]
     lines += [
-        f'<tr><td></td><td></td><td class="text">{escape(text)}</td></tr>' for text in tables.doubts(report)
+        f'<tr><td></td><td></td><td class="text">{escape(text)}</td></tr>' for text in findings.doubts(report)
     ]
     if not lines:
         return ""

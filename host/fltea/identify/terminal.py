@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fltea.identify import tables
+from fltea.identify import findings
 from fltea.identify.run import AxisReport, Failure, FileReport
 from fltea.records.visible import visible_lines
 
@@ -21,29 +21,29 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
     """One recording: a table with a column an axis, the verdicts, and the traps."""
     if not first:
         console.print()
-    console.print(_shown(report.name, style="bold"), _shown(tables.heading(report)), soft_wrap=True)
+    console.print(_shown(report.name, style="bold"), _shown(findings.heading(report)), soft_wrap=True)
     if report.failure is not None:
         console.print(_shown(str(report.failure), style="red"))
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     if good:
         table = Table("", *good, box=box.SIMPLE_HEAD, pad_edge=False)
-        for label, values in tables.side_by_side(good):
+        for label, values in findings.side_by_side(good):
             table.add_row(*(_shown(text) for text in (label, *values)))
         console.print(table)
-        for line in dict.fromkeys(tables.method(axis.result.fltea) for axis in good.values()):
+        for line in dict.fromkeys(findings.method(axis.result.fltea) for axis in good.values()):
             console.print(_shown(f"{line}."))
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
         console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
-    for axes, trap in tables.traps(report):
+    for axes, trap in findings.traps(report):
         text = _shown(f"{trap.severity}: ", style=COLOURS[trap.severity])
         plain = "default not dim not bold"
         text.append_text(_shown(f"{axes}: " if axes else "", style=plain))
         text.append_text(_shown(f"{trap.text} {trap.remedy}", style=plain))
         console.print(text)
-    for doubt in tables.doubts(report):
+    for doubt in findings.doubts(report):
         console.print(_shown(doubt))
 
 
@@ -57,14 +57,14 @@ def _verdict(name: str, axis: AxisReport | Failure) -> Text:
 def summary(console: Console, reports: Sequence[FileReport]) -> None:
     """All axes of all recordings, a line each under the recording's name, which may be long."""
     console.print()
-    console.print(_shown(_line("Summary", tables.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
+    console.print(_shown(_line("Summary", findings.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
     for report in reports:
         console.print(_shown(Path(report.name).name, style="bold"), soft_wrap=True)
         if report.failure is not None:
             console.print(_shown("  failed", style="red"))
         for axis, found in report.axes.items():
             if isinstance(found, AxisReport):
-                console.print(_shown(_line(f"  {axis}", tables.short(found))), soft_wrap=True)
+                console.print(_shown(_line(f"  {axis}", findings.short(found))), soft_wrap=True)
             else:
                 console.print(_shown(f"  {axis}  failed", style="red"))
 

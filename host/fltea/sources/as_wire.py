@@ -26,7 +26,7 @@ from fltea.records.events import (
 )
 from fltea.records.records import DeviceStatus, Hello
 from fltea.wire import layout as wire
-from fltea.wire.in_units import hello_event
+from fltea.wire.message_events import hello_event
 from fltea.wire.messages import encode
 
 SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")

@@ -28,7 +28,7 @@ from fltea.records.records import Hello, LinkStats, Sample
 from fltea.settings.extras import load
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.pacing import sleep_until
-from fltea.wire.units import to_counts
+from fltea.wire.sample_scaling import to_counts
 
 if TYPE_CHECKING:
     from fltea.sources.mcap import McapRecording, Part

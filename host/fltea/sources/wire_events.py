@@ -27,7 +27,7 @@ from fltea.wire import layout as wire
 from fltea.wire.block_reader import BlockReader, SampleColumns
 from fltea.wire.faults import fault_text
 from fltea.wire.framing import BadFrame
-from fltea.wire.in_units import axis_event, estimator_event, hello_event, name_of, status_event
+from fltea.wire.message_events import axis_event, estimator_event, hello_event, name_of, status_event
 from fltea.wire.messages import Frame, Refused
 from fltea.wire.sensors import NO_SENSOR, RELATIVES, SENSORS, sensor_name
 

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.spectrum.likelihood_ratio import NullFits, null_fits
 from fltea.spectrum.models import (
     AR2,
     FULL,
@@ -20,7 +21,6 @@ from fltea.spectrum.models import (
     parameters,
     two_ar1_parameters,
 )
-from fltea.spectrum.null_test import NullFits, null_fits
 from fltea.spectrum.periodogram import AT_ONCE, Binned, Periodogram, binned
 from fltea.spectrum.whittle import Fit, fit
 

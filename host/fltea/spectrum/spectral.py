@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.spectrum.likelihood_ratio import null_fits, p_value
 from fltea.spectrum.lines import find_peaks
-from fltea.spectrum.null_test import null_fits, p_value
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned, periodogram, used_ordinates
 from fltea.spectrum.rivals import Fits, contest, fit_all
 from fltea.spectrum.verdict import DRIFT_HZ, Evidence

@@ -27,6 +27,7 @@ from fltea.records.records import (
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.settings.config import Config, EstimatorConfig
 from fltea.stream.board_settings import host_settings, info_of, unused_settings
+from fltea.stream.comparable import why_not_comparable
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
 
 REMEMBERED = 256
@@ -88,6 +89,15 @@ class BoardEstimates:
         self._in_use = self._settings or self._config.estimator
         return self._in_use
 
+    def settings(self) -> EstimatorConfig | None:
+        """With what the gyroscope is estimated as of now; None while a board alone has not stated it."""
+        return self._settings if self.alone else self._in_use
+
+    def is_valid(self, axis: str) -> bool | None:
+        """Whether the board's newest estimate of an axis is valid; None while there is none."""
+        newest = self._newest.get(axis)
+        return None if newest is None else _numbers(newest)[0]
+
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch."""
         self.forget()
@@ -124,8 +134,14 @@ class BoardEstimates:
             self._moments[seq] = _Moment(seq, block, row, seq - self._window_end)
         while len(self._moments) > REMEMBERED:
             del self._moments[next(iter(self._moments))]
-        yield block
-        yield from self._silent(host_ns)
+        late = self._silent(host_ns)
+        if late is None:
+            yield block
+            return
+        yield block.rows(0, late + 1)
+        yield self._silence(int(host_ns[late]))
+        if late + 1 < len(block):
+            yield block.rows(late + 1, len(block))
 
     def on_event(self, event: Event) -> Iterator[Item]:
         """Take what the board says of its estimates."""
@@ -166,22 +182,24 @@ class BoardEstimates:
             )
             yield Notice("settings_unused", text, now_ns)
 
-    def _silent(self, host_ns: Ints) -> Iterator[Notice]:
-        """Tell of a board that sends samples, and for some time no word of estimates."""
+    def _silent(self, host_ns: Ints) -> int | None:
+        """The sample with which it is too long that the board sent samples, and no word of estimates."""
         if self.stated is not None or self._told_silent:
-            return
+            return None
         if self._waits_since_ns is None:
             self._waits_since_ns = int(host_ns[0])
         late = np.flatnonzero(host_ns - self._waits_since_ns >= PATIENCE_NS)
-        if len(late):
-            self._told_silent = True
-            yield Notice(
-                "no_device_estimates",
-                f"the device sends samples, but in {PATIENCE_NS // 10**9} s no word of estimates of its own: "
-                "its firmware was built with estimation switched off, or is none of an Arduino Due. Flash "
-                "that of this program (fltea flash), or let this computer estimate: --estimate-on host.",
-                int(host_ns[late[0]]),
-            )
+        return int(late[0]) if len(late) else None
+
+    def _silence(self, now_ns: int) -> Notice:
+        self._told_silent = True
+        return Notice(
+            "no_device_estimates",
+            f"the device sends samples, but in {PATIENCE_NS // 10**9} s no word of estimates of its own: "
+            "its firmware was built with estimation switched off, or is none of an Arduino Due. Flash "
+            "that of this program (fltea flash), or let this computer estimate: --estimate-on host.",
+            now_ns,
+        )
 
     def _on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:
         self.stated, self._told_silent = stated, False
@@ -295,9 +313,9 @@ class BoardEstimates:
             yield Estimate(*moment.place(), variant, found, device=self._config.name)
             return
         same = self._settings is not None and self._settings == self._in_use
-        host = moment.host() if same else {}
-        axes = {axis: _compare(group[axis], host.get(axis), moment.age) for axis in ordered}
-        comparable = any(axis.alpha_difference is not None for axis in axes.values())
+        host = moment.host()
+        axes = {axis: _compare(group[axis], host.get(axis), moment.age, same) for axis in ordered}
+        comparable = any(axis.why_not is None for axis in axes.values())
         yield DeviceEstimates(*moment.place(), variant, axes, comparable, device=self._config.name)
 
 
@@ -306,13 +324,21 @@ def _as_estimate(e: DeviceAxis, null: Whiteness) -> AxisEstimate:
     return AxisEstimate(*numbers, valid, *null)
 
 
-def _compare(e: DeviceAxis, host: AxisEstimate | None, age: int) -> DeviceAxisEstimate:
-    """The board's estimate, and its difference from the host's where both are of the same steps."""
+def _compare(
+    e: DeviceAxis, host: AxisEstimate | None, host_age: int, same_settings: bool
+) -> DeviceAxisEstimate:
+    """The board's estimate, and its difference from the host's, or why there is none."""
     valid, numbers = _numbers(e)
-    if host is None or not (valid and host.valid) or e.skipped or e.age != age:
-        return DeviceAxisEstimate(*numbers, valid, age=e.age)
-    if host.alpha is None or host.f is None or host.state is None:
-        return DeviceAxisEstimate(*numbers, valid, age=e.age)
+    why_not = why_not_comparable(
+        device_valid=valid,
+        host_valid=host.valid if host else None,
+        device_age=e.age,
+        host_age=host_age,
+        device_skipped=e.skipped,
+        same_settings=same_settings,
+    )
+    if why_not is not None or host is None or host.alpha is None or host.f is None or host.state is None:
+        return DeviceAxisEstimate(*numbers, valid, age=e.age, why_not=why_not or "host_not_valid")
     return DeviceAxisEstimate(
         *numbers,
         valid,

@@ -11,7 +11,7 @@ from fltea.records.events import Break, Event, LinkDown, RawBlock
 from fltea.records.records import EpochReason, Hello
 from fltea.stream.place import Piece, Place
 from fltea.stream.time import Timebase
-from fltea.wire.units import accel_ms2, gyro_dps, temperatures_c
+from fltea.wire.sample_scaling import accel_ms2, gyro_dps, temperatures_c
 
 
 class Decoded(NamedTuple):
@@ -27,15 +27,18 @@ class Decoded(NamedTuple):
 class Decoder:
     """Turns the events of a source into samples.
 
-    unix_offset_ns: the source's. max_gap: as `link.max_gap` of the settings.
+    unix_offset_ns: the source's. max_gap: as `link.max_gap` of the settings. device, every: as
+    `Block` has them.
     """
 
-    def __init__(self, unix_offset_ns: Callable[[], int], max_gap: int, device: str | None = None) -> None:
+    def __init__(
+        self, unix_offset_ns: Callable[[], int], max_gap: int, device: str | None = None, every: int = 1
+    ) -> None:
         self.place = Place(max_gap)
         self.timebase: Timebase | None = None
         self.epoch = 0
         self._unix_offset_ns = unix_offset_ns
-        self._device = device
+        self._device, self._every = device, every
 
     def feed(self, event: Event) -> Iterator[Decoded | Hello]:
         """Take one event; samples that can be used, and a HELLO that tells something new."""
@@ -67,5 +70,6 @@ class Decoder:
             accel_ms2(raw, hello),
             temperatures_c(raw, hello),
             raw.flags,
+            every=self._every,
         )
         return Decoded(block, raw, hello, missing, new_epoch)

@@ -17,7 +17,7 @@ from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, AXES, GYRO_UNIT, AxisS
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.config import Config, EstimatorConfig
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
-from fltea.wire.units import accel_resolution_ms2, resolution_dps
+from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 Array = NDArray[np.float64]
 
@@ -225,7 +225,7 @@ class HostEstimates:
                 found.append(estimated.columns)
                 variant = variant or channels.config.variant
         if found:
-            block = replace(block, variant=variant, estimates=tuple(found), every=self._config.output.every)
+            block = replace(block, variant=variant, estimates=tuple(found))
         begin = 0
         for row, axis, why in sorted(lost):
             for notice in self._lost(axis, why, int(host_ns[row])):

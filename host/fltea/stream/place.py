@@ -102,7 +102,7 @@ class Place:
             piece = self._first(raw, begin, continues=bool(plain[begin]))
             if piece is not None:
                 yield self._grown(piece, raw, begin, end)
-            elif self.hello is not None and end > begin + 1:  # a duplicate: what follows is judged by itself
+            elif end > begin + 1:  # one that is left out: what follows is judged by itself
                 plain[begin + 1] = False
                 end = begin + 1
             begin = end

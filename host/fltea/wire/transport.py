@@ -136,6 +136,7 @@ class Port:
         self.url = url
         self.baud = baud
         self._serial: serial.Serial | None = None
+        self._descriptor = -1
         self._failures = 0
 
     @property
@@ -151,17 +152,17 @@ class Port:
             port.timeout = READ_TIMEOUT_S
             port.exclusive = True
             port.open()
+            self._descriptor = _descriptor_of(port) if self.has_descriptor else -1
         except Exception as error:  # whatever a driver raises must not end the reading
+            if port is not None:
+                _release(port)
             return Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns())
         self._serial = port
         return Opened(host_ns(), unix_offset_ns())
 
     def fileno(self) -> int:
         """The descriptor of an open port that has one."""
-        found = getattr(self._serial, "fd", None)
-        if found is None:
-            found = self._serial._socket.fileno()  # type: ignore[union-attr]
-        return int(found)
+        return self._descriptor
 
     def read_ready(self, *, hung_up: bool) -> Chunk | Failed | None:
         """Read what is there, after the descriptor was found ready; None if another program has taken it.
@@ -170,7 +171,7 @@ class Port:
         """
         try:
             with contextlib.suppress(BlockingIOError):
-                if data := os.read(self.fileno(), MAX_CHUNK):
+                if data := os.read(self._descriptor, MAX_CHUNK):
                     self._failures = 0  # a port that opens and dies at once is no success
                     return Chunk(data, host_ns(), unix_offset_ns())
                 if self.url.startswith(SOCKET):
@@ -212,8 +213,19 @@ class Port:
         """Release it."""
         port, self._serial = self._serial, None
         if port is not None:
-            with contextlib.suppress(OSError):  # the device is gone already
-                port.close()
+            _release(port)
+
+
+def _descriptor_of(port: serial.Serial) -> int:
+    found = getattr(port, "fd", None)
+    if found is None:
+        found = port._socket.fileno()  # type: ignore[attr-defined]
+    return int(found)
+
+
+def _release(port: serial.Serial) -> None:
+    with contextlib.suppress(OSError):  # the device is gone already
+        port.close()
 
 
 class Reader:

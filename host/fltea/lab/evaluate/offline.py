@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
+from fltea.spectrum.likelihood_ratio import critical_values, null_fits
 from fltea.spectrum.models import FULL, WEIGHTS, coordinates, logit, parameters, share
 from fltea.spectrum.null_constants import PROBABILITIES
-from fltea.spectrum.null_test import critical_values, null_fits
 from fltea.spectrum.periodogram import Binned, binned, periodogram
 from fltea.spectrum.profile import CRITICAL
 from fltea.spectrum.whittle import Fit, Model, fit

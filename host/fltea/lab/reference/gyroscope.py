@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.estimator.supervisor import LOST_ORDER, Reason, ran_away
+from fltea.estimator.lanes import LOST_ORDER, Reason
 from fltea.lab.reference import filters as reference
 from fltea.settings.estimator import GyroscopeSettings
 
@@ -105,7 +105,7 @@ class GyroscopeEstimator:
 
     def _step_axis(self, i: int, y: float | None) -> AxisEstimate:
         step = self._filters[i].step(None if y is None else y - self.bias[i])
-        if ran_away(step.order, float(step.w[0]), float(step.x[0])) or not step.finite:
+        if abs(step.order) > LOST_ORDER or not step.finite:
             self.lost[self.axes[i]] = "runaway"
             self.restarts[self.axes[i]] += 1
             self._filters[i] = self._start(self.R[i])

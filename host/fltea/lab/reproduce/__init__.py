@@ -2,6 +2,6 @@
 
 paper: the printed numbers. simulate: fractional systems, many seeds at once. scenarios, gyroscope: data with
 its truth, and the filters' settings. runs: the engine over every seed and length L, squared errors,
-divergences. timing: table 1. tables: rows beside the paper's numbers. figures: PNG. request: what is asked
-for. report: all of it in the order of the paper.
+divergences. timing: table 1. paper_tables: rows beside the paper's numbers. figures: PNG. request: what is
+asked for. report: all of it in the order of the paper.
 """

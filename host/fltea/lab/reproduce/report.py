@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from fltea.estimator.engine import Estimates
-from fltea.lab.reproduce import figures, gyroscope, paper, tables, timing
+from fltea.lab.reproduce import figures, gyroscope, paper, paper_tables, timing
+from fltea.lab.reproduce.paper_tables import Row
 from fltea.lab.reproduce.request import Request, prepare_folder
 from fltea.lab.reproduce.runs import Outcome, estimate, outcomes
 from fltea.lab.reproduce.scenarios import Data, Scenario, example, unknown_input
-from fltea.lab.reproduce.tables import Row
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.extras import need_matplotlib
 
@@ -95,25 +95,25 @@ class Report:
             times = timing.measure(
                 request.sawtooth, request.options, lambda steps: self.progress("Table 1", steps)
             )
-            return tables.time_rows(dict(times))
+            return paper_tables.time_rows(dict(times))
         rows: list[Row] = []
         for name in _of_table(table):
             if name not in self._scenarios:  # an axis that the recording does not have
                 continue
             scenario, results = self._scenarios[name], self._outcomes(name)
             if table == "6.2":
-                rows += tables.unknown_rows(scenario, results, request.options)
+                rows += paper_tables.unknown_rows(scenario, results, request.options)
             elif table == "5":
-                rows += tables.gyroscope_rows(name, scenario, results, request.options)
+                rows += paper_tables.gyroscope_rows(name, scenario, results, request.options)
             else:
-                rows += tables.example_rows(int(table), scenario, results, request.options)
+                rows += paper_tables.example_rows(int(table), scenario, results, request.options)
             if request.folder is not None:
                 self._write_seeds(request.folder / f"{_file_name('table', table)}.csv", name, results)
         return rows
 
     def _write_text(self, path: Path, rows: Mapping[str, list[Row]]) -> None:
         try:
-            path.write_text(tables.document(rows), encoding="utf-8")
+            path.write_text(paper_tables.document(rows), encoding="utf-8")
         except OSError as error:
             raise FlteaError(f"{path}: cannot be written ({error}).") from error
         self.files.append(path)

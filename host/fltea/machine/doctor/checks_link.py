@@ -141,8 +141,8 @@ def _bytes(heard: Heard) -> Finding:
     if sum(bad.values()) <= DAMAGED_AT_OPENING:
         return ok("frames", text) if link.frames else problem("frames", f"{text}.")
     reasons = ", ".join(f"{n} {reason}" for reason, n in bad.items())
-    report = warning if link.frames else problem
-    return report(
+    tell = warning if link.frames else problem
+    return tell(
         "frames",
         f"{text}, and damaged ones: {reasons}.",
         f"is the baud rate that of the firmware ({wire.BAUD})? Try another cable, and no hub; nothing else "
@@ -168,8 +168,8 @@ def _sensor(heard: Heard) -> Iterator[Finding]:
     assert hello is not None
     told = [trouble for trouble in heard.troubles if not trouble.fatal]
     for trouble in told:
-        report = problem if trouble.kind == "device_fault" else warning
-        yield report("sensor", trouble.message)
+        tell = problem if trouble.kind == "device_fault" else warning
+        yield tell("sensor", trouble.message)
     if not told and hello.who_am_i:
         scale = f"±{hello.gyro_range_dps:g} deg/s, {hello.gyro_lsb_per_dps:g} LSB per deg/s"
         yield ok("sensor", f"{hello.sensor} (WHO_AM_I 0x{hello.who_am_i:02X}), {scale}")

@@ -1,12 +1,12 @@
 """What bokeh and tornado complain of: errors become ours, at most one a minute; all else is dropped."""
 
 import logging
-import time
 
+from fltea.records import clock
 from fltea.records.ports import Report
+from fltea.records.repeat import OnceAMinute
 
 LIBRARIES = ("bokeh", "tornado")
-PERIOD_S = 60.0
 
 
 class Complaints(logging.Handler):
@@ -15,7 +15,7 @@ class Complaints(logging.Handler):
     def __init__(self, report: Report) -> None:
         super().__init__(logging.ERROR)
         self._report = report
-        self._told_s = -PERIOD_S
+        self._told = OnceAMinute()
         for name in LIBRARIES:
             logger = logging.getLogger(name)
             logger.propagate = False
@@ -25,10 +25,10 @@ class Complaints(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Tell of an error, unless one was told a moment ago."""
         what = record.getMessage().strip().splitlines() or [""]
-        now_s = time.monotonic()
-        if now_s - self._told_s < PERIOD_S or what[-1].endswith(":"):  # that one only announces the next
+        if what[-1].endswith(":"):  # that one only announces the next
             return
-        self._told_s = now_s
+        if not self._told.is_due("page_fault", clock.host_ns()):
+            return
         error = record.exc_info[1] if record.exc_info else None
         cause = "" if error is None else f" ({type(error).__name__}: {error})"
         self._report("page_fault", f"the live page has a fault; all else goes on. {what[-1]}{cause}")

@@ -3,9 +3,12 @@
 import math
 from typing import Any
 
-from fltea.records.records import AXES, DeviceAxisEstimate
+from fltea.records.records import AXES
+from fltea.records.why_not import not_comparable
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import apart, counted, figure, guard_words, quantity
+
+NOTHING_YET = "no estimate of the device yet"
 
 
 def silent(history: DeviceHistory) -> bool:
@@ -59,8 +62,8 @@ def beside(history: DeviceHistory, window: int) -> dict[str, dict[str, Any]]:
 
 
 def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) -> dict[str, Any]:
-    seq, e = history.newest_beside.get(axis, (0, None))
-    why = _why_not(history, axis, seq, e)
+    e = history.newest_beside.get(axis)
+    why = NOTHING_YET if e is None else not_comparable(e.why_not) if e.why_not else ""
     stats = history.stats.device_estimator if history.stats else None
     known = None if why or e is None else e
     return {
@@ -77,25 +80,6 @@ def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) ->
         ],
         "guard": guard_words(stats.interventions.get(axis, {}) if stats else {}),
     }
-
-
-def _why_not(history: DeviceHistory, axis: str, seq: int, e: DeviceAxisEstimate | None) -> str:
-    """Why the device's estimate says nothing beside the host's; empty if it can be compared."""
-    if e is None:
-        return "no estimate of the device yet"
-    if e.alpha_difference is not None:
-        return ""
-    host, stats = history.newest.get(axis), history.stats
-    skipped = stats is not None and stats.device_estimator is not None and stats.device_estimator.skipped
-    if not e.valid:
-        why = "the device's estimate is not valid"
-    elif host is not None and not host.valid:
-        why = "the host's estimate is not valid"
-    elif history.host_age(seq) != e.age:
-        why = "the device began at another sample"
-    else:
-        why = "the device skipped samples" if skipped else "the host has other settings than the device"
-    return f"not comparable: {why}"
 
 
 def _apart(newest: float | None, farthest: float) -> str:

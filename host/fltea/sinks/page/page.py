@@ -14,7 +14,7 @@ from fltea.records import clock
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.figures import Figures
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.tables import Table
+from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor
 
 PERIOD_MS = 300

@@ -20,6 +20,7 @@ from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, Tick, Trouble, block_of
 from fltea.records.records import DeviceStatus, Hello, LinkStats
+from fltea.records.repeat import OnceAMinute
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c.bus import Bus, explain_open_failure
 from fltea.sources.i2c.driver import (
@@ -53,8 +54,6 @@ PROBE_S = 0.1
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 TICK_NS = 500_000_000
 STATUS_NS = 1_000_000_000
-REPEAT_NS = 60_000_000_000
-"""The same trouble is told again after this long, or if the sensor was set up in between."""
 
 
 class HostClock(Protocol):
@@ -143,7 +142,7 @@ class I2cSource:
         self._closed = self._unanswered = False
         self._openings = self._starts = 0
         self._who_am_i = self._told_relative = NO_SENSOR
-        self._told: dict[str, int] = {}
+        self._told = OnceAMinute()
         self._tick_ns = self._status_ns = 0
         self._unix_offset_ns = self._host.unix_offset_ns()
 
@@ -237,7 +236,7 @@ class I2cSource:
     def _read(self) -> Iterator[Event]:
         """Read the sensor until it has to be set up again."""
         self._starts += 1
-        self._told.clear()
+        self._told.forget()
         self._reader.begin()
         yield self._hello()
         yield from self._tell_relative()
@@ -311,11 +310,9 @@ class I2cSource:
         yield from self._tell("device_fault", name, text, fatal=fatal)
 
     def _tell(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
-        """Pass a trouble on unless its topic was told a short while ago."""
+        """Pass a trouble on unless its topic was told within a minute, and since the sensor was set up."""
         now_ns = self._host.host_ns()
-        told_ns = self._told.get(topic)
-        if told_ns is None or now_ns - told_ns >= REPEAT_NS:
-            self._told[topic] = now_ns
+        if self._told.is_due(topic, now_ns):
             yield Trouble(kind, text, now_ns, fatal)
 
     def _wait(self, seconds: float) -> Iterator[Event]:

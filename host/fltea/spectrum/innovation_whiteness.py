@@ -1,6 +1,6 @@
 """Whether the innovations of a filter are white and as large as it thinks, over a whole record (pure).
 
-`estimator.whiteness` has the live form.
+`estimator.bank` has the live form.
 """
 
 import math

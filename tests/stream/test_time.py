@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.records.events import RawSample
+from blocks import cuts
+from fltea.records.events import RawBlock
 from fltea.sources.replay import ReplaySource
 from fltea.stream.time import Timebase
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from time_one_by_one import Timebase as TimeOneByOne
 
 PERIOD_US = 10_000
 HOUR_NS = 3600 * 10**9
@@ -28,10 +30,12 @@ def bursty_arrivals_s(true_s: np.ndarray, seed: int) -> np.ndarray:
 
 
 def host_times_ns(timebase: Timebase, device_us: list[int], arrivals_s: np.ndarray) -> np.ndarray:
-    arrivals_ns = np.round(arrivals_s * 1e9).astype(np.int64).tolist()
-    return np.array(
-        [timebase.add(k, us, ns) for k, (us, ns) in enumerate(zip(device_us, arrivals_ns, strict=True))]
-    )
+    arrivals_ns = np.round(arrivals_s * 1e9).astype(np.int64)
+    return timebase.add(np.arange(len(device_us)), np.array(device_us), arrivals_ns)
+
+
+def add_one(timebase: Timebase, seq: int, device_us: int, host_ns: int) -> int:
+    return int(timebase.add(np.array([seq]), np.array([device_us]), np.array([host_ns]))[0])
 
 
 @given(
@@ -49,7 +53,7 @@ def test_time_never_runs_backwards(moves: list[tuple[int, int]]) -> None:
     device_us, host_ns, seen = 0, 0, []
     for seq, (step_us, step_ns) in enumerate(moves):
         device_us, host_ns = device_us + step_us, host_ns + step_ns
-        seen.append(timebase.add(seq, device_us, host_ns))
+        seen.append(add_one(timebase, seq, device_us, host_ns))
     assert all(a < b for a, b in pairwise(seen))
 
 
@@ -78,31 +82,31 @@ def test_figures_are_none_at_first() -> None:
     timebase = Timebase(0)
     assert timebase.clock_ppm is None
     assert timebase.rate_hz is None
-    timebase.add(0, 0, 0)
+    add_one(timebase, 0, 0, 0)
     assert timebase.rate_hz is None
-    timebase.add(1, PERIOD_US, PERIOD_US * 1000)
+    add_one(timebase, 1, PERIOD_US, PERIOD_US * 1000)
     assert timebase.rate_hz == pytest.approx(100.0)
     for k in range(2, 1001):
-        timebase.add(k, k * PERIOD_US, k * PERIOD_US * 1000 + k)
+        add_one(timebase, k, k * PERIOD_US, k * PERIOD_US * 1000 + k)
         assert (timebase.clock_ppm is None) == (k < 1000)  # ten blocks of a second
 
 
 def test_times_of_arrival_that_are_the_devices_own_tell_no_drift() -> None:
     timebase = Timebase(0)
     for k in range(2000):
-        timebase.add(k, k * PERIOD_US, k * PERIOD_US * 1000)
+        add_one(timebase, k, k * PERIOD_US, k * PERIOD_US * 1000)
     assert timebase.clock_ppm is None
 
 
 def test_first_time_is_the_arrival() -> None:
-    assert Timebase(OFFSET_NS).add(3, 123_456, 777) == OFFSET_NS + 777
+    assert add_one(Timebase(OFFSET_NS), 3, 123_456, 777) == OFFSET_NS + 777
 
 
 def test_unbroken_arrivals_come_back_as_they_are() -> None:
     timebase = Timebase(OFFSET_NS)
     for k in range(5000):
         host_ns = 10**12 + k * PERIOD_US * 1000
-        assert abs(timebase.add(k, k * PERIOD_US, host_ns) - OFFSET_NS - host_ns) <= 1
+        assert abs(add_one(timebase, k, k * PERIOD_US, host_ns) - OFFSET_NS - host_ns) <= 1
 
 
 @given(st.integers(-(10**18), 10**18), st.lists(st.integers(0, 10**9), min_size=2, max_size=100))
@@ -112,38 +116,75 @@ def test_offset_to_unix_time_stays_what_it_was(offset_ns: int, delays_ns: list[i
     plain, shifted = Timebase(0), Timebase(offset_ns)
     for k, delay_ns in enumerate(delays_ns):
         arrival = (k, k * 200_000, k * 200_000_000 + delay_ns)
-        assert shifted.add(*arrival) - plain.add(*arrival) == offset_ns
+        assert add_one(shifted, *arrival) - add_one(plain, *arrival) == offset_ns
 
 
 def test_lost_samples_do_not_move_time() -> None:
     timebase = Timebase(0)
     for k in (k for k in range(6000) if k % 1000 < 400):
-        timebase.add(k, k * PERIOD_US, k * PERIOD_US * 1000)
-    assert timebase.add(9000, 9000 * PERIOD_US, 9000 * PERIOD_US * 1000) == pytest.approx(9e10, abs=10)
+        add_one(timebase, k, k * PERIOD_US, k * PERIOD_US * 1000)
+    assert add_one(timebase, 9000, 9000 * PERIOD_US, 9000 * PERIOD_US * 1000) == pytest.approx(9e10, abs=10)
     assert timebase.rate_hz == pytest.approx(100.0)
 
 
 def test_changed_clock_is_followed_within_ten_minutes() -> None:
     """As a cold oscillator's does; ten minutes are the 600 blocks that are kept."""
-    timebase, host_ns = Timebase(0), 0
-    for k in range(0, 1_440_000, 20):  # a sample every 0.2 s
-        host_ns += 200_000_000 + (10_000 if k >= 720_000 else 0)
-        timebase.add(k, k * PERIOD_US, host_ns)
+    timebase, k = Timebase(0), np.arange(0, 1_440_000, 20)  # a sample every 0.2 s
+    steps_ns = np.where(k >= 720_000, 200_010_000, 200_000_000)
+    timebase.add(k, k * PERIOD_US, np.cumsum(steps_ns))
     assert timebase.clock_ppm == pytest.approx(-50, abs=0.1)
 
 
 def test_bursts_of_a_real_recording(recordings: Path) -> None:
     """An MPU-6050 behind a USB bridge: true period 10.07 ms, arrivals 2 ms apart and up to 497 ms."""
     source = ReplaySource(recordings / "mpu6050_sunsided_10min.npz")
-    samples = [event for event in source.events() if isinstance(event, RawSample)]
-    arrivals_ms = np.array([raw.host_ns for raw in samples]) * 1e-6
+    raw = next(event for event in source.events() if isinstance(event, RawBlock))
+    arrivals_ms = raw.host_ns * 1e-6
     assert np.median(np.diff(arrivals_ms)) == pytest.approx(2.0, abs=0.2)
     assert np.diff(arrivals_ms).max() == pytest.approx(497, abs=1)
 
     timebase = Timebase(0)
-    times_ms = np.array([timebase.add(k, raw.device_us, raw.host_ns) for k, raw in enumerate(samples)]) * 1e-6
+    times_ms = timebase.add(np.arange(len(raw.sequence)), raw.device_us, raw.host_ns) * 1e-6
     steps_ms = np.diff(times_ms)[1500:]
     low_ms, high_ms = np.percentile(steps_ms, [1, 99])
     assert (low_ms, high_ms) == pytest.approx((10.07, 10.07), abs=0.05)
     assert steps_ms.min() > 5
     assert steps_ms.max() < 20  # measured: 7.6 and 16.7, where a new fit moves the line
+
+
+moments = st.tuples(
+    st.just(PERIOD_US) | st.integers(0, 10**7),
+    st.just(PERIOD_US * 1000) | st.integers(0, 10**10) | st.integers(-(10**9), 10**9),
+)
+
+
+@given(st.lists(moments, min_size=1, max_size=300), st.integers(-(10**18), 10**18), st.data())
+@settings(max_examples=200)
+def test_blocks_of_any_cut_have_the_times_of_one_by_one(
+    moves: list[tuple[int, int]], offset_ns: int, data: st.DataObject
+) -> None:
+    seq = np.arange(len(moves)) + 65_530
+    device_us, host_ns = 123_456 + np.cumsum(moves, axis=0).T
+    timebase, oracle = Timebase(offset_ns), TimeOneByOne(offset_ns)
+    wanted = [
+        oracle.add(*row) for row in zip(*map(np.ndarray.tolist, (seq, device_us, host_ns)), strict=True)
+    ]
+    blocks = np.array_split(np.array([seq, device_us, host_ns]), sorted(data.draw(cuts(len(moves)))), axis=1)
+    got = [timebase.add(*block) for block in blocks if block.size]
+    assert np.concatenate(got).tolist() == wanted
+    assert (timebase.clock_ppm, timebase.rate_hz) == (oracle.clock_ppm, oracle.rate_hz)
+
+
+def test_more_than_is_kept_has_the_times_of_one_by_one() -> None:
+    """Longer than what is kept of it, and than there is room for."""
+    rng = np.random.default_rng(3)
+    seq = np.arange(14_000)
+    device_us = seq * 200_000
+    host_ns = device_us * 1000 + rng.exponential(2e6, len(seq)).astype(np.int64)
+    timebase, oracle = Timebase(0), TimeOneByOne(0)
+    wanted = [
+        oracle.add(*row) for row in zip(seq.tolist(), device_us.tolist(), host_ns.tolist(), strict=True)
+    ]
+    blocks = np.array_split(np.array([seq, device_us, host_ns]), 9, axis=1)
+    assert np.concatenate([timebase.add(*block) for block in blocks]).tolist() == wanted
+    assert (timebase.clock_ppm, timebase.rate_hz) == (oracle.clock_ppm, oracle.rate_hz)

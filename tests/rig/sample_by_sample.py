@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from fltea.settings.config import EstimatorConfig
 from fltea.estimator.baseline import Baseline, BaselineRule
 from fltea.estimator.engine import CAUSES, Engine
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, Reason
+from fltea.settings.config import EstimatorConfig
 
 STATE_BOUND = CAUSES.index("state_bound")
 
@@ -31,7 +31,7 @@ class AxisEstimate(NamedTuple):
     valid: bool
 
 
-INVALID = AxisEstimate(*[math.nan] * 7, valid=False)
+INVALID = AxisEstimate(*(math.nan,) * 7, False)
 
 
 class Verdict(NamedTuple):

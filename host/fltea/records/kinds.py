@@ -1,0 +1,219 @@
+"""Every kind of `error` record: what it means, and what a person does about it.
+
+host/README.md's table is generated from this list (`make gen`); a test holds it against the code.
+"""
+
+from typing import NamedTuple
+
+
+class ErrorKind(NamedTuple):
+    """One kind. meaning and remedy: a sentence each, without what only the text of the record can say."""
+
+    name: str
+    meaning: str
+    remedy: str
+
+
+ERROR_KINDS = (
+    ErrorKind(
+        "no_port",
+        "There is no such port, or nobody listens there; the text lists the ports that exist.",
+        "Plug the board in, or give the port that `fltea devices` lists; it is tried again.",
+    ),
+    ErrorKind(
+        "no_permission",
+        "The port belongs to a group that you have not joined.",
+        "Join the group that the text names, and log in again.",
+    ),
+    ErrorKind(
+        "port_busy",
+        "Another program has the port.",
+        "End the other program, such as a serial monitor; it is tried again.",
+    ),
+    ErrorKind(
+        "open_failed",
+        "The port could not be opened for another reason, which the text gives.",
+        "Check the cable and the address; it is tried again.",
+    ),
+    ErrorKind(
+        "unplugged",
+        "The port, or the I²C bus, was lost while in use.",
+        "Plug the board in again; it is opened as soon as it is back.",
+    ),
+    ErrorKind(
+        "silent",
+        "The port is open, but nothing came for 5 s.",
+        "Check that this is the board's port, that it has power and this program's firmware (`fltea flash`).",
+    ),
+    ErrorKind(
+        "no_valid_frame",
+        "Bytes came for 5 s, and no valid frame was among them.",
+        "Check the baud rate, and flash this program's firmware (`fltea flash`).",
+    ),
+    ErrorKind(
+        "no_hello",
+        "Valid frames came for 5 s, but no HELLO, so nobody knows what the samples mean.",
+        "Reset the board; if that does not help, flash its firmware (`fltea flash`).",
+    ),
+    ErrorKind(
+        "bad_hello",
+        "HELLO states a rate or a scale of 0, so the samples cannot be used.",
+        "Flash the firmware of this program (`fltea flash`).",
+    ),
+    ErrorKind(
+        "version",
+        "The device speaks another version of the protocol; the text names both.",
+        "Flash the firmware of this program (`fltea flash`), or use the program that fits the device.",
+    ),
+    ErrorKind(
+        "cut_recording",
+        "A recording ends in the middle of a line, or without its index; all that reached the disk was read.",
+        "Nothing has to be done; `fltea recover` gives an MCAP file its index again.",
+    ),
+    ErrorKind(
+        "recording_gap",
+        "A replay came to a place where something was not recorded; the text says why.",
+        "Nothing can be done now; mind the gap when you judge what follows it.",
+    ),
+    ErrorKind(
+        "device_fault",
+        "The device reports a fault of its own or of its sensor; the same one is told once a minute at most.",
+        "Do what the text says; host and firmware name the same faults.",
+    ),
+    ErrorKind(
+        "sensor_relative",
+        "The sensor is a relative or a clone of the MPU-9250; told once.",
+        "Nothing has to be done, if you know that its noise is another sensor's.",
+    ),
+    ErrorKind(
+        "sensor_unknown",
+        "The sensor's WHO_AM_I is that of no chip that is known.",
+        "Check what the sensor is; its scales may not hold.",
+    ),
+    ErrorKind(
+        "fifo_overflow",
+        "The FIFO of a sensor on I²C ran over, because nobody read it for more than 0.36 s.",
+        "Relieve the machine; the text says how many samples are lost.",
+    ),
+    ErrorKind(
+        "fifo_restarted",
+        "The FIFO of a sensor on I²C was emptied, since it could not be believed; the text says why.",
+        "Check the wires, and that no other program reads the sensor.",
+    ),
+    ErrorKind(
+        "no_axis",
+        "`--channels` names axes that the source does not have, or of which it does not know the scale.",
+        "Name axes that the source has.",
+    ),
+    ErrorKind(
+        "constant_axis",
+        "An axis did not change over the start-up window, so R is not known and the axis stays invalid.",
+        "Check that the sensor is alive; if such data are meant, give R (`--r`).",
+    ),
+    ErrorKind(
+        "axis_runaway",
+        "The estimate of an axis ran away; the axis begins anew.",
+        "Use a guard (`--guard consistent`), and check that the sensor is at rest and R fits it.",
+    ),
+    ErrorKind(
+        "axis_bound",
+        "An axis needed the guard in over a quarter of its last 200 samples; it is invalid until that ends.",
+        "Keep the sensor at rest, and compare R with `stats`.",
+    ),
+    ErrorKind(
+        "no_device_estimates",
+        "With `--estimate-on device` or `both`: samples came for 5 s, no word of estimates; ends `--once`.",
+        "Flash a firmware that estimates (`fltea flash`), or estimate here (`--estimate-on host`).",
+    ),
+    ErrorKind(
+        "device_skipped",
+        "The device's estimator had fallen behind and skipped samples; told once a minute at most.",
+        "Lower the rate of the device's estimates in the firmware's settings.",
+    ),
+    ErrorKind(
+        "device_settings",
+        "The device estimates with settings that this program cannot use, so nothing is compared.",
+        "Flash the firmware of this program (`fltea flash`).",
+    ),
+    ErrorKind(
+        "settings_unused",
+        "Settings of `[estimator]` were changed for nothing, since the device has its own; told once.",
+        "Take them out, or change them in the firmware.",
+    ),
+    ErrorKind(
+        "state_unused",
+        "The snapshot of `--state` does not fit; the text says why, and the start-up window begins.",
+        "Nothing has to be done: a new snapshot takes its place.",
+    ),
+    ErrorKind(
+        "state_failed",
+        "The snapshot of `--state` cannot be written; the old one is kept.",
+        "Make room on the disk, or give a file that can be written.",
+    ),
+    ErrorKind(
+        "state_refused",
+        "The snapshot of `--state` is not sound; the text says what is wrong, and where the file is kept.",
+        "Nothing has to be done: the start-up window begins, and a new snapshot is written.",
+    ),
+    ErrorKind(
+        "too_many_visitors",
+        "More browsers want the live page than `dashboard.visitors` allows; told once a minute at most.",
+        "Close a window that shows the page, or raise `dashboard.visitors`.",
+    ),
+    ErrorKind(
+        "too_many_devices",
+        "A source said more than four different things of itself within an hour; told once an hour.",
+        "Check the board and the line: further ones get no topics or labels.",
+    ),
+    ErrorKind(
+        "output_lost",
+        "An output cannot go on, or its reader left; the other outputs do.",
+        "Start the program again to have that output back.",
+    ),
+    ErrorKind(
+        "page_fault",
+        "The live page has a fault of its own; told once a minute at most.",
+        "Load the page again, and report the text.",
+    ),
+    ErrorKind(
+        "broker_lost",
+        "The MQTT broker cannot be reached, or the connection broke; told once an outage.",
+        "Start the broker, or check address and network; it is tried again.",
+    ),
+    ErrorKind(
+        "broker_refused",
+        "The broker does not take user and password, or its access list forbids a topic.",
+        "Correct the password, or let the user write to the topics that the text names.",
+    ),
+    ErrorKind(
+        "broker_certificate",
+        "The broker's certificate is not accepted, or TLS could not be agreed on.",
+        "Give the authority that signed it (`mqtt.ca`), and the name that stands in it.",
+    ),
+    ErrorKind(
+        "broker_plain",
+        "The password goes to another machine without TLS.",
+        "Use `mqtts://` if the broker can.",
+    ),
+    ErrorKind(
+        "broker_back",
+        "The broker is back; the text says after how long, and how many records were lost.",
+        "Nothing has to be done.",
+    ),
+    ErrorKind(
+        "disk_full",
+        "The recording stopped for lack of room, or of quota; all else goes on.",
+        "Make room; the recording then goes on by itself.",
+    ),
+    ErrorKind(
+        "record_failed",
+        "The recording stopped because of another failure of the disk, and is tried again every 5 s.",
+        "Check the disk and the folder that the text names.",
+    ),
+    ErrorKind(
+        "record_resumed",
+        "The recording goes on in a new file; the text says how much was not recorded.",
+        "Nothing has to be done.",
+    ),
+)
+"""In the order of the way from the port to the outputs."""

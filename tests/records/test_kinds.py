@@ -1,0 +1,130 @@
+"""Error kinds are data: every kind that the code tells is listed, and every listed kind is told somewhere."""
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from fltea.records.kinds import ERROR_KINDS
+from support import ROOT
+
+LISTED = {kind.name for kind in ERROR_KINDS}
+CODE = {
+    file: ast.parse(file.read_text(encoding="utf-8"), str(file))
+    for file in sorted((ROOT / "host/fltea").rglob("*.py"))
+    if file.name != "kinds.py"
+}
+MAKERS = {"Trouble", "Failed", "Error", "Notice", "Down"}
+"""What carries a kind as its first field, or as `kind`."""
+TELLERS = {"_report", "_error", "_tell", "report"}
+"""What is called with a kind first."""
+
+Function = ast.FunctionDef
+
+
+def functions(code: dict[Path, ast.Module]) -> dict[str, list[Function]]:
+    found: dict[str, list[Function]] = {}
+    for tree in code.values():
+        for node in ast.walk(tree):
+            if isinstance(node, Function):
+                found.setdefault(node.name, []).append(node)
+    return found
+
+
+def name_of(called: ast.expr) -> str:
+    """Last part of the name of what is called; of `hub.report()("kind", …)` that is report."""
+    match called:
+        case ast.Name(name) | ast.Attribute(attr=name):
+            return name
+        case ast.Call(func=func):
+            return name_of(func)
+    return ""
+
+
+def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
+    """Every kind that is told, and where; through the functions that return kind and text."""
+    defined = functions(code)
+    for file, tree in code.items():
+        for node in ast.walk(tree):
+            match node:
+                case ast.Call(func=func, args=args, keywords=keywords):
+                    given = [k.value for k in keywords if k.arg == "kind"] + args[:1]
+                    if name_of(func) in MAKERS | TELLERS and given:
+                        place = f"{file}:{node.lineno}"
+                        yield from ((kind, place) for kind in kinds_in(given[0], defined, place))
+                case ast.Assign(targets=[ast.Tuple([ast.Name("kind"), *_])], value=ast.Call(func=func)):
+                    place = f"{file}:{node.lineno}"
+                    makers = defined.get(name_of(func), [])  # none: another kind of kind
+                    yield from ((kind, place) for maker in makers for kind in returned(maker))
+
+
+def kinds_in(value: ast.expr, defined: dict[str, list[Function]], place: str) -> set[str]:
+    match value:
+        case ast.Constant(str(kind)):
+            return {kind}
+        case ast.IfExp(body=body, orelse=orelse):
+            return kinds_in(body, defined, place) | kinds_in(orelse, defined, place)
+        case ast.Starred(ast.Call(func=func)):
+            makers = defined.get(name_of(func), [])
+            assert makers, f"{place}: nobody defines {name_of(func)}, which gives kind and text"
+            return {kind for maker in makers for kind in returned(maker)}
+    return set()  # a variable, or an attribute: passed on from where it was made
+
+
+def returned(function: Function) -> set[str]:
+    """The kinds that a function returns with a text."""
+    found = set()
+    for node in ast.walk(function):
+        match node:
+            case ast.Return(ast.Tuple([ast.Constant(str(kind)), *_])):
+                found.add(kind)
+    return found
+
+
+def test_every_kind_that_is_told_is_listed() -> None:
+    found = list(told(CODE))
+    assert {"no_port", "no_permission", "unplugged", "version", "constant_axis", "axis_runaway"} | {
+        "broker_lost",
+        "disk_full",
+        "fifo_overflow",
+        "state_failed",
+        "output_lost",
+    } <= {kind for kind, _ in found}, "the scan has lost sight of the code"
+    assert not [(kind, place) for kind, place in found if kind not in LISTED]
+
+
+def test_every_listed_kind_is_told() -> None:
+    assert not LISTED - {kind for kind, _ in told(CODE)}
+
+
+def test_the_scan_finds_what_is_not_listed() -> None:
+    text = """
+def explain(error):
+    if error:
+        return "made_up_one", "text"
+    return ("made_up_two", "text")
+def tell(self):
+    yield Trouble("made_up_three", "text", 0)
+    yield Failed(kind="made_up_four", message="text")
+    self._report("made_up_five", "text")
+    hub.report()("made_up_six", "text")
+    yield self._error(*explain(1))
+    kind, text = self._broker.explain(2)
+"""
+    found = {kind for kind, _ in told({Path("x.py"): ast.parse(text)})}
+    assert found == {f"made_up_{n}" for n in ("one", "two", "three", "four", "five", "six")}
+
+
+def test_each_is_named_once_and_says_meaning_and_remedy_in_a_sentence() -> None:
+    assert len(LISTED) == len(ERROR_KINDS)
+    for kind in ERROR_KINDS:
+        assert re.fullmatch(r"[a-z]+(_[a-z]+)*", kind.name)
+        for text in (kind.meaning, kind.remedy):
+            assert re.fullmatch(r"[A-Z`][^|\n]*[^.]\.", text), kind.name
+
+
+def test_the_table_of_the_page_is_up_to_date() -> None:
+    command = [sys.executable, str(ROOT / "tools/gen_error_kinds.py"), "--check"]
+    assert subprocess.run(command, check=False).returncode == 0

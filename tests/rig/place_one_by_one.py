@@ -1,0 +1,108 @@
+"""The oracle of `fltea.stream.place`: the same rules, a sample at a time."""
+
+from typing import NamedTuple
+
+from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, RawSample
+from fltea.records.records import EpochReason, Hello
+from fltea.stream.place import CLOCK_TOLERANCE, MAX_HOST_DISAGREEMENT_US, MAX_SILENCE_NS
+
+
+class Placed(NamedTuple):
+    """A sample with its place in the epoch.
+
+    missing: samples lost just before it, by number `seq - missing` to `seq - 1`.
+    new_epoch: why time is broken before it, None where it is not.
+    """
+
+    raw: RawSample
+    seq: int
+    device_us: int
+    missing: int = 0
+    new_epoch: EpochReason | None = None
+
+
+class Continuity:
+    """Turns wrapped samples into an unbroken count, or says where it broke.
+
+    max_gap: longest gap, in samples, that an epoch survives.
+    Counters: `delivered`, `lost`, `gaps`, `duplicates`, `before_hello` (samples that could not
+    be used because their HELLO had not been heard).
+    """
+
+    def __init__(self, max_gap: int) -> None:
+        self.max_gap = max_gap
+        self.hello: Hello | None = None
+        self.delivered = self.lost = self.gaps = self.duplicates = self.before_hello = 0
+        self._boot: tuple[int | None, str | None] | None = None
+        self._sensor_starts: int | None = None
+        self._pending: EpochReason | None = "start"
+        self._last: RawSample | None = None
+        self._seq = self._device_us = 0
+
+    def on_hello(self, hello: Hello) -> bool:
+        """Take note of a HELLO; True if it tells something new (the first, or another boot or sensor)."""
+        boot = (hello.boot_id, hello.device_id)
+        another_boot, another_sensor = boot != self._boot, hello.sensor_starts != self._sensor_starts
+        news = another_boot or another_sensor or self.hello is None
+        if another_boot and self._boot is not None:
+            self._pending = "restart"
+        elif another_sensor and self._pending is None:
+            self._pending = "sensor_restart"
+        self._boot, self._sensor_starts = boot, hello.sensor_starts
+        self.hello = hello
+        return news
+
+    def on_link_down(self) -> None:
+        """Believe no sample until the next HELLO: it may come from another device."""
+        self.hello = None
+
+    def on_break(self, reason: EpochReason) -> None:
+        """Begin a new epoch with the next sample, as a recording says that one began there."""
+        if self._pending in (None, "sensor_restart"):
+            self._pending = reason
+
+    def on_sample(self, raw: RawSample) -> Placed | None:
+        """Place one sample; None for one that cannot be used (duplicate, or its HELLO is not known)."""
+        if self.hello is None:
+            self.before_hello += 1
+            return None
+        if self._last is None or self._pending not in (None, "sensor_restart"):
+            return self._begin(raw, self._pending or "start")
+        if raw.host_ns - self._last.host_ns > MAX_SILENCE_NS:
+            return self._begin(raw, self._pending or "silence")
+        sequence_step = (raw.sequence - self._last.sequence) % SEQUENCE_WRAP
+        time_step_us = (raw.device_us - self._last.device_us) % TIME_WRAP_US
+        if sequence_step == 0 and time_step_us == 0:
+            self.duplicates += 1
+            return None
+        period_us = 1e6 / self.hello.rate_hz
+        wraps = round((time_step_us / period_us - sequence_step) / SEQUENCE_WRAP)
+        step = sequence_step + wraps * SEQUENCE_WRAP
+        disagreement_us = abs(time_step_us - step * period_us)
+        host_step_us = (raw.host_ns - self._last.host_ns) / 1000
+        if (
+            step < 1
+            or disagreement_us > CLOCK_TOLERANCE * step * period_us + period_us
+            or abs(time_step_us - host_step_us) > MAX_HOST_DISAGREEMENT_US
+        ):
+            self._pending = "discontinuity"
+            self.on_link_down()
+            self.before_hello += 1
+            return None
+        missing = step - 1
+        self.lost += missing
+        self.gaps += missing > 0
+        self.delivered += 1
+        self._seq += step
+        self._device_us += time_step_us
+        self._last = raw
+        reason = self._pending or ("gap" if missing > self.max_gap else None)
+        self._pending = None
+        return Placed(raw, self._seq, self._device_us, missing, reason)
+
+    def _begin(self, raw: RawSample, reason: EpochReason) -> Placed:
+        self._pending = None
+        self._last = raw
+        self._seq, self._device_us = raw.sequence, raw.device_us
+        self.delivered += 1
+        return Placed(raw, self._seq, self._device_us, 0, reason)

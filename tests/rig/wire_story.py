@@ -1,0 +1,231 @@
+"""What a board sends in some seconds, and all that happens to it: bytes, and when they came."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from estimating_board import noise
+from fltea.records.events import Chunk, Event, LinkDown, Opened
+from fltea.records.records import LinkStats
+from fltea.sources.wire_events import Chunks, WireEvents
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
+from host_support import WIRE_HELLO
+from hypothesis import strategies as st
+
+PERIOD_NS = 10**7
+SECOND_NS = 10**9
+TICK_NS = 500_000_000
+OFFSET_NS = 1_720_000_000_000_000_000
+
+HAPPENINGS = (
+    "hello",  # said once more
+    "status",
+    "fault",
+    "bad",  # a bit of a sample is wrong
+    "rubbish",  # bytes that are no frame
+    "twice",  # a sample is said twice
+    "gap",
+    "long gap",
+    "pause",  # nothing comes for six seconds
+    "jump",  # device time moves, as after a reset whose HELLO was lost
+    "restart",
+    "sensor",  # set up anew
+    "other version",
+    "clock set",  # the host's date
+    "opened",  # the port was lost for a moment
+    "constant",  # from here on the sensor says the same all the time
+    "knock",  # the board is moved
+)
+
+
+class Moment(NamedTuple):
+    """What came together. data None: the port was opened anew."""
+
+    data: bytes | None
+    host_ns: int
+    offset_ns: int
+
+
+class Story(NamedTuple):
+    """begin_ns: monotonic time of the first sample. happenings: (sample, what). bursts: see `moments`."""
+
+    begin_ns: int
+    samples: int
+    happenings: tuple[tuple[int, str], ...]
+    bursts: tuple[int, ...]
+
+    def moments(self) -> list[Moment]:
+        """Bytes as they came: some samples at a time by `bursts`, frames torn wherever that falls."""
+        board, found, waiting, held = _Board(), [], b"", 0
+        told = dict(self.happenings)
+        host_ns, offset_ns, k = self.begin_ns, OFFSET_NS, 0
+        for k in range(self.samples):
+            what = told.get(k, "")
+            host_ns += PERIOD_NS
+            if what in ("opened", "clock set", "pause"):
+                if waiting:
+                    found.append(Moment(waiting, host_ns, offset_ns))
+                    waiting, held = b"", 0
+                host_ns += 6 * SECOND_NS * (what == "pause") + 1
+                offset_ns += 3600 * SECOND_NS * (what == "clock set")
+                if what == "opened":
+                    found.append(Moment(None, host_ns, offset_ns))
+            waiting += board.says(k, what, host_ns)
+            burst = self.bursts[k % len(self.bursts)]
+            held += 1
+            if held >= burst:
+                torn = len(waiting) - k * 7 % 30 if burst % 2 else len(waiting)
+                if torn > 0:
+                    found.append(Moment(waiting[:torn], host_ns, offset_ns))
+                    waiting, held = waiting[torn:], 0
+        return [*found, Moment(waiting, host_ns + 1, offset_ns)] if waiting else found
+
+
+class _Board:
+    """Says the bytes of one sampling period after another."""
+
+    def __init__(self) -> None:
+        self._hello = WIRE_HELLO
+        self._rows = noise(4096)
+        self._sequence, self._device_ns, self._before_ns, self._others = 65_400, 5 * SECOND_NS, 0, 0
+        self._constant = self._knocked = False
+
+    def says(self, k: int, what: str, host_ns: int) -> bytes:
+        step_ns = host_ns - self._before_ns if self._before_ns else 0
+        self._before_ns, self._others = host_ns, self._others + 1
+        self._sequence += round(step_ns / PERIOD_NS)
+        self._device_ns += step_ns
+        said = b"\0" if k == 0 else b""
+        if k == 0 or what in ("hello", "opened"):
+            said += self._says(self._hello)
+        match what:
+            case "status":
+                said += self._says(wire.Status(1, 0, 0, 2, k % 256, wire.ResetCause.WATCHDOG, 4321, 700))
+            case "fault":
+                said += self._says(wire.Fault(wire.FaultCode.SENSOR_LOST, 0x10))
+            case "rubbish":
+                said += bytes(k * j % 256 for j in range(k % 90))
+            case "gap":
+                self._sequence, self._device_ns = self._sequence + 3, self._device_ns + 3 * PERIOD_NS
+            case "long gap":
+                self._sequence, self._device_ns = self._sequence + 90, self._device_ns + 90 * PERIOD_NS
+            case "jump":
+                self._device_ns += 7 * SECOND_NS
+            case "restart":
+                self._hello = self._hello._replace(boot_id=self._hello.boot_id + 1)
+                self._sequence = self._device_ns = 0
+                said += self._says(self._hello)
+            case "sensor":
+                self._hello = self._hello._replace(sensor_starts=self._hello.sensor_starts + 1)
+                said += self._says(self._hello)
+            case "other version":
+                said += self._says(self._hello._replace(protocol_major=wire.PROTOCOL_MAJOR + 1))
+            case "constant":
+                self._constant = True
+            case "knock":
+                self._knocked = True
+        if k % 100 == 99:
+            said += self._says(self._hello)
+        gyro = (3, -40, 0) if self._constant else self._rows[k]
+        if self._knocked:
+            gyro = tuple(50 * counts for counts in gyro)
+        sample = wire.Sample(*gyro, k % 7, -3, 16_384, 300, 0)
+        frame = encode(sample, self._sequence % 65536, self._device_ns // 1000 % 2**32)
+        if what == "bad":
+            frame = bytes([frame[0], frame[1], frame[2] ^ 1, *frame[3:]])
+        return said + frame * (2 if what == "twice" else 1)
+
+    def _says(self, message: wire.Message) -> bytes:
+        return encode(message, self._others % 65536, self._device_ns // 1000 % 2**32)
+
+
+def stories() -> st.SearchStrategy[Story]:
+    """Two to five seconds, now and then with a pause in them."""
+    happening = st.tuples(st.integers(1, 499), st.sampled_from(HAPPENINGS))
+    return st.builds(
+        Story,
+        st.integers(0, 3 * SECOND_NS),
+        st.integers(200, 500),
+        st.lists(happening, max_size=8).map(tuple),
+        st.lists(st.integers(1, 40), min_size=1, max_size=5).map(tuple),
+    )
+
+
+class StorySource:
+    """A source whose wire gives what the moments are read as."""
+
+    live = prompt = False
+
+    def __init__(self) -> None:
+        self.wire = WireEvents("board")
+        self._now_ns: int | None = None
+
+    @property
+    def unix_offset_ns(self) -> int:
+        return self.wire.unix_offset_ns
+
+    def link_stats(self) -> LinkStats:
+        return self.wire.link_stats()
+
+    def events(self) -> Iterator[Event]:
+        return iter(())
+
+    def close(self) -> None: ...
+
+    def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
+        """Read what came one after another; where nothing did, tick as a live source does."""
+        for data, host_ns, offset_ns in moments:
+            yield from self._ticks(host_ns)
+            if data is None:
+                yield LinkDown(host_ns)
+            item = Opened(host_ns, offset_ns) if data is None else Chunk(data, host_ns, offset_ns)
+            yield from self.wire.feed(item, host_ns)
+            self.wire.resume(host_ns)
+
+    def read_together(self, moments: Sequence[Moment]) -> Iterator[Event]:
+        """Read several at once, as long as they are of one second and the line is settled."""
+        begin = 0
+        while begin < len(moments):
+            first = moments[begin]
+            if begin == 0:
+                yield from self.read([Moment(None, first.host_ns, first.offset_ns)])
+            yield from self._ticks(first.host_ns)
+            end = begin
+            while (
+                end < len(moments)
+                and moments[end].data is not None
+                and moments[end].host_ns // SECOND_NS == first.host_ns // SECOND_NS
+                and (end == begin or moments[end].host_ns - moments[end - 1].host_ns <= TICK_NS)
+            ):
+                end += 1
+            if end <= begin + 1 or not self.wire.is_settled(first.host_ns):
+                yield from self.read([first])
+                begin += 1
+                continue
+            datas, host_ns, offset_ns = zip(*moments[begin:end], strict=True)
+            ends = np.cumsum([len(data) for data in datas])
+            yield from self.wire.feed_chunks(
+                b"".join(datas), Chunks(ends, np.array(host_ns), np.array(offset_ns))
+            )
+            self._now_ns = host_ns[-1]
+            begin = end
+
+    def _ticks(self, until_ns: int) -> Iterator[Event]:
+        if self._now_ns is not None:
+            for now_ns in range(self._now_ns + TICK_NS, until_ns, TICK_NS):
+                yield from self.wire.feed(None, now_ns)
+                self.wire.resume(now_ns)
+        self._now_ns = until_ns
+
+
+def torn(moments: Sequence[Moment], cuts: Sequence[float]) -> Iterator[Moment]:
+    """The same bytes of the same moments in more reads; cuts: where, as parts of each moment's bytes."""
+    for data, *at in moments:
+        if data is None:
+            yield Moment(None, *at)
+            continue
+        places = sorted({0, len(data), *(int(cut * len(data)) for cut in cuts)})
+        for begin, end in pairwise(places):
+            yield Moment(data[begin:end], *at)

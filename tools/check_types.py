@@ -1,0 +1,45 @@
+"""Runs mypy over the program, `tools` and `tests`, each module under the name by which it is imported.
+
+What lies in `tools` and `tests/rig` itself is imported without its folder, all else with it; mypy, given the
+files, would take both names for two modules.
+
+Usage: check_types.py [arguments for mypy]
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PATH = ("host", ".", "tools", "tests/rig")
+FLAT = ("tools", "tests/rig")
+BY_PACKAGE = ("tools.due_run", "tools.fault_report")
+"""Modules of `tools` that are imported with its name, since they need its packages."""
+
+
+def names() -> list[str]:
+    """Return the arguments that name everything."""
+    packages = ["fltea", *(f"tools.{name}" for name in _folders("tools"))]
+    packages += [f"tests.{name}" for name in _folders("tests") if name != "rig"]
+    flat = {file.stem for folder in FLAT for file in (ROOT / folder).glob("*.py")}
+    flat -= {name.rpartition(".")[2] for name in BY_PACKAGE}
+    modules = [*sorted(flat), *BY_PACKAGE, "tests.conftest"]
+    return [word for name in packages for word in ("-p", name)] + [
+        word for name in modules for word in ("-m", name)
+    ]
+
+
+def _folders(folder: str) -> list[str]:
+    return sorted({file.parent.name for file in (ROOT / folder).glob("*/*.py")})
+
+
+def main() -> int:
+    """Run mypy; returns its exit code."""
+    environment = {**os.environ, "MYPYPATH": os.pathsep.join(str(ROOT / folder) for folder in PATH)}
+    command = [sys.executable, "-m", "mypy", *sys.argv[1:], *names()]
+    return subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,37 @@
+"""Writes the table of error kinds in host/README.md from host/fltea/records/kinds.py.
+
+With `--check` nothing is written; exit code 1 tells of a difference.
+"""
+
+import sys
+
+from fltea.records.kinds import ERROR_KINDS
+from generated import arguments, update
+
+README = "host/README.md"
+HEAD = "| kind | what happened | what to do |\n|---|---|---|\n"
+
+
+def table() -> str:
+    """Return the rows, one a kind."""
+    return "".join(f"| `{kind.name}` | {kind.meaning} | {kind.remedy} |\n" for kind in ERROR_KINDS)
+
+
+def render(page: str) -> str:
+    """Return the page with the table in place of the one that it has."""
+    before, found, after = page.partition(HEAD)
+    if not found:
+        raise ValueError(f"{README} has no table that begins with {HEAD.splitlines()[0]!r}")
+    rows = after[: after.index("\n\n") + 1]
+    return before + HEAD + table() + after[len(rows) :]
+
+
+def main() -> int:
+    """Write the page, or compare it; return the exit status."""
+    asked = arguments(__doc__.splitlines()[0])
+    page = (asked.root / README).read_text(encoding="utf-8")
+    return update(asked.root, {README: render(page)}, check=asked.check, source="host/fltea/records/kinds.py")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
