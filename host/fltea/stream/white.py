@@ -112,8 +112,9 @@ class AxisBand:
 
     def on_estimates(self, valid: Bools) -> None:
         """Take the estimates after these samples: whether each is valid, (n,)."""
-        edges = (np.flatnonzero(valid[1:] != valid[:-1]) + 1).tolist() if len(valid) else []
-        for begin, end in pairwise([0, *edges, len(valid)]):
+        changes = (np.flatnonzero(valid[1:] != valid[:-1]) + 1).tolist()
+        ends = [*changes, len(valid)] if len(valid) else []
+        for begin, end in pairwise([0, *ends]):
             self.on_count(end - begin, valid=bool(valid[begin]))
 
     def on_count(self, samples: int, *, valid: bool) -> None:
