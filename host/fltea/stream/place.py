@@ -23,9 +23,6 @@ CLOCK_TOLERANCE = 0.02
 """Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period."""
 
 
-NONE = np.empty(0, dtype=np.intp)
-
-
 class Piece(NamedTuple):
     """Samples that follow one another, with their place in the epoch.
 
@@ -97,7 +94,7 @@ class Place:
             if self.hello is None:
                 self.before_hello += n - begin
                 return
-            breaks = np.flatnonzero(~plain[begin + 1 :]) if begin + 1 < n else NONE
+            breaks = np.flatnonzero(~plain[begin + 1 :])
             end = begin + 1 + int(breaks[0]) if len(breaks) else n
             piece = self._first(raw, begin, continues=bool(plain[begin]))
             if piece is not None:
@@ -113,9 +110,6 @@ class Place:
         n = len(raw.sequence)
         if hello is None:
             return np.zeros(n, dtype=bool)
-        if n == 1:  # live, where nine tenths of the cost would be that of making arrays
-            one = _Row(int(raw.sequence[0]), int(raw.device_us[0]), int(raw.host_ns[0]))
-            return np.array([last is not None and self._pending is None and _is_next(last, one, hello)])
         before = last or _Row(0, 0, 0)
         sequence = np.empty(n + 1, dtype=np.int64)
         device_us, host_ns = np.empty_like(sequence), np.empty_like(sequence)
@@ -189,16 +183,3 @@ class Place:
         self._seq, self._device_us = int(seq[-1]), int(device_us[-1])
         self._last = _Row(int(rows.sequence[-1]), int(rows.device_us[-1]), int(rows.host_ns[-1]))
         return Piece(rows, seq, device_us, piece.missing, piece.new_epoch)
-
-
-def _is_next(last: _Row, one: _Row, hello: Hello) -> bool:
-    """As `_follow_on`, of a single sample."""
-    period_us = 1e6 / hello.rate_hz
-    time_step_us = (one.device_us - last.device_us) % TIME_WRAP_US
-    host_step_ns = one.host_ns - last.host_ns
-    return (
-        (one.sequence - last.sequence) % SEQUENCE_WRAP == 1
-        and abs(time_step_us - period_us) <= (CLOCK_TOLERANCE + 1) * period_us
-        and abs(time_step_us * 1000 - host_step_ns) <= MAX_HOST_DISAGREEMENT_US * 1000
-        and host_step_ns <= MAX_SILENCE_NS
-    )

@@ -52,8 +52,6 @@ class Timebase:
             self._first = (int(seq[0]), int(device_us[0]))
             self._second_end_us = int(device_us[0]) + SECOND_US
         self._latest = (int(seq[-1]), int(device_us[-1]))
-        if len(seq) == 1:
-            return np.array([self._one(int(device_us[0]), int(host_ns[0]))])
         device_s = (device_us - self._origin[0]) * np.float64(1e-6)
         delay_s = (host_ns - self._origin[1]) * np.float64(1e-9) - device_s
         n = len(seq)
@@ -70,27 +68,6 @@ class Timebase:
             begin = end
         self._last_ns = int(found[-1])
         return found
-
-    def _one(self, device_us: int, host_ns: int) -> int:
-        """As the rest of `add`, of a single sample: live, most of the cost would be that of making arrays."""
-        assert self._origin is not None
-        if device_us >= self._second_end_us:
-            self._close_second()
-            self._second_end_us = device_us + SECOND_US
-        device_s = (device_us - self._origin[0]) * 1e-6
-        delay_s = (host_ns - self._origin[1]) * 1e-9 - device_s
-        if self._earliest is None or delay_s < self._earliest[1]:
-            self._earliest = (device_s, delay_s)
-        if self._seconds:
-            centre_s, delay_of_centre_s = self._centre
-            estimate_s = device_s + delay_of_centre_s + self._slope_error * (device_s - centre_s)
-        else:
-            estimate_s = device_s + self._earliest[1]
-        now_ns = self._origin[1] + self._offset_ns + round(estimate_s * 1e9)
-        if self._last_ns is not None:
-            now_ns = max(now_ns, self._last_ns + 1)
-        self._last_ns = now_ns
-        return now_ns
 
     def _within_second(self, device_s: Array, delay_s: Array) -> Ints:
         """Times of samples that all stand in the second that is open."""
