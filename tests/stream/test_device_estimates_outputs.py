@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from estimating_board import START_NS, Board, chunks, noise
 from fltea.archive.export import export
-from fltea.estimator.native_gyroscope import lane_settings
+from fltea.estimator.lane_settings import lane_settings
 from fltea.recording.schema import record_schema
 from fltea.records.errors import UsageError
 from fltea.records.events import Opened, TransportEvent
