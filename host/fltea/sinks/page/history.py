@@ -182,9 +182,10 @@ class DeviceHistory:
         found = record.axes
         self.estimate = record
         self.newest.update(found)
-        if self._first_seq is None and record.axes:
+        of_gyro = any(axis in AXES for axis in found)
+        if self._first_seq is None and of_gyro:
             self._first_seq = record.seq
-        of_device = bool(record.axes) and self._estimator == "device"
+        of_device = of_gyro and self._estimator == "device"
         steps = self._steps_of_device(record) if of_device else dict.fromkeys(found, 1)
         if of_device:
             self._keep_own(record)
@@ -243,6 +244,10 @@ class DeviceHistory:
             self.axes = tuple(both)
             self._make_tables()
             self._follow()
+            for axis, e in self.newest.items():  # an epoch whose window was over before the axes were known
+                follower = self.followers.get(axis)
+                if follower is not None:
+                    follower.on_estimate(e.valid, self._estimates)
             self._written_seq = self.sample.seq if self.sample else None  # its offset is not known
         if self.axes and self.sample is not None:
             row: list[float | None] = [self.sample.host_ns * 1e-6]
