@@ -65,18 +65,41 @@ if [ ${#packages[@]} -gt 0 ]; then
 fi
 
 log=$(mktemp)
-trap 'rm -f "$log"' EXIT
+work=
+trap 'rm -f "$log"; [ -z "$work" ] || kill "$work" 2>/dev/null || true' EXIT
+steps=3
+step=0
+
+# One step: its name, then its command. A terminal shows the seconds and what the command said last.
 quietly() {
-    "$@" >"$log" 2>&1 || { cat "$log" >&2; say "failed: $*"; exit 1; }
+    local name=$1 begin=$SECONDS text
+    shift
+    step=$((step + 1))
+    say "$step/$steps $name"
+    "$@" >"$log" 2>&1 &
+    work=$!
+    while [ -t 2 ] && kill -0 "$work" 2>/dev/null; do
+        text="       $((SECONDS - begin)) s  $(tail -n 1 "$log" | tr -d '[:cntrl:]')"
+        printf '\r\033[K%.*s' "$((${COLUMNS:-80} - 1))" "$text" >&2
+        sleep 0.5
+    done
+    [ ! -t 2 ] || printf '\r\033[K' >&2
+    wait "$work" || { work=; cat "$log" >&2; say "failed: $*"; exit 1; }
+    work=
 }
 
-.venv/bin/python -m pip --version >/dev/null 2>&1 || { say "making .venv"; quietly "$python" -m venv --clear .venv; }
+if .venv/bin/python -m pip --version >/dev/null 2>&1; then
+    steps=2
+else
+    quietly "making .venv" "$python" -m venv --clear .venv
+fi
 export PATH="$PWD/.venv/bin:$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
-pip() { quietly .venv/bin/python -m pip "$@"; }
-say "installing pinned Python packages and building the native module ($level)"
-pip install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
+pip() { quietly "$1" .venv/bin/python -m pip "${@:2}"; }
+pip "installing what builds the native module (cmake, ninja, nanobind)" \
+    install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
 extras='[emulator,outputs]'
 [ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs,identify,dask]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
-pip install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
+pip "installing pinned Python packages and building the native module ($level); this is most of the time" \
+    install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
 say "ready"

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from blocks import samples_of
 from fltea.identify.simulation_file import write_simulation
-from fltea.recording.files import read_csv, read_npz
+from fltea.recording.csv_file import read_csv
+from fltea.recording.npz_file import read_npz
 from fltea.records.errors import FlteaError, UsageError
 from fltea.sources.replay import ReplaySource
 from host_support import QUICK, fltea, strict_records

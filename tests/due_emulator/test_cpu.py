@@ -7,6 +7,7 @@ from fltea.records.errors import UsageError
 from machine_support import COUNT, TICK_EACH_MS, Bench, fault_of, program, run
 
 from tools.due_emulator import execution
+from tools.due_emulator.__main__ import IMAGE
 from tools.due_emulator.memory_map import RAM_BASE
 
 
@@ -291,3 +292,70 @@ def test_without_a_compiler_it_says_what_is_missing(command, reason, tmp_path, m
     monkeypatch.setattr(execution, "COMMAND", (command,))
     with pytest.raises(UsageError, match=reason):
         execution._library.__wrapped__()
+
+
+COMPUTE = " ldr r6, =300\n1: subs r6, #1\n bne 1b\n"
+"""Long enough without an access for the second processor to take over."""
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("adds r4, #1\n udf #0", "undefined instruction"),
+        ("adds r4, #1\n svc #0", "SVC instruction"),
+        (
+            "adds r4, #1\n load r1, 0x30000000\n adds r4, #1",
+            "read of an address where nothing is: 0x30000000",
+        ),
+        ("adds r4, #1\n store 0x000C0000, 1\n adds r4, #1", "write to flash: 0x000C0000"),
+        ("ldr r0, =0x60000001\n bx r0", "jump to an address where nothing is: 0x60000000"),
+        ("ldr r0, =0x40000001\n bx r0", "jump to where no code may be"),
+        ("ldr r0, =0x20080001\n ldrex r1, [r0]", "access that the processor refuses"),
+        ("adds r4, #1\n load r1, 0x400FF000", "read of an address where nothing is"),
+        ("adds r4, #1\n load r1, 0x40001000", "no peripheral there"),
+    ],
+)
+def test_the_second_processor_forgives_nothing_either(text, reason):
+    first = Bench(program(f"{COMPUTE}{text}\n wait_forever"))
+    alone = Bench(program(f"{COMPUTE}{text}\n wait_forever"))
+    alone.board.cpu.watch(lambda *_: None)
+    message = first.fault(0.1)
+    assert reason in message
+    assert message == alone.fault(0.1), "the same instruction at the same moment"
+
+
+def test_code_in_ram_that_computing_code_rewrites_runs_as_it_was_written():
+    call = " ldr r0, =0x20071001\n blx r0\n"
+    bench = run(
+        f"""ldr r2, =0x20071000
+  ldr r3, =0x47702001
+  str r3, [r2]
+  {call}
+  keep r0, 0
+  ldr r6, =300
+1: ldr r3, =0x47702002
+  str r3, [r2]
+  subs r6, #1
+  bne 1b
+  movs r1, r0
+  {call}
+  movs r1, r0
+  keep r1, 1
+  wait_forever"""
+    )
+    assert bench.slot(1) == 2
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_firmware_does_the_same_without_the_second_processor_and_the_quick_reads(seed):
+    image = IMAGE.read_bytes()
+    quick, plain = (Bench(image, seed=seed) for _ in range(2))
+    plain.board.cpu.watch(lambda *_: None)
+    plain.board.cpu._execution.may_be_quick = 0
+    for bench in (quick, plain):
+        bench.run(0.7)
+    assert len(quick.received) > 200
+    assert quick.received == plain.received
+    assert quick.board.memory.ram[:] == plain.board.memory.ram[:]
+    assert quick.board.cpu.instructions == plain.board.cpu.instructions
+    assert quick.board.machine.idle_ps == plain.board.machine.idle_ps

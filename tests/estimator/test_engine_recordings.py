@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.estimator.engine import Engine, EngineSettings, StateTuning
-from fltea.recording.files import read_npz
+from fltea.recording.npz_file import read_npz
 
 
 @pytest.mark.parametrize(("variant", "guard"), [("triple", "off"), ("joint", "consistent")])

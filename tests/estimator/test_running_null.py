@@ -8,13 +8,11 @@ import pytest
 from fltea.estimator.running_null import (
     CHUNK,
     EFFECTIVE,
-    FEWEST,
-    LEVEL,
     RunningNull,
     Standing,
-    p_text,
     p_value,
 )
+from fltea.records.null_p import FEWEST, LEVEL, p_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -22,7 +22,8 @@ from fltea.identify.noise_model import (
     model_spectrum,
 )
 from fltea.identify.simulation_file import write_model_simulation
-from fltea.recording.files import read_csv, read_npz
+from fltea.recording.csv_file import read_csv
+from fltea.recording.npz_file import read_npz
 from fltea.records.errors import FlteaError, UsageError
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import binned, periodogram

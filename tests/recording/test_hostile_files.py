@@ -9,8 +9,9 @@ from pathlib import Path
 import hostile_files
 import numpy as np
 import pytest
-from fltea.recording.files import read_csv, read_npz
+from fltea.recording.csv_file import read_csv
 from fltea.recording.ndjson import read_ndjson
+from fltea.recording.npz_file import read_npz
 from fltea.recording.recovery import recover
 from fltea.records.errors import UsageError
 from fltea.settings.limits import Limits

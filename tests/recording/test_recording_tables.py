@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from blocks import records_of
 from fltea.archive.export import export
 from fltea.archive.info import Summary, as_text, sessions, summarise
 from fltea.cli import record as cli_record
@@ -51,10 +52,10 @@ def test_a_decoder_numbers_samples_as_the_pipeline_does(tmp_path: Path) -> None:
     found = []
     for item in items:
         for event in source.wire.feed(item, item.host_ns):
-            found.append(decoder.feed(event))
+            found += decoder.feed(event)
         source.wire.resume(item.host_ns)
     samples = [one for one in found if isinstance(one, Decoded)]
-    assert [one.sample for one in samples] == of(live, Sample)
+    assert records_of(one.block for one in samples) == of(live, Sample)
     assert sum(one.missing for one in samples) == sum(gap.missing for gap in of(live, Gap)) == 6
     assert [one.new_epoch for one in samples if one.new_epoch] == [e.reason for e in of(live, Epoch)]
 
@@ -133,7 +134,7 @@ def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
         for axis, e in estimate.axes.items():
             assert float(values[f"alpha_{axis}"]) == e.alpha
             assert float(values[f"f_{axis}_s^-alpha"]) == e.f
-            assert float(values[f"state_{axis}_dps"]) == e.state_dps
+            assert float(values[f"state_{axis}_dps"]) == e.state
             assert values[f"valid_{axis}"] == str(int(e.valid))
     export([tmp_path / "rec"], tmp_path / "out.npz", "estimates", 100)
     with np.load(tmp_path / "out.npz") as data:
@@ -150,10 +151,10 @@ def test_what_the_test_of_whiteness_said_is_exported_too(tmp_path: Path) -> None
     assert last.axes[axis].null_p is not None
     values = dict(zip(header, rows[-1], strict=True))
     assert float(values[f"null_p_{axis}"]) == last.axes[axis].null_p
-    assert values[f"not_white_{axis}"] == str(int(last.axes[axis].order == "not white"))
+    assert values[f"not_white_{axis}"] == str(int(last.axes[axis].whiteness == "rejected"))
     assert rows[0][header.index(f"not_white_{axis}")] == ""
     with np.load(tmp_path / "out.npz") as data:
-        assert data[f"not_white_{axis}"][-1] == float(last.axes[axis].order == "not white")
+        assert data[f"not_white_{axis}"][-1] == float(last.axes[axis].whiteness == "rejected")
         assert np.isnan(data[f"null_p_{axis}"][0])
 
 

@@ -116,7 +116,10 @@ def fed_directly(y: Array, config: EstimatorConfig, lsb: float) -> list[dict[str
     names |= {"state": "x", "innovation": "innovation", "valid": "valid"}
     rows = zip(*(columns[column][config.startup_needed :].tolist() for column in names.values()), strict=True)
     return [
-        {axis: dict(zip(names, of_axis, strict=True)) for axis, of_axis in zip(AXES, zip(*row, strict=True))}
+        {
+            axis: dict(zip(names, of_axis, strict=True))
+            for axis, of_axis in zip(AXES, zip(*row, strict=True), strict=True)
+        }
         for row in rows
     ]
 

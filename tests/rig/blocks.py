@@ -1,13 +1,15 @@
 """Samples and blocks, from one to the other: tests write samples, the program walks in blocks."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import msgspec
 import numpy as np
-from fltea.records.block import Block
+from fltea.records.block import AxisColumns, Block
 from fltea.records.events import RawBlock, RawSample, block_of
-from fltea.records.records import AnyRecord
+from fltea.records.records import AnyRecord, Estimate, Sample
 from fltea.stream.place import Place
 from hypothesis import strategies as st
 from place_one_by_one import Placed
@@ -23,6 +25,64 @@ def records_of(items: Iterable[AnyRecord | Block]) -> list[AnyRecord]:
     return [r for item in items for r in (item.records() if isinstance(item, Block) else [item])]
 
 
+def as_items(records: Iterable[AnyRecord | Block]) -> Iterator[AnyRecord | Block]:
+    """The other way: each sample, with the estimates that follow it, as the block that a sink is given."""
+    waiting: Sample | None = None
+    for record in records:
+        if waiting is not None:
+            mine = isinstance(record, Estimate) and record.seq == waiting.seq
+            yield block_of_records(waiting, record if mine else None)
+            waiting = None
+            if mine:
+                continue
+        if isinstance(record, Sample):
+            waiting = record
+        else:
+            yield record
+    if waiting is not None:
+        yield block_of_records(waiting)
+
+
+def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
+    """A block of one sample."""
+
+    def row(values: Sequence[float] | None) -> np.ndarray | None:
+        return None if values is None else np.array([values], dtype=np.float64)
+
+    numbers = (sample.seq, sample.device_us, sample.host_ns)
+    block = Block(
+        sample.device,
+        sample.epoch,
+        *(np.array([number]) for number in numbers),
+        row(sample.gyro_dps),
+        row(sample.accel_ms2),
+        None if sample.temperature_c is None else np.array([sample.temperature_c]),
+        np.array([sample.flags]),
+    )
+    if estimate is None:
+        return block
+    columns = []
+    for unit in dict.fromkeys(axis.unit for axis in estimate.axes.values()):
+        found = {name: axis for name, axis in estimate.axes.items() if axis.unit == unit}
+        values = {
+            name: [getattr(axis, name) for axis in found.values()] for name in ("valid", "null_p", *NUMBERS)
+        }
+        columns.append(
+            AxisColumns(
+                tuple(found),
+                unit,
+                *(np.array([values[name]], dtype=np.float64) for name in NUMBERS),
+                np.array([values["valid"]]),
+                np.array([values["null_p"]], dtype=np.float64),
+                np.array([[axis.whiteness == "rejected" for axis in found.values()]]),
+            )
+        )
+    return replace(block, variant=estimate.variant, estimates=tuple(columns))
+
+
+NUMBERS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
+
+
 def ndjson(items: Iterable[AnyRecord | Block]) -> list[bytes]:
     """The same as lines; a difference shows as one line."""
     return [msgspec.json.encode(record) for record in records_of(items)]
@@ -31,6 +91,16 @@ def ndjson(items: Iterable[AnyRecord | Block]) -> list[bytes]:
 def samples_of(events: Iterable[object]) -> list[RawSample]:
     """The samples among events, one by one."""
     return [raw for event in events if isinstance(event, RawBlock) for raw in event.samples()]
+
+
+def in_samples(events: Iterable[object]) -> list[Any]:
+    """The same events, the samples of a block one by one in its place."""
+    return [one for event in events for one in (event.samples() if isinstance(event, RawBlock) else [event])]
+
+
+def of_samples(events: Iterable[object]) -> list[Any]:
+    """The other way: each sample a block."""
+    return [as_block(event) if isinstance(event, RawSample) else event for event in events]
 
 
 def one_by_one(events: Iterable[object]) -> Iterator[object]:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import msgspec
+from blocks import as_block, records_of
 from fltea.records.events import Break, Event, RawSample
 from fltea.records.records import (
     AXES,
@@ -18,16 +19,15 @@ from fltea.records.records import (
     EstimatorInfo,
     LinkStats,
     Stats,
+    WhyNot,
 )
-from fltea.settings.config import Config, EstimatorConfig
+from fltea.settings.config import Config, EstimateOn, EstimatorConfig
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
 
-QUICK = EstimatorConfig(startup=50, window=200)
-BOTH = msgspec.structs.replace(QUICK, estimate_on="both")
-ALONE = msgspec.structs.replace(QUICK, estimate_on="device")
+QUICK = EstimatorConfig(startup=50, window=200, white_band=True)
 BOARD = DeviceStatus(0, 0, 0, 0, 0, "user", cpu_share_percent=16.75, longest_step_us=8210)
 OWN = DeviceEstimatorStats(
     begun=1,
@@ -77,7 +77,7 @@ _made: dict[tuple[str, str], list[AnyRecord]] = {}
 def _records(query: str, config: EstimatorConfig) -> list[AnyRecord]:
     source = SyntheticSource(query, realtime=False)
     pipeline = Pipeline(source, Config(name="due", estimator=config))
-    found = [record for event in source.events() for record in pipeline.feed(event)]
+    found = records_of(item for event in source.events() for item in pipeline.feed(event))
     return [*found, pipeline.stats()]
 
 
@@ -91,18 +91,19 @@ def with_breaks(
         for _ in range(length):
             raw = tuple(20 + (k * factor) % 7 for factor in (3, 5, 8))
             force = (16384 + k % 5, k % 3, -k % 4) if accel else None
-            events.append(RawSample(k % 65536, k * 10_000 % 2**32, k * 10_000_000, raw, force, 0.0))
+            sample = RawSample(k % 65536, k * 10_000 % 2**32, k * 10_000_000, raw, force, 0.0)
+            events.append(as_block(sample))
             k += 1
         events.append(Break(reason, k * 10_000_000))  # type: ignore[arg-type]
     channels = ["gyro_x", "accel_x", "accel_y"] if accel else None
     pipeline = Pipeline(Events(events), Config(name="due", estimator=config, channels=channels))  # type: ignore[arg-type]
-    found = [record for event in events for record in pipeline.feed(event)]
+    found = records_of(item for event in events for item in pipeline.feed(event))
     return [*found, pipeline.stats()]
 
 
-def told(*groups: list[AnyRecord], config: EstimatorConfig = QUICK) -> DeviceHistory:
-    """A history that has heard them all."""
-    history = DeviceHistory("due", config)
+def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
+    """A history that has heard them all. who: estimates the gyroscope."""
+    history = DeviceHistory("due", who)
     for group in groups:
         for record in group:
             history.write(record)
@@ -129,12 +130,12 @@ def both(
     found: Iterable[AnyRecord],
     apart: Callable[[int], float | None] = lambda seq: 1e-7,
     every: int = 10,
-    older: int = 0,
+    why_not: WhyNot = "other_settings",
     **own: Any,
 ) -> list[AnyRecord]:
     """The same records with a device's own estimates beside, α and f off by `apart` of the sample's number.
 
-    apart: None where they cannot be compared. older: steps that the device had made before the host's first.
+    apart: None where they cannot be compared. why_not: what is said there.
     """
     made: list[AnyRecord] = []
     first: int | None = None
@@ -144,20 +145,22 @@ def both(
             continue
         first = record.seq if first is None else first
         if record.seq % every == 0:
-            d, age = apart(record.seq), record.seq - first + 1 + older
-            axes = {axis: _of_device(e, age, d) for axis, e in record.axes.items()}
+            d, age = apart(record.seq), record.seq - first + 1
+            axes = {axis: _of_device(e, age, d, why_not) for axis, e in record.axes.items()}
             place = record.seq, record.epoch, record.device_us, record.host_ns, record.variant
             made.append(DeviceEstimates(*place, axes, d is not None, device=record.device))
     return made
 
 
-def _of_device(e: AxisEstimate, age: int, apart: float | None) -> DeviceAxisEstimate:
+def _of_device(e: AxisEstimate, age: int, apart: float | None, why_not: WhyNot) -> DeviceAxisEstimate:
     assert e.alpha is not None
     assert e.f is not None
     d = apart or 0.0
-    numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state_dps, e.innovation_dps
-    differences = (None,) * 3 if apart is None else (d, -3 * d, d / 2)
-    return DeviceAxisEstimate(*numbers, True, age, *differences)
+    numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state, e.innovation
+    if apart is None:
+        return DeviceAxisEstimate(*numbers, True, age=age, why_not=why_not)
+    differences = {"alpha_difference": d, "f_difference": -3 * d, "state_difference": d / 2}
+    return DeviceAxisEstimate(*numbers, True, age=age, **differences)
 
 
 def _with_device(record: AnyRecord, estimate_on: str, own: dict[str, Any]) -> AnyRecord:

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from blocks import in_samples, records_of, samples_of
 from fltea.records.events import Event, RawSample
 from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, Sample
 from fltea.settings.config import load_config
@@ -198,9 +199,9 @@ class Pi:
     def run_until(self, at_s: float) -> "Pi":
         """Run, and to the last sample of a burst."""
         for event in self._running:
-            self.events.append(event)
-            self.records += self.pipeline.feed(event)
-            self._heard += isinstance(event, RawSample)
+            self.events += in_samples([event])
+            self.records += records_of(self.pipeline.feed(event))
+            self._heard += len(samples_of([event]))
             if self.host.now_ns >= at_s * S and self._heard == self.source.link_stats().frames:
                 break
         return self

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import msgspec
+from blocks import records_of
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
 from fltea.records.records import AnyRecord, LinkStats
 from fltea.service.open_source import open_source
@@ -86,7 +87,7 @@ def record(
         sink.write(item)
         for event in source.wire.feed(item, item.host_ns):
             for one in pipeline.feed(event):
-                records.append(one)
+                records += records_of([one])
                 sink.write(one)
         source.wire.resume(item.host_ns)
         sink.flush()
@@ -106,7 +107,7 @@ def replay(path: Path, **overrides: object) -> list[AnyRecord]:
     config: Config = load_config(None, {**SMALL, "source": f"replay:{path}", **overrides})
     source = open_source(config)
     pipeline = Pipeline(source, config)
-    return [one for event in source.events() for one in pipeline.feed(event)]
+    return records_of(one for event in source.events() for one in pipeline.feed(event))
 
 
 def of(records: Iterable[AnyRecord], *kinds: type) -> list[AnyRecord]:

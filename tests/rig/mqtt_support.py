@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import pytest
+from blocks import as_items
 from fltea.records.records import (
     AnyRecord,
     AxisEstimate,
@@ -95,8 +96,8 @@ class Bench:
         self.sink = MqttSink(config, "due", lambda kind, text: self.told.append((kind, text)))
 
     def write(self, *records: AnyRecord) -> None:
-        for record in records:
-            self.sink.write(record)
+        for item in as_items(records):
+            self.sink.write(item)
         self.sink.flush()
 
     def happens(self, *events: Any) -> None:

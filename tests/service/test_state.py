@@ -3,12 +3,11 @@
 import random
 import time
 from collections.abc import Iterator
-from itertools import groupby
 from pathlib import Path
 
 import msgspec
 import pytest
-from blocks import as_block, records_of
+from blocks import of_samples, records_of
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawSample
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, LinkStats, Stats
@@ -50,12 +49,7 @@ def raw(k: int) -> RawSample:
 
 
 def walk(pipeline: Pipeline, *events: Event | RawSample) -> list[AnyRecord]:
-    """Samples that follow one another go as one block."""
-    found: list[AnyRecord] = []
-    for are_samples, some in groupby(events, lambda event: isinstance(event, RawSample)):
-        for event in [as_block(*some)] if are_samples else some:
-            found += records_of(pipeline.feed(event))
-    return found
+    return records_of(item for event in of_samples(events) for item in pipeline.feed(event))
 
 
 def snapshot(settings: Config, samples: int = 200, **changes: object) -> DeviceState:
@@ -169,7 +163,7 @@ def test_bias_and_r_are_kept_and_no_start_up_window_begins() -> None:
     pipeline = Pipeline(NoSource(), settings, state=state)
     walk(pipeline, hello(), raw(260))
     assert pipeline.stats().axes["gyro_x"].bias == state.gyro.bias_dps[0]
-    assert pipeline.stats().axes["gyro_z"].R == state.gyro.R[2]
+    assert state.gyro.R[2] == pipeline.stats().axes["gyro_z"].R
 
 
 @pytest.mark.parametrize(

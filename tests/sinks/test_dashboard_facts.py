@@ -3,20 +3,17 @@
 import json
 
 import msgspec
-import numpy as np
 import pytest
 from dashboard_support import records, told, with_breaks
-from fltea.estimator.white_band import Quantiles
 from fltea.records import clock
-from fltea.records.records import Error, Estimate, LinkStats, Order, OutputStats, Stats
+from fltea.records.records import Error, Estimate, LinkStats, OutputStats, Stats, WhiteBandStats, Whiteness
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
 from fltea.sinks.page.words import figure, with_std
 from host_support import hello
 
-WHITE = Quantiles(np.array([0.05, 0.1, 0.2]), np.array([-0.5, -0.2, -0.1]))
-UNKNOWN = Quantiles(np.full(3, np.nan), np.full(3, np.nan))
+WHITE = WhiteBandStats((0.05, 0.1, 0.2), (-0.5, -0.2, -0.1), 0.02, 500)
 
 
 @pytest.mark.parametrize(
@@ -41,35 +38,35 @@ def test_verdict(alpha: float, f: float, side: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("order", "p", "words"),
+    ("whiteness", "p", "words"),
     [
         (None, None, "Order unknown: the test of whiteness needs 1,000 samples that are not all the same."),
-        ("undefined", 0.31, "Order undefined: white noise is not rejected (p = 0.31, limit 0.001)."),
-        ("not white", 1e-9, "Not white (p < 0.001): record it and run fltea identify"),
+        ("not rejected", 0.31, "Order undefined: white noise is not rejected (p = 0.31, limit 0.001)."),
+        ("rejected", 1e-9, "Not white (p < 0.001): record it and run fltea identify"),
     ],
 )
-def test_whiteness_in_words(order: Order | None, p: float | None, words: str) -> None:
-    assert words in judge_whiteness(order, p)
+def test_whiteness_in_words(whiteness: Whiteness | None, p: float | None, words: str) -> None:
+    assert words in judge_whiteness(whiteness, p)
 
 
 def test_no_alpha_is_shown_without_what_the_test_of_whiteness_says() -> None:
-    for samples, words, order in (
+    for samples, words, whiteness in (
         (900, "Order unknown", "unknown"),
-        (1200, "Order undefined", "undefined"),
+        (1200, "Order undefined", "not rejected"),
     ):
         for axis in facts.axes(told(records(f"n={samples}")), 0):
             assert axis["alpha"] is not None
-            assert axis["whiteness"].startswith(words)
-            assert axis["order"] == order
+            assert axis["whiteness_text"].startswith(words)
+            assert axis["whiteness"] == whiteness
     counter = facts.axes(told(with_breaks([1200])), 0)[0]  # a counter's last bits are anything but white
-    assert counter["order"] == "not white"
-    assert "run fltea identify" in counter["whiteness"]
+    assert counter["whiteness"] == "rejected"
+    assert "run fltea identify" in counter["whiteness_text"]
 
 
 def test_nothing_is_claimed_where_nothing_is_known() -> None:
     assert judge(None, None, WHITE).side == "unknown"
     assert judge(0.3, -1.0, None).side == "unknown"
-    assert judge(0.3, -1.0, UNKNOWN).side == "unknown"
+    assert "estimator.white_band is off" in judge(0.3, -1.0, None).text
 
 
 def later(history: DeviceHistory, seconds: float) -> tuple[str, str]:
@@ -120,7 +117,7 @@ def test_status_names_the_axis_that_is_not_valid() -> None:
     history = told(records("n=200"))
     assert history.estimate is not None
     x = history.estimate.axes["gyro_x"]
-    gone = msgspec.structs.replace(x, alpha=None, f=None, state_dps=None, valid=False)
+    gone = msgspec.structs.replace(x, alpha=None, f=None, state=None, valid=False)
     estimate = msgspec.structs.replace(history.estimate, axes={**history.estimate.axes, "gyro_x": gone})
     history.write(estimate)
     assert later(history, 0)[0] == "bad"

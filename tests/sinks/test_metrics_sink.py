@@ -10,12 +10,12 @@ from typing import Any
 
 import msgspec
 import pytest
+from blocks import as_items
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST
-from fltea.records.ports import Item, Sink
+from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Sink
 from fltea.records.records import (
-    AccelEstimate,
-    AccelStats,
+    ACCEL_UNIT,
     AxisEstimate,
     AxisStats,
     DeviceStatus,
@@ -28,7 +28,7 @@ from fltea.records.records import (
     SampleStats,
     Stats,
 )
-from fltea.service.outlet import LATENCY_BOUNDS_MS, Outlet
+from fltea.service.outlet import Outlet
 from fltea.settings.config import load_config
 from fltea.settings.listen_address import listen_address
 from fltea.settings.outputs import MetricsConfig
@@ -58,12 +58,14 @@ STATS = Stats(
         reconnects=1,
     ),
     samples=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9),
-    axes={"gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5)},
-    accel_axes={"accel_z": AccelStats(0.1, 0.02, 2, {}, None, None)},
+    axes={
+        "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5),
+        "accel_z": AxisStats(0.1, 0.02, 2, {}, unit=ACCEL_UNIT),
+    },
     board=DeviceStatus(11, 12, 14, 15, 16, "user"),
     device="due",
 )
-GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.31, "undefined")
+GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.31, "not rejected")
 INVALID = AxisEstimate(None, None, None, None, None, None, False)
 ESTIMATE = Estimate(
     7,
@@ -71,8 +73,11 @@ ESTIMATE = Estimate(
     70_000,
     7,
     "joint",
-    {"gyro_x": GOOD, "gyro_y": INVALID},
-    {"accel_z": AccelEstimate(0.5, 0.1, -1.0, 0.2, 9.8, 0.0, True, 1e-9, "not white")},
+    {
+        "gyro_x": GOOD,
+        "gyro_y": INVALID,
+        "accel_z": AxisEstimate(0.5, 0.1, -1.0, 0.2, 9.8, 0.0, True, 1e-9, "rejected", ACCEL_UNIT),
+    },
     device="due",
 )
 EPOCH = Epoch(
@@ -129,8 +134,8 @@ def serve() -> Iterator[Callable[..., MetricsSink]]:
         config = MetricsConfig(address="0", **settings)
         sink = MetricsSink(config, outlets, lambda kind, text: told.append(kind))
         started.append(sink)
-        for record in records:
-            sink.write(record)
+        for item in as_items(records):
+            sink.write(item)
         return sink
 
     yield start
@@ -234,9 +239,7 @@ def test_devices_do_not_mix(serve: Callable[..., MetricsSink]) -> None:
 
 
 def test_what_is_not_known_is_left_out(serve: Callable[..., MetricsSink]) -> None:
-    bare = msgspec.structs.replace(
-        STATS, rate_hz=None, clock_ppm=None, board=None, axes={}, accel_axes=None, link=LinkStats()
-    )
+    bare = msgspec.structs.replace(STATS, rate_hz=None, clock_ppm=None, board=None, axes={}, link=LinkStats())
     names = {name for name, _ in scrape(serve(bare).url)}
     assert not [
         name for name in names if "board" in name or "hertz" in name or "drift" in name or "axis" in name

@@ -11,9 +11,10 @@ from typing import Any
 
 import msgspec
 import pytest
+from blocks import as_items
 from fltea.records.ports import SinkClosed
 from fltea.records.records import (
-    AccelEstimate,
+    ACCEL_UNIT,
     AnyRecord,
     AxisEstimate,
     AxisStats,
@@ -24,12 +25,12 @@ from fltea.records.records import (
     EstimatorInfo,
     Gap,
     LinkStats,
-    Order,
     Sample,
     SampleStats,
     Stats,
+    Whiteness,
 )
-from fltea.sinks.ndjson import BLOCK, NdjsonSink
+from fltea.sinks.ndjson import BUFFER, NdjsonSink
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, number, sparkline
 from host_support import hello, strict_records
 from hypothesis import given
@@ -48,7 +49,7 @@ EPOCH = Epoch(
     8,
     EstimatorInfo("triple", "host", "direct", "off", 3000, 500, "startup", "auto"),
 )
-GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "undefined")
+GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "not rejected")
 INVALID = AxisEstimate(None, None, None, None, None, None, False)
 STATS = Stats(
     epoch=3,
@@ -84,8 +85,8 @@ EVERY_KIND: list[AnyRecord] = [
 def written(*records: AnyRecord, samples: bool = True) -> bytes:
     stream = io.BytesIO()
     sink = NdjsonSink(stream, samples=samples)
-    for record in records:
-        sink.write(record)
+    for item in as_items(records):
+        sink.write(item)
     sink.close()
     return stream.getvalue()
 
@@ -144,7 +145,7 @@ def test_lines_go_out_together_at_a_flush_and_at_once_when_many() -> None:
     sink.flush()
     assert stream.data == written(*EVERY_KIND)
     assert stream.calls == 1
-    for _ in range(BLOCK // 100):
+    for _ in range(BUFFER // 100):
         sink.write(ERROR)
     assert stream.calls > 1
 
@@ -214,8 +215,8 @@ def test_record_that_cannot_be_encoded_is_no_closed_pipe() -> None:
 def shown(*records: AnyRecord, width: int = 80) -> str:
     console = Console(file=io.StringIO(), width=width, color_system=None)
     sink = TableSink(console)
-    for record in records:
-        sink.write(record)
+    for item in as_items(records):
+        sink.write(item)
     sink.close()
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
@@ -272,23 +273,23 @@ def test_axis_that_is_not_valid_keeps_its_trend_and_shows_no_number() -> None:
     ("null", "words"),
     [
         ((None, None), "unknown"),
-        ((0.0123, "undefined"), "undefined, p=0.012"),
-        ((1e-9, "not white"), "not white, p<0.001"),
+        ((0.0123, "not rejected"), "undefined, p=0.012"),
+        ((1e-9, "rejected"), "not white, p<0.001"),
     ],
 )
 def test_what_the_test_of_whiteness_says_is_in_the_row_of_its_axis(
-    width: int, null: tuple[float | None, Order | None], words: str
+    width: int, null: tuple[float | None, Whiteness | None], words: str
 ) -> None:
-    axis = msgspec.structs.replace(GOOD, null_p=null[0], order=null[1])
-    accel = AccelEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, *null)
-    record = msgspec.structs.replace(estimate(gyro_x=axis), accel_axes={"accel_z": accel})
+    axis = msgspec.structs.replace(GOOD, null_p=null[0], whiteness=null[1])
+    accel = AxisEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, *null, ACCEL_UNIT)
+    record = estimate(gyro_x=axis, accel_z=accel)
     lines = shown(HELLO, record, width=width).splitlines()
     for name in ("gyro_x", "accel_z"):
         assert any(name in line and words in line for line in lines)
 
 
 def test_missing_innovation_and_deviation_are_left_out() -> None:
-    axis = msgspec.structs.replace(GOOD, innovation_dps=None, alpha_std=None)
+    axis = msgspec.structs.replace(GOOD, innovation=None, alpha_std=None)
     text = shown(HELLO, estimate(gyro_x=axis))
     assert "0.412" in text
     assert "0.412 ±" not in text
@@ -374,8 +375,8 @@ def test_several_devices_below_each_other() -> None:
 
 
 def test_axes_of_the_accelerometer_have_their_unit() -> None:
-    axis = AccelEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True)
-    text = shown(HELLO, EPOCH, msgspec.structs.replace(estimate(), accel_axes={"accel_z": axis}), width=150)
+    axis = AxisEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, unit=ACCEL_UNIT)
+    text = shown(HELLO, EPOCH, estimate(gyro_x=GOOD, accel_z=axis), width=150)
     assert re.search(r"accel_z.*\+0\.0123.*-0\.0045", text)
     assert "m/s²" in text
 

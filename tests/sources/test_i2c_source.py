@@ -7,11 +7,11 @@ from itertools import count, pairwise
 import pytest
 from fake_smbus import MS, UNIX_OFFSET_NS, FakeHost, Pi, S, taken_ns
 from fltea.records.errors import UsageError
-from fltea.records.events import LinkDown, RawSample, Trouble
+from fltea.records.events import LinkDown, RawBlock, Trouble
 from fltea.records.records import Error, Hello, Sample
 from fltea.sources.i2c import source as i2c
 from fltea.sources.i2c.source import I2cSource, SystemClock, parse_url
-from fltea.stream.place import Continuity
+from fltea.stream.place import Place
 from fltea.stream.time import Timebase
 from fltea.wire import layout as wire
 from fltea.wire.layout import SampleFlags
@@ -115,21 +115,22 @@ def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) 
     """With fewer looks than usual, for the test's sake. The sequence wraps twice."""
     monkeypatch.setattr(i2c, "POLL_S", (0.15, 0.2))
     pi = Pi(clock_ppm=ppm)
-    continuity, timebase = Continuity(100), Timebase(0)
+    place, timebase = Place(100), Timebase(0)
     worst_ns = 0
     for event in pi.source.events():
         if isinstance(event, Hello):
-            continuity.on_hello(event)
-        elif isinstance(event, RawSample):
-            placed = continuity.on_sample(event)
-            assert placed is not None
-            host_ns = timebase.add(placed.seq, placed.device_us, event.host_ns)
-            if placed.seq > 6000:
-                worst_ns = max(worst_ns, abs(host_ns - taken_ns(event.gyro, event.accel)))
+            place.on_hello(event)
+        elif isinstance(event, RawBlock):
+            for raw, seq, device_us, missing, _ in place.on_block(event):
+                assert missing == 0
+                times_ns = timebase.add(seq, device_us, raw.host_ns).tolist()
+                for k, one, host_ns in zip(seq.tolist(), raw.samples(), times_ns, strict=True):
+                    if k > 6000:
+                        worst_ns = max(worst_ns, abs(host_ns - taken_ns(one.gyro, one.accel)))
         if pi.host.now_ns > until_s * S:
             break
-    assert (continuity.lost, continuity.duplicates) == (0, 0)
-    assert continuity.delivered == pytest.approx((until_s - 0.15) * 100 * (1 + ppm * 1e-6), abs=30)
+    assert (place.lost, place.duplicates) == (0, 0)
+    assert place.delivered == pytest.approx((until_s - 0.15) * 100 * (1 + ppm * 1e-6), abs=30)
     assert timebase.clock_ppm == pytest.approx(ppm, abs=20)
     assert timebase.rate_hz == pytest.approx(100 * (1 + ppm * 1e-6), rel=2e-5)
     assert worst_ns < 4 * MS

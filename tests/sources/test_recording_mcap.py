@@ -6,16 +6,19 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
+from blocks import in_samples, samples_of
 from fltea.recording.scan import HEAD
 from fltea.recording.session import Entry
 from fltea.records.errors import UsageError
-from fltea.records.events import Chunk, Opened, RawSample, Tick, Trouble
+from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Trouble
 from fltea.records.records import DeviceStatus, Epoch, Error, Estimate, Gap, Hello, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.sinks import record as record_module
+from fltea.sources.as_wire import AsWire
 from fltea.sources.mcap import McapRecording, find_parts, read_entries
 from fltea.sources.replay import ReplaySource
+from fltea.sources.synthetic import SyntheticSource
 from fltea.wire import layout as wire
 from fltea.wire.messages import FrameReader
 from hypothesis import given, settings
@@ -188,7 +191,7 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
         bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])  # the first is `Opened`
         frames = FrameReader().feed(bytes_in)
         samples = [frame for frame in frames if isinstance(frame.message, wire.Sample)]
-        assert len([event for event in events if isinstance(event, RawSample)]) == len(samples)
+        assert len([event for event in in_samples(events) if isinstance(event, RawSample)]) == len(samples)
         troubles = [event.kind for event in events if isinstance(event, Trouble)]
         assert troubles == ["cut_recording"]
     path.write_bytes(data)
@@ -217,7 +220,7 @@ def test_whatever_happened_to_a_file_it_is_read_or_refused(
     path = tmp_path_factory.getbasetemp() / "damaged.mcap"
     path.write_bytes(data)
     try:
-        samples = [e for e in McapRecording(find_parts([path]), "x").events() if isinstance(e, RawSample)]
+        samples = samples_of(McapRecording(find_parts([path]), "x").events())
     except UsageError:
         return
     assert len(samples) <= 40
@@ -350,7 +353,7 @@ def test_real_pace_waits_for_what_came(tmp_path: Path, monkeypatch: pytest.Monke
     times = []
     for event in ReplaySource(tmp_path, realtime=True).events():
         if not isinstance(event, DeviceStatus):
-            times.append(event.host_ns - now_ns[0])
+            times += [one.host_ns - now_ns[0] for one in in_samples([event])]
     assert len(times) > 98
     assert max(times) - min(times) <= 10
 
@@ -362,8 +365,8 @@ def test_the_offset_is_that_of_the_event(tmp_path: Path) -> None:
     offsets = {item.host_ns: item.unix_offset_ns for item in items}
     assert source.unix_offset_ns == items[0].unix_offset_ns
     for event in source.events():
-        if isinstance(event, RawSample):
-            assert source.unix_offset_ns == offsets[event.host_ns]
+        if isinstance(event, RawBlock):
+            assert {source.unix_offset_ns} == {offsets[host_ns] for host_ns in event.host_ns.tolist()}
 
 
 def test_memory_does_not_grow_with_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -383,3 +386,11 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path, monkeypatch: py
 
     peak(100)
     assert peak(2000) < 1.2 * peak(500) + 20_000
+
+
+def test_made_up_samples_have_no_temperature_though_their_frames_had_to_state_one(tmp_path: Path) -> None:
+    source, encoder = SyntheticSource("?n=60&seed=2", realtime=False), AsWire(lambda: 0)
+    record(tmp_path, [item for event in source.events() for item in encoder.encode(event)])
+    samples = of(replay(tmp_path), Sample)
+    assert len(samples) == 60
+    assert {sample.temperature_c for sample in samples} == {None}

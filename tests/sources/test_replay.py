@@ -7,8 +7,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from blocks import in_samples, of_samples, place_all, records_of, samples_of
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, LinkDown, RawSample
+from fltea.records.events import Event, LinkDown, RawBlock, RawSample
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, LinkStats, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
@@ -16,7 +17,7 @@ from fltea.sinks.ndjson import NdjsonSink
 from fltea.sources import pacing
 from fltea.sources.replay import ReplaySource
 from fltea.stream.pipeline import Pipeline
-from fltea.stream.place import Continuity
+from fltea.stream.place import Place
 from host_support import QUICK, fltea, hello, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -32,12 +33,12 @@ def npz_file(tmp_path: Path, **changes: object) -> Path:
 
 
 def samples(source: ReplaySource) -> list[RawSample]:
-    return [event for event in source.events() if isinstance(event, RawSample)]
+    return samples_of(source.events())
 
 
 def test_hello_first_then_every_sample(tmp_path: Path) -> None:
     source = ReplaySource(npz_file(tmp_path, accel_raw=np.ones((300, 3))))
-    first, *rest = source.events()
+    first, *rest = in_samples(source.events())
     assert isinstance(first, Hello)
     assert (first.rate_hz, first.sampling_mode, first.gyro_lsb_per_dps) == (100.0, "recording", 16.4)
     assert first.boot_id is None
@@ -50,7 +51,7 @@ def test_hello_first_then_every_sample(tmp_path: Path) -> None:
 
 def test_a_second_run_gives_the_same_events(tmp_path: Path) -> None:
     path = npz_file(tmp_path)
-    assert list(ReplaySource(path).events()) == list(ReplaySource(path).events())
+    assert in_samples(ReplaySource(path).events()) == in_samples(ReplaySource(path).events())
 
 
 def test_host_times_are_those_of_the_recording(tmp_path: Path) -> None:
@@ -69,11 +70,11 @@ def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
     assert (found[65536].sequence, found[-1].sequence) == (0, n - 1 - 65536)
     assert max(raw.device_us for raw in found) < 2**32
     assert found[-1].device_us == (n - 1) * 100_000 - 2**32
-    continuity = Continuity(0)
-    continuity.on_hello(Hello("", 0, rate_hz, ""))
-    placed = [continuity.on_sample(raw) for raw in found]
+    place = Place(0)
+    place.on_hello(Hello("", 0, rate_hz, ""))
+    placed = place_all(place, found)
     assert [p.seq for p in placed if p] == list(range(n))
-    assert continuity.lost == 0
+    assert place.lost == 0
 
 
 # --- times of a CSV file: gaps are gaps, and no sample is ever disbelieved ---
@@ -86,30 +87,29 @@ def csv_file(tmp_path: Path, times_s: list[float]) -> Path:
     return path
 
 
-def walked(source: ReplaySource) -> tuple[Continuity, list[str]]:
-    continuity = Continuity(100)
-    reasons: list[str] = []
+def walked(source: ReplaySource) -> tuple[Place, list[str]]:
+    place, reasons = Place(100), []
     for event in source.events():
         if isinstance(event, Hello):
-            continuity.on_hello(event)
-        elif isinstance(event, RawSample):
-            placed = continuity.on_sample(event)
-            assert placed is not None
-            reasons += [placed.new_epoch] if placed.new_epoch else []
-    return continuity, reasons
+            place.on_hello(event)
+        elif isinstance(event, RawBlock):
+            placed = place_all(place, list(event.samples()))
+            assert None not in placed
+            reasons += [one.new_epoch for one in placed if one and one.new_epoch]
+    return place, reasons
 
 
 def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
     times_s = [k * 0.01 for k in range(400) if k not in (50, 51, 52) and not 200 <= k < 350]
-    continuity, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
-    assert (continuity.delivered, continuity.lost, continuity.gaps) == (247, 153, 2)
+    place, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
+    assert (place.delivered, place.lost, place.gaps) == (247, 153, 2)
     assert reasons == ["start", "gap"]
 
 
 def test_half_an_hour_of_nothing_is_silence(tmp_path: Path) -> None:
     times_s = [k * 0.01 + (10_000 if k >= 20 else 0) for k in range(40)]
-    continuity, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
-    assert (continuity.delivered, continuity.lost, reasons) == (40, 0, ["start", "silence"])
+    place, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
+    assert (place.delivered, place.lost, reasons) == (40, 0, ["start", "silence"])
 
 
 @given(st.lists(st.floats(2e-6, 5.0), min_size=1, max_size=50), st.sampled_from([1.0, 100.0, 1000.0]))
@@ -118,8 +118,8 @@ def test_every_row_is_used_whatever_the_times(
     tmp_path_factory: pytest.TempPathFactory, steps_s: list[float], rate_hz: float | None
 ) -> None:
     times_s = np.cumsum([0, *steps_s]).tolist()
-    continuity, _ = walked(ReplaySource(csv_file(tmp_path_factory.getbasetemp(), times_s), rate_hz=rate_hz))
-    assert (continuity.delivered, continuity.before_hello) == (len(times_s), 0)
+    place, _ = walked(ReplaySource(csv_file(tmp_path_factory.getbasetemp(), times_s), rate_hz=rate_hz))
+    assert (place.delivered, place.before_hello) == (len(times_s), 0)
 
 
 # --- shuffle ---
@@ -138,7 +138,7 @@ def test_shuffle_is_a_permutation_and_times_stay(tmp_path_factory: pytest.TempPa
 
 def test_shuffle_is_the_seeds_and_says_so(tmp_path: Path) -> None:
     path = npz_file(tmp_path)
-    first, again, other = (list(ReplaySource(path, shuffle=seed).events()) for seed in (1, 1, 2))
+    first, again, other = (in_samples(ReplaySource(path, shuffle=seed).events()) for seed in (1, 1, 2))
     assert first == again
     assert first[1:] != other[1:]
     assert isinstance(first[0], Hello)
@@ -299,7 +299,7 @@ def test_recorded_live_run_replays_to_the_same_bits(tmp_path: Path) -> None:
     path = tmp_path / "live.ndjson"
     small = {"estimator.window": 50, "estimator.startup": 20, "samples": True}
     pipeline = Pipeline(Live(), load_config(None, small))
-    live = [record for event in live_events() for record in pipeline.feed(event)]
+    live = records_of(item for event in of_samples(live_events()) for item in pipeline.feed(event))
     with path.open("wb") as stream:
         sink = NdjsonSink(stream, samples=True)
         for record in live:
@@ -308,7 +308,7 @@ def test_recorded_live_run_replays_to_the_same_bits(tmp_path: Path) -> None:
     config = load_config(None, {**small, "source": str(path)})
     source = open_source(config)
     pipeline = Pipeline(source, config)
-    again = [record for event in source.events() for record in pipeline.feed(event)]
+    again = records_of(item for event in source.events() for item in pipeline.feed(event))
 
     def estimates(records: list[AnyRecord]) -> list[tuple[object, ...]]:
         return [(r.epoch, r.seq, r.device_us, r.axes) for r in records if isinstance(r, Estimate)]

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blocks import samples_of
 from fltea.recording.kind import is_of_this_process, is_one_file, is_stream
 from fltea.records.errors import UsageError
-from fltea.records.events import RawSample
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
 
@@ -54,7 +54,7 @@ def fltea(*arguments: object, **how: object) -> subprocess.CompletedProcess[byte
 
 
 def samples(source: ReplaySource) -> int:
-    return sum(isinstance(event, RawSample) for event in source.events())
+    return len(samples_of(source.events()))
 
 
 @pytest.mark.parametrize("name", [name for name in TEXTS if name != "blank lines first"])

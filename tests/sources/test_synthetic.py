@@ -4,18 +4,19 @@ import time
 
 import numpy as np
 import pytest
+from blocks import in_samples
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.events import RawSample
+from fltea.records.events import RawBlock
 from fltea.records.records import Hello
 from fltea.sources.synthetic import NoiseSettings, SyntheticSource, parse_noise
 
 
 def events(query: str) -> list:
-    return list(SyntheticSource(query, realtime=False).events())
+    return in_samples(SyntheticSource(query, realtime=False).events())
 
 
 def gyro(query: str) -> np.ndarray:
-    return np.array([event.gyro for event in events(query) if isinstance(event, RawSample)])
+    return np.array([raw.gyro for raw in events(query)[1:]])
 
 
 def test_every_key_is_read() -> None:
@@ -36,7 +37,7 @@ def test_hello_and_samples() -> None:
     assert [(raw.sequence, raw.device_us, raw.host_ns) for raw in rest] == [
         (k, 20_000 * k, 20_000_000 * k) for k in range(300)
     ]
-    assert all(len(raw.gyro) == 3 and all(isinstance(count, int) for count in raw.gyro) for raw in rest)
+    assert all(len(raw.gyro) == 3 and all(count.is_integer() for count in raw.gyro) for raw in rest)
 
 
 def test_same_seed_same_samples() -> None:
@@ -140,4 +141,4 @@ def test_endless_until_closed() -> None:
 def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     source = SyntheticSource("?rate_hz=0.001&window=10", realtime=True)
     monkeypatch.setattr(time, "sleep", lambda seconds: source.close())
-    assert [type(event) for event in source.events()] == [Hello, RawSample]
+    assert [type(event) for event in source.events()] == [Hello, RawBlock]

@@ -38,9 +38,10 @@ from mqtt_support import Bench, make_bench
 from prometheus_client import CollectorRegistry, generate_latest
 from rich.console import Console
 
-GOOD = DeviceAxisEstimate(0.4125, 0.03, -2.125, 0.25, 0.1, 0.05, True, 471, 3.2e-7, -4.5e-6, 1e-9)
-ALONE = DeviceAxisEstimate(0.5, 0.03, -1.0, 0.25, 0.1, None, True, 9)
-INVALID = DeviceAxisEstimate(None, None, None, None, None, None, False, 471)
+APART = {"alpha_difference": 3.2e-7, "f_difference": -4.5e-6, "state_difference": 1e-9}
+GOOD = DeviceAxisEstimate(0.4125, 0.03, -2.125, 0.25, 0.1, 0.05, True, age=471, **APART)
+ALONE = DeviceAxisEstimate(0.5, 0.03, -1.0, 0.25, 0.1, None, True, age=9)
+INVALID = DeviceAxisEstimate(None, None, None, None, None, None, False, age=471)
 BESIDE = DeviceEstimates(
     500,
     1,
@@ -105,7 +106,7 @@ def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: 
     assert float(row["alpha_gyro_y"]) == axis.alpha
     assert float(row["f_gyro_y_s^-alpha"]) == axis.f
     assert float(row["alpha_difference_gyro_y"]) == axis.alpha_difference
-    assert float(row["state_difference_gyro_y_dps"]) == axis.state_difference_dps
+    assert float(row["state_difference_gyro_y_dps"]) == axis.state_difference
     assert (row["age_gyro_y"], row["valid_gyro_y"], row["seq"]) == ("1", "1", "30")
     again = replay(tmp_path, **{"estimator.estimate_on": "both"})
     assert without(of(again, Estimate, DeviceEstimates), "device") == without(

@@ -1,17 +1,26 @@
 """Counts to units, by hand-worked figures."""
 
 import pytest
+from blocks import as_block
 from fltea.records.events import RawSample
-from fltea.wire.sample_scaling import resolution_dps, to_units
+from fltea.records.records import Sample
+from fltea.stream.decode import Decoder
+from fltea.wire.units import accel_ms2, gyro_dps, resolution_dps, temperatures_c, to_counts
 from host_support import hello
+from hypothesis import given
+from hypothesis import strategies as st
 
 # MPU-9250 Product Specification PS-MPU-9250A-01 rev. 1.1, tables 1 and 2: full scale and LSB per unit.
 GYRO_LSB_PER_DPS = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}
 ACCEL_LSB_PER_G = {2: 16384.0, 4: 8192.0, 8: 4096.0, 16: 2048.0}
 
 
-def scaled(raw: RawSample, **changes: object):
-    return to_units(raw, hello(**changes), epoch=2, seq=70_000, device_us=5_000_000_000, host_ns=9)
+def scaled(*raw: RawSample, **changes: object) -> Sample:
+    """The last of them in units."""
+    decoder = Decoder(lambda: 0, 100)
+    list(decoder.feed(hello(**changes)))
+    ((block, *_),) = decoder.feed(as_block(*raw))
+    return list(block.samples())[-1]
 
 
 def raw(**changes: object) -> RawSample:
@@ -37,8 +46,8 @@ def test_hand_worked_sample() -> None:
     assert sample.gyro_dps == pytest.approx((10.0, -20.0, 0.0))
     assert sample.accel_ms2 == pytest.approx((-0.0718260, 0.0508768, 9.8102413), abs=1e-6)
     assert sample.temperature_c == pytest.approx(-1042 / 333.87 + 21.0) == pytest.approx(17.879, abs=5e-4)
-    assert (sample.seq, sample.epoch, sample.device_us) == (70_000, 2, 5_000_000_000)
-    assert (sample.host_ns, sample.flags) == (9, 5)
+    assert (sample.seq, sample.epoch, sample.device_us) == (1, 1, 2)
+    assert (sample.host_ns, sample.flags) == (3, 5)
 
 
 def test_temperature_is_by_the_chip() -> None:
@@ -57,3 +66,41 @@ def test_recording_in_dps_passes_unchanged() -> None:
     sample = scaled(raw(gyro=(0.1, -0.2)), gyro_lsb_per_dps=None)
     assert sample.gyro_dps == (0.1, -0.2)
     assert resolution_dps(hello(gyro_lsb_per_dps=None)) is None
+
+
+counts = st.integers(-(2**15), 2**15 - 1)
+raws = st.builds(
+    RawSample,
+    st.integers(0, 65535),
+    st.integers(0, 2**32 - 1),
+    st.integers(0, 2**40),
+    st.tuples(counts, counts, counts),
+    st.tuples(counts, counts, counts),
+    counts,
+    st.integers(0, 255),
+)
+
+
+@given(
+    raws,
+    st.integers(1, 2**16 - 1),
+    st.integers(1, 2**16 - 1),
+    st.sampled_from([0x68, 0x71, None]),
+)
+def test_counts_come_back_from_units(raw: RawSample, lsb: int, per_g: int, who_am_i: int | None) -> None:
+    changes = {"gyro_lsb_per_dps": lsb / 10, "accel_lsb_per_g": float(per_g), "who_am_i": who_am_i}
+    sample = scaled(raw, **changes)
+    assert next(to_counts([sample, sample], hello(**changes)).samples()) == raw
+
+
+def test_a_block_is_scaled_as_its_samples() -> None:
+    some = [
+        raw(sequence=k, device_us=k * 10_000, gyro=(k, -7 * k, 1), accel=(k, 3, 5), temperature=k)
+        for k in range(9)
+    ]
+    whole, known = as_block(*some), hello()
+    for k, one in enumerate(some):
+        alone = as_block(one)
+        assert (gyro_dps(whole, known)[k] == gyro_dps(alone, known)[0]).all()
+        assert (accel_ms2(whole, known)[k] == accel_ms2(alone, known)[0]).all()
+        assert temperatures_c(whole, known)[k] == temperatures_c(alone, known)[0]

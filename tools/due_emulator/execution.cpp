@@ -1,8 +1,9 @@
-// What Unicorn calls at each block of code, before each instruction and at each access to a peripheral, millions of
-// times a second, so not in Python; and the choice between two processors that share one memory:
+// What Unicorn calls at each block of code, before each instruction and at each access to a peripheral,
+// millions of times a second, so not in Python; and the choice between two processors that share one memory:
 //   the exact one stops before any instruction and knows at each access which one it is of;
 //   the fast one counts whole blocks of code, has no peripherals, and stops before what it cannot do.
-// A slice goes over to the fast one when a program computes, and its results are those of the exact one alone.
+// A slice goes over to the fast one when a program computes, and its results are those of the exact one
+// alone.
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -15,7 +16,8 @@ constexpr uint64_t kNowhere = 1;
 constexpr uint64_t kThumb = 1;
 constexpr uint32_t kExceptionExit = 8;
 constexpr uint64_t kNoInterrupt = UINT64_MAX;
-constexpr uint64_t kCalmInstructions = 100;  // without an access; a change of processors costs as much as about 100
+constexpr uint64_t kCalmInstructions =
+    100;  // without an access; a change of processors costs as much as about 100
 
 enum RegisterKind : uint64_t { kNone, kWord, kCounter };
 
@@ -93,10 +95,10 @@ struct Execution {
     void* fast;
     void* context;
     void* fresh;
-    uint64_t (*on_read)(uint64_t address, uint64_t size);
-    void (*on_write)(uint64_t address, uint64_t size, uint64_t value);
-    void (*on_events)();
-    void (*on_limit)(uint64_t pc);
+    uint64_t (*on_read)(uint64_t now_ps, uint64_t address, uint64_t size);
+    void (*on_write)(uint64_t now_ps, uint64_t address, uint64_t size, uint64_t value);
+    void (*on_events)(uint64_t now_ps);
+    void (*on_limit)(uint64_t now_ps, uint64_t pc);
     int (*mem_read)(void* processor, uint64_t address, void* to, size_t bytes);
     int (*emu_start)(void* processor, uint64_t begin, uint64_t end, uint64_t timeout, size_t count);
     int (*emu_stop)(void* processor);
@@ -115,6 +117,14 @@ struct Space {
 
 uint64_t time_after(const Execution& e, uint64_t instructions) {
     return e.slice_ps + instructions * kPsPerS / e.hz + e.charged_ps;
+}
+
+// Moment of the instruction that runs. Unicorn may not tell of one under a condition at which it starts
+// again, so an access can come before the first instruction of a slice.
+uint64_t time_of_instruction(const Execution& e) {
+    if (e.done) return time_after(e, e.done - 1);
+    const uint64_t cycle_ps = (kPsPerS + e.hz - 1) / e.hz;
+    return e.charged_ps > cycle_ps ? e.slice_ps + e.charged_ps - cycle_ps : e.slice_ps;
 }
 
 // How many instructions the slice has if nothing happens before what is known to happen.
@@ -193,7 +203,7 @@ bool fits(const Execution& e, const Block* block) {
 
 // The value of a register that does nothing when it is read and that Python keeps laid out.
 bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t now_ps, uint64_t* value) {
-    if (!e.may_be_quick || size != 4 || e.next_event_ps <= now_ps || now_ps < e.slice_ps) return false;
+    if (!e.may_be_quick || size != 4 || e.next_event_ps <= now_ps) return false;
     const QuickReads& quick = *e.quick;
     for (uint64_t i = 0; i < quick.count; ++i) {
         const QuickRegister& r = quick.registers[i];
@@ -204,7 +214,8 @@ bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t 
             return !(r.value & r.cleared);
         }
         using Wide = unsigned __int128;
-        const Wide cycles = static_cast<Wide>(now_ps - r.from_ps) * r.hz / (static_cast<Wide>(kPsPerS) * r.divider);
+        const Wide cycles =
+            static_cast<Wide>(now_ps - r.from_ps) * r.hz / (static_cast<Wide>(kPsPerS) * r.divider);
         *value = static_cast<uint64_t>((r.from_cycles + cycles) % r.period);
         return true;
     }
@@ -232,12 +243,12 @@ void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
 uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* written) {
     if (e.dead) return 0;
     e.calm = 0;
-    const uint64_t now_ps = time_after(e, e.done - 1);
+    const uint64_t now_ps = time_of_instruction(e);
     uint64_t value = 0;
     if (written) {
-        e.on_write(address, size, *written);
+        e.on_write(now_ps, address, size, *written);
     } else {
-        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(address, size);
+        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(now_ps, address, size);
     }
     if (e.dead) {
         e.limit = 0;
@@ -249,9 +260,9 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         charge_read(e, value, now_ps);
     e.charged_ps += e.access_cycles * kPsPerS / e.hz;
     // What happens during the access need not end the slice: often it was what a poll waits for.
-    const uint64_t end_ps = time_after(e, e.done - 1);
+    const uint64_t end_ps = time_of_instruction(e);
     // BASEPRI, which nothing tells of, may have let in what waits.
-    if (e.next_event_ps <= end_ps || e.waiting) e.on_events();
+    if (e.next_event_ps <= end_ps || e.waiting) e.on_events(end_ps);
     e.limit = e.dead || e.stops || end_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
     return value;
 }
@@ -264,7 +275,8 @@ void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_end - e.code_begin > kCodeBytes) e.may_be_fast = 0;
 }
 
-// Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that comes.
+// Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that
+// comes.
 void run_fast(Execution& e, uint64_t pc) {
     uint8_t code[kCodeBytes], code_now[kCodeBytes];
     const size_t code_bytes = e.code_end - e.code_begin;
@@ -337,7 +349,7 @@ void before_instruction(void* processor, uint64_t address, uint32_t bytes, void*
     if (e.go_fast) return;
     count_silent_ones(e, processor, address);
     if (e.done >= e.limit) {
-        if (!e.dead && !e.stops && e.limit) e.on_limit(address);
+        if (!e.dead && !e.stops && e.limit) e.on_limit(time_after(e, e.done), address);
         e.limit = e.dead || e.stops || e.slice_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
         if (!e.limit) {
             e.emu_stop(processor);

@@ -10,7 +10,9 @@ from urllib.parse import parse_qsl
 
 import msgspec
 import numpy as np
-from fltea.recording.files import Recording, read_csv, read_npz
+from fltea.recording.csv_file import read_csv
+from fltea.recording.files import Recording
+from fltea.recording.npz_file import read_npz
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise

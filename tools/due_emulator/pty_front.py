@@ -18,12 +18,11 @@ from typing import NoReturn
 from fltea.records.errors import UsageError
 
 from tools.due_emulator.board import Board
+from tools.due_emulator.pace import BEHIND_S, Pace
 
 CHUNK_S = 0.005
 PACKET_BYTES = 64
 """What the bridge hands to the host in one piece of USB."""
-BEHIND_S = 0.5
-"""A lag behind real time that is worth telling."""
 ERASE_BAUD = 1200
 TCGETS2 = 0x802C542A
 TERMIOS2 = struct.Struct("4I20s2I")
@@ -133,13 +132,16 @@ class Front:
     def _run(self) -> None:
         board, port = self._board, self._port
         begin_s, board_begin_s = time.monotonic(), board.now_s
+        pace = Pace()
         while port.is_open:
             board.machine.check_interrupted()
             self._look_at_baud()
             due_s = time.monotonic() - begin_s
             done_s = board.now_s - board_begin_s
-            self.worst_lag_s = max(self.worst_lag_s, due_s - done_s)
             if not board.memory.is_blank:
+                if (warning := pace.look(due_s, done_s)) is not None:
+                    print(f"due_emulator: {warning}", file=sys.stderr, flush=True)
+                self.worst_lag_s = max(self.worst_lag_s, pace.worst_lag_s)
                 # A piece of fixed length, so that a board that lags still looks at its port.
                 board.run_until(board_begin_s + min(due_s, done_s + 4 * CHUNK_S) + CHUNK_S)
             board.bridge.flush()

@@ -7,19 +7,19 @@ recording makes others.
 
 import csv
 import os
-from array import array
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from fltea.recording.files import AT_ONCE
 from fltea.recording.kind import is_one_file
 from fltea.recording.session import LATEST_NS, Entry
+from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import Values
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
@@ -94,12 +94,13 @@ def export(
             )
             rows = _write_csv(file, table)
         else:
-            arrays, rows = (
-                sample_arrays(decode(paths, max_gap, limits))
-                if what == "samples"
-                else estimate_arrays(paths, what, limits)
-            )
-            np.savez_compressed(file, allow_pickle=False, **arrays)
+            with Spool() as spool:
+                scales, rows = (
+                    gather_samples(spool, decode(paths, max_gap, limits))
+                    if what == "samples"
+                    else ({}, gather_estimates(spool, estimate_table(paths, what, limits)))
+                )
+                spool.write_npz(file, scales)
         if not rows:
             raise UsageError(f"{paths[0]}: holds no samples that can be used.")
     return rows
@@ -161,16 +162,16 @@ def sample_table(decoded: Iterable[Decoded]) -> Table:
     return Table(columns, rows())
 
 
-def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int]:
-    """Arrays that `replay:` reads (host/README.md, Recordings), and their length.
+def gather_samples(spool: Spool, decoded: Iterable[Decoded]) -> tuple[dict[str, float], int]:
+    """Gather the arrays that `replay:` reads (host/README.md, Recordings); their scales, and their length.
 
     Raises:
         UsageError: rate or scale change within the recording; an npz file has one of each.
     """
     clock = DeviceTime()
-    columns: defaultdict[str, list[Any]] = defaultdict(list)
     settings: tuple[float, float | None, float | None, int] | None = None
-    first_ns = 0
+    first_ns = rows = 0
+    warm = False
     for found in decoded:
         hello, block, raw = found.hello, found.block, found.raw
         of_now = hello.rate_hz, hello.gyro_lsb_per_dps, hello.accel_lsb_per_g, raw.gyro.shape[1]
@@ -181,39 +182,35 @@ def sample_arrays(decoded: Iterable[Decoded]) -> tuple[dict[str, ArrayLike], int
                 "rate or scale change within this recording; export it as .csv, in physical units."
             )
         n = len(block)
-        columns["time_s"].append(np.round(clock.add(found), 6))
-        columns["t_host_s"].append((raw.host_ns - first_ns) * 1e-9)
+        spool.append("time_s", np.round(clock.add(found), 6))
+        spool.append("t_host_s", (raw.host_ns - first_ns) * 1e-9)
         if hello.gyro_lsb_per_dps is None:
-            columns["gyro_dps"].append(raw.gyro)
+            spool.append("gyro_dps", raw.gyro)
         else:
-            columns["gyro_raw"].append(_counts(raw.gyro))
+            spool.append("gyro_raw", _counts(raw.gyro))
         if raw.accel is not None:
-            columns["accel_raw"].append(_counts(raw.accel))
+            spool.append("accel_raw", _counts(raw.accel))
+        warm = warm or block.temperature_c is not None
         no_temperature = np.full(n, np.nan)
-        columns["temperature_c"].append(
-            no_temperature if block.temperature_c is None else block.temperature_c
-        )
-        columns["epoch"].append(np.full(n, block.epoch))
+        spool.append("temperature_c", no_temperature if block.temperature_c is None else block.temperature_c)
+        spool.append("epoch", np.full(n, block.epoch))
         for name in ("seq", "device_us", "host_ns"):
-            columns[name].append(getattr(block, name))
-        columns["flags"].append(
-            np.zeros(n, np.int64) if block.flags is None else block.flags.astype(np.int64)
-        )
+            spool.append(name, getattr(block, name))
+        spool.append("flags", np.zeros(n, np.int64) if block.flags is None else block.flags.astype(np.int64))
+        rows += n
     if settings is None:
         return {}, 0
     rate_hz, lsb, accel_lsb, _ = settings
-    whole: dict[str, Any] = {name: np.concatenate(parts) for name, parts in columns.items()}
-    rows = len(whole["time_s"])
-    if not accel_lsb or len(whole.get("accel_raw", ())) != rows:
-        whole.pop("accel_raw", None)
-    if np.isnan(whole["temperature_c"]).all():
-        del whole["temperature_c"]
+    if not accel_lsb or spool.length("accel_raw") != rows:
+        spool.drop("accel_raw")
+    if not warm:
+        spool.drop("temperature_c")
     scales = {
         "fs_hz": rate_hz,
         "lsb_per_dps": lsb,
-        "accel_lsb_per_g": accel_lsb if "accel_raw" in whole else None,
+        "accel_lsb_per_g": accel_lsb if "accel_raw" in spool else None,
     }
-    return {**{name: value for name, value in scales.items() if value is not None}, **whole}, rows
+    return {name: value for name, value in scales.items() if value is not None}, rows
 
 
 def _counts(values: Values) -> NDArray[np.int32]:
@@ -255,16 +252,15 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limi
     return Table(columns, rows())
 
 
-def estimate_arrays(
-    paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS
-) -> tuple[dict[str, ArrayLike], int]:
-    """The same as arrays; NaN for what was not valid."""
-    columns, rows = estimate_table(paths, what, limits)
-    arrays: list[Any] = [array("q" if column in OF_ALL else "d") for column in columns]
-    for row in rows:
-        for values, value in zip(arrays, row, strict=True):
-            values.append(np.nan if value is None else value)
-    return {name: np.array(a) for name, a in zip(columns, arrays, strict=True)}, len(arrays[0])
+def gather_estimates(spool: Spool, table: Table) -> int:
+    """The same as arrays, NaN for what was not valid; their length."""
+    count = 0
+    while rows := list(islice(table.rows, AT_ONCE)):
+        for name, values in zip(table.columns, zip(*rows, strict=True), strict=True):
+            kind = np.int64 if name in OF_ALL else np.float64
+            spool.append(name, np.array([np.nan if value is None else value for value in values], dtype=kind))
+        count += len(rows)
+    return count
 
 
 class _Estimate(msgspec.Struct, frozen=True):

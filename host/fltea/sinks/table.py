@@ -8,9 +8,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from fltea.estimator.running_null import p_text
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Failed, Opened
+from fltea.records.null_p import p_text
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.records import (
     AnyRecord,
@@ -24,6 +24,7 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.records.visible import visible
+from fltea.records.why_not import not_comparable
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -273,13 +274,20 @@ def _device_rows(record: DeviceEstimates) -> Table:
         if not axis.valid:
             rows.add_row(name, "not valid")
             continue
-        rows.add_row(name, *_beside(axis.alpha, axis.alpha_difference), *_beside(axis.f, axis.f_difference))
+        if axis.why_not is not None:
+            rows.add_row(name, _number(axis.alpha), "", _number(axis.f), not_comparable(axis.why_not))
+            continue
+        alpha, f = (_difference(d) for d in (axis.alpha_difference, axis.f_difference))
+        rows.add_row(name, _number(axis.alpha), alpha, _number(axis.f), f)
     return rows
 
 
-def _beside(value: float | None, difference: float | None) -> tuple[str, str]:
-    far = "not comparable" if difference is None else f"{difference:+.1e}"
-    return "" if value is None else number(value, 3), far
+def _number(value: float | None) -> str:
+    return "" if value is None else number(value, 3)
+
+
+def _difference(value: float | None) -> str:
+    return "" if value is None else f"{value:+.1e}"
 
 
 def _order(axis: AxisEstimate) -> str:

@@ -3,14 +3,16 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.recording.files import Recording, read_csv, read_npz
+from fltea.recording.csv_file import open_csv
+from fltea.recording.files import Recording, Stored
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
+from fltea.recording.npz_file import open_npz
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import (
@@ -93,11 +95,11 @@ class ReplaySource:
             self._events = self._mcap.events()
         else:
             if kind == "npz":
-                recording = read_npz(path, limits)
+                recording = open_npz(path, limits)
             else:
-                recording = read_csv(path, columns, units or "deg/s", rate_hz, limits=limits, file=file)
+                recording = open_csv(path, columns, units or "deg/s", rate_hz, limits=limits, file=file)
             self._events = _from_recording(name, recording, shuffle)
-            samples = len(recording.gyro)
+            samples = recording.samples
         if kind != "csv" and (columns or units or rate_hz):
             raise UsageError(
                 f"{path}: --columns, --units and --rate are for CSV files; this one names its own."
@@ -179,41 +181,63 @@ def _count_samples(recording: "McapRecording", limit: int) -> int:
     return count
 
 
-def _from_recording(name: str, recording: Recording, shuffle: int | None) -> Iterator[Event]:
-    n = len(recording.gyro)
-    order = None if shuffle is None else np.random.default_rng(shuffle).permutation(n)
-    device_us = np.round((recording.device_s - recording.device_s[0]) * 1e6).astype(np.int64)
-    host_ns = device_us * 1000
-    if recording.host_s is not None:
-        host_ns = np.round((recording.host_s - recording.host_s[0]) * 1e9).astype(np.int64)
-    sequence = _sequence(recording)
-    yield Hello(
-        source=name,
-        host_ns=int(host_ns[0]),
-        rate_hz=recording.rate_hz,
-        sampling_mode="recording",
-        gyro_lsb_per_dps=recording.lsb_per_dps,
-        accel_lsb_per_g=recording.accel_lsb_per_g,
-    )
-    gyro = recording.gyro if order is None else recording.gyro[order]
-    accel = recording.accel if order is None or recording.accel is None else recording.accel[order]
-    raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, gyro, accel)
-    begins = [0]
-    if recording.epoch is not None:
-        begins += (np.flatnonzero(np.diff(recording.epoch)) + 1).tolist()
-    for begin, end in zip(begins, [*begins[1:], n], strict=True):
-        if begin:
-            yield Break("restart", int(host_ns[begin]))
-        for first in range(begin, end, AT_ONCE):
-            yield raw.rows(first, min(first + AT_ONCE, end))
+def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterator[Event]:
+    blocks = recording.blocks() if shuffle is None else _shuffled(recording, shuffle)
+    first: Recording | None = None
+    last: _Last | None = None
+    for block in blocks:
+        if first is None:
+            first = block
+            yield Hello(
+                source=name,
+                host_ns=0,
+                rate_hz=recording.rate_hz,
+                sampling_mode="recording",
+                gyro_lsb_per_dps=recording.lsb_per_dps,
+                accel_lsb_per_g=recording.accel_lsb_per_g,
+            )
+        device_us = np.round((block.device_s - first.device_s[0]) * 1e6).astype(np.int64)
+        host_ns = device_us * 1000
+        if block.host_s is not None and first.host_s is not None:
+            host_ns = np.round((block.host_s - first.host_s[0]) * 1e9).astype(np.int64)
+        sequence = _sequence(block, last)
+        raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, block.accel)
+        begins = [0]
+        if block.epoch is not None:
+            before = block.epoch[0] if last is None else last.epoch
+            begins += np.flatnonzero(np.diff(block.epoch, prepend=before)).tolist()
+        for begin, end in zip(begins, [*begins[1:], len(sequence)], strict=True):
+            if begin or end == 0:  # the second: an epoch begins with the block
+                yield Break("restart", int(host_ns[begin]))
+            if end > begin:
+                yield raw.rows(begin, end)
+        epoch = 0 if block.epoch is None else int(block.epoch[-1])
+        last = _Last(int(sequence[-1]), float(block.device_s[-1]), epoch)
 
 
-def _sequence(recording: Recording) -> NDArray[np.int64]:
+class _Last(NamedTuple):
+    """The sample before a block."""
+
+    sequence: int
+    device_s: float
+    epoch: int
+
+
+def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
+    """The samples in another order, which takes all of them at once."""
+    whole = recording.whole()
+    order = np.random.default_rng(seed).permutation(len(whole.gyro))
+    accel = None if whole.accel is None else whole.accel[order]
+    yield whole._replace(gyro=whole.gyro[order], accel=accel)
+
+
+def _sequence(block: Recording, last: _Last | None) -> NDArray[np.int64]:
     """Number the samples as a device does: where time runs ahead of the rate, samples are missing."""
-    if recording.seq is not None:
-        return recording.seq
-    steps = np.maximum(1, np.round(np.diff(recording.device_s) * recording.rate_hz))
-    return np.concatenate(([0], np.cumsum(steps))).astype(np.int64)
+    if block.seq is not None:
+        return block.seq
+    before_s = block.device_s[0] - 1 / block.rate_hz if last is None else last.device_s
+    steps = np.maximum(1, np.round(np.diff(block.device_s, prepend=before_s) * block.rate_hz))
+    return np.cumsum(steps).astype(np.int64) + (-1 if last is None else last.sequence)
 
 
 def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:

@@ -3,6 +3,7 @@
 Load makes batches: the longer a round takes, the more has come in by the next one, and the less each costs.
 """
 
+import contextlib
 import os
 import queue
 import select
@@ -73,7 +74,7 @@ class Ports:
         """End the waiting, from another thread."""
         with self._lock:
             if not self._closed:
-                os.write(self._wake_write, b"\0")
+                self._wake()
 
     def close(self) -> None:
         """Release all ports; one that is being opened is released as soon as it is open."""
@@ -100,6 +101,10 @@ class Ports:
                 self._lines[place].port.close()
                 return
             self._opened.put((place, event))
+            self._wake()
+
+    def _wake(self) -> None:
+        with contextlib.suppress(BlockingIOError):  # full: it wakes up anyway
             os.write(self._wake_write, b"\0")
 
     def _take_opened(self) -> Iterator[tuple[int, TransportEvent]]:

@@ -32,7 +32,7 @@ def temperatures_c(raw: RawBlock, hello: Hello) -> Array | None:
 
 
 def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
-    """Undo the scaling of samples of one shape,."""
+    """Undo the scaling of samples of one shape."""
     lsb, first = hello.gyro_lsb_per_dps, samples[0]
     gyro = np.array([sample.gyro_dps for sample in samples])
     accel = temperature = None

@@ -14,8 +14,9 @@ import numpy as np
 from fltea.lab.reproduce import paper
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, Data, Scenario
 from fltea.noise.weights import Array
-from fltea.recording.files import read_csv, read_npz
+from fltea.recording.csv_file import read_csv
 from fltea.recording.ndjson import read_ndjson
+from fltea.recording.npz_file import read_npz
 from fltea.records.errors import UsageError
 from fltea.records.records import Hello, Sample
 

@@ -136,10 +136,10 @@ class MqttSink(Sink):
 
     def _on_block(self, block: Block) -> None:
         """Publish the samples and estimates that are due."""
-        if self._hello is None:
+        if self._hello is None and not self._turned_away:
             return
         self._sample_ns = host_ns()
-        if self._status is not None and self._status.status != "online":
+        if self._hello is not None and self._status is not None and self._status.status != "online":
             self._say("online")
         qos = self._settings.stream_qos
         for row in block.due_rows:

@@ -123,7 +123,7 @@ window.fltea = (() => {
     f.axes.forEach((axis, number) => fill(place.children[number], axis, axis.name === f.axis))
     const chosen = f.axes.find(axis => axis.name === f.axis)
     for (const whiteness of document.querySelectorAll("figure .whiteness")) {
-      whiteness.textContent = chosen ? chosen.whiteness : ""
+      whiteness.textContent = chosen ? chosen.whiteness_text : ""
       whiteness.dataset.whiteness = chosen ? chosen.whiteness : "unknown"
     }
     for (const verdict of document.querySelectorAll("figure .verdict")) {
@@ -167,7 +167,7 @@ window.fltea = (() => {
     set(".f", axis.f_text)
     set(".alpha-white", `white noise: ${axis.alpha_white}`)
     set(".f-white", `white noise: ${axis.f_white}`)
-    set(".whiteness", axis.whiteness)
+    set(".whiteness", axis.whiteness_text)
     made.querySelector(".whiteness").dataset.whiteness = axis.whiteness
     set(".verdict", axis.verdict)
     made.querySelector(".verdict").dataset.side = axis.side

@@ -1,0 +1,182 @@
+"""Recordings in .npz files."""
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.recording.files import (
+    AT_ONCE,
+    HOST_TOLERANCE,
+    LARGEST_COUNT,
+    LARGEST_DPS,
+    LARGEST_NUMBER,
+    LONGEST_S,
+    Recording,
+    Stored,
+    check_span,
+    listed,
+    too_large,
+)
+from fltea.recording.npz_arrays import NpzArrays
+from fltea.records.errors import UsageError
+from fltea.records.records import AXES
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+
+NPZ_ARRAYS = (
+    "gyro_raw",
+    "gyro_dps",
+    "fs_hz",
+    "lsb_per_dps",
+    "t_host_s",
+    "accel_raw",
+    "accel_lsb_per_g",
+    "time_s",
+    "seq",
+    "epoch",
+)
+"""What is read of a file, whatever else may be in it."""
+
+
+def read_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Recording:
+    """`open_npz`, all of it in memory."""
+    return open_npz(path, limits).whole()
+
+
+def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
+    """Check `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; optional `t_host_s`, `accel_raw`.
+
+    A recording with gaps also has `time_s` (of the device), `seq` and `epoch`, as `fltea export` writes them.
+
+    Raises:
+        UsageError: not such a file, values that are not finite, or more of them than the limits allow.
+    """
+    arrays = NpzArrays(path, NPZ_ARRAYS, limits)
+    key = next((k for k in ("gyro_raw", "gyro_dps") if k in arrays), None)
+    needed = ["fs_hz"] + (["lsb_per_dps"] if key == "gyro_raw" else [])
+    missing = [k for k in needed if k not in arrays] + ([] if key else ["gyro_raw or gyro_dps"])
+    if key is None or missing:
+        has = listed(arrays.names) or "nothing"
+        raise UsageError(f"{path}: has no {', '.join(missing)} (it holds {has}).")
+    shape = arrays.shape(key)
+    if len(shape) != 2 or not 1 <= shape[1] <= len(AXES):
+        raise UsageError(f"{path}: {key} has the shape {shape}; (samples, 1 to 3 axes) is needed.")
+    if shape[0] == 0:
+        raise UsageError(f"{path}: {key} has no rows.")
+    n = shape[0]
+    columns = [key]
+    for name in ("t_host_s", "accel_raw", "time_s", "seq", "epoch"):
+        if name in arrays:
+            columns.append(name)
+            alike = (n, 3) if name == "accel_raw" else (n,)
+            if arrays.shape(name) != alike:
+                raise UsageError(
+                    f"{path}: {name} has the shape {arrays.shape(name)}; {alike} is needed, as {key} has."
+                )
+    rate_hz = _positive(path, "fs_hz", arrays)
+    lsb = _positive(path, "lsb_per_dps", arrays) if key == "gyro_raw" else None
+    accel_lsb = _positive(path, "accel_lsb_per_g", arrays) if "accel_lsb_per_g" in arrays else None
+    like = Recording(np.empty((0, shape[1])), rate_hz, np.empty(0), lsb, accel_lsb_per_g=accel_lsb)
+    stored = Stored(n, rate_hz, lsb, accel_lsb, partial(_npz_blocks, path, arrays, columns, like))
+    check = _Check(path, key)
+    for block in stored.blocks():
+        check.add(block)
+    check.end()
+    return stored
+
+
+def _npz_blocks(path: Path, arrays: NpzArrays, columns: list[str], like: Recording) -> Iterator[Recording]:
+    """The rows, each block as a recording."""
+    row = 0
+    for block in arrays.rows(columns, AT_ONCE):
+        found = {name: _numeric(path, name, values, row) for name, values in block.items()}
+        gyro = found[columns[0]]
+        n = len(gyro)
+        device_s = found["time_s"] if "time_s" in found else np.arange(row, row + n) / like.rate_hz
+        numbers: dict[str, Any] = {}
+        for name in ("seq", "epoch"):
+            if name in found and np.abs(found[name]).max() > LARGEST_NUMBER:
+                raise UsageError(f"{path}: {name} holds numbers beyond 53 bits, which number no samples.")
+            if name in found and "time_s" in found:
+                numbers[name] = found[name].astype(np.int64)
+        yield like._replace(
+            gyro=gyro,
+            device_s=device_s,
+            host_s=found.get("t_host_s"),
+            accel=found.get("accel_raw"),
+            **numbers,
+        )
+        row += n
+
+
+class _Check:
+    """Looks at the blocks of an .npz recording, one after the other."""
+
+    def __init__(self, path: Path, key: str) -> None:
+        self._path, self._key = path, key
+        self._rows = 0
+        self._first: tuple[float, float] | None = None
+        self._last = (-math.inf, -math.inf)
+        self._rate_hz = 0.0
+        self._has_host = False
+
+    def add(self, block: Recording) -> None:
+        """The next one."""
+        path, key = self._path, self._key
+        counts = block.gyro if block.lsb_per_dps is not None else None
+        for name, extra in ((key, counts), ("accel_raw", block.accel)):
+            if extra is not None and np.abs(extra).max() >= LARGEST_COUNT:
+                raise UsageError(
+                    f"{path}: {name} holds numbers beyond 32 bits, which are no sensor's counts."
+                )
+        self._rate_hz, self._has_host = block.rate_hz, block.host_s is not None
+        host_s = block.device_s if block.host_s is None else block.host_s
+        if self._first is None:
+            self._first = float(block.device_s[0]), float(host_s[0])
+        steps = np.diff(block.device_s, prepend=self._last[0])
+        if (steps <= 0).any() or np.abs(block.device_s).max() > LONGEST_S:
+            row = self._rows + int(np.argmax(steps <= 0))
+            raise UsageError(f"{path}: time_s does not increase in row {row}, or is beyond {LONGEST_S:g} s.")
+        steps = np.diff(host_s, prepend=self._last[1])
+        if (steps < 0).any():
+            row = self._rows + int(np.argmax(steps < 0))
+            raise UsageError(f"{path}: t_host_s runs backwards in row {row}.")
+        beyond = too_large(block.gyro, block.lsb_per_dps)
+        if beyond.any():
+            row = self._rows + int(np.argmax(beyond))
+            raise UsageError(f"{path}: {key} is more than {LARGEST_DPS:g} deg/s in row {row}.")
+        self._last = float(block.device_s[-1]), float(host_s[-1])
+        self._rows += len(host_s)
+
+    def end(self) -> None:
+        """Arrivals may come in bursts, but not at another rate than the one stated."""
+        assert self._first is not None
+        expected_s, seconds = (last - first for last, first in zip(self._last, self._first, strict=True))
+        check_span(self._path, self._rate_hz, self._rows, expected_s)
+        if self._has_host and abs(seconds - expected_s) > HOST_TOLERANCE * expected_s + 1.0:
+            raise UsageError(
+                f"{self._path}: t_host_s spans {seconds:.6g} s, but {self._rows} samples at fs_hz = "
+                f"{self._rate_hz:.6g} take {expected_s:.6g} s: one of the two is wrong, or samples are "
+                "missing."
+            )
+
+
+def _numeric(path: Path, name: str, array: NDArray[Any], first: int = 0) -> NDArray[np.float64]:
+    """As floats; first: the row of the first of them."""
+    values = np.asarray(array, dtype=np.float64)
+    finite = np.isfinite(np.atleast_1d(values))
+    if not finite.all():
+        row = first + int(np.unravel_index(int(np.argmin(finite)), finite.shape)[0])
+        raise UsageError(f"{path}: {name} is not finite in row {row}.")
+    return values
+
+
+def _positive(path: Path, name: str, arrays: NpzArrays) -> float:
+    values = _numeric(path, name, arrays.whole(name)) if math.prod(arrays.shape(name)) == 1 else None
+    if values is None or values.item() <= 0:
+        raise UsageError(f"{path}: {name} has to be one positive number.")
+    return float(values.item())

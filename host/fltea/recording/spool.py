@@ -1,0 +1,122 @@
+"""Columns of numbers that are gathered block by block, in files without a name, and read the same way.
+
+Of a day at 100 Hz an array in memory is 69 MB a column; here it is what one block takes.
+"""
+
+import contextlib
+import tempfile
+import weakref
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+COPY_BYTES = 1 << 20
+
+
+class _Column(NamedTuple):
+    file: Any
+    dtype: "np.dtype[Any]"
+    shape: tuple[int, ...]
+    """of a row"""
+
+
+class Spool(contextlib.AbstractContextManager["Spool"]):
+    """Named columns; what is appended to one has the type and width of its first block.
+
+    The files go with it: at the end of a `with`, or with its last user. In a folder they have names and stay.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder
+        self._columns: dict[str, _Column] = {}
+        self._rows: dict[str, int] = {}
+        self.close = weakref.finalize(self, _close, self._columns)
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._columns
+
+    def append(self, name: str, values: NDArray[Any]) -> None:
+        """Add rows to the end of a column, which begins with its first ones.
+
+        Raises:
+            OSError: the disk for temporary files takes no more.
+        """
+        if name not in self._columns:
+            self._columns[name] = _Column(self._new_file(), values.dtype, values.shape[1:])
+            self._rows[name] = 0
+        column = self._columns[name]
+        column.file.write(np.ascontiguousarray(values, dtype=column.dtype).data)
+        self._rows[name] += len(values)
+
+    def drop(self, name: str) -> None:
+        """Forget a column, if there is one."""
+        if name in self._columns:
+            self._columns.pop(name).file.close()
+
+    def remove(self) -> None:
+        """Forget all columns, and remove files with names."""
+        if self._folder is not None:
+            for column in self._columns.values():
+                Path(column.file.name).unlink(missing_ok=True)
+        self.close()
+        self._columns.clear()
+
+    def length(self, name: str) -> int:
+        """Rows of a column; 0 if there is none."""
+        return self._rows[name] if name in self._columns else 0
+
+    def whole(self, name: str) -> NDArray[Any]:
+        """A column in memory."""
+        return self._read(name, 0, self.length(name))
+
+    def mapped(self, name: str) -> NDArray[Any]:
+        """A column, at least one row, of a spool with a folder; other processes may map its file, too."""
+        column = self._columns[name]
+        column.file.flush()
+        return np.memmap(column.file.name, column.dtype, "r", shape=(self._rows[name], *column.shape))
+
+    def blocks(self, names: Sequence[str], at_once: int) -> Iterator[list[NDArray[Any]]]:
+        """So many rows at a time of columns that are alike in length."""
+        for begin in range(0, self.length(names[0]), at_once):
+            yield [self._read(name, begin, at_once) for name in names]
+
+    def write_npz(self, file: BinaryIO, scalars: Mapping[str, ArrayLike]) -> None:
+        """Write numbers and all columns as numpy's `savez_compressed` would."""
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, allowZip64=True) as archive:
+            for name, value in scalars.items():
+                with archive.open(f"{name}.npy", "w") as member:
+                    np.lib.format.write_array(member, np.asanyarray(value), allow_pickle=False)
+            for name, column in self._columns.items():
+                shape = (self._rows[name], *column.shape)
+                descr = np.lib.format.dtype_to_descr(column.dtype)
+                header = {"descr": descr, "fortran_order": False, "shape": shape}
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                    np.lib.format.write_array_header_1_0(member, header)
+                    column.file.seek(0)
+                    while data := column.file.read(COPY_BYTES):
+                        member.write(data)
+
+    def _new_file(self) -> Any:
+        if self._folder is None:
+            return tempfile.TemporaryFile()
+        return tempfile.NamedTemporaryFile(dir=self._folder, delete=False)
+
+    def _read(self, name: str, begin: int, count: int) -> NDArray[Any]:
+        column = self._columns[name]
+        width = int(np.prod(column.shape, dtype=int))
+        row_bytes = width * column.dtype.itemsize
+        column.file.seek(begin * row_bytes)
+        data = column.file.read(count * row_bytes)
+        return np.frombuffer(data, column.dtype).reshape(-1, *column.shape)
+
+
+def _close(columns: dict[str, _Column]) -> None:
+    for column in columns.values():
+        column.file.close()

@@ -1,0 +1,86 @@
+"""What `make run` says: a line a second off a terminal, the emulator's warning, the steps of set-up."""
+
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from due_support import ROOT
+
+from tools import demo
+from tools.due_emulator.pace import Pace
+
+SAMPLES = 1200
+
+
+def test_a_run_becomes_one_line_for_each_second_of_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "noise.csv"
+    gyro = np.random.default_rng(3).normal(0, 0.1, (SAMPLES, 3))
+    np.savetxt(file, gyro, delimiter=",", header="gx,gy,gz", comments="")
+    source = ["--source", str(file), "--columns", "gx,gy,gz", "--units", "dps", "--rate", "100"]
+    records = subprocess.run(
+        [sys.executable, "-m", "fltea", "run", "--format", "ndjson", "--once", *source],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    demo.show_summary(io.StringIO(records))
+    lines = capsys.readouterr().out.splitlines()
+    assert 0 < len(lines) == records.count('"class":"stats"') <= SAMPLES / 100 + 1
+    assert "start-up: " in lines[0]
+    last = [json.loads(line) for line in records.splitlines() if '"class":"estimate"' in line][-1]
+    for name, axis in last["axes"].items():
+        assert f"{name} α {axis['alpha']:.3f} f {axis['f']:.3f}" in lines[-1]
+
+
+def test_what_is_no_record_is_shown_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    demo.show_summary(io.StringIO("Traceback\n{}\n"))
+    assert capsys.readouterr().out == "Traceback\n{}\n"
+
+
+def test_a_format_that_was_asked_for_is_left_alone() -> None:
+    assert demo.output(["--format", "ndjson"]) == demo.output(["--format=table"]) == []
+    assert demo.output(["--engine", "both"]) == ["--format", "ndjson"]
+
+
+def test_the_warning_is_shown_with_what_the_figures_then_mean(capsys: pytest.CaptureFixture[str]) -> None:
+    pace = Pace()
+    warning = pace.look(1.0, 0.4)
+    assert warning is not None
+    demo.pass_on(io.StringIO(f"due_emulator: {warning}\ndue_emulator: {warning}\n"))
+    first, meaning, second = capsys.readouterr().err.splitlines()
+    assert first == second
+    assert "unaffected" in meaning
+
+
+@pytest.fixture
+def setup(tmp_path: Path) -> list[str]:
+    """A copy of set-up, with a Python that installs nothing."""
+    python = tmp_path / ".venv/bin/python"
+    python.parent.mkdir(parents=True)
+    python.write_text("#!/bin/sh\necho Collecting something\ncase $* in *install*) sleep 1;; esac\n")
+    python.chmod(0o755)
+    (tmp_path / "tools").mkdir()
+    shutil.copy(ROOT / "tools/setup.sh", tmp_path / "tools")
+    return ["bash", str(tmp_path / "tools/setup.sh"), "run"]
+
+
+def test_setup_says_which_step_of_how_many_it_is_at(setup: list[str]) -> None:
+    told = subprocess.run(setup, capture_output=True, text=True, check=True).stderr.splitlines()
+    assert [line.split()[1] for line in told] == ["1/2", "2/2", "ready"]
+
+
+def test_setup_shows_seconds_and_what_it_does_on_a_terminal(setup: list[str]) -> None:
+    terminal, far_end = os.openpty()
+    subprocess.run(setup, stderr=far_end, check=True)
+    os.close(far_end)
+    told = os.read(terminal, 1 << 16).decode()
+    os.close(terminal)
+    assert "s  Collecting something" in told

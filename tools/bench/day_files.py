@@ -1,0 +1,94 @@
+"""Recordings as long as asked for: .npz, .csv, and MCAP as the live recorder writes it, one message a read.
+
+`python -m tools.bench.day_files FOLDER HOURS` writes rest.npz, rest.csv and a session of MCAP files of the
+same samples: white noise of 3 LSB on three axes, 100 Hz, with some slow wandering.
+"""
+
+import csv
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from fltea.records.events import Chunk, Opened
+from fltea.settings.outputs import RecordConfig
+from fltea.sinks.record import RecordSink
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
+from numpy.typing import NDArray
+
+from tools.bench.feeder import hello
+
+RATE_HZ = 100
+LSB_PER_DPS = 16.4
+BEGIN_NS = 10**9
+UNIX_NS = 1_900_000_000 * 10**9
+AT_ONCE = 8192
+
+
+def counts(samples: int, seed: int = 1) -> NDArray[np.int16]:
+    """Three axes, (samples, 3), in LSB."""
+    rng = np.random.default_rng(seed)
+    found = np.empty((samples, 3), dtype=np.int16)
+    level = np.zeros(3)
+    for begin in range(0, samples, AT_ONCE):
+        part = found[begin : begin + AT_ONCE]
+        walk = level + np.cumsum(rng.normal(0, 0.005, part.shape), axis=0)
+        level = walk[-1] * 0.9
+        part[:] = np.rint(walk + rng.normal(0, 3, part.shape))
+    return found
+
+
+def write_npz(path: Path, gyro: NDArray[np.int16]) -> None:
+    """Counts, scale and rate: the least that `replay:` takes."""
+    np.savez_compressed(path, gyro_raw=gyro, lsb_per_dps=LSB_PER_DPS, fs_hz=float(RATE_HZ))
+
+
+def write_csv(path: Path, gyro: NDArray[np.int16]) -> None:
+    """Times and rates in deg/s."""
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time_s", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"])
+        for begin in range(0, len(gyro), AT_ONCE):
+            part = gyro[begin : begin + AT_ONCE]
+            time_s = (np.arange(begin, begin + len(part)) / RATE_HZ).round(2)
+            writer.writerows(np.column_stack([time_s, (part / LSB_PER_DPS).round(6)]).tolist())
+
+
+def reads(gyro: NDArray[np.int16]) -> Iterator[bytes]:
+    """What each read of the port gives: a frame, and once a second HELLO and STATUS before it."""
+    status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
+    for begin in range(0, len(gyro), AT_ONCE):
+        for i, row in enumerate(gyro[begin : begin + AT_ONCE].tolist(), begin):
+            now_us = i * (1_000_000 // RATE_HZ) % 2**32
+            data = encode(wire.Sample(*row, 0, 0, 16384, 1335, 0), i % 65536, now_us)
+            if i % RATE_HZ == 0:
+                second = i // RATE_HZ % 65536
+                data = encode(hello(0), second, now_us) + encode(status, second, now_us) + data
+            yield data
+
+
+def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
+    """By the recorder itself; the folder."""
+    sink = RecordSink(RecordConfig(folder=str(folder)), "bench", lambda kind, text: print(kind, text))
+    sink.write(Opened(BEGIN_NS, UNIX_NS))
+    for i, data in enumerate(reads(gyro)):
+        sink.write(Chunk(data, BEGIN_NS + i * (10**9 // RATE_HZ) + 900_000, UNIX_NS))
+        if i % 50 == 0:
+            sink.flush()
+    sink.close()
+    return folder
+
+
+def main() -> None:
+    """Write them all."""
+    folder, hours = Path(sys.argv[1]), float(sys.argv[2])
+    folder.mkdir(parents=True, exist_ok=True)
+    gyro = counts(round(hours * 3600 * RATE_HZ))
+    write_npz(folder / "rest.npz", gyro)
+    write_csv(folder / "rest.csv", gyro)
+    write_mcap(folder / "mcap", gyro)
+
+
+if __name__ == "__main__":
+    main()
