@@ -43,7 +43,7 @@ def test_every_sample_arrives_and_every_estimate_is_finite(processes: Processes,
     for estimate in estimates:
         for axis in estimate["axes"].values():
             assert axis["valid"]
-            known = {key: value for key, value in axis.items() if key not in ("null_p", "order")}
+            known = {key: value for key, value in axis.items() if key not in ("null_p", "whiteness", "unit")}
             assert all(math.isfinite(v) for v in known.values())
     assert [r["class"] for r in daemon.records[:2]] == ["hello", "epoch"]
     last = daemon.of("stats")[-1]
