@@ -11,8 +11,9 @@ class Limits(NamedTuple):
     """The settings `replay.max_chunk_mb` and `replay.max_mb`.
 
     max_chunk_mb: of one record of an MCAP file, unpacked; of those one is in memory at a time. max_mb: of
-    arrays in memory, 8 bytes a number, from a file that is read whole; a day at 100 Hz with all that
-    `fltea export` writes has 700 MB. The same holds for the bytes of NDJSON that comes through a pipe.
+    what an .npz or CSV file holds, 8 bytes a number; a day at 100 Hz with all that `fltea export` writes has
+    700 MB. It is read a block at a time, but takes as much on the disk for temporary files or, shuffled, in
+    memory. The same holds for the bytes of NDJSON that comes through a pipe.
     """
 
     max_chunk_mb: float = 64.0
