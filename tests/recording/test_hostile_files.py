@@ -9,6 +9,7 @@ from pathlib import Path
 import hostile_files
 import numpy as np
 import pytest
+from blocks import samples_of
 from fltea.recording.csv_file import read_csv
 from fltea.recording.ndjson import read_ndjson
 from fltea.recording.npz_file import read_npz
@@ -87,7 +88,7 @@ def test_the_limit_of_a_chunk_can_be_raised(tmp_path: Path) -> None:
     low, high = Limits(max_chunk_mb=0.001), Limits(max_chunk_mb=1)
     with pytest.raises(UsageError, match=r"--set replay\.max_chunk_mb=1$"):
         ReplaySource(path, limits=low)
-    assert sum(1 for _ in ReplaySource(path, limits=high).events()) > 190
+    assert len(samples_of(ReplaySource(path, limits=high).events())) > 190
     for command in all_commands(path, tmp_path / "out.npz"):
         if command[0] == "identify":
             continue  # two seconds of samples are too short for it

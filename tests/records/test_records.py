@@ -13,9 +13,10 @@ from fltea.records.records import (
     EpochReason,
     Estimate,
     Hello,
-    Order,
     Sample,
     Stats,
+    Whiteness,
+    WhyNot,
 )
 from fltea.wire import layout as wire
 from fltea.wire.messages import REASONS
@@ -130,8 +131,9 @@ def test_every_word_that_a_field_can_hold_is_documented() -> None:
     page = documented()
     cases = [
         (page["epoch"]["field"]["reason"], typing.get_args(EpochReason)),
+        (page["device_estimate"]["field"]["axes.<axis>.why_not"], typing.get_args(WhyNot)),
         (page["hello"]["field"]["sampling_mode"], [mode.name.lower() for mode in wire.SamplingMode]),
-        (page["estimate"]["field"]["axes.<axis>.order"], typing.get_args(Order)),
+        (page["estimate"]["field"]["axes.<axis>.whiteness"], typing.get_args(Whiteness)),
         (page["stats"]["field"]["board.reset_cause"], [cause.name.lower() for cause in wire.ResetCause]),
     ]
     for (_, meaning), words in cases:
@@ -196,8 +198,9 @@ def test_invalid_axis_is_null_and_the_others_go_on(tmp_path: Path) -> None:
         assert [*record.axes] == list(AXES[:2])
         assert record.axes["gyro_x"].valid
         assert msgspec.to_builtins(record.axes["gyro_y"]) == {
-            **dict.fromkeys(("alpha", "alpha_std", "f", "f_std", "state_dps", "innovation_dps")),
+            **dict.fromkeys(("alpha", "alpha_std", "f", "f_std", "state", "innovation")),
             "valid": False,
             "null_p": None,
-            "order": None,
+            "whiteness": None,
+            "unit": "deg/s",
         }

@@ -301,7 +301,7 @@ def test_page_draws_what_belongs_to_each_device_and_empties_the_rest() -> None:
         assert all((axis["beside"] is not None) == (name == "both") for axis in said["axes"])
         assert bool(said["own"]) == (name != "host")
     every = lengths["host"][0]
-    assert every > 500
+    assert every == 500
     assert lengths["host"] == (every, every, 0)
     assert lengths["both"] == (every, every, pytest.approx(every / 10, abs=2))
     assert lengths["device"] == (every - 1, pytest.approx(every / 10, abs=2), 0)  # no estimate of the last

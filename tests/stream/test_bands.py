@@ -9,7 +9,7 @@ from blocks import cuts, in_blocks
 from estimating_board import ESTIMATOR, Board, events, noise
 from fltea.estimator.white_band import WhiteBand
 from fltea.records.events import DeviceAxis, DeviceEstimator, Event, RawBlock, RawSample, block_of
-from fltea.records.records import LinkStats, Stats, WhiteBandStats
+from fltea.records.records import Epoch, LinkStats, Stats, WhiteBandStats
 from fltea.settings.config import Config, EstimatorConfig, load_config
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline, stages_of
@@ -203,3 +203,28 @@ def test_a_board_whose_axis_is_not_valid_has_its_band_wait_and_begin_again() -> 
 def test_before_the_board_has_stated_its_settings_there_is_no_band() -> None:
     silent = [e for e in heard() if not isinstance(e, DeviceEstimator)]
     assert set(bands(walk(silent, of_board("device"))[1]).values()) == {None}
+
+
+# --- a snapshot ---
+
+
+def test_a_snapshot_goes_on_whether_there_are_bands_or_not_and_they_wait_for_the_power() -> None:
+    off = Config(name="due", estimator=msgspec.structs.replace(QUICK, white_band=False))
+    first = Pipeline(Source(), off)  # type: ignore[arg-type]
+    for event in (hello(), raw()):
+        list(first.feed(event))
+    on = Config(name="due", estimator=QUICK)
+    again = Pipeline(Source(), on, state=first.save())  # type: ignore[arg-type]
+    block = raw()
+    epochs = [
+        item
+        for event in (hello(boot_id=99), block._replace(host_ns=block.host_ns + 4 * 10**9))
+        for item in again.feed(event)
+        if isinstance(item, Epoch)
+    ]
+    assert [epoch.reason for epoch in epochs] == ["resumed"]
+    close(
+        bands(again.stats())["gyro_x"],
+        WhiteBand(QUICK, 0.01, power(COUNTS[:, 0]), LSB),
+        len(COUNTS) // STEP * STEP,
+    )

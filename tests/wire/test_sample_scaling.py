@@ -5,7 +5,7 @@ from blocks import as_block
 from fltea.records.events import RawSample
 from fltea.records.records import Sample
 from fltea.stream.decode import Decoder
-from fltea.wire.units import accel_ms2, gyro_dps, resolution_dps, temperatures_c, to_counts
+from fltea.wire.sample_scaling import accel_ms2, gyro_dps, resolution_dps, temperatures_c, to_counts
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st

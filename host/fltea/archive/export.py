@@ -270,7 +270,7 @@ class _Estimate(msgspec.Struct, frozen=True):
     device_us: Whole
     seq: Whole
     epoch: Whole
-    axes: dict[Axis, dict[str, float | bool | str | None]] = {}
+    axes: dict[Axis, dict[str, int | float | bool | str | None]] = {}
 
 
 _estimate = msgspec.json.Decoder(_Estimate)

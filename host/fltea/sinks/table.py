@@ -22,6 +22,7 @@ from fltea.records.records import (
     Gap,
     Hello,
     Stats,
+    WhyNot,
 )
 from fltea.records.visible import visible
 from fltea.records.why_not import not_comparable
@@ -181,7 +182,7 @@ class DeviceView:
         if not wide and self._estimate is not None:
             lines.append(self._rows_below(self._estimate))
         if self._of_device is not None:
-            lines.append(_device_rows(self._of_device))
+            lines += [_device_rows(self._of_device), *_not_compared(self._of_device)]
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
@@ -274,12 +275,18 @@ def _device_rows(record: DeviceEstimates) -> Table:
         if not axis.valid:
             rows.add_row(name, "not valid")
             continue
-        if axis.why_not is not None:
-            rows.add_row(name, _number(axis.alpha), "", _number(axis.f), not_comparable(axis.why_not))
-            continue
         alpha, f = (_difference(d) for d in (axis.alpha_difference, axis.f_difference))
         rows.add_row(name, _number(axis.alpha), alpha, _number(axis.f), f)
     return rows
+
+
+def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
+    """Why there are no differences, a line for each reason, with its axes."""
+    axes: dict[WhyNot, list[str]] = {}
+    for name, axis in record.axes.items():
+        if axis.valid and axis.why_not is not None:
+            axes.setdefault(axis.why_not, []).append(name)
+    return [Text(f"{', '.join(names)}: {not_comparable(why)}") for why, names in axes.items()]
 
 
 def _number(value: float | None) -> str:
