@@ -212,7 +212,7 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
                 flood += os.write(many[1].master, bytes(1000))
         many[k % 2 * 2].send(b"x")
         loop.round()
-        # What a pseudo-terminal was given may come a moment later; the flood must not put more rounds before it.
+        # What a terminal was given may come a moment later; the flood must not put more rounds before it.
         for _ in range(3):
             if len(loop.data(0)) + len(loop.data(2)) == k + 1:
                 break
