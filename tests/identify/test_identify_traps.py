@@ -51,8 +51,8 @@ def test_ten_minutes_of_clean_noise_have_no_trap() -> None:
     for axis in y:
         assert axis_traps(axis, H) == ()
         assert axis_traps(counts(axis), H, LSB) == ()
-    assert sensor_traps(y.T, [None] * 3) == ()
-    assert sensor_traps(counts(y).T, [LSB] * 3) == ()
+    assert sensor_traps(y, [None] * 3) == ()
+    assert sensor_traps(counts(y), [LSB] * 3) == ()
     assert timing_traps(**QUIET) == ()
 
 
@@ -62,7 +62,7 @@ def test_clean_noise_hardly_ever_has_one(kind: str, lsb: float | None) -> None:
     series = clean(kind)
     if lsb is not None:
         series = np.rint(series / lsb) * lsb
-    found = [trap for y in series for trap in sensor_traps(y[:, np.newaxis], [lsb])]
+    found = [trap for y in series for trap in sensor_traps([y], [lsb])]
     assert sum(len(kinds(y, lsb)) for y in series) + len(found) <= 1
 
 
@@ -73,7 +73,7 @@ def test_no_trap_at_any_scale(seed: int, scale: float, coarse: float) -> None:
     y = np.rint(white(2000, 1, seed)[0] / coarse) * coarse
     wanted = {"quantisation"} if y.std() < 2 * coarse else set()
     assert set(kinds(y * scale, coarse * scale)) == wanted
-    assert sensor_traps(y[:, np.newaxis] * scale, [coarse * scale]) == ()
+    assert sensor_traps([y * scale], [coarse * scale]) == ()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -156,10 +156,10 @@ def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
     y = white(6000, 3, 1)
     y = (y if lsb is None else counts(y)).T
     y[1::every] = y[:-1:every][: len(y[1::every])]
-    (trap,) = sensor_traps(y, [lsb] * 3)
+    (trap,) = sensor_traps(y.T, [lsb] * 3)
     assert (trap.kind, trap.severity) == ("repeated", severity)
     y[:, 2] = white(6000, 1, 9)[0]  # one axis that moves on is enough to see that it was no old sample
-    assert sensor_traps(y, [lsb] * 3) == ()
+    assert sensor_traps(y.T, [lsb] * 3) == ()
 
 
 def test_peaks() -> None:
