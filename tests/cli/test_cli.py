@@ -190,7 +190,7 @@ def test_columns_of_csv_may_have_blanks_after_their_commas(tmp_path: Path) -> No
     flags = ["--columns", "gx, gy", "--rate", "100", "--units", "mdps"]
     result = fltea("run", "-s", f"{tmp_path}/rest.csv", "--once", *flags, *QUICK)
     assert (result.returncode, result.stderr) == (0, "")
-    assert strict_records(result.stdout)[-1].axes["gyro_x"].bias_dps == pytest.approx(0.002)
+    assert strict_records(result.stdout)[-1].axes["gyro_x"].bias == pytest.approx(0.002)
 
 
 def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blocks import samples_of
 from fltea.identify.simulation_file import write_simulation
 from fltea.recording.csv_file import read_csv
 from fltea.recording.npz_file import read_npz
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.events import RawSample
 from fltea.sources.replay import ReplaySource
 from host_support import QUICK, fltea, strict_records
 
@@ -36,7 +36,7 @@ def simulated(out: Path, **changes: object) -> Path:
 
 
 def gyro(path: Path) -> list[tuple[float, ...]]:
-    return [event.gyro for event in ReplaySource(path).events() if isinstance(event, RawSample)]
+    return [raw.gyro for raw in samples_of(ReplaySource(path).events())]
 
 
 def columns(path: Path) -> dict[str, list[float]]:
@@ -188,7 +188,7 @@ def test_command_writes_what_run_reads(name: str, tmp_path: Path) -> None:
     last = strict_records(run.stdout)[-1]
     assert last.samples.delivered == 300
     assert [*last.axes] == ["gyro_x", "gyro_y"]
-    assert last.axes["gyro_x"].bias_dps == pytest.approx(1.5, abs=0.2)
+    assert last.axes["gyro_x"].bias == pytest.approx(1.5, abs=0.2)
 
 
 def test_command_has_the_defaults_of_its_help(tmp_path: Path) -> None:

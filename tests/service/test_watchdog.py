@@ -1,6 +1,7 @@
 """A walk that hangs is not called alive, and neither signals nor sources hold up the end."""
 
 import signal
+from types import SimpleNamespace
 
 from fltea.service import daemon
 from fltea.service.daemon import STUCK_S, StopOnSignal, _Run
@@ -13,6 +14,8 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     monkeypatch.setattr(daemon.time, "monotonic", lambda: now_s[0])
     stop = StopOnSignal()
     run = _Run([load_config(None, {"name": name}) for name in ("left", "right")], stop)
+    left, right = SimpleNamespace(moved_s=now_s[0]), SimpleNamespace(moved_s=now_s[0])
+    monkeypatch.setattr(run, "_walks", [left, right])
     fed: list[float] = []
     monkeypatch.setattr(run._manager, "alive", lambda: fed.append(now_s[0]))
 
@@ -31,10 +34,10 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     run._wait(Once())  # type: ignore[arg-type]
     assert fed == [1000.0]
     now_s[0] += STUCK_S + 1
-    run._moved_s["left"] = now_s[0]
+    left.moved_s = now_s[0]
     run._wait(Once())  # type: ignore[arg-type]
     assert fed == [1000.0]
-    run._moved_s["right"] = now_s[0]
+    right.moved_s = now_s[0]
     run._wait(Once())  # type: ignore[arg-type]
     assert fed == [1000.0, now_s[0]]
 
