@@ -114,13 +114,13 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
             assert (shown["alpha"][i], shown["f"][i], shown["state"][i]) == (
                 e["alpha"],
                 e["f"],
-                e["state_dps"],
+                e["state"],
             )
             assert shown["alpha_low"][i] == e["alpha"] - e["alpha_std"]
             assert shown["f_high"][i] == e["f"] + e["f_std"]
     assert compared >= 190
     assert max(map(abs, noise)) < 1.4, "the offset of 1.5 deg/s is removed"
-    assert len(white["alpha_mid"]) >= 7
+    assert len(white["alpha_mid"]) >= 2, "one a second"
     assert re.search(r"-?\d\.\d{3} ± \d\.\d{3}", words)
     assert "white noise: " in words
     assert "what white noise of this power gives" in words

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from blocks import records_of, samples_of
 from due_support import image
 from fake_smbus import MS, Pi, S
-from fltea.records.events import Chunk, Opened, RawSample, TransportEvent
+from fltea.records.events import Chunk, Opened, TransportEvent
 from fltea.records.records import AnyRecord, Estimate, Hello, Sample
 from fltea.settings.config import load_config
 from fltea.sources.as_wire import AsWire
@@ -41,10 +42,10 @@ class OfWire:
         self.link_stats = wire.link_stats
 
 
-def records_of(items: list[TransportEvent]) -> list[AnyRecord]:
+def walked(items: list[TransportEvent]) -> list[AnyRecord]:
     source = OfWire(items)
     pipeline = Pipeline(source, load_config(None, {"samples": True}))
-    return [record for event in source.events for record in pipeline.feed(event)]
+    return records_of(item for event in source.events for item in pipeline.feed(event))
 
 
 def of(records: list[AnyRecord], kind: type) -> list:
@@ -57,7 +58,7 @@ def through_the_due() -> tuple[DueRun, list[AnyRecord]]:
     frames = bytes(run.wire).split(b"\0")
     items: list[TransportEvent] = [Opened(0, 0)]
     items += [Chunk(frame + b"\0", 10 * MS * i, 0) for i, frame in enumerate(frames)]
-    return run, records_of(items)
+    return run, walked(items)
 
 
 def gyro(records: list[AnyRecord]) -> list[tuple[float, ...]]:
@@ -117,7 +118,7 @@ def test_a_recording_replays_to_the_same_estimates() -> None:
     """The recorder writes frames; what they give is what was live."""
     pi = through_the_pi()
     as_wire = AsWire(pi.host.unix_offset_ns)
-    replayed = records_of([item for event in pi.events for item in as_wire.encode(event)])
+    replayed = walked([item for event in pi.events for item in as_wire.encode(event)])
     live = of(pi.records, Estimate)
     again = of(replayed, Estimate)
     assert len(live) == len(again) > 500
@@ -219,5 +220,5 @@ def test_the_command_with_a_bad_address() -> None:
 
 
 def test_raw_samples_of_a_burst_have_times_of_their_own() -> None:
-    raw = [event for event in through_the_pi().events if isinstance(event, RawSample)]
+    raw = samples_of(through_the_pi().events)
     assert len({sample.host_ns for sample in raw}) > 0.99 * len(raw)

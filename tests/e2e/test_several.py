@@ -61,15 +61,19 @@ def test_accelerometer_axes_on_request(processes: Processes, tmp_path: Path) -> 
         "--set",
         "accel.startup=40",
     )
-    daemon.wait_for(lambda: any(r["axes"] for r in daemon.of("estimate")), "estimates of both sensors")
+    daemon.wait_for(
+        lambda: any(len(r["axes"]) == 2 for r in daemon.of("estimate")), "estimates of both sensors"
+    )
     daemon.end()
     last = daemon.of("estimate")[-1]
-    assert list(last["axes"]) == ["gyro_z"]
-    assert list(last["accel_axes"]) == ["accel_x"]
-    assert daemon.of("estimate")[0]["axes"] == {}  # its start-up window is longer
+    assert {name: axis["unit"] for name, axis in last["axes"].items()} == {
+        "gyro_z": "deg/s",
+        "accel_x": "m/s^2",
+    }
+    assert set(daemon.of("estimate")[0]["axes"]) == {"accel_x"}  # the gyroscope's start-up window is longer
     epoch = daemon.of("epoch")[0]
     assert epoch["accel_estimator"]["startup_samples"] == 40
-    assert set(daemon.of("stats")[-1]["accel_axes"]) == {"accel_x"}
+    assert set(daemon.of("stats")[-1]["axes"]) == {"gyro_z", "accel_x"}
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

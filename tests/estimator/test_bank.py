@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, Array, Gaps, H, assert_close, assert_same, by_bank, by_sample
 from fltea.estimator.bank import Bank
+from fltea.noise.simulation import FractionalNoise
 from fltea.settings.config import EstimatorConfig
-from fltea.simulate import FractionalNoise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,7 +23,7 @@ SETTINGS = [
     {},
     PRINTED,
     {"variant": "triple", "guard": "faithful"},
-    {"engine": "direct", "window": 30},
+    {"memory": "direct", "window": 30},
     {"window": 0},
     {"bias": [0.5, -1.0, 2.0], "R": [0.02, 0.03, 0.04]},
     {"bias": "none", "R": 0.02},
@@ -94,7 +94,7 @@ def test_equals_the_oracle_on_real_recordings(name: str, recordings: Path) -> No
 @given(
     cuts=st.lists(st.integers(1, 999), max_size=12),
     gaps=st.dictionaries(st.integers(1, 999), st.integers(1, 300), max_size=4),
-    changes=st.sampled_from([{}, PRINTED | {"R": 0.002}, {"engine": "direct", "window": 30}]),
+    changes=st.sampled_from([{}, PRINTED | {"R": 0.002}, {"memory": "direct", "window": 30}]),
     constant=st.booleans(),
 )
 def test_any_cut_of_the_rows_gives_the_same_to_the_bit(

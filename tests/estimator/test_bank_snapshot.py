@@ -39,7 +39,7 @@ CONFIGS = [
     {},
     {"variant": "triple", "guard": "off"},
     {"variant": "triple", "guard": "faithful"},
-    {"engine": "direct"},
+    {"memory": "direct"},
     {"window": 0},
     {"window": 3000},
     {"window": 10},

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fltea.config import EstimatorConfig
 from fltea.estimator.engine import Engine, instruction_sets
 from fltea.estimator.engine_settings import EngineSettings
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, LaneBlock, Lanes, Lost
+from fltea.settings.config import EstimatorConfig
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ CASES = [
     ({"variant": "triple", "guard": "faithful"}, 0.001, thrown_about),
     (PRINTED, 0.0235, white),
     (PRINTED, 0.002, white),
-    (PRINTED | {"engine": "direct"}, 0.001, thrown_about),
+    (PRINTED | {"memory": "direct"}, 0.001, thrown_about),
 ]
 
 

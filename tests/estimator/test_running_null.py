@@ -8,13 +8,11 @@ import pytest
 from fltea.estimator.running_null import (
     CHUNK,
     EFFECTIVE,
-    FEWEST,
-    LEVEL,
     RunningNull,
     Standing,
-    p_text,
     p_value,
 )
+from fltea.records.null_p import FEWEST, LEVEL, p_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -89,13 +87,13 @@ def test_nothing_is_said_of_too_few_samples() -> None:
     test = fed(white(FEWEST // CHUNK * CHUNK, 1))
     assert test.standings == (Standing(None, None),)
     fed(white(CHUNK, 1), test=test)
-    assert test.standings[0].order == "undefined"
+    assert test.standings[0].whiteness == "not rejected"
 
 
 def test_lost_samples_are_none_of_the_few() -> None:
     y = white(2_000, 1)
     y[::2] = np.nan
-    assert fed(y).standings[0].order is None
+    assert fed(y).standings[0].whiteness is None
 
 
 @pytest.mark.parametrize("value", [3.7, 1 / 131])
@@ -106,12 +104,12 @@ def test_constant_axis_has_no_standing_and_the_others_have(value: float) -> None
     y[:3] = np.nan
     constant, alive = fed(y).standings
     assert constant == (None, None)
-    assert alive.order == "undefined"
+    assert alive.whiteness == "not rejected"
 
 
 def test_an_axis_whose_blocks_never_change_is_judged_by_its_samples() -> None:
     y = np.tile([[0.0], [1.0]], (600, 1))
-    assert fed(y).standings[0].order == "not white"
+    assert fed(y).standings[0].whiteness == "rejected"
 
 
 MAKES: dict[str, Callable[[np.random.Generator, tuple[int, int]], Array]] = {
@@ -129,7 +127,7 @@ def test_false_alarms_are_as_many_as_promised(kind: str) -> None:
     """1,000 series of 30 s: 5 % have a deviation of 0.7 %; and hardly any is called not white."""
     test = many(MAKES[kind](np.random.default_rng(3), (3_000, 1_000)))
     assert 0.035 < rejected(test, 0.05) < 0.065
-    assert np.mean([s.order == "not white" for s in test.standings]) < 0.005
+    assert np.mean([s.whiteness == "rejected" for s in test.standings]) < 0.005
 
 
 @pytest.mark.parametrize("kind", ["a fifth of an LSB per deviation", "off zero", "rare jumps"])
@@ -144,7 +142,7 @@ def test_an_axis_that_hardly_ever_changes_is_not_called_not_white(kind: str) -> 
     }[kind]
     test = many(y)
     assert rejected(test, 0.05) < 0.08
-    assert np.mean([s.order == "not white" for s in test.standings]) < 0.01
+    assert np.mean([s.whiteness == "rejected" for s in test.standings]) < 0.01
 
 
 def resonance(n: int, series: int) -> Array:
@@ -177,7 +175,7 @@ def fractional(n: int, series: int) -> Array:
     ],
 )
 def test_power(y: Array) -> None:
-    assert np.mean([s.order == "not white" for s in many(y).standings]) > 0.95
+    assert np.mean([s.whiteness == "rejected" for s in many(y).standings]) > 0.95
 
 
 def test_white_noise_that_is_looked_at_for_ten_minutes_is_rarely_called_not_white() -> None:
@@ -281,11 +279,11 @@ def test_equals_the_numpy_oracle_and_either_goes_on_where_the_other_stopped(
     assert native.depth == oracle.depth
     swapped = fed(y[n:], test=RunningNull.restore(3, oracle.save()))
     for a, b in zip(swapped.standings, fed(y).standings, strict=True):
-        assert a.order == b.order
+        assert a.whiteness == b.whiteness
         assert a.p == (b.p if b.p is None else pytest.approx(b.p, rel=1.1e-2))
     NumpyNull.restore(3, native.save())
 
 
 @pytest.mark.parametrize("y", [1e90 * white(3_000, 2), 1e-160 * white(3_000, 2), np.ones((3_000, 2))])
 def test_nothing_is_said_of_what_overflows_or_vanishes(y: Array) -> None:
-    assert all(one.order != "not white" for one in fed(y).standings)
+    assert all(one.whiteness != "rejected" for one in fed(y).standings)

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from blocks import place_one
 from fltea.records.events import RawSample
-from fltea.stream.place import Continuity
+from fltea.stream.place import Place
 from fltea.wire import layout as wire
 from fltea.wire.message_events import hello_event
 from fltea.wire.messages import Frame, FrameReader
@@ -66,22 +67,21 @@ def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
 
 def lost(run: Run) -> tuple[list[str], int, int]:
     """Reasons of the host's epochs, samples that the host takes as lost, and epochs' samples delivered."""
-    continuity = Continuity(max_gap=10**6)
+    place = Place(max_gap=10**6)
     reasons: list[str] = []
     for frame in run.frames:
         match frame.message:
             case wire.Hello() as hello:
-                continuity.on_hello(hello_event(hello, "test", 0))
+                place.on_hello(hello_event(hello, "test", 0))
             case wire.Sample():
                 arrival_ns = frame.device_us * 1000
-                placed = continuity.on_sample(
-                    RawSample(frame.sequence, frame.device_us, arrival_ns, (0, 0, 0))
-                )
+                raw = RawSample(frame.sequence, frame.device_us, arrival_ns, (0, 0, 0))
+                placed = place_one(place, raw)
                 assert placed is not None
                 if placed.new_epoch:
                     reasons.append(placed.new_epoch)
-    assert continuity.before_hello == continuity.duplicates == 0
-    return reasons, continuity.lost, continuity.delivered
+    assert place.before_hello == place.duplicates == 0
+    return reasons, place.lost, place.delivered
 
 
 @pytest.mark.timeout(300)  # a first build with sanitizers on a small machine

@@ -48,7 +48,7 @@ SETTINGS: list[tuple[Variant, Guard, dict[str, object]]] = [
     ("triple", "consistent", {}),
     ("triple", "off", {}),
     ("joint", "consistent", {"bias": 1.7, "R": 0.02}),
-    ("joint", "consistent", {"engine": "direct"}),
+    ("joint", "consistent", {"memory": "direct"}),
     ("triple", "off", {"R": 0.002}),  # runs away, and begins again
 ]
 

@@ -16,6 +16,7 @@ from fltea.records.records import (
     Sample,
     Stats,
     Whiteness,
+    WhyNot,
 )
 from fltea.wire import layout as wire
 from fltea.wire.messages import REASONS
@@ -130,6 +131,7 @@ def test_every_word_that_a_field_can_hold_is_documented() -> None:
     page = documented()
     cases = [
         (page["epoch"]["field"]["reason"], typing.get_args(EpochReason)),
+        (page["device_estimate"]["field"]["axes.<axis>.why_not"], typing.get_args(WhyNot)),
         (page["hello"]["field"]["sampling_mode"], [mode.name.lower() for mode in wire.SamplingMode]),
         (page["estimate"]["field"]["axes.<axis>.whiteness"], typing.get_args(Whiteness)),
         (page["stats"]["field"]["board.reset_cause"], [cause.name.lower() for cause in wire.ResetCause]),

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from fltea.estimator.bank import Bank, BankBlock
@@ -65,7 +65,7 @@ def by_sample(
         seven = [tuple(e[:7]) for e in found.values()] if found else [(math.nan,) * 7] * len(axes)
         p = [math.nan if s.p is None else s.p for s in null.standings]
         valid = [e.valid for e in found.values()] if found else [False] * len(axes)
-        not_white = [s.order == "not white" for s in null.standings]
+        not_white = [s.whiteness == "rejected" for s in null.standings]
         rows.append([*np.array(seven).T, p, valid, not_white])
     columns = {name: np.array([row[i] for row in rows]) for i, name in enumerate(COLUMNS)}
     assert live.baseline is not None
@@ -109,6 +109,31 @@ def by_bank(
     return Walked(columns, lost, bank.restarts, bank.interventions, bank.lag1, bank.nis, *bank.baseline)
 
 
+def fed_directly(y: Array, config: EstimatorConfig, lsb: float) -> list[dict[str, dict[str, object]]]:
+    """Estimates after each sample behind the start-up window, by axis, as an `estimate` record names them."""
+    columns = by_bank(y, config, lsb).columns
+    names = {"alpha": "alpha", "alpha_std": "alpha_std", "f": "f", "f_std": "f_std"}
+    names |= {"state": "x", "innovation": "innovation", "valid": "valid"}
+    rows = zip(*(columns[column][config.startup_needed :].tolist() for column in names.values()), strict=True)
+    return [
+        {
+            axis: dict(zip(names, of_axis, strict=True))
+            for axis, of_axis in zip(AXES, zip(*row, strict=True), strict=True)
+        }
+        for row in rows
+    ]
+
+
+def assert_published(
+    records: Sequence[dict[str, Any]], expected: Sequence[dict[str, dict[str, object]]]
+) -> None:
+    """Every number of these `estimate` records, to the bit."""
+    for record, of_axes in zip(records, expected, strict=True):
+        assert record["axes"].keys() == of_axes.keys()
+        for axis, numbers in of_axes.items():
+            assert record["axes"][axis] | numbers == record["axes"][axis], (record["seq"], axis)
+
+
 def assert_same(found: Walked, expected: Walked) -> None:
     """To the bit."""
     for name in COLUMNS:
@@ -135,8 +160,9 @@ def assert_close(found: Walked, expected: Walked, tolerance: float = 1e-9) -> No
     assert found.interventions == expected.interventions
     for mine, others in ((found.lag1, expected.lag1), (found.nis, expected.nis)):
         for axis, value in others.items():
+            ours = mine[axis]
             if value is None or not math.isfinite(value):
-                assert mine[axis] is None
+                assert ours is None
             else:
-                assert mine[axis] is not None
-                assert math.isclose(mine[axis], value, rel_tol=1e-8, abs_tol=1e-9)
+                assert ours is not None
+                assert math.isclose(ours, value, rel_tol=1e-8, abs_tol=1e-9)

@@ -19,16 +19,15 @@ from fltea.records.records import (
     EstimatorInfo,
     LinkStats,
     Stats,
+    WhyNot,
 )
-from fltea.settings.config import Config, EstimatorConfig
+from fltea.settings.config import Config, EstimateOn, EstimatorConfig
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
 
-QUICK = EstimatorConfig(startup=50, window=200)
-BOTH = msgspec.structs.replace(QUICK, estimate_on="both")
-ALONE = msgspec.structs.replace(QUICK, estimate_on="device")
+QUICK = EstimatorConfig(startup=50, window=200, white_band=True)
 BOARD = DeviceStatus(0, 0, 0, 0, 0, "user", cpu_share_percent=16.75, longest_step_us=8210)
 OWN = DeviceEstimatorStats(
     begun=1,
@@ -102,9 +101,9 @@ def with_breaks(
     return [*found, pipeline.stats()]
 
 
-def told(*groups: list[AnyRecord], config: EstimatorConfig = QUICK) -> DeviceHistory:
-    """A history that has heard them all."""
-    history = DeviceHistory("due", config)
+def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
+    """A history that has heard them all. who: estimates the gyroscope."""
+    history = DeviceHistory("due", who)
     for group in groups:
         for record in group:
             history.write(record)
@@ -131,12 +130,12 @@ def both(
     found: Iterable[AnyRecord],
     apart: Callable[[int], float | None] = lambda seq: 1e-7,
     every: int = 10,
-    older: int = 0,
+    why_not: WhyNot = "other_settings",
     **own: Any,
 ) -> list[AnyRecord]:
     """The same records with a device's own estimates beside, α and f off by `apart` of the sample's number.
 
-    apart: None where they cannot be compared. older: steps that the device had made before the host's first.
+    apart: None where they cannot be compared. why_not: what is said there.
     """
     made: list[AnyRecord] = []
     first: int | None = None
@@ -146,20 +145,20 @@ def both(
             continue
         first = record.seq if first is None else first
         if record.seq % every == 0:
-            d, age = apart(record.seq), record.seq - first + 1 + older
-            axes = {axis: _of_device(e, age, d) for axis, e in record.axes.items()}
+            d, age = apart(record.seq), record.seq - first + 1
+            axes = {axis: _of_device(e, age, d, why_not) for axis, e in record.axes.items()}
             place = record.seq, record.epoch, record.device_us, record.host_ns, record.variant
             made.append(DeviceEstimates(*place, axes, d is not None, device=record.device))
     return made
 
 
-def _of_device(e: AxisEstimate, age: int, apart: float | None) -> DeviceAxisEstimate:
+def _of_device(e: AxisEstimate, age: int, apart: float | None, why_not: WhyNot) -> DeviceAxisEstimate:
     assert e.alpha is not None
     assert e.f is not None
     d = apart or 0.0
     numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state, e.innovation
     if apart is None:
-        return DeviceAxisEstimate(*numbers, True, age=age)
+        return DeviceAxisEstimate(*numbers, True, age=age, why_not=why_not)
     differences = {"alpha_difference": d, "f_difference": -3 * d, "state_difference": d / 2}
     return DeviceAxisEstimate(*numbers, True, age=age, **differences)
 

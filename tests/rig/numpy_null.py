@@ -34,7 +34,7 @@ class Standing(NamedTuple):
     """p: how often white noise would look at least as unlike white, at one moment; None while not known."""
 
     p: float | None
-    order: str | None
+    whiteness: str | None
 
 
 UNKNOWN = Standing(None, None)
@@ -234,4 +234,4 @@ def _standing(largest: float, effective: int) -> Standing:
     if not effective or math.isnan(largest):
         return UNKNOWN
     p = float(f"{p_value(largest, effective):.3g}")
-    return Standing(p, "not white" if p < LEVEL else "undefined")
+    return Standing(p, "rejected" if p < LEVEL else "not rejected")

@@ -1,11 +1,11 @@
 """A walk that hangs is not called alive, and neither signals nor sources hold up the end."""
 
+import math
 import signal
 from types import SimpleNamespace
 
 from fltea.service import daemon
 from fltea.service.daemon import STUCK_S, StopOnSignal, _Run
-from fltea.settings.config import load_config
 from fltea.sources.replay import ReplaySource
 
 
@@ -13,9 +13,9 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     now_s = [1000.0]
     monkeypatch.setattr(daemon.time, "monotonic", lambda: now_s[0])
     stop = StopOnSignal()
-    run = _Run([load_config(None, {"name": name}) for name in ("left", "right")], stop)
-    left, right = SimpleNamespace(moved_s=now_s[0]), SimpleNamespace(moved_s=now_s[0])
-    monkeypatch.setattr(run, "_walks", [left, right])
+    left, right = (SimpleNamespace(moved_s=now_s[0]) for _ in range(2))
+    run = _Run([], stop)
+    run._walks = [left, right]  # type: ignore[list-item]
     fed: list[float] = []
     monkeypatch.setattr(run._manager, "alive", lambda: fed.append(now_s[0]))
 
@@ -37,7 +37,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     left.moved_s = now_s[0]
     run._wait(Once())  # type: ignore[arg-type]
     assert fed == [1000.0]
-    right.moved_s = now_s[0]
+    right.moved_s = math.inf  # its source has ended
     run._wait(Once())  # type: ignore[arg-type]
     assert fed == [1000.0, now_s[0]]
 

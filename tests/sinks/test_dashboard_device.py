@@ -7,17 +7,24 @@ import msgspec
 import numpy as np
 import pytest
 from bokeh.document import Document
-from dashboard_support import ALONE, BOTH, QUICK, alone, both, records, told, with_breaks
-from fltea.estimator.white_band import WhiteBand
-from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, DeviceEstimates, Epoch, Estimate, Sample
-from fltea.settings.config import EstimatorConfig
+from dashboard_support import alone, both, records, told, with_breaks
+from fltea.records.records import (
+    ACCEL_AXES,
+    AXES,
+    AnyRecord,
+    DeviceEstimates,
+    Epoch,
+    Estimate,
+    Sample,
+    WhyNot,
+)
+from fltea.settings.config import EstimateOn
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
 from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import Cursor
 from fltea.sinks.page.words import apart
-from fltea.stream.white import STEP
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 SLOW = "n=700&rate_hz=20"
@@ -45,7 +52,7 @@ def status(history: DeviceHistory) -> tuple[str, str]:
 @pytest.mark.parametrize("late", [0, 3])
 def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> None:
     found = alone(records(NOISE), late=late)
-    history = told(found, config=ALONE)
+    history = told(found, who="device")
     assert history.estimator("gyro_y") == "device"
     shown, samples = columns(history, "own", "gyro_y"), columns(history, "rows", "gyro_y")
     expected = [
@@ -63,26 +70,8 @@ def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> N
     assert len(columns(history, "own", "gyro_y", window=1)["alpha"]) >= 20
 
 
-def test_band_keeps_in_step_with_the_samples_not_with_the_estimates() -> None:
-    """And has the device's settings, not those of the host, which nobody uses."""
-    own = msgspec.structs.replace(ALONE, startup=400, variant="triple")
-    estimates = [r for r in alone(records(NOISE)) if isinstance(r, Estimate)]
-    gone = {e.seq for e in estimates[10:15]}
-    found = [r for r in alone(records(NOISE)) if not (isinstance(r, Estimate) and r.seq in gone)]
-    history = told(found, config=own)
-    follower = history.followers["gyro_x"]
-    assert follower is not None
-    assert follower.power is not None
-    device = EstimatorConfig(estimate_on="device", window=0, startup=50)
-    samples = estimates[-1].seq + 1 - 50
-    expected = WhiteBand(device, 0.01, follower.power, 1 / 16.4).advance(samples // STEP * STEP)
-    assert follower.quantiles.alpha.tolist() == expected.alpha.tolist()
-    assert len(columns(history, "white", "gyro_x")["alpha_mid"]) >= samples // STEP - 5
-    assert "too wide" not in facts.axes(history, 0)[0]["verdict"]
-
-
 def test_device_that_was_running_before_has_a_band_that_is_said_to_be_too_wide() -> None:
-    history = told(without_window(alone(records(NOISE))), config=ALONE)
+    history = told(without_window(alone(records(NOISE))), who="device")
     axis = facts.axes(history, 0)[0]
     assert "estimated before it was heard" in axis["verdict"]
     assert status(history)[0] == "good"
@@ -101,26 +90,24 @@ def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -
                 found.append(msgspec.structs.replace(record, axes=accel))
         else:
             found.append(record)
-    history = told(found, config=ALONE)
+    history = told(found, who="device")
     assert [history.estimator(axis) for axis in history.axes] == ["device", "host", "host"]
     assert history.newest.keys() == {"gyro_x", "accel_x", "accel_y"}
     assert np.isfinite(columns(history, "rows", "accel_y")["alpha"][-2])
     assert np.isnan(columns(history, "rows", "gyro_x")["alpha"]).all()
     assert np.isfinite(columns(history, "own", "gyro_x")["alpha"]).all()
-    quantiles = columns(history, "white", "gyro_x")["alpha_mid"]
-    assert quantiles[-1] < quantiles[np.isfinite(quantiles)][0], "the runs do not begin anew all the time"
 
 
 def test_status_counts_the_devices_window_down_and_waits_for_its_estimates() -> None:
     found = alone(records("n=130"), startup_remaining=40)
-    history = told([r for r in found if not isinstance(r, Estimate)], config=ALONE)
+    history = told([r for r in found if not isinstance(r, Estimate)], who="device")
     assert status(history) == (
         "wait",
         "start-up: 40 samples to go; keep the sensor at rest (epoch 1: the first since the program started)",
     )
     full = [r for r in alone(records("n=130")) if not isinstance(r, Estimate)]
-    assert status(told(full, config=ALONE))[1].startswith("no estimate of the device yet")
-    assert status(told(found, config=ALONE))[0] == "good"
+    assert status(told(full, who="device"))[1].startswith("no estimate of the device yet")
+    assert status(told(found, who="device"))[0] == "good"
 
 
 def test_epoch_of_a_device_that_has_not_said_with_what_it_estimates() -> None:
@@ -128,33 +115,33 @@ def test_epoch_of_a_device_that_has_not_said_with_what_it_estimates() -> None:
         msgspec.structs.replace(r, estimator=None) if isinstance(r, Epoch) else r
         for r in alone(records(NOISE))
     ]
-    history = told(found, config=ALONE)
+    history = told(found, who="device")
     assert facts.settings(history) == ""
     assert status(history)[0] == "good"
 
 
 @pytest.mark.parametrize(
-    ("found", "config", "words"),
+    ("found", "who", "words"),
     [
         (
             alone,
-            ALONE,
+            "device",
             "estimates on device (the device's own estimates as published, 10 a second), "
             "memory compressed, L = unlimited",
         ),
         (
             both,
-            BOTH,
+            "both",
             "estimates on both (the host's estimates, and the device's own, 10 a second), "
             "memory compressed, L = unlimited",
         ),
-        (list, QUICK, "guard consistent, memory compressed, L = 200"),
+        (list, "host", "guard consistent, memory compressed, L = 200"),
     ],
 )
 def test_engine_is_named_with_whose_the_estimates_are(
-    found: Callable[[list[AnyRecord]], list[AnyRecord]], config: EstimatorConfig, words: str
+    found: Callable[[list[AnyRecord]], list[AnyRecord]], who: EstimateOn, words: str
 ) -> None:
-    assert facts.settings(told(found(records(NOISE)), config=config)).endswith(words)
+    assert facts.settings(told(found(records(NOISE)), who=who)).endswith(words)
 
 
 # --- beside the host's ---
@@ -162,7 +149,7 @@ def test_engine_is_named_with_whose_the_estimates_are(
 
 def test_the_devices_estimates_stand_beside_and_the_hosts_stay_as_they_are() -> None:
     found = both(records(NOISE), lambda seq: seq * 1e-9 if seq % 20 else None)
-    history, plain = told(found, config=BOTH), told(records(NOISE))
+    history, plain = told(found, who="both"), told(records(NOISE))
     assert history.estimator("gyro_z") == "both"
     np.testing.assert_array_equal(
         history.read("rows", 0, Cursor()).values, plain.read("rows", 0, Cursor()).values
@@ -183,7 +170,7 @@ def test_the_devices_estimates_stand_beside_and_the_hosts_stay_as_they_are() -> 
 def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign: int) -> None:
     peaks = {60: 5e-6, 600: 3e-6}
     found = both(records(SLOW), lambda seq: sign * peaks.get(seq, 1e-8), every=1)
-    history = told(found, config=BOTH)
+    history = told(found, who="both")
     at_most = {window: history.farthest(window)["gyro_x"] for window in (0, 1, 2)}
     assert at_most[0] == pytest.approx((3e-6, 9e-6)), "the first was more than 30 s ago"
     assert at_most[1] == pytest.approx((5e-6, 15e-6))
@@ -199,30 +186,28 @@ def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign
 def test_rows_that_are_kept_longer_than_they_are_shown_do_not_count() -> None:
     """One estimate in 2 s: the table of two minutes, with rows of 0.2 s, goes back further."""
     found = both(records("n=700&rate_hz=5"), lambda seq: 5e-6 if seq == 60 else 1e-8)
-    history = told(found, config=BOTH)
+    history = told(found, who="both")
     at_most = [history.farthest(window)["gyro_x"][0] for window in (1, 2)]
     assert at_most == pytest.approx([1e-8, 5e-6])
 
 
 def test_newest_difference_counts_before_its_bucket_is_full() -> None:
     found = both(records(SLOW), lambda seq: 4e-6 if seq == 699 else 1e-8, every=1)
-    axis = facts.axes(told(found, config=BOTH), 2)[0]["beside"]
+    axis = facts.axes(told(found, who="both"), 2)[0]["beside"]
     assert axis["alpha_apart"] == "+4.0e-6 now, at most 4.0e-6"
 
 
 @pytest.mark.parametrize(
-    ("older", "skipped", "words"),
+    ("why", "words"),
     [
-        (700, 0, "not comparable: the device began at another sample"),
-        (0, 5, "not comparable: the device skipped samples"),
-        (0, 0, "not comparable: the host has other settings than the device"),
+        ("other_start", "not comparable: the device began at another sample"),
+        ("device_skipped", "not comparable: the device skipped samples"),
+        ("other_settings", "not comparable: the host has other settings than the device"),
     ],
 )
-def test_what_cannot_be_compared_says_why_and_draws_no_difference(
-    older: int, skipped: int, words: str
-) -> None:
-    found = both(records(NOISE), lambda seq: None, older=older, skipped=skipped)
-    history = told(found, config=BOTH)
+def test_what_cannot_be_compared_says_why_and_draws_no_difference(why: WhyNot, words: str) -> None:
+    found = both(records(NOISE), lambda seq: None, why_not=why)
+    history = told(found, who="both")
     axis = facts.axes(history, 0)[1]["beside"]
     assert axis["why_not"] == words
     assert (axis["alpha_apart"], axis["f_apart"], axis["apart"], axis["drawn"]) == ("", "", None, False)
@@ -234,9 +219,15 @@ def test_what_is_not_valid_cannot_be_compared() -> None:
     found = both(records(NOISE))
     last = next(r for r in reversed(found) if isinstance(r, DeviceEstimates))
     gone = msgspec.structs.replace(
-        last.axes["gyro_x"], valid=False, alpha=None, f=None, alpha_difference=None, f_difference=None
+        last.axes["gyro_x"],
+        valid=False,
+        alpha=None,
+        f=None,
+        alpha_difference=None,
+        f_difference=None,
+        why_not="device_not_valid",
     )
-    history = told(found, [msgspec.structs.replace(last, axes={**last.axes, "gyro_x": gone})], config=BOTH)
+    history = told(found, [msgspec.structs.replace(last, axes={**last.axes, "gyro_x": gone})], who="both")
     x, y = (axis["beside"] for axis in facts.axes(history, 0)[:2])
     assert x["why_not"] == "not comparable: the device's estimate is not valid"
     assert x["alpha_text"] == "–"
@@ -245,16 +236,16 @@ def test_what_is_not_valid_cannot_be_compared() -> None:
 
 
 def test_new_epoch_forgets_the_devices_estimates_and_cuts_their_lines() -> None:
-    history = told(both(with_breaks([400, 60])), config=BOTH)
+    history = told(both(with_breaks([400, 60])), who="both")
     shown = columns(history, "beside", "gyro_x")
     assert np.isnan(shown["alpha"]).any()
     begun = both(with_breaks([400, 20]))
-    axis = facts.axes(told(begun, config=BOTH), 0)[0]["beside"]
+    axis = facts.axes(told(begun, who="both"), 0)[0]["beside"]
     assert axis["why_not"] == "no estimate of the device yet"
 
 
 def test_rows_of_a_device_take_no_more_room_than_their_pace_needs() -> None:
-    slow, quick = (told(both(records(NOISE), every=n), config=BOTH) for n in (10, 1))
+    slow, quick = (told(both(records(NOISE), every=n), who="both") for n in (10, 1))
     assert slow.read("beside", 0, Cursor()).capacity == 302
     assert quick.read("beside", 0, Cursor()).capacity == 3002
     assert len(quick.read("beside", 0, Cursor()).values) >= 490
@@ -264,7 +255,7 @@ def test_rows_of_a_device_take_no_more_room_than_their_pace_needs() -> None:
 
 
 def test_facts_of_the_devices_estimator() -> None:
-    history = told(both(records(NOISE), skipped=1200, startup_remaining=7), config=BOTH)
+    history = told(both(records(NOISE), skipped=1200, startup_remaining=7), who="both")
     rows = {label: (value, level) for label, value, level in facts_of_device.own(history)}
     assert rows["CPU share"] == ("16.8 %", "plain")
     assert rows["longest turn of its loop"] == ("8.21 ms", "plain")
@@ -272,7 +263,7 @@ def test_facts_of_the_devices_estimator() -> None:
     assert rows["start-up remaining"] == ("7 samples", "wait")
     assert rows["skipped samples"] == ("1,200 (it had fallen behind)", "bad")
     assert rows["estimates"] == ("every 10 samples, 10 a second", "plain")
-    good = {label: level for label, _, level in facts_of_device.own(told(both(records(NOISE)), config=BOTH))}
+    good = {label: level for label, _, level in facts_of_device.own(told(both(records(NOISE)), who="both"))}
     assert set(good.values()) == {"plain"}
     assert facts_of_device.own(told(records(NOISE))) == []
 
@@ -287,8 +278,8 @@ def test_difference_in_powers_of_ten(value: float, text: str) -> None:
 
 def test_page_draws_what_belongs_to_each_device_and_empties_the_rest() -> None:
     histories = {
-        "both": told(both(records(NOISE)), config=BOTH),
-        "alone": told(alone(records(NOISE)), config=ALONE),
+        "both": told(both(records(NOISE)), who="both"),
+        "alone": told(alone(records(NOISE)), who="device"),
         "host": told(records(NOISE)),
     }
     for name, history in histories.items():
@@ -310,7 +301,7 @@ def test_page_draws_what_belongs_to_each_device_and_empties_the_rest() -> None:
         assert all((axis["beside"] is not None) == (name == "both") for axis in said["axes"])
         assert bool(said["own"]) == (name != "host")
     every = lengths["host"][0]
-    assert every == 500  # the axes are known from the first second on
+    assert every == 500
     assert lengths["host"] == (every, every, 0)
     assert lengths["both"] == (every, every, pytest.approx(every / 10, abs=2))
     assert lengths["device"] == (every - 1, pytest.approx(every / 10, abs=2), 0)  # no estimate of the last

@@ -3,20 +3,17 @@
 import json
 
 import msgspec
-import numpy as np
 import pytest
 from dashboard_support import records, told, with_breaks
-from fltea.estimator.white_band import Quantiles
 from fltea.records import clock
-from fltea.records.records import Error, Estimate, LinkStats, OutputStats, Stats, Whiteness
+from fltea.records.records import Error, Estimate, LinkStats, OutputStats, Stats, WhiteBandStats, Whiteness
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
 from fltea.sinks.page.words import figure, with_std
 from host_support import hello
 
-WHITE = Quantiles(np.array([0.05, 0.1, 0.2]), np.array([-0.5, -0.2, -0.1]))
-UNKNOWN = Quantiles(np.full(3, np.nan), np.full(3, np.nan))
+WHITE = WhiteBandStats((0.05, 0.1, 0.2), (-0.5, -0.2, -0.1), 0.02, 500)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +66,7 @@ def test_no_alpha_is_shown_without_what_the_test_of_whiteness_says() -> None:
 def test_nothing_is_claimed_where_nothing_is_known() -> None:
     assert judge(None, None, WHITE).side == "unknown"
     assert judge(0.3, -1.0, None).side == "unknown"
-    assert judge(0.3, -1.0, UNKNOWN).side == "unknown"
+    assert "estimator.white_band is off" in judge(0.3, -1.0, None).text
 
 
 def later(history: DeviceHistory, seconds: float) -> tuple[str, str]:

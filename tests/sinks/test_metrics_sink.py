@@ -27,6 +27,7 @@ from fltea.records.records import (
     Sample,
     SampleStats,
     Stats,
+    WhiteBandStats,
 )
 from fltea.service.outlet import Outlet
 from fltea.settings.config import load_config
@@ -42,6 +43,7 @@ from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 
+WHITE = WhiteBandStats((0.05, 0.1, 0.2), (-0.5, -0.2, -0.1), 0.02, 1200)
 STATS = Stats(
     epoch=3,
     host_ns=9_500_000_000,
@@ -59,7 +61,7 @@ STATS = Stats(
     ),
     samples=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9),
     axes={
-        "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5),
+        "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5, white=WHITE),
         "accel_z": AxisStats(0.1, 0.02, 2, {}, unit=ACCEL_UNIT),
     },
     board=DeviceStatus(11, 12, 14, 15, 16, "user"),
@@ -194,6 +196,13 @@ def test_every_figure_under_its_name_and_in_base_units(serve: Callable[..., Metr
     assert value(found, "fltea_axis_innovation_lag1", **x) == 0.25
     assert value(found, "fltea_axis_innovation_nis", **x) == 1.5
     assert value(found, "fltea_axis_innovation_nis", **z) is None
+    for name, three in (("alpha", WHITE.alpha), ("f", WHITE.f)):
+        shares = [
+            value(found, f"fltea_axis_white_{name}", **x, quantile=share) for share in ("0.05", "0.5", "0.95")
+        ]
+        assert shares == list(three)
+        assert value(found, f"fltea_axis_white_{name}", **z, quantile="0.5") is None
+    assert value(found, "fltea_axis_white_samples", **x) == 1200
     for name, expected in (
         ("valid", 1),
         ("alpha", 0.412),

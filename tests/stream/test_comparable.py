@@ -3,7 +3,9 @@
 import itertools
 
 import pytest
-from fltea.stream.comparable import WHY_NOT, WhyNot, why_not_comparable
+from fltea.records.records import WhyNot
+from fltea.records.why_not import WHY_NOT
+from fltea.stream.comparable import why_not_comparable
 
 SAME = {
     "device_valid": True,
@@ -14,7 +16,6 @@ SAME = {
     "same_settings": True,
 }
 FAULTS: dict[WhyNot, dict[str, object]] = {
-    "no_device_estimate": {"device_valid": None},
     "device_not_valid": {"device_valid": False},
     "host_not_valid": {"host_valid": False},
     "other_start": {"host_age": 8},
@@ -41,7 +42,7 @@ def test_the_first_reason_is_told(first: WhyNot) -> None:
 
 
 def test_a_host_that_has_no_estimate_yet_began_at_another_sample() -> None:
-    assert why_not_comparable(**(SAME | {"host_valid": None, "host_age": None})) == "other_start"
+    assert why_not_comparable(**(SAME | {"host_valid": None, "host_age": 0})) == "other_start"
 
 
 def test_every_reason_has_words() -> None:

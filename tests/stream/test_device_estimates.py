@@ -283,6 +283,7 @@ def test_with_other_settings_nothing_is_compared_though_the_ages_agree() -> None
     assert [e.seq for e in compared] == list(range(STARTUP, 250))
     assert not any(e.comparable for e in compared)
     assert {a.alpha_difference for e in compared for a in e.axes.values()} == {None}
+    assert {a.why_not for e in compared for a in e.axes.values()} == {"other_settings"}
 
 
 def test_a_device_that_was_already_running_cannot_be_compared() -> None:
@@ -293,6 +294,7 @@ def test_a_device_that_was_already_running_cannot_be_compared() -> None:
     assert len(compared) > 150
     assert not any(e.comparable for e in compared)
     assert {a.alpha_difference for e in compared for a in e.axes.values()} == {None}
+    assert {a.why_not for e in compared for a in e.axes.values()} == {"other_start"}
     assert all(a.valid and a.alpha is not None for e in compared for a in e.axes.values())
 
 
@@ -310,6 +312,7 @@ def test_what_was_skipped_is_told_once_a_minute_and_not_compared() -> None:
     records = feed(walk, events(skipped))
     compared = of(DeviceEstimates, records)
     assert {e.seq for e in compared if e.comparable} == set(range(STARTUP, 100))
+    assert {a.why_not for e in compared if e.seq >= 100 for a in e.axes.values()} == {"device_skipped"}
     assert all(e.axes["gyro_x"].valid for e in compared)
     told = [e.message for e in of(Error, records) if e.kind == "device_skipped"]
     assert [text.split("samples")[0].split("skipped")[1].strip() for text in told] == ["1", "60", "60"]
@@ -329,6 +332,8 @@ def test_a_constant_axis_is_null_and_told_once() -> None:
         assert of(Stats, records)[-1].axes["gyro_y"].R is None
     compared = of(DeviceEstimates, records)
     assert all(e.comparable and e.axes["gyro_y"].alpha_difference is None for e in compared)
+    assert {e.axes["gyro_y"].why_not for e in compared} == {"device_not_valid"}
+    assert {e.axes["gyro_x"].why_not for e in compared} == {None}
 
 
 def test_a_device_that_says_that_an_axis_is_lost_is_believed() -> None:

@@ -19,6 +19,16 @@ def main() -> None:
     parser.add_argument(
         "--device", action="store_true", help="only what the device's estimates cost, and how near they are"
     )
+    parser.add_argument(
+        "--chain",
+        action="store_true",
+        help="only recordings and devices, the chain beside its engine: two minutes",
+    )
+    parser.add_argument(
+        "--long",
+        action="store_true",
+        help="with --chain: 24 hours, and the largest number of devices: half an hour",
+    )
     parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
     if arguments.identify:
@@ -33,6 +43,12 @@ def main() -> None:
             print(json.dumps({"cost": cost, "differences": differences}, ensure_ascii=False))
         else:
             print(f"{device_cost.text(cost)}\n\n{device_difference.text(differences)}")
+        return
+    if arguments.chain:
+        from tools.bench import bench_chain  # the recorder's library is an extra
+
+        figures = bench_chain.measure(long=arguments.long)
+        print(json.dumps(figures, ensure_ascii=False) if arguments.json else bench_chain.text(figures))
         return
     decode, estimator = bench_decode.measure(), bench_estimator.measure()
     daemon = bench_daemon.measure() if arguments.daemon else None

@@ -17,6 +17,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 TICKS = os.sysconf("SC_CLK_TCK")
+LATE_MS = 500.0
 SETTLE_S = 8.0
 """Until memory, start-up windows and imports have settled."""
 
@@ -93,7 +94,7 @@ def run_once(devices: int, seconds: float, extra: Sequence[str] = (), client: An
         stack.callback(daemon.kill)
         reader = Reader(daemon.stdout)
         reader.start()
-        time.sleep(2.0)
+        time.sleep(2.0 + devices / 50)
         feeder.stdin.write("go\n")
         feeder.stdin.flush()
         time.sleep(SETTLE_S)
@@ -126,6 +127,8 @@ def run_once(devices: int, seconds: float, extra: Sequence[str] = (), client: An
             "p50_ms": float(np.percentile(latency_ms, 50)),
             "p99_ms": float(np.percentile(latency_ms, 99)),
             "max_ms": float(latency_ms.max()),
+            "late": int((latency_ms > LATE_MS).sum()),
+            "missing": int((written_ns > begin_ns).sum()) - len(latency_ms),
             "lost": sum(s["samples"]["lost"] for s in stats),
             "overflow_bytes": sum(s["link"]["overflow_bytes"] for s in stats),
             "dropped": sum(o["dropped"] for s in stats for o in s["outputs"].values()),
@@ -138,7 +141,7 @@ def measure(seconds: float = 20.0, repetitions: int = 3) -> dict[str, Any]:
     """Latency and cost of one device, and the number of devices at which something is lost."""
     one = [run_once(1, seconds) for _ in range(repetitions)]
     many = []
-    for devices in (10, 25, 50, 75, 100, 150):
+    for devices in (10, 25, 50, 100, 200, 300):
         many.append(run_once(devices, seconds))
         if any(many[-1][key] for key in ("lost", "overflow_bytes", "dropped", "port_full")):
             break

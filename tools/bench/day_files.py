@@ -1,7 +1,7 @@
 """Recordings as long as asked for: .npz, .csv, and MCAP as the live recorder writes it, one message a read.
 
-`python -m tools.bench.day_files FOLDER HOURS` writes rest.npz, rest.csv and a session of MCAP files of the same
-samples: white noise of 3 LSB on three axes, 100 Hz, with some slow wandering.
+`python -m tools.bench.day_files FOLDER HOURS` writes rest.npz, rest.csv and a session of MCAP files of the
+same samples: white noise of 3 LSB on three axes, 100 Hz, with some slow wandering.
 """
 
 import csv

@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from fltea.estimator.running_null import CHUNK, EFFECTIVE, LEVEL, RunningNull, p_value
+from fltea.estimator.running_null import CHUNK, EFFECTIVE, RunningNull, p_value
+from fltea.records.null_p import LEVEL
 from numpy.typing import NDArray
 
 from tools.bench.identify_tables import FAMILIES, LENGTHS, STRENGTHS, WHITE, H, fractional_state, in_white

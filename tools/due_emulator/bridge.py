@@ -56,11 +56,15 @@ class Bridge:
                 )
             byte = int(self._rng.integers(256))
             self.garbled += 1
+        if not self._ring and self._machine.now_ps >= self._reads_from_ps and self.deliver(byte):
+            self.delivered += 1
+            return
         if len(self._ring) >= RING_BYTES:
             self.lost_in_bridge += 1
             return
         self._ring.append(byte)
-        self.flush()
+        if len(self._ring) > 1:
+            self.flush()
 
     def flush(self) -> None:
         """Hand over what waits in the ring, as far as the host takes it."""

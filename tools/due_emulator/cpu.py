@@ -85,6 +85,8 @@ class Cpu:
         self._watch_hook: int | None = None
         self._restart = True
         self._halted_until_ps = 0
+        self._told: tuple[int, ...] | None = None
+        """What the slice that runs was told last, if it still holds."""
         self._pc = 0
         machine.where = lambda: f"at PC 0x{self._pc:08X}"
 
@@ -96,7 +98,7 @@ class Cpu:
     @property
     def return_address(self) -> int:
         """Where the function that was just called returns to."""
-        return self._uc.reg_read(LR) & ~THUMB
+        return self._execution.register(LR) & ~THUMB
 
     @property
     def active_exceptions(self) -> int:
@@ -139,7 +141,7 @@ class Cpu:
                 machine.advance_to(min(machine.next_event_ps, at_ps))
                 continue
             machine.asleep = False
-            masked = urgent is not None and self._uc.reg_read(PRIMASK) & 1
+            masked = urgent is not None and self._execution.register(PRIMASK) & 1
             if urgent is not None and not masked:
                 self._enter(urgent)
             # A window without PRIMASK may be two instructions long: no slice may run over it.
@@ -149,7 +151,7 @@ class Cpu:
         nvic = self._nvic
         if not nvic.pending & nvic.enabled:
             return None
-        return nvic.urgent(self._uc.reg_read(BASEPRI))
+        return nvic.urgent(self._execution.register(BASEPRI))
 
     def _begin(self) -> None:
         """Reset: a fresh processor on the same memory."""
@@ -201,9 +203,10 @@ class Cpu:
     def _run_slice(self, until_ps: int, longest: int) -> None:
         machine, slice_ = self._machine, self._execution
         slice_.begin(machine.now_ps, machine.mck_hz, until_ps, longest)
+        self._told = None
         self._tell()
         error = slice_.run(self._pc)
-        self._pc = self._uc.reg_read(PC)
+        self._pc = self._execution.register(PC)
         if self._raised is not None:
             raise self._raised
         done = slice_.done - (error != unicorn.UC_ERR_OK and self._pc == slice_.address)
@@ -241,10 +244,11 @@ class Cpu:
 
     def _enter(self, exception: int) -> None:
         uc = self._uc
-        if uc.reg_read(CONTROL):
+        register = self._execution.register
+        if register(CONTROL):
             self._machine.fault("the process stack and unprivileged code are not modelled")
-        values = [uc.reg_read(register) for register in STACKED]
-        sp = uc.reg_read(SP)
+        values = [register(number) for number in STACKED]
+        sp = register(SP)
         frame = (sp - 4 * FRAME_WORDS) & ~7
         values[-1] |= XPSR_ALIGNED * bool(sp & 4)
         try:
@@ -272,7 +276,7 @@ class Cpu:
         if not active or self._pc != expected:
             self._machine.fault(f"return from an exception to 0x{self._pc | 1:08X} is not possible here")
         self._nvic.leave()
-        frame = uc.reg_read(SP)
+        frame = self._execution.register(SP)
         stacked = bytes(uc.mem_read(frame, 4 * FRAME_WORDS))
         values = [int.from_bytes(stacked[i : i + 4], "little") for i in range(0, len(stacked), 4)]
         xpsr = values[-1]
@@ -292,51 +296,48 @@ class Cpu:
         self._invalid_address = address
         return False
 
-    def _on_read(self, address: int, size: int) -> int:
+    def _on_read(self, now_ps: int, address: int, size: int) -> int:
         try:
-            return 0 if self._drops_access() else self._space(address).read(address, size)
+            if self._drops_access(now_ps):
+                return 0
+            return (self._bus if address < system_control.BASE else self._control).read(address, size)
         except BaseException as raised:
             return self._die(raised)
         finally:
             self._tell()
 
-    def _on_write(self, address: int, size: int, value: int) -> None:
+    def _on_write(self, now_ps: int, address: int, size: int, value: int) -> None:
         try:
-            if not self._drops_access():
-                self._space(address).write(address, size, value)
-        except BaseException as raised:
-            self._die(raised)
-        finally:
-            self._tell()
-
-    def _drops_access(self) -> bool:
-        """Come to the moment of an access; whether a reset came first, and it went down with the program."""
-        slice_ = self._execution
-        self._pc = slice_.address
-        self._machine.advance_to(slice_.time_after(slice_.done - 1))
-        slice_.dropped = self._restart
-        return self._restart
-
-    def _space(self, address: int) -> Bus | SystemControl:
-        return self._control if address >= system_control.BASE else self._bus
-
-    def _on_events(self) -> None:
-        slice_ = self._execution
-        self._pc = slice_.address
-        try:
-            self._machine.advance_to(slice_.time_after(slice_.done - 1))
+            if not self._drops_access(now_ps):
+                (self._bus if address < system_control.BASE else self._control).write(address, size, value)
         except BaseException as raised:
             self._die(raised)
         self._tell()
 
-    def _on_limit(self, pc: int) -> None:
+    def _drops_access(self, now_ps: int) -> bool:
+        """Come to the moment of an access; whether a reset came first, and it went down with the program."""
+        self._pc = self._execution.address
+        self._machine.advance_to(now_ps)
+        if self._restart:
+            self._execution.dropped = True
+        return self._restart
+
+    def _on_events(self, now_ps: int) -> None:
+        self._pc = self._execution.address
+        try:
+            self._machine.advance_to(now_ps)
+        except BaseException as raised:
+            self._die(raised)
+        self._tell()
+
+    def _on_limit(self, now_ps: int, pc: int) -> None:
         """Let happen what is due before the next instruction; the slice goes on if it may."""
         machine, slice_ = self._machine, self._execution
         self._pc = pc
         try:
-            machine.advance_to(slice_.time_after(slice_.done))
+            machine.advance_to(now_ps)
             self.instructions += slice_.done
-            slice_.begin_again(machine.now_ps)
+            slice_.begin_again(now_ps)
             machine.check_interrupted()
         except KeyboardInterrupt:
             slice_.until_ps = 0
@@ -350,16 +351,19 @@ class Cpu:
         return 0
 
     def _tell(self) -> None:
-        """Tell what the slice has to know about the machine."""
+        """Tell what the slice has to know about the machine: after all that may have changed it."""
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
         next_ps = machine.next_event_ps
         slice_.next_event_ps = next_ps if next_ps < LATEST_PS else LATEST_PS
-        slice_.halted_until_ps = self._halted_until_ps
-        machine.quick_reads.clocked = machine.clocked
-        slice_.waiting = waiting = bool(nvic.pending & nvic.enabled)
-        slice_.stops = (
-            self._restart or machine.mck_hz != slice_.hz or (waiting and self._urgent() is not None)
-        )
+        waiting = nvic.pending & nvic.enabled
+        state = (waiting, self._restart, self._halted_until_ps, machine.mck_hz, machine.clocked)
+        if waiting or state != self._told:
+            self._told = state
+            slice_.waiting = waiting != 0
+            slice_.halted_until_ps = self._halted_until_ps
+            machine.quick_reads.clocked = machine.clocked
+            is_urgent = waiting != 0 and self._urgent() is not None
+            slice_.stops = self._restart or machine.mck_hz != slice_.hz or is_urgent
 
 
 def describe_exception(exception: int) -> str:

@@ -95,10 +95,10 @@ struct Execution {
     void* fast;
     void* context;
     void* fresh;
-    uint64_t (*on_read)(uint64_t address, uint64_t size);
-    void (*on_write)(uint64_t address, uint64_t size, uint64_t value);
-    void (*on_events)();
-    void (*on_limit)(uint64_t pc);
+    uint64_t (*on_read)(uint64_t now_ps, uint64_t address, uint64_t size);
+    void (*on_write)(uint64_t now_ps, uint64_t address, uint64_t size, uint64_t value);
+    void (*on_events)(uint64_t now_ps);
+    void (*on_limit)(uint64_t now_ps, uint64_t pc);
     int (*mem_read)(void* processor, uint64_t address, void* to, size_t bytes);
     int (*emu_start)(void* processor, uint64_t begin, uint64_t end, uint64_t timeout, size_t count);
     int (*emu_stop)(void* processor);
@@ -117,6 +117,14 @@ struct Space {
 
 uint64_t time_after(const Execution& e, uint64_t instructions) {
     return e.slice_ps + instructions * kPsPerS / e.hz + e.charged_ps;
+}
+
+// Moment of the instruction that runs. Unicorn may not tell of one under a condition at which it starts
+// again, so an access can come before the first instruction of a slice.
+uint64_t time_of_instruction(const Execution& e) {
+    if (e.done) return time_after(e, e.done - 1);
+    const uint64_t cycle_ps = (kPsPerS + e.hz - 1) / e.hz;
+    return e.charged_ps > cycle_ps ? e.slice_ps + e.charged_ps - cycle_ps : e.slice_ps;
 }
 
 // How many instructions the slice has if nothing happens before what is known to happen.
@@ -195,7 +203,7 @@ bool fits(const Execution& e, const Block* block) {
 
 // The value of a register that does nothing when it is read and that Python keeps laid out.
 bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t now_ps, uint64_t* value) {
-    if (!e.may_be_quick || size != 4 || e.next_event_ps <= now_ps || now_ps < e.slice_ps) return false;
+    if (!e.may_be_quick || size != 4 || e.next_event_ps <= now_ps) return false;
     const QuickReads& quick = *e.quick;
     for (uint64_t i = 0; i < quick.count; ++i) {
         const QuickRegister& r = quick.registers[i];
@@ -235,12 +243,12 @@ void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
 uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* written) {
     if (e.dead) return 0;
     e.calm = 0;
-    const uint64_t now_ps = time_after(e, e.done - 1);
+    const uint64_t now_ps = time_of_instruction(e);
     uint64_t value = 0;
     if (written) {
-        e.on_write(address, size, *written);
+        e.on_write(now_ps, address, size, *written);
     } else {
-        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(address, size);
+        if (!read_quickly(e, address, size, now_ps, &value)) value = e.on_read(now_ps, address, size);
     }
     if (e.dead) {
         e.limit = 0;
@@ -252,9 +260,9 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         charge_read(e, value, now_ps);
     e.charged_ps += e.access_cycles * kPsPerS / e.hz;
     // What happens during the access need not end the slice: often it was what a poll waits for.
-    const uint64_t end_ps = time_after(e, e.done - 1);
+    const uint64_t end_ps = time_of_instruction(e);
     // BASEPRI, which nothing tells of, may have let in what waits.
-    if (e.next_event_ps <= end_ps || e.waiting) e.on_events();
+    if (e.next_event_ps <= end_ps || e.waiting) e.on_events(end_ps);
     e.limit = e.dead || e.stops || end_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
     return value;
 }
@@ -341,7 +349,7 @@ void before_instruction(void* processor, uint64_t address, uint32_t bytes, void*
     if (e.go_fast) return;
     count_silent_ones(e, processor, address);
     if (e.done >= e.limit) {
-        if (!e.dead && !e.stops && e.limit) e.on_limit(address);
+        if (!e.dead && !e.stops && e.limit) e.on_limit(time_after(e, e.done), address);
         e.limit = e.dead || e.stops || e.slice_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
         if (!e.limit) {
             e.emu_stop(processor);

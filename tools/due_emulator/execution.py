@@ -39,10 +39,10 @@ POLL_STEP_PS = 10_000_000
 the value is the same as then. After a poll, time jumps to the next event if that is near, about a byte on a
 wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it."""
 
-ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
-ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
-ON_EVENTS = ctypes.CFUNCTYPE(None)
-ON_LIMIT = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
+ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
+ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
+ON_EVENTS = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
+ON_LIMIT = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)
 UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "context_restore", "ctl")
 
 
@@ -107,15 +107,16 @@ class Execution(ctypes.Structure):
         flash: mmap.mmap,
         quick: QuickReads,
         *,
-        on_read: Callable[[int, int], int],
-        on_write: Callable[[int, int, int], None],
-        on_events: Callable[[], None],
-        on_limit: Callable[[int], None],
+        on_read: Callable[[int, int, int], int],
+        on_write: Callable[[int, int, int, int], None],
+        on_events: Callable[[int], None],
+        on_limit: Callable[[int, int], None],
     ) -> None:
-        """Tell what happens in a slice, as it happens.
+        """Tell what happens in a slice, as it happens and with its moment in virtual time [ps].
 
-        on_read(address, bytes), on_write(address, bytes, value): accesses to peripherals. on_events(): events
-        are due after an access. on_limit(pc): the limit is reached before the instruction at pc.
+        on_read(now_ps, address, bytes), on_write(now_ps, address, bytes, value): accesses to peripherals.
+        on_events(now_ps): events are due after an access. on_limit(now_ps, pc): the limit is reached before
+        the instruction at pc.
         """
         super().__init__()
         self._library = _library()
@@ -131,6 +132,9 @@ class Execution(ctypes.Structure):
         self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
             setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))
+        # Unicorn's own way to read a register takes ten times as long.
+        self._value = ctypes.c_uint32()
+        self._value_at = ctypes.byref(self._value)
         self.may_be_quick = 1
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
@@ -190,6 +194,11 @@ class Execution(ctypes.Structure):
     def run(self, pc: int) -> int:
         """Run from an address to the end of the slice; returns Unicorn's error, or UC_ERR_OK."""
         return int(self._library.run(ctypes.byref(self), ctypes.c_uint64(pc)))
+
+    def register(self, number: int) -> int:
+        """A register of the processor, by Unicorn's number."""
+        uclib.uc_reg_read(self._exact, number, self._value_at)
+        return self._value.value
 
     def time_after(self, instructions: int) -> int:
         """Moment at which so many instructions of the slice have run [ps]."""

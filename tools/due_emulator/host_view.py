@@ -63,6 +63,11 @@ class HostView:
         return True
 
     @property
+    def bytes_in(self) -> int:
+        """Bytes taken."""
+        return self.reader.bytes_in + len(self._block)
+
+    @property
     def rate_hz(self) -> float | None:
         """Samples per second of the device's own clock, lost ones included; None before two samples."""
         return self._steps / self._steps_us * 1e6 if self._steps_us else None

@@ -54,7 +54,7 @@ def make_report(
         "refused": host.refused,
         "status": plain(host.statuses[-1]) if host.statuses else None,
         "statuses": [plain(status) for status in host.statuses],
-        "bytes": host.reader.bytes_in,
+        "bytes": host.bytes_in,
         "frames": host.reader.counts["frames"],
         "bad_frames": bad_frames,
         "bytes_lost_by_fault": bridge.lost_by_fault,

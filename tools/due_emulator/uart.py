@@ -135,7 +135,8 @@ class Transmitter(Peripheral):
 
     def _feed(self) -> None:
         """Move bytes on: from memory to the holding register, from there to the line."""
-        self._fetch()
+        if self._holding is None:
+            self._fetch()
         if self._shifting is None and self._holding is not None and self._enabled:
             self._shifting, self._holding = self._holding, None
             self._settle_timing()

@@ -17,12 +17,8 @@ class Wire:
         self._drivers: dict[str, bool] = {}
         self._pull_ups: set[str] = set()
         self._listeners: list[Callable[[bool], None]] = []
-        self._level = False
-
-    @property
-    def level(self) -> bool:
+        self.level = False
         """Whether it is high; without any driver or pull-up it reads as low."""
-        return self._level
 
     def listen(self, listener: Callable[[bool], None]) -> None:
         """Call `listener(level)` at every change from now on."""
@@ -47,7 +43,7 @@ class Wire:
 
     def _settle(self) -> None:
         level = all(self._drivers.values()) if self._drivers else bool(self._pull_ups)
-        if level != self._level:
-            self._level = level
+        if level != self.level:
+            self.level = level
             for listener in self._listeners:
                 listener(level)

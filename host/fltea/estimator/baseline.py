@@ -130,7 +130,7 @@ def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: fl
         ValueError: settings as for `BaselineRule`, or fewer samples than the window needs.
     """
     rule = rule_of((axis,), config, resolution)
-    window = np.array(y, dtype=np.float64)[: rule.needed, np.newaxis]
+    window = np.array(np.asarray(y)[: rule.needed], dtype=np.float64)[:, np.newaxis]
     if len(window) < rule.needed:
         raise ValueError(f"the start-up window needs {rule.needed} samples, there are {len(window)}")
     found = _native.moments(window, rule.resolution) if rule.needed else []

@@ -34,14 +34,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea import _native
+from fltea.records.null_p import LEVEL
 from fltea.records.records import Whiteness
 
 Array = NDArray[np.float64]
 
-FEWEST: int = _native.NULL_FEWEST
-"""Samples before which nothing is said."""
-
-LEVEL: float = _native.NULL_LEVEL
 EFFECTIVE: int = _native.NULL_EFFECTIVE
 CHUNK: int = _native.NULL_CHUNK
 """Its answers change with every so many samples."""
@@ -107,13 +104,6 @@ def p_value(largest: float, effective: int) -> float:
     """Probability that the largest magnitude of so many independent normal figures is no smaller."""
     single = math.erfc(largest / math.sqrt(2))
     return -math.expm1(effective * math.log1p(-single)) if single < 1 else 1.0
-
-
-def p_text(p: float) -> str:
-    """A p-value as a person reads it."""
-    if p < LEVEL:
-        return f"p < {LEVEL:g}"
-    return f"p = {p:.2f}" if p >= 0.1 else f"p = {p:.3f}"
 
 
 def _standing(p: float) -> Standing:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fltea.estimator.baseline import lane_moments
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
+from fltea.records.records import WHITE_QUANTILES
 from fltea.settings.config import EstimatorConfig
 
 Array = NDArray[np.float64]
@@ -23,7 +24,6 @@ RUNS = 64
 """The edges of the band are then uncertain by 0.008 in α after 3,000 samples, where the band is 0.12 wide;
 128 runs, at twice the cost, have 0.006."""
 
-PROBABILITIES = (0.05, 0.5, 0.95)
 SLAB = 1024
 """Samples of all runs at a time."""
 
@@ -93,7 +93,7 @@ class WhiteBand:
 def _quantiles(values: Array) -> Array:
     """At Weibull's positions: one more run of the same kind falls between two of them with their share."""
     if not values.size:
-        return np.full(len(PROBABILITIES), np.nan)
-    places = np.array(PROBABILITIES) * (values.size + 1) - 1
+        return np.full(len(WHITE_QUANTILES), np.nan)
+    places = np.array(WHITE_QUANTILES) * (values.size + 1) - 1
     result: Array = np.interp(places, np.arange(values.size), np.sort(values))
     return result

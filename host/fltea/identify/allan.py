@@ -41,6 +41,8 @@ FEWEST_AVERAGED = 5
 """Samples, for K: below, the sum of steps is more than 1 % above the line of a continuous random walk."""
 FLICKER = math.sqrt(2 * math.log(2) / math.pi)
 """σ / B at the floor, 0.664."""
+BLOCK = 1 << 13
+"""Samples that are looked at at a time."""
 SQRT_HOUR = 60.0
 HOUR = 3600.0
 
@@ -145,9 +147,23 @@ def averaging_factors(samples: int) -> NDArray[np.int64]:
 
 
 def overlapping(y: Array, factors: NDArray[np.int64]) -> Array:
-    """Overlapping Allan deviation of y (n,) for each factor, in the unit of y."""
-    found = _allantools().oadev(y, rate=1.0, data_type="freq", taus=factors.astype(np.float64))
-    return np.asarray(found[1], dtype=np.float64)
+    """Overlapping Allan deviation of y (n,) for each factor, in the unit of y: that of allantools' `oadev`.
+
+    Blocks stay in the cache and memory is one array more, also for a day at 100 Hz.
+    """
+    phase = np.empty(len(y) + 1)
+    phase[0] = 0.0
+    np.subtract(y, y.mean(), out=phase[1:])
+    np.cumsum(phase, out=phase)
+    found = np.empty(len(factors))
+    for i, m in enumerate(factors.tolist()):
+        squares, n = 0.0, len(phase) - 2 * m
+        for begin in range(0, n, BLOCK):
+            end = min(begin + BLOCK, n)
+            steps = phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
+            squares += float(steps @ steps)
+        found[i] = math.sqrt(squares / (2 * n)) / m
+    return found
 
 
 def local_slopes(tau: Array, deviation: Array) -> Array:

@@ -12,7 +12,7 @@ from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.innovation_whiteness import Innovations, innovations
+from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums
 
 Array = NDArray[np.float64]
 
@@ -74,9 +74,9 @@ def fltea_fit(
     if base.constant_axes:
         raise ValueError("the axis is constant in the start-up window: there is no noise to identify")
     bias, R = base.bias_dps[0], base.R[0]
-    run = _Run(y[config.startup_needed :] - bias, h, config, R)
+    run = _Run(y[config.startup_needed :], bias, h, config, R)
     alpha, alpha_std, f, f_std = (_number(value) if run.valid else None for value in run.last)
-    alpha_drift, f_drift = _drift(run.alpha), _drift(run.f)
+    alpha_drift, f_drift = run.alpha.value(), run.f.value()
     result = FlteaFit(
         variant=config.variant,
         guard=config.guard,
@@ -96,33 +96,29 @@ def fltea_fit(
         converged=alpha_drift is not None and abs(alpha_drift) <= max(alpha_std or 0.0, 0.02),
         settings=config,
     )
-    return result, innovations(run.innovation, run.innovation_std)
+    return result, run.innovations
 
 
 class _Run:
-    """One lane over y (n,), the start-up window and the bias taken off, under the supervisor.
+    """One lane over y (n,), the start-up window taken off, under the supervisor; memory for one block.
 
-    last: α, its deviation, f, its deviation after the last sample. alpha, f: of the last third; innovation,
-    innovation_std: of the last two thirds.
+    last: α, its deviation, f, its deviation after the last sample. alpha, f: their drift over the last third.
+    innovations: the test of those of the last two thirds.
     """
 
-    def __init__(self, y: Array, h: float, config: EstimatorConfig, R: float) -> None:
+    def __init__(self, y: Array, bias: float, h: float, config: EstimatorConfig, R: float) -> None:
         lanes = Lanes(1, lane_settings(config, h, [R]))
-        third = len(y) // 3
-        self.alpha, self.f = np.empty(third), np.empty(third)
-        self.innovation, self.innovation_std = np.empty(len(y) - third), np.empty(len(y) - third)
-        kept = (
-            (self.alpha, len(y) - third),
-            (self.f, len(y) - third),
-            (self.innovation, third),
-            (self.innovation_std, third),
-        )
-        for start in range(0, len(y), CHUNK):
-            block = lanes.run(y[start : start + CHUNK, np.newaxis])
-            columns = block.alpha, block.f, block.innovation, block.innovation_std
-            for column, (to, begin) in zip(columns, kept, strict=True):
-                skipped = max(0, begin - start)
-                to[start + skipped - begin : start + CHUNK - begin] = column[skipped:, 0]
+        n, third = len(y), len(y) // 3
+        tested = InnovationSums()
+        self.alpha, self.f = _Drift(n - third, n), _Drift(n - third, n)
+        for start in range(0, n, CHUNK):
+            block = lanes.run(y[start : start + CHUNK, np.newaxis] - bias)
+            self.alpha.add(start, block.alpha[:, 0])
+            self.f.add(start, block.f[:, 0])
+            if start + CHUNK > third:
+                rows = slice(max(0, third - start), None)
+                tested.add(block.innovation[rows, 0], block.innovation_std[rows, 0])
+        self.innovations = tested.result()
         last = block.alpha, block.alpha_std, block.f, block.f_std
         self.last = tuple(float(column[-1, 0]) for column in last)
         self.valid = bool(block.valid[-1, 0])
@@ -131,13 +127,28 @@ class _Run:
         self.interventions = {cause: n for cause, n in counts if n}
 
 
-def _drift(values: Array) -> float | None:
-    """Mean of the second half less that of the first; None if too few are finite."""
-    half = len(values) // 2
-    first, second = (part[np.isfinite(part)] for part in (values[:half], values[half:]))
-    if not (first.size and second.size):
-        return None
-    return float(second.mean() - first.mean())
+class _Drift:
+    """Mean of the second half of samples begin … end less that of the first, of those that are finite."""
+
+    def __init__(self, begin: int, end: int) -> None:
+        middle = begin + (end - begin) // 2
+        self._halves = ((begin, middle), (middle, end))
+        self._sums, self._counts = [0.0, 0.0], [0, 0]
+
+    def add(self, start: int, values: Array) -> None:
+        """The next values, from number `start` on."""
+        for i, (begin, end) in enumerate(self._halves):
+            part = values[max(0, begin - start) : max(0, end - start)]
+            part = part[np.isfinite(part)]
+            self._sums[i] += float(part.sum())
+            self._counts[i] += len(part)
+
+    def value(self) -> float | None:
+        """None if too few are finite."""
+        if not all(self._counts):
+            return None
+        first, second = (total / count for total, count in zip(self._sums, self._counts, strict=True))
+        return second - first
 
 
 def _number(value: float) -> float | None:

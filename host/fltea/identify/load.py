@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fltea.archive.info import sessions
 from fltea.identify.traps import Trap, sensor_traps, timing_traps
 from fltea.recording.kind import is_one_file
+from fltea.recording.spool import Spool
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES, Hello
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -126,8 +127,10 @@ def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
     return [found for path in paths for found in _mcap_sessions([path])]
 
 
-def load(request: Request) -> Loaded:
+def load(request: Request, folder: Path | None = None) -> Loaded:
     """Read one recording.
+
+    folder: where the samples are kept in files, for as long as they are used; None: in memory.
 
     Raises:
         UsageError: it cannot be read, holds no samples, or not the axes that are asked for.
@@ -148,18 +151,20 @@ def load(request: Request) -> Loaded:
         recording = open_mcap(request.paths, f"replay:{request.name}", request.limits)()
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)
-    longest = now = _Stretch(0)
+    longest = now = _Stretch(0, folder)
     stretches = samples = 0
     for event in events:
         for found in decoder.feed(event):
             if not isinstance(found, Decoded):
                 continue
             if found.missing or found.new_epoch is not None or not now.fits(found):
-                now = _Stretch(samples)
+                now.close(unless=longest)
+                now = _Stretch(samples, folder)
                 stretches += 1
             samples += len(found.block)
             now.add(found, decoder)
             if len(now) > len(longest):
+                longest.close(unless=now)
                 longest = now
     if longest.hello is None:
         raise UsageError(f"{request.name}: holds no samples that can be used.")
@@ -184,7 +189,7 @@ def _traps(
         rate_hz=hello.rate_hz,
         clock_ppm=clock_ppm,
     )
-    return of_time + sensor_traps(np.column_stack([one.y for one in gyro]), [one.lsb for one in gyro])
+    return of_time + sensor_traps([one.y for one in gyro], [one.lsb for one in gyro])
 
 
 def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:
@@ -198,14 +203,14 @@ def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:
 class _Stretch:
     """Samples that follow each other without a break, all of one rate and scale."""
 
-    def __init__(self, first: int) -> None:
+    def __init__(self, first: int, folder: Path | None) -> None:
         self.first = first
         self.hello: Hello | None = None
         self.ppm: float | None = None
         self.no_clock = True
         self.flagged = [0, 0, 0]
-        self._gyro: list[Array] = []
-        self._accel: list[Array] = []
+        self._in_files = folder is not None
+        self._spool = Spool(folder)
         self._gyro_axes = self._accel_axes = 0
         self._samples = 0
 
@@ -230,9 +235,9 @@ class _Stretch:
             self._gyro_axes = block.gyro_dps.shape[1]
             self._accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
         self._samples += len(block)
-        self._gyro.append(block.gyro_dps)
-        if block.accel_ms2 is not None:
-            self._accel.append(block.accel_ms2)
+        for names, values in ((AXES, block.gyro_dps), (ACCEL_AXES, block.accel_ms2)):
+            for name, column in zip(names, () if values is None else values.T, strict=False):
+                self._spool.append(name, column)
         if block.flags is not None and block.flags.any():
             for i, flag in enumerate((SampleFlags.LATE, SampleFlags.RETRIED, SampleFlags.SATURATED)):
                 self.flagged[i] += int(np.count_nonzero(block.flags & flag))
@@ -245,11 +250,17 @@ class _Stretch:
         """All of them by name."""
         assert self.hello is not None
         found = {}
-        for names, values, width, unit, lsb in (
-            (AXES, self._gyro, self._gyro_axes, GYRO_UNIT, resolution_dps(self.hello)),
-            (ACCEL_AXES, self._accel, self._accel_axes, ACCEL_UNIT, accel_resolution_ms2(self.hello)),
+        for names, unit, lsb in (
+            (AXES, GYRO_UNIT, resolution_dps(self.hello)),
+            (ACCEL_AXES, ACCEL_UNIT, accel_resolution_ms2(self.hello)),
         ):
-            columns = np.concatenate(values) if width else np.empty((len(self), 0))
-            for name, column in zip(names, columns.T, strict=False):
-                found[name] = Series(np.ascontiguousarray(column), unit, lsb)
+            for name in names:
+                if name in self._spool:
+                    y = self._spool.mapped(name) if self._in_files else self._spool.whole(name)
+                    found[name] = Series(y, unit, lsb)
         return found
+
+    def close(self, unless: "_Stretch") -> None:
+        """Forget the samples, unless they are those of `unless`."""
+        if self is not unless:
+            self._spool.remove()

@@ -209,18 +209,33 @@ def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[
     return next(draws(model, h, n, rng))
 
 
-def draws(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
-    """The same again and again, without end."""
+def draws(
+    model: AxisModel, h: float, n: int, rng: np.random.Generator, mean_of: int = 1
+) -> Iterator[tuple[Array, Array]]:
+    """The same again and again, without end; each number is the mean of `mean_of` samples."""
     circle = 1 << (max(AROUND * n, SHORTEST_CIRCLE) - 1).bit_length()
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
-    size = np.sqrt(_coloured(model, lam, h) * (circle / 2))
+    size = np.sqrt(_of_means(model, lam, h, mean_of) * (circle / 2))
+    R = model.noise.R_dps2 / mean_of
     while True:
         waves = np.zeros(circle // 2 + 1, dtype=np.complex128)
         waves[1:] = rng.standard_normal(circle // 2) + 1j * rng.standard_normal(circle // 2)
         waves[-1] = math.sqrt(2) * waves[-1].real
         waves[1:] *= size
         x = np.fft.irfft(waves, circle)[:n]
-        yield x + math.sqrt(model.noise.R_dps2) * rng.standard_normal(n), x
+        yield x + math.sqrt(R) * rng.standard_normal(n), x
+
+
+def _of_means(model: AxisModel, lam: Array, h: float, count: int) -> Array:
+    """Spectrum of means of `count` samples of what is not white, at λ in rad a mean."""
+    if count == 1:
+        return _coloured(model, lam, h)
+    total = np.zeros_like(lam)
+    for i in range(count):  # the frequencies that look alike
+        fine = (lam + 2 * np.pi * i) / count
+        fine = np.minimum(fine, 2 * np.pi - fine)
+        total += _coloured(model, fine, h) * (np.sin(count * fine / 2) / (count * np.sin(fine / 2))) ** 2
+    return total / count
 
 
 def _coloured(model: AxisModel, lam: Array, h: float) -> Array:

@@ -15,6 +15,11 @@ Array = NDArray[np.float64]
 SIMULATIONS = 20
 CLOSE = 0.1
 """A model may be so far off, whatever the spread of the simulations: parameters are not known better."""
+LONGEST = 1 << 18
+"""Samples that are simulated. Of a longer record the model is compared over short averaging times with so
+much noise, and over longer ones with means of k samples, drawn with the spectrum that such means have."""
+FEWEST_MEANS = 8
+"""Averaging times of at least so many means are compared with means."""
 SPREADS = 4.0
 """Or so many standard deviations of the simulations: some forty points are looked at."""
 
@@ -56,13 +61,25 @@ def reproduction(
     y = np.ascontiguousarray(y_dps, dtype=np.float64)
     check_stationary(model, h)
     factors = averaging_factors(len(y))
+    mean_of = -(-len(y) // LONGEST)
+    if mean_of > 1:
+        whole = mean_of * np.rint(factors / mean_of).astype(np.int64)
+        factors = np.unique(np.where(factors < FEWEST_MEANS * mean_of, factors, whole))
     data = overlapping(y, factors)
     if not data.all():
         raise ValueError("the axis is constant: there is nothing to compare with")
     rng = np.random.default_rng(seed)
-    noises = itertools.islice(draws(model, h, len(y), rng), simulations)
-    drawn = np.array([overlapping(noise, factors) for noise, _ in noises])
-    logs = np.log(np.maximum(drawn, np.finfo(np.float64).tiny) / data)
+    if mean_of == 1:
+        logs = _logs(model, h, factors, data, len(y), simulations, rng)
+    else:
+        short = factors < FEWEST_MEANS * mean_of
+        logs = np.empty((simulations, len(factors)))
+        n = len(y) // mean_of
+        logs[:, short] = _logs(model, h, factors[short], data[short], n, simulations, rng)
+        # They are of less of the noise than the record is, so they spread by more.
+        middle = np.median(logs[:, short], axis=0)
+        logs[:, short] = middle + (logs[:, short] - middle) / math.sqrt(mean_of)
+        logs[:, ~short] = _logs(model, h, factors[~short], data[~short], n, simulations, rng, mean_of)
     low, middle, high = np.quantile(logs, (0.05, 0.5, 0.95), axis=0)
     within = np.abs(middle) <= np.maximum(math.log1p(CLOSE), SPREADS * logs.std(axis=0, ddof=1))
     tau = np.asarray(factors * h, dtype=np.float64)
@@ -78,6 +95,22 @@ def reproduction(
         to_s,
         _text(tau, np.exp(middle), within, longest),
     )
+
+
+def _logs(
+    model: AxisModel,
+    h: float,
+    factors: NDArray[np.int64],
+    data: Array,
+    n: int,
+    simulations: int,
+    rng: np.random.Generator,
+    mean_of: int = 1,
+) -> Array:
+    """Logarithm of simulated over measured Allan deviation, (simulations, factors), of n means each."""
+    noises = itertools.islice(draws(model, h, n, rng, mean_of), simulations)
+    drawn = np.array([overlapping(noise, factors // mean_of) for noise, _ in noises])
+    return np.asarray(np.log(np.maximum(drawn, np.finfo(np.float64).tiny) / data))
 
 
 def _longest(within: NDArray[np.bool_]) -> tuple[int, int] | None:

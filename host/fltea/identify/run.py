@@ -4,10 +4,12 @@ Each axis is a task, and each group of its shuffled copies another, for they tak
 axes would keep two cores busy for as long as four. What comes out does not depend on who does which.
 """
 
+import tempfile
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
@@ -149,13 +151,14 @@ def identify_all(
     """
     reports = []
     reading: deque[_Task] = deque()
-    for request in requests:
-        reports.append(FileReport(request.name))
-        if isinstance(request, Unreadable):
-            reports[-1].failure = request.error
-        else:
-            reading.append(_Task(reports[-1], None, load, (request,)))
-    _Loop(settings, workers, readers or workers, progress).run(reading)
+    with tempfile.TemporaryDirectory(prefix="fltea-identify-", ignore_cleanup_errors=True) as folder:
+        for request in requests:
+            reports.append(FileReport(request.name))
+            if isinstance(request, Unreadable):
+                reports[-1].failure = request.error
+            else:
+                reading.append(_Task(reports[-1], None, load, (request, Path(folder))))
+        _Loop(settings, workers, readers or workers, progress).run(reading)
     return reports
 
 

@@ -26,6 +26,8 @@ GROUP_BYTES = 64_000_000
 """Of the samples of a group of copies."""
 LEAST_LANES, MOST_LANES = 8, 40
 """Of a group: fewer leave wide instructions idle, more keep other processes idle at the end."""
+LONGEST = 1 << 17
+"""Samples of a copy. The filters forget: of a copy of a day the last estimates have the same spread."""
 ACCURACY = 3
 """Digits of the compressed memory: cost 1e-6 in α, where copies differ by 1e-2; a sixth of the time."""
 
@@ -57,6 +59,7 @@ def groups(samples: int, copies: int) -> list[range]:
 
     They depend on the record only, and not on who estimates them.
     """
+    samples = min(samples, LONGEST)
     size = max(
         LEAST_LANES, min(MOST_LANES, GROUP_BYTES // (8 * max(samples, 1)) // LEAST_LANES * LEAST_LANES)
     )
@@ -69,24 +72,27 @@ def estimate(
     """Estimate shuffled copies of one axis y (n,) with the settings of `config`, period h in s.
 
     copies: their numbers. Each is shuffled by (seed, number), and comes out the same beside whatever others.
+    Of more than LONGEST samples a copy is so many, drawn at random.
     Memory is compressed whatever `config.memory` says.
 
     Raises:
         ValueError: settings that no filter can work with.
     """
     lanes = len(copies)
-    shuffles = np.empty((lanes, len(y)))  # whole copies one after the other: columns would be slow to write
+    samples = min(len(y), LONGEST)
+    shuffles = np.empty((lanes, samples))  # whole copies one after the other: columns would be slow to write
     for row, number in zip(shuffles, copies, strict=True):
-        row[:] = np.random.default_rng((seed, number)).permutation(y)
+        rng = np.random.default_rng((seed, number))
+        row[:] = rng.permutation(y) if samples == len(y) else rng.choice(y, samples)
     startup = config.startup_needed
     bias, R = lane_baselines(shuffles[:, :startup].T, config, lsb)
     if config.R == "auto":
         # A copy that happens to be constant in its window, of data that hardly ever change.
-        R = np.maximum(R, 1e-6 * y.var())
+        R = np.maximum(R, 1e-6 * (y if samples == len(y) else shuffles).var())
     settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
     runner = Lanes(lanes, settings)
     lost = np.zeros(lanes, dtype=bool)
-    for start in range(startup, len(y), BLOCK):
+    for start in range(startup, samples, BLOCK):
         block = runner.run(shuffles[:, start : start + BLOCK].T - bias)
         for one in block.lost:
             lost[one.lane] |= one.reason == "runaway"

@@ -33,6 +33,8 @@ COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
 FULL_SCALE_COUNTS = 32767.0
 RATE_PPM = 1000.0
 SHORTEST_RUN = 5
+LONG = 1 << 20
+"""Samples from which on medians and commonest values are those of a part, spread evenly."""
 LINE_SHARE = 0.01
 """Of the power, from which on a line is a warning."""
 
@@ -67,14 +69,19 @@ def axis_traps(
     )
 
 
-def sensor_traps(y: ArrayLike, lsb: Sequence[float | None]) -> tuple[Trap, ...]:
-    """Look for samples of all axes (n, axes) that were delivered twice; lsb of each axis, if known."""
-    samples = np.asarray(y, dtype=np.float64)
-    n = len(samples) - 1
-    if n < 1:
+def sensor_traps(y: Sequence[ArrayLike], lsb: Sequence[float | None]) -> tuple[Trap, ...]:
+    """Look for samples of all axes, each (n,), that were delivered twice; lsb of each axis, if known."""
+    repeated: NDArray[np.bool_] | None = None
+    by_chance, n = 1.0, 0
+    for axis, one in zip(y, lsb, strict=True):
+        samples = np.asarray(axis, dtype=np.float64)
+        again = samples[1:] == samples[:-1]
+        repeated = again if repeated is None else repeated & again
+        by_chance *= _chance(samples, one, int(np.count_nonzero(~again)))
+        n = len(samples) - 1
+    if repeated is None or n < 1:
         return ()
-    same = int((np.diff(samples, axis=0) == 0).all(axis=1).sum())
-    by_chance = float(np.prod([_chance(axis, one) for axis, one in zip(samples.T, lsb, strict=True)]))
+    same = int(repeated.sum())
     expected = n * by_chance
     if same <= 3 + 1.5 * expected + 6 * math.sqrt(expected):
         return ()
@@ -140,7 +147,7 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> list[Trap]:
     found = []
     block = len(y) // BLOCKS
     means = y[: block * BLOCKS].reshape(BLOCKS, block).mean(axis=1)
-    noise = _scale(np.diff(y)) / math.sqrt(2) or float(y.std())
+    noise = _scale(_thin(np.diff(y))) / math.sqrt(2) or float(y.std())
     mean = float(y.mean())
     std = float(y.std())
     error = max(float(means.std(ddof=1)), noise / math.sqrt(block)) / math.sqrt(BLOCKS)
@@ -193,13 +200,16 @@ def _quantisation(y: Array, lsb: float | None) -> list[Trap]:
 
 def _outliers(y: Array, h: float, lsb: float | None, unit: str) -> list[Trap]:
     # Against the mean of both neighbours, which a drift or slow noise does not move.
-    r = y[1:-1] - (y[:-2] + y[2:]) / 2
+    r = y[:-2] + y[2:]
+    r /= 2
+    np.subtract(y[1:-1], r, out=r)
     # Of coarse counts r has steps of half an LSB, and its median is no better known.
-    scale = _scale(r) + 1.4826 / 4 * (lsb or _step(y) or 0.0) or float(r.std())
-    size = np.abs(r)
-    wide = np.concatenate([[0.0], size, [0.0]])
-    is_top = (size >= wide[:-2]) & (size >= wide[2:])
-    at = np.flatnonzero(is_top & (size > OUTLIER * scale)) + 1
+    scale = _scale(_thin(r)) + 1.4826 / 4 * (lsb or _step(y) or 0.0) or float(r.std())
+    size = np.abs(r, out=r)
+    is_top = size > OUTLIER * scale
+    is_top[1:] &= size[1:] >= size[:-1]
+    is_top[:-1] &= size[:-1] >= size[1:]
+    at = np.flatnonzero(is_top) + 1
     if not at.size:
         return []
     torn = 0
@@ -250,15 +260,15 @@ def _saturation(y: Array, lsb: float | None) -> list[Trap]:
 def _stuck(y: Array) -> list[Trap]:
     """The longest run of one value, against what chance gives."""
     n = len(y)
-    same = np.concatenate([[False], np.diff(y) == 0, [False]])
-    edges = np.flatnonzero(np.diff(same.astype(np.int8))).reshape(-1, 2)
+    same = np.concatenate([[False], y[1:] == y[:-1], [False]])
+    edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
     if not len(edges):
         return []
     lengths = edges[:, 1] - edges[:, 0]
     longest, first = int(lengths.max()), int(edges[lengths.argmax(), 0])
     # The run itself is no evidence of how often chance repeats a value.
-    others = np.delete(y, slice(first, first + longest + 1))
-    commonest = np.unique(others, return_counts=True)[1].max(initial=1) / n
+    others = _thin(y) if n > LONG else np.delete(y, slice(first, first + longest + 1))
+    commonest = np.unique(others, return_counts=True)[1].max(initial=1) / (len(others) if n > LONG else n)
     share = min(max((lengths.sum() - longest) / n, commonest), 0.999)
     by_chance = 1 + math.log(n / 1e-6) / -math.log(share)
     if longest < max(SHORTEST_RUN, by_chance):
@@ -294,6 +304,7 @@ def _scale(values: Array) -> float:
 
 def _step(y: Array) -> float | None:
     """The quantum of values that were rounded, or None."""
+    y = _thin(y)
     values = np.unique(y)
     if len(values) < 2 or len(values) > len(y) / 5:
         return None
@@ -302,14 +313,18 @@ def _step(y: Array) -> float | None:
     return step if (np.abs(gaps / step - np.rint(gaps / step)) < 0.05).all() else None
 
 
-def _chance(axis: Array, lsb: float | None) -> float:
-    """Probability that two neighbours are equal by rounding."""
+def _thin(values: Array) -> Array:
+    """All of them, or of more than LONG every k-th: what is common or typical is then known well enough."""
+    return values[:: -(-len(values) // LONG)] if len(values) > LONG else values
+
+
+def _chance(axis: Array, lsb: float | None, moved: int) -> float:
+    """Probability that two neighbours are equal by rounding; `moved` of them are not."""
     step = lsb or _step(axis)
-    moves = np.diff(axis)
-    moves = moves[moves != 0]
-    if step is None or not moves.size:
-        return 0.0 if moves.size else 1.0
-    spread = float(moves.std())
+    if step is None or not moved:
+        return 0.0 if moved else 1.0
+    moves = _thin(np.diff(axis))
+    spread = float(moves[moves != 0].std()) if moves.any() else 0.0
     return min(step / (spread * math.sqrt(2 * math.pi)), 1.0) if spread else 0.0  # all moves alike: a ramp
 
 

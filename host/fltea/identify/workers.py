@@ -1,5 +1,6 @@
 """Where the work of `fltea identify` is done: in this process, in others on this machine, or by Dask."""
 
+import mmap
 import multiprocessing
 import os
 import signal
@@ -7,7 +8,10 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import forkserver
+from multiprocessing.reduction import ForkingPickler
 from typing import Any, Protocol, TypeVar
+
+import numpy as np
 
 T = TypeVar("T")
 
@@ -63,6 +67,16 @@ class Here:
 
     def close(self) -> None:
         """Nothing is under way."""
+
+
+def _reduce(array: "np.memmap[Any, Any]") -> Any:
+    """A whole file in memory goes to another process of this machine by its name."""
+    if isinstance(array.base, mmap.mmap) and array.filename is not None:
+        return np.memmap, (array.filename, array.dtype, "r", array.offset, array.shape)
+    return np.array, (np.array(array),)
+
+
+ForkingPickler.register(np.memmap, _reduce)
 
 
 class Processes:

@@ -8,6 +8,7 @@ import tempfile
 import weakref
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
@@ -26,10 +27,11 @@ class _Column(NamedTuple):
 class Spool(contextlib.AbstractContextManager["Spool"]):
     """Named columns; what is appended to one has the type and width of its first block.
 
-    The files go with it: at the end of a `with`, or with its last user.
+    The files go with it: at the end of a `with`, or with its last user. In a folder they have names and stay.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder
         self._columns: dict[str, _Column] = {}
         self._rows: dict[str, int] = {}
         self.close = weakref.finalize(self, _close, self._columns)
@@ -47,7 +49,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
             OSError: the disk for temporary files takes no more.
         """
         if name not in self._columns:
-            self._columns[name] = _Column(tempfile.TemporaryFile(), values.dtype, values.shape[1:])  # noqa: SIM115
+            self._columns[name] = _Column(self._new_file(), values.dtype, values.shape[1:])
             self._rows[name] = 0
         column = self._columns[name]
         column.file.write(np.ascontiguousarray(values, dtype=column.dtype).data)
@@ -58,6 +60,14 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         if name in self._columns:
             self._columns.pop(name).file.close()
 
+    def remove(self) -> None:
+        """Forget all columns, and remove files with names."""
+        if self._folder is not None:
+            for column in self._columns.values():
+                Path(column.file.name).unlink(missing_ok=True)
+        self.close()
+        self._columns.clear()
+
     def length(self, name: str) -> int:
         """Rows of a column; 0 if there is none."""
         return self._rows[name] if name in self._columns else 0
@@ -65,6 +75,12 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
     def whole(self, name: str) -> NDArray[Any]:
         """A column in memory."""
         return self._read(name, 0, self.length(name))
+
+    def mapped(self, name: str) -> NDArray[Any]:
+        """A column, at least one row, of a spool with a folder; other processes may map its file, too."""
+        column = self._columns[name]
+        column.file.flush()
+        return np.memmap(column.file.name, column.dtype, "r", shape=(self._rows[name], *column.shape))
 
     def blocks(self, names: Sequence[str], at_once: int) -> Iterator[list[NDArray[Any]]]:
         """So many rows at a time of columns that are alike in length."""
@@ -86,6 +102,11 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
                     column.file.seek(0)
                     while data := column.file.read(COPY_BYTES):
                         member.write(data)
+
+    def _new_file(self) -> Any:
+        if self._folder is None:
+            return tempfile.TemporaryFile()
+        return tempfile.NamedTemporaryFile(dir=self._folder, delete=False)
 
     def _read(self, name: str, begin: int, count: int) -> NDArray[Any]:
         column = self._columns[name]

@@ -48,17 +48,18 @@ class AxisColumns(NamedTuple):
 
     def of_rows(self, chosen: slice) -> Iterator[dict[str, AxisEstimate]]:
         """The estimates after each of the chosen samples, by axis."""
-        unit = self.unit
-        by_axis = []
-        for i, axis in enumerate(self.axes):
-            numbers = [_nullable(column[chosen, i]) for column in self[2:8]]
-            p = _nullable(self.null_p[chosen, i])
-            words = map(_WORDS.__getitem__, self.white_rejected[chosen, i].tolist())
-            whiteness = [None if q is None else word for q, word in zip(p, words, strict=True)]
-            valid = self.valid[chosen, i].tolist()
-            units = [unit] * len(valid)
-            columns: Iterator[Any] = zip(*numbers, valid, p, whiteness, units, strict=True)
-            by_axis.append([(axis, AxisEstimate(*row)) for row in columns])
+        k = len(self.axes)
+        # All axes of a column at once: of a block of one row most of the cost is that of the calls.
+        numbers = [_nullable(column[chosen]) for column in self[2:8]]
+        p = _nullable(self.null_p[chosen])
+        rejected: list[bool] = self.white_rejected[chosen].ravel().tolist()
+        whiteness = [None if q is None else _WORDS[bad] for q, bad in zip(p, rejected, strict=True)]
+        valid = self.valid[chosen].ravel().tolist()
+        flat: list[Sequence[Any]] = [*numbers, valid, p, whiteness, [self.unit] * len(valid)]
+        by_axis = [
+            [(axis, AxisEstimate(*row)) for row in zip(*(values[i::k] for values in flat), strict=True)]
+            for i, axis in enumerate(self.axes)
+        ]
         return map(dict, zip(*by_axis, strict=True))
 
 
@@ -66,8 +67,8 @@ _WORDS = {False: "not rejected", True: "rejected"}
 
 
 def _nullable(column: Array) -> Sequence[float | None]:
-    """Numbers of a column, None for those that are not finite."""
-    values: list[float] = column.tolist()
+    """All numbers of columns, row after row, None for those that are not finite."""
+    values: list[float] = column.ravel().tolist()
     if math.isfinite(sum(values)):
         return values
     return [value if math.isfinite(value) else None for value in values]

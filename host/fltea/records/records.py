@@ -19,6 +19,12 @@ GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s^2"
 Whiteness = Literal["not rejected", "rejected"]
 """What the running test says of white noise. While it is not rejected, an order is undefined."""
 
+WhyNot = Literal["device_not_valid", "host_not_valid", "other_start", "device_skipped", "other_settings"]
+"""Why a device's estimate cannot be compared with the host's; `why_not` has the words."""
+
+WHITE_QUANTILES = (0.05, 0.5, 0.95)
+"""Shares of white noise below the figures of `WhiteBandStats`."""
+
 EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence", "resumed"]
 
 
@@ -113,20 +119,21 @@ class DeviceAxisEstimate(AxisEstimate, frozen=True, forbid_unknown_fields=True, 
     """The device's own estimate of one axis after one sample; null where not valid.
 
     age: steps since the device's start-up window, the first one is 1. The differences are the device's
-    estimate minus the host's after the same sample; null where the two cannot be compared.
+    estimate minus the host's after the same sample; null where the two cannot be compared, and why_not says
+    why.
     """
 
     age: int
     alpha_difference: float | None = None
     f_difference: float | None = None
     state_difference: float | None = None
+    why_not: WhyNot | None = None
 
 
 class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
     """The device's own estimates after one sample, beside the host's, which `Estimate` holds.
 
-    comparable: the host computed with the device's settings from the same sample on, and at least one axis
-    has differences.
+    comparable: at least one axis has differences.
     """
 
     seq: int
@@ -196,10 +203,23 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     before_hello: int
 
 
+class WhiteBandStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the same estimator gives of white noise as strong as an axis, after as many `samples`.
+
+    alpha, f: below them lie 5 %, 50 % and 95 % of the runs. power: variance of the axis in the start-up
+    window, in its unit squared.
+    """
+
+    alpha: tuple[float, ...]
+    f: tuple[float, ...]
+    power: float
+    samples: int
+
+
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the start-up window gave an axis, and how often it had to start again.
 
-    bias: in `unit`; R: in its square.
+    bias: in `unit`; R: in its square. white: null until known, and without `estimator.white_band`.
     """
 
     bias: float | None
@@ -209,6 +229,7 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     innovation_lag1: float | None = None
     innovation_nis: float | None = None
     unit: str = GYRO_UNIT
+    white: WhiteBandStats | None = None
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,5 +1,6 @@
 """All devices on ports with descriptors, walked by one thread."""
 
+import time
 from collections.abc import Callable, Sequence
 
 from fltea.service.walk import Walk
@@ -7,6 +8,9 @@ from fltea.sources.serial import SerialSource
 from fltea.wire.ports import Ports
 
 WAIT_S = 0.5
+LONG_ROUND_S, LONGEST_REST_S = 0.005, 0.05
+"""After a long round the loop rests for as long: the outputs get their turn, and the next round finds more
+samples at each port, which cost less together than one by one."""
 
 
 def has_line(walk: Walk) -> bool:
@@ -33,9 +37,13 @@ class LineLoop:
         going = set(range(len(self.walks)))
         try:
             while going and not self._closed:
+                begin_s: float | None = None
                 for place, item in self._ports.poll(WAIT_S):
+                    begin_s = begin_s or time.monotonic()
                     if place in going and not self._take(place, item):
                         going.discard(place)
+                if begin_s is not None and (took_s := time.monotonic() - begin_s) > LONG_ROUND_S:
+                    time.sleep(min(took_s, LONGEST_REST_S))
             for place in going:
                 self._finish(place)
         finally:

@@ -37,9 +37,8 @@ def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
         hub.add(module.MetricsSink(program.metrics, hub.outlets, hub.report()))
     if program.dashboard.address is not None:
         module = _module("page.sink", "dashboard", "bokeh")
-        estimators = {config.name: config.estimator for config in configs}
-        accel = {config.name: config.accel for config in configs}
-        page = module.DashboardSink(program.dashboard, estimators, hub.report(), accel)
+        devices = {config.name: config.estimator.estimate_on for config in configs}
+        page = module.DashboardSink(program.dashboard, devices, hub.report())
         hub.add(page)
         _to_stderr(f"fltea: live page at {page.url}\n")
     if to_table:

@@ -20,6 +20,7 @@ class NdjsonSink(Sink):
 
     name = "stdout"
     lossless = True
+    capacity = 50_000
 
     def __init__(self, stream: BinaryIO, *, samples: bool) -> None:
         self._stream = stream

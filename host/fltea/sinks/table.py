@@ -8,9 +8,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from fltea.estimator.running_null import p_text
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Failed, Opened
+from fltea.records.null_p import p_text
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.records import (
     AnyRecord,
@@ -22,8 +22,10 @@ from fltea.records.records import (
     Gap,
     Hello,
     Stats,
+    WhyNot,
 )
 from fltea.records.visible import visible
+from fltea.records.why_not import not_comparable
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -180,7 +182,7 @@ class DeviceView:
         if not wide and self._estimate is not None:
             lines.append(self._rows_below(self._estimate))
         if self._of_device is not None:
-            lines.append(_device_rows(self._of_device))
+            lines += [_device_rows(self._of_device), *_not_compared(self._of_device)]
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
@@ -273,13 +275,26 @@ def _device_rows(record: DeviceEstimates) -> Table:
         if not axis.valid:
             rows.add_row(name, "not valid")
             continue
-        rows.add_row(name, *_beside(axis.alpha, axis.alpha_difference), *_beside(axis.f, axis.f_difference))
+        alpha, f = (_difference(d) for d in (axis.alpha_difference, axis.f_difference))
+        rows.add_row(name, _number(axis.alpha), alpha, _number(axis.f), f)
     return rows
 
 
-def _beside(value: float | None, difference: float | None) -> tuple[str, str]:
-    far = "not comparable" if difference is None else f"{difference:+.1e}"
-    return "" if value is None else number(value, 3), far
+def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
+    """Why there are no differences, a line for each reason, with its axes."""
+    axes: dict[WhyNot, list[str]] = {}
+    for name, axis in record.axes.items():
+        if axis.valid and axis.why_not is not None:
+            axes.setdefault(axis.why_not, []).append(name)
+    return [Text(f"{', '.join(names)}: {not_comparable(why)}") for why, names in axes.items()]
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else number(value, 3)
+
+
+def _difference(value: float | None) -> str:
+    return "" if value is None else f"{value:+.1e}"
 
 
 def _order(axis: AxisEstimate) -> str:

@@ -171,10 +171,10 @@ class WireEvents:
         if self._refused:
             self._refused_frames += n
         else:
-            at = np.searchsorted(chunks.end, columns.end)
+            at = _at(chunks, columns.end)
             raw = _raw_block(columns, chunks.host_ns[at])
-            breaks = np.flatnonzero(np.diff(raw.sequence) != 1) + 1
-            for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), n], strict=True):
+            breaks = (np.flatnonzero(np.diff(raw.sequence) != 1) + 1).tolist() if n > 1 else []
+            for begin, end in zip([0, *breaks], [*breaks, n], strict=True):
                 self.unix_offset_ns = int(chunks.unix_offset_ns[at[begin]])
                 yield raw if end - begin == n else raw.rows(begin, end)
         self._counts["frames"] += n
@@ -183,7 +183,9 @@ class WireEvents:
 
     def _readable(self, end: int, chunks: Chunks) -> None:
         """Take note of a good frame: what came in later chunks is not read yet."""
-        last = int(np.searchsorted(chunks.end, end))
+        last = len(chunks.end) - 1
+        if last:
+            last = int(np.searchsorted(chunks.end, end))
         if last + 1 == len(chunks.end):
             self._unread_since_ns = None
         else:
@@ -282,6 +284,13 @@ def hello_problem(hello: wire.Hello) -> str | None:
             "deg/s; neither can be 0. The firmware's settings are wrong."
         )
     return None
+
+
+def _at(chunks: Chunks, ends: Ints) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
+    """In which chunk each of the ends stands; live there is one."""
+    if len(chunks.end) == 1:
+        return np.zeros(len(ends), dtype=np.intp)
+    return np.searchsorted(chunks.end, ends)
 
 
 def _raw_block(columns: SampleColumns, host_ns: Ints) -> RawBlock:

@@ -29,16 +29,46 @@ class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """probability that white innovations give this much or more"""
 
 
+class InnovationSums:
+    """Takes innovations block by block; memory does not grow."""
+
+    def __init__(self) -> None:
+        self._samples = 0
+        self._squares = self._normalised = 0.0
+        self._products = np.zeros(LAGS)
+        self._before = np.empty(0)
+
+    def add(self, innovation: Array, std: Array) -> None:
+        """Take the next ones, and the filter's deviations of them, both (n,); some may not be finite."""
+        good = np.isfinite(innovation) & np.isfinite(std) & (std > 0)
+        e, s = innovation[good], std[good]
+        if not len(e):
+            return
+        self._samples += len(e)
+        self._squares += float(e @ e)
+        self._normalised += float(((e / s) ** 2).sum())
+        known = len(self._before)
+        both = np.concatenate([self._before, e])
+        for lag in range(1, LAGS + 1):
+            first = max(known, lag)
+            self._products[lag - 1] += float(both[first:] @ both[first - lag : len(both) - lag])
+        self._before = both[-LAGS:]
+
+    def result(self) -> Innovations | None:
+        """The test of all of them; None for fewer than 100."""
+        n = self._samples
+        if n < FEWEST or not self._squares > 0:
+            return None
+        r = self._products / self._squares
+        q = float(n * (n + 2) * (r**2 / (n - np.arange(1, LAGS + 1))).sum())
+        return Innovations(n, self._normalised / n, float(r[0]), q, chi2_tail(q, LAGS))
+
+
 def innovations(innovation: Array, std: Array) -> Innovations | None:
     """Test innovations and the filter's deviations of them, both (n,); None for fewer than 100 in all."""
-    good = np.isfinite(innovation) & np.isfinite(std) & (std > 0)
-    e, s = innovation[good], std[good]
-    if len(e) < FEWEST or not (power := float(e @ e)) > 0:
-        return None
-    r = np.array([e[lag:] @ e[:-lag] for lag in range(1, LAGS + 1)]) / power
-    n = len(e)
-    q = float(n * (n + 2) * (r**2 / (n - np.arange(1, LAGS + 1))).sum())
-    return Innovations(n, float(np.mean((e / s) ** 2)), float(r[0]), q, chi2_tail(q, LAGS))
+    sums = InnovationSums()
+    sums.add(innovation, std)
+    return sums.result()
 
 
 def chi2_tail(x: float, degrees: int) -> float:

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.spectrum.periodogram import Periodogram
+from fltea.spectrum.periodogram import AT_ONCE, Periodogram
 
 Array = NDArray[np.float64]
 
@@ -75,19 +75,26 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
         first, last = flank + guard, m - flank - guard - width
         if last <= first:
             break
-        at = np.arange(first, last, max(1, width // 4))
-        mean = (sums[at + width] - sums[at]) / width
-        before = (sums[at - guard] - sums[at - guard - flank]) / flank
-        after = (sums[at + width + guard + flank] - sums[at + width + guard]) / flank
-        level = np.maximum(before, after)
-        ratio = mean / np.maximum(level, LEAST_LEVEL * sums[-1] / m)
-        i = int(ratio.argmax())
-        log_p = f_log_tail(width, flank, float(ratio[i])) + math.log(len(widths) * len(at))
+        step = max(1, width // 4)
+        top: tuple[float, int, float] = (-math.inf, 0, 0.0)
+        for begin in range(first, last, step * AT_ONCE):
+            at = np.arange(begin, min(last, begin + step * AT_ONCE), step)
+            mean = (sums[at + width] - sums[at]) / width
+            before = (sums[at - guard] - sums[at - guard - flank]) / flank
+            after = (sums[at + width + guard + flank] - sums[at + width + guard]) / flank
+            level = np.maximum(before, after)
+            ratio = mean / np.maximum(level, LEAST_LEVEL * sums[-1] / m)
+            i = int(ratio.argmax())
+            if ratio[i] > top[0]:
+                top = float(ratio[i]), int(at[i]), float(level[i])
+        highest, place, around = top
+        tried = len(range(first, last, step))
+        log_p = f_log_tail(width, flank, highest) + math.log(len(widths) * tried)
         # Of stretches that pass the likeliest is taken, as if the level were known: probabilities would
         # favour the wide ones, whose flanks are longer.
-        gain = width * float(ratio[i] - 1 - np.log(ratio[i]))
+        gain = width * (highest - 1 - math.log(highest)) if highest > 0 else -math.inf
         if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
-            best = gain, int(at[i]), int(at[i]) + width, float(level[i])
+            best = gain, place, place + width, around
     return None if best is None else best[1:]
 
 

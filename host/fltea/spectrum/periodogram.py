@@ -19,6 +19,9 @@ LOWEST = 4
 """Number of the first ordinate that is used."""
 FEWEST = 64
 """Ordinates below which nothing is fitted."""
+LONG, PARTS, AT_ONCE = 1 << 20, 16, 1 << 15
+"""Of more samples than LONG the last few are left out, so that their number is a multiple of PARTS, and the
+transform is put together from PARTS small ones, AT_ONCE ordinates at a time."""
 GROWTH = 0.03
 """Width of a bin over its frequency: a spectrum that goes with λ^-4 changes by 12 % over it."""
 WIDEST = math.pi / 120
@@ -36,6 +39,21 @@ class Periodogram(NamedTuple):
     """sampling period in s"""
     n: int
     """samples"""
+
+    def without(self, from_hz: float, notch: Sequence[tuple[float, float]]) -> "Periodogram":
+        """Without ordinates below `from_hz` and in the bands (low, high) of `notch`, in Hz.
+
+        Raises:
+            ValueError: fewer than `FEWEST` are left.
+        """
+        keep = np.flatnonzero(
+            _kept(np.rint(self.lam * (self.n / (2 * np.pi))) / (self.n * self.h), from_hz, notch)
+        )
+        _check_enough(len(keep), self.n)
+        rows: slice | NDArray[np.intp] = keep
+        if keep[-1] - keep[0] + 1 == len(keep):
+            rows = slice(int(keep[0]), int(keep[-1]) + 1)  # no copy
+        return self._replace(lam=self.lam[rows], power=self.power[..., rows])
 
 
 class Binned(NamedTuple):
@@ -72,14 +90,53 @@ def periodogram(
     if not (math.isfinite(h) and h > 0):
         raise ValueError(f"h is a sampling period in s and must be > 0, got {h}")
     n = samples.shape[-1]
+    if n > LONG and samples.ndim == 1:
+        samples = samples[: n - n % PARTS]
+        n = len(samples)
     use = used_ordinates(n, h, from_hz=from_hz, notch=notch)
-    if len(use) < FEWEST:
-        raise ValueError(
-            f"{n} samples leave {len(use)} frequencies to fit, and at least {FEWEST} are needed: record "
-            "longer, or leave out less of the spectrum (--from-hz, --notch)"
-        )
+    _check_enough(len(use), n)
+    if n > LONG and samples.ndim == 1:
+        power = _power_in_parts(samples)
+        if len(use) < len(power) - LOWEST:
+            return Periodogram(2 * np.pi * use / n, power[use], h, n)
+        return Periodogram(2 * np.pi * use / n, power[LOWEST:], h, n)
     spectrum = np.fft.rfft(samples - samples.mean(axis=-1, keepdims=True))[..., use]
     return Periodogram(2 * np.pi * use / n, (spectrum.real**2 + spectrum.imag**2) / n, h, n)
+
+
+def _power_in_parts(y: Array) -> Array:
+    """Ordinates 0 to the last below π of y (n,), n a multiple of PARTS.
+
+    Every PARTS-th sample is transformed by itself, and the transforms are put together, a few ordinates at a
+    time: what a transform of the whole takes beside its result would be four times as large as y.
+    """
+    n, mean = len(y), y.mean()
+    size = n // PARTS
+    parts = [np.fft.rfft(y[r::PARTS] - mean) for r in range(PARTS)]
+    power = np.empty((n - 1) // 2 + 1)
+    for begin in range(0, len(power), AT_ONCE):
+        j = np.arange(begin, min(begin + AT_ONCE, len(power)))
+        place = j % size
+        mirrored = place > size // 2
+        place[mirrored] = size - place[mirrored]
+        step = np.exp(-2j * np.pi / n * j)
+        turn = np.ones_like(step)
+        total = np.zeros_like(step)
+        for part in parts:
+            found = part[place]
+            np.conjugate(found, out=found, where=mirrored)
+            total += turn * found
+            turn *= step
+        power[j] = (total.real**2 + total.imag**2) / n
+    return power
+
+
+def _check_enough(ordinates: int, n: int) -> None:
+    if ordinates < FEWEST:
+        raise ValueError(
+            f"{n} samples leave {ordinates} frequencies to fit, and at least {FEWEST} are needed: record "
+            "longer, or leave out less of the spectrum (--from-hz, --notch)"
+        )
 
 
 def used_ordinates(
@@ -87,11 +144,14 @@ def used_ordinates(
 ) -> NDArray[np.intp]:
     """Return the numbers j of the ordinates at 2πj/n that are used of n samples."""
     j = np.arange(LOWEST, (n - 1) // 2 + 1)
-    frequency_hz = j / (n * h)
+    return j[_kept(j / (n * h), from_hz, notch)]
+
+
+def _kept(frequency_hz: Array, from_hz: float, notch: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
     keep = frequency_hz >= from_hz
     for low_hz, high_hz in notch:
         keep &= (frequency_hz < low_hz) | (frequency_hz > high_hz)
-    return j[keep]
+    return np.asarray(keep)
 
 
 def binned(p: Periodogram) -> Binned:

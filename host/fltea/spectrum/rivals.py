@@ -21,7 +21,7 @@ from fltea.spectrum.models import (
     parameters,
     two_ar1_parameters,
 )
-from fltea.spectrum.periodogram import Binned, Periodogram, binned
+from fltea.spectrum.periodogram import AT_ONCE, Binned, Periodogram, binned
 from fltea.spectrum.whittle import Fit, fit
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
         models[name] = Rival(
             gain,
             extra * math.log(fits.data.ordinates) - 2 * gain,
-            residual_ks(p.power, f.spectrum(p.lam)[0]),
+            residual_ks(p.power, _spectrum(f, p.lam)),
             _described(name, f, p.h),
         )
     return Contest(
@@ -115,8 +115,20 @@ def residual_ks(power: Array, spectrum: Array) -> float:
     """
     sums = np.cumsum(power / spectrum)
     m = len(sums)
-    line = np.arange(1, m + 1) / m
-    return float(np.abs(sums / sums[-1] - line).max() * math.sqrt(m))
+    farthest = 0.0
+    for begin in range(0, m, AT_ONCE):
+        part = sums[begin : begin + AT_ONCE]
+        line = np.arange(begin + 1, begin + len(part) + 1) / m
+        farthest = max(farthest, float(np.abs(part / sums[-1] - line).max()))
+    return farthest * math.sqrt(m)
+
+
+def _spectrum(f: Fit, lam: Array) -> Array:
+    """The fitted spectrum of the one series, (len(lam),): computing it takes many times as much."""
+    found = np.empty_like(lam)
+    for begin in range(0, len(lam), AT_ONCE):
+        found[begin : begin + AT_ONCE] = f.spectrum(lam[begin : begin + AT_ONCE])[0]
+    return found
 
 
 def bend_hz(phi: float, h: float) -> float:

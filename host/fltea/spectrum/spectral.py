@@ -4,15 +4,13 @@ There are three sets of ordinates: all that the user left in; these without line
 those above what is called drift. The last are the clean ones, to which the models are fitted.
 """
 
-from collections.abc import Sequence
-
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.likelihood_ratio import null_fits, p_value
 from fltea.spectrum.lines import find_peaks
-from fltea.spectrum.periodogram import FEWEST, binned, periodogram, used_ordinates
+from fltea.spectrum.periodogram import FEWEST, Periodogram, binned, periodogram, used_ordinates
 from fltea.spectrum.rivals import Fits, contest, fit_all
 from fltea.spectrum.verdict import DRIFT_HZ, Evidence
 
@@ -56,24 +54,26 @@ def examine(y: Array, h: float, from_hz: float = 0.0, notch: Bands = ()) -> Spec
     least = max(FEWEST, len(whole.lam) // 2)
     while True:
         without = notch + tuple(peak.notch_hz for peak in peaks)
-        if not peaks or len(used_ordinates(len(y), h, from_hz=clean_from_hz, notch=without)) >= least:
+        if not peaks or len(used_ordinates(whole.n, h, from_hz=clean_from_hz, notch=without)) >= least:
             break
         peaks = peaks[:-1]
-    clean = periodogram(y, h, from_hz=clean_from_hz, notch=without)
+    p_without_peaks = _null_p(whole.without(from_hz, without)) if peaks else p_all
+    clean = whole.without(clean_from_hz, without)
+    ordinates = len(whole.lam)
+    del whole  # of a day 70 MB
     fits = fit_all(clean)
     rivals = contest(clean, fits)
     evidence = Evidence(
         duration_s=len(y) * h,
         samples=len(y),
         p_all=p_all,
-        p_without_peaks=_null_p(y, h, from_hz, without) if peaks else p_all,
+        p_without_peaks=p_without_peaks,
         p_clean=p_value(rivals.ratio_white, len(clean.lam)),
         peaks=peaks,
         contest=rivals,
     )
-    return Spectral(evidence, ratio, len(whole.lam), fits, Band(clean_from_hz, without, len(clean.lam)))
+    return Spectral(evidence, ratio, ordinates, fits, Band(clean_from_hz, without, len(clean.lam)))
 
 
-def _null_p(y: Array, h: float, from_hz: float, notch: Sequence[tuple[float, float]]) -> float:
-    p = periodogram(y, h, from_hz=from_hz, notch=notch)
+def _null_p(p: Periodogram) -> float:
     return p_value(float(null_fits(binned(p)).likelihood_ratio[0]), len(p.lam))

@@ -27,6 +27,7 @@ from fltea.records.records import (
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.settings.config import Config, EstimatorConfig
 from fltea.stream.board_settings import host_settings, info_of, unused_settings
+from fltea.stream.comparable import why_not_comparable
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
 
 REMEMBERED = 256
@@ -87,6 +88,15 @@ class BoardEstimates:
         """With what this computer estimates from now on: the board's settings, once they are known."""
         self._in_use = self._settings or self._config.estimator
         return self._in_use
+
+    def settings(self) -> EstimatorConfig | None:
+        """With what the gyroscope is estimated as of now; None while a board alone has not stated it."""
+        return self._settings if self.alone else self._in_use
+
+    def is_valid(self, axis: str) -> bool | None:
+        """Whether the board's newest estimate of an axis is valid; None while there is none."""
+        newest = self._newest.get(axis)
+        return None if newest is None else _numbers(newest)[0]
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch."""
@@ -303,9 +313,9 @@ class BoardEstimates:
             yield Estimate(*moment.place(), variant, found, device=self._config.name)
             return
         same = self._settings is not None and self._settings == self._in_use
-        host = moment.host() if same else {}
-        axes = {axis: _compare(group[axis], host.get(axis), moment.age) for axis in ordered}
-        comparable = any(axis.alpha_difference is not None for axis in axes.values())
+        host = moment.host()
+        axes = {axis: _compare(group[axis], host.get(axis), moment.age, same) for axis in ordered}
+        comparable = any(axis.why_not is None for axis in axes.values())
         yield DeviceEstimates(*moment.place(), variant, axes, comparable, device=self._config.name)
 
 
@@ -314,13 +324,21 @@ def _as_estimate(e: DeviceAxis, null: Whiteness) -> AxisEstimate:
     return AxisEstimate(*numbers, valid, *null)
 
 
-def _compare(e: DeviceAxis, host: AxisEstimate | None, age: int) -> DeviceAxisEstimate:
-    """The board's estimate, and its difference from the host's where both are of the same steps."""
+def _compare(
+    e: DeviceAxis, host: AxisEstimate | None, host_age: int, same_settings: bool
+) -> DeviceAxisEstimate:
+    """The board's estimate, and its difference from the host's, or why there is none."""
     valid, numbers = _numbers(e)
-    if host is None or not (valid and host.valid) or e.skipped or e.age != age:
-        return DeviceAxisEstimate(*numbers, valid, age=e.age)
-    if host.alpha is None or host.f is None or host.state is None:
-        return DeviceAxisEstimate(*numbers, valid, age=e.age)
+    why_not = why_not_comparable(
+        device_valid=valid,
+        host_valid=host.valid if host else None,
+        device_age=e.age,
+        host_age=host_age,
+        device_skipped=e.skipped,
+        same_settings=same_settings,
+    )
+    if why_not is not None or host is None or host.alpha is None or host.f is None or host.state is None:
+        return DeviceAxisEstimate(*numbers, valid, age=e.age, why_not=why_not or "host_not_valid")
     return DeviceAxisEstimate(
         *numbers,
         valid,

@@ -30,6 +30,7 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.settings.config import BY_DEVICE, Config
+from fltea.stream.bands import WhiteBands
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
 from fltea.stream.host import HostEstimates
@@ -46,11 +47,15 @@ def no_outputs() -> dict[str, OutputStats]:
 
 
 def stages_of(config: Config) -> list[Stage]:
-    """What the samples go through, in order: this computer, the board, or both."""
+    """What the samples go through, in order: this computer, the board, or both; then white noise."""
+    banded = config.bands_of_gyro or config.bands_of_accel
     if config.estimator.estimate_on not in BY_DEVICE:
-        return [HostEstimates(config, lambda: config.estimator)]
+        host = HostEstimates(config, lambda: config.estimator)
+        return [host, WhiteBands(config, lambda: config.estimator)] if banded else [host]
     board = BoardEstimates(config)
-    return [HostEstimates(config, None if board.alone else board.host_settings), board]
+    host = HostEstimates(config, None if board.alone else board.host_settings)
+    bands = WhiteBands(config, board.settings, board.is_valid if board.alone else None)
+    return [host, board, bands] if banded else [host, board]
 
 
 class Pipeline:
@@ -187,7 +192,10 @@ class Pipeline:
             samples=SampleStats(
                 place.delivered, place.lost, place.gaps, place.duplicates, place.before_hello
             ),
-            axes=standing.axes,
+            axes={
+                axis: msgspec.structs.replace(one, white=standing.white.get(axis))
+                for axis, one in standing.axes.items()
+            },
             board=self._board,
             outputs=self._outputs() if self._source.prompt else {},
             device_estimator=standing.device,
@@ -201,6 +209,7 @@ class Pipeline:
             whole = Standing(
                 max(whole.startup_remaining, one.startup_remaining),
                 one.axes | whole.axes,
+                one.white | whole.white,
                 whole.gyro or one.gyro,
                 whole.accel or one.accel,
                 whole.device or one.device,

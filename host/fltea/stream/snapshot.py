@@ -10,7 +10,7 @@ import msgspec
 
 from fltea.estimator.online_state import OnlineState
 from fltea.records.records import Hello
-from fltea.settings.config import Config
+from fltea.settings.config import Config, EstimatorConfig
 from fltea.stream.stages import Saved
 
 
@@ -37,8 +37,13 @@ def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
         "filter_hz": str(hello.gyro_dlpf_hz),
         "rate_hz": str(hello.rate_hz),
         "channels": str(config.channels),
-        "settings": msgspec.json.encode((config.estimator, config.accel)).decode(),
+        "settings": msgspec.json.encode([_of_filters(config.estimator), _of_filters(config.accel)]).decode(),
     }
+
+
+def _of_filters(config: EstimatorConfig) -> EstimatorConfig:
+    """The settings without what changes no estimate."""
+    return msgspec.structs.replace(config, white_band=None)
 
 
 def why_unused(state: DeviceState, hello: Hello, config: Config, now_unix_ns: int) -> str | None:

@@ -13,6 +13,7 @@ from fltea.records.records import (
     DeviceEstimatorStats,
     EstimatorInfo,
     Hello,
+    WhiteBandStats,
 )
 
 
@@ -50,6 +51,7 @@ class Standing:
 
     startup_remaining: int = 0
     axes: dict[str, AxisStats] = field(default_factory=dict)
+    white: dict[str, WhiteBandStats] = field(default_factory=dict)
     gyro: EstimatorInfo | None = None
     accel: EstimatorInfo | None = None
     device: DeviceEstimatorStats | None = None

@@ -1,6 +1,5 @@
 """What the page says in words and numbers, as plain data that goes to the browser as JSON (pure)."""
 
-import math
 from typing import Any
 
 from fltea.records.records import AXES, Epoch, EstimatorInfo, Hello, Stats
@@ -47,7 +46,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
     if to_go > 0:
         return "wait", f"start-up: {to_go} samples to go; keep the sensor at rest ({begun})"
     if facts_of_device.silent(history):
-        return "wait", f"no estimate of the device yet ({begun})"
+        return "wait", f"{facts_of_device.NOTHING_YET} ({begun})"
     lost = [name for name, axis in history.newest.items() if not axis.valid]
     if lost:
         return "bad", f"{', '.join(lost)} not valid ({begun})"
@@ -77,22 +76,19 @@ def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[
     unit = unit_of(name)
     valid = estimate is not None and estimate.valid
     alpha, f = (estimate.alpha, estimate.f) if valid else (None, None)
-    follower = history.followers.get(name)
-    white = follower.quantiles if follower else None
+    white = history.white(name)
     resumed = history.epoch is not None and history.epoch.reason == "resumed"
     late = history.heard_late and history.estimator(name) == "device"
     verdict = judge(alpha, f, white, older=RESUMED if resumed else HEARD_LATE if late else "")
-    known = white is not None and math.isfinite(white.alpha[0])
     state = None
     if valid:
         state = estimate.state
     bias, R = (None, None) if stats is None else (stats.bias, stats.R)
-    power = follower.power if follower else None
     rows = [
         ["state x̂", quantity(state, unit, 4)],
         ["offset removed", quantity(bias, unit, 4)],
         ["R", quantity(R, f"({unit})²", 3, significant=True)],
-        ["power at start-up", quantity(power, f"({unit})²", 3, significant=True)],
+        ["power at start-up", quantity(white.power if white else None, f"({unit})²", 3, significant=True)],
         ["innovations, lag 1", quantity(stats.innovation_lag1 if stats else None, "", 3)],
         ["innovations, NIS", quantity(stats.innovation_nis if stats else None, "", 3)],
         ["began anew", str(stats.restarts) if stats else "–"],
@@ -104,8 +100,8 @@ def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[
         "f": f,
         "alpha_text": with_std(alpha, estimate.alpha_std if valid else None),
         "f_text": with_std(f, estimate.f_std if valid else None),
-        "alpha_white": span(white.alpha) if known and white else "–",
-        "f_white": span(white.f) if known and white else "–",
+        "alpha_white": span(white.alpha) if white else "–",
+        "f_white": span(white.f) if white else "–",
         "whiteness": (estimate.whiteness if estimate else None) or "unknown",
         "whiteness_text": judge_whiteness(estimate.whiteness, estimate.null_p) if estimate else "",
         "side": verdict.side,

@@ -3,10 +3,12 @@
 import math
 from typing import Any
 
-from fltea.records.records import AXES, DeviceAxisEstimate
+from fltea.records.records import AXES
+from fltea.records.why_not import not_comparable
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import apart, counted, figure, guard_words, quantity
-from fltea.stream.comparable import WHY_NOT, why_not_comparable
+
+NOTHING_YET = "no estimate of the device yet"
 
 
 def silent(history: DeviceHistory) -> bool:
@@ -60,8 +62,8 @@ def beside(history: DeviceHistory, window: int) -> dict[str, dict[str, Any]]:
 
 
 def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) -> dict[str, Any]:
-    seq, e = history.newest_beside.get(axis, (0, None))
-    why = _why_not(history, axis, seq, e)
+    e = history.newest_beside.get(axis)
+    why = NOTHING_YET if e is None else not_comparable(e.why_not) if e.why_not else ""
     stats = history.stats.device_estimator if history.stats else None
     known = None if why or e is None else e
     return {
@@ -78,25 +80,6 @@ def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) ->
         ],
         "guard": guard_words(stats.interventions.get(axis, {}) if stats else {}),
     }
-
-
-def _why_not(history: DeviceHistory, axis: str, seq: int, e: DeviceAxisEstimate | None) -> str:
-    """Why the device's estimate says nothing beside the host's; empty if it can be compared."""
-    if e is not None and e.alpha_difference is not None:
-        return ""
-    host, stats = history.newest.get(axis), history.stats
-    own = stats.device_estimator if stats else None
-    reason = why_not_comparable(
-        device_valid=e.valid if e else None,
-        host_valid=host.valid if host else None,
-        device_age=e.age if e else None,
-        host_age=history.host_age(seq),
-        device_skipped=own is not None and own.skipped > 0,
-        same_settings=False,  # or there would be a difference
-    )
-    if reason is None or reason == "no_device_estimate":
-        return WHY_NOT["no_device_estimate"]
-    return f"not comparable: {WHY_NOT[reason]}"
 
 
 def _apart(newest: float | None, farthest: float) -> str:

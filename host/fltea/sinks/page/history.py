@@ -12,6 +12,7 @@ from fltea.records.records import (
     AXES,
     AnyRecord,
     AxisEstimate,
+    AxisStats,
     DeviceAxisEstimate,
     DeviceEstimates,
     Epoch,
@@ -21,12 +22,12 @@ from fltea.records.records import (
     Hello,
     Sample,
     Stats,
+    WhiteBandStats,
 )
-from fltea.settings.config import EstimateOn, EstimatorConfig
+from fltea.settings.config import EstimateOn
 from fltea.sinks.page import row_layout
 from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers
-from fltea.stream.white import STEP, WhiteFollower, follow
 
 SILENCE_MS = 1000.0
 EVENTS = 60
@@ -43,12 +44,11 @@ class Happening(NamedTuple):
 class DeviceHistory:
     """Takes the records of one device in one thread, and is read in others, under `lock`.
 
-    gyro, accel: settings of the axes of each sensor; None leaves an accelerometer without a white band.
-    newest: of every axis, the last estimate of the epoch; newest_beside: the device's, with its sample.
-    heard_late: the device estimated already when the epoch began.
+    estimate_on: who estimates the gyroscope's axes. newest: of every axis, the last estimate of the epoch;
+    newest_beside: the device's. heard_late: the device estimated already when the epoch began.
     """
 
-    def __init__(self, name: str, gyro: EstimatorConfig, accel: EstimatorConfig | None = None) -> None:
+    def __init__(self, name: str, estimate_on: EstimateOn) -> None:
         self.name = name
         self.lock = threading.Lock()
         self.hello: Hello | None = None
@@ -57,22 +57,18 @@ class DeviceHistory:
         self.sample: Sample | None = None
         self.estimate: Estimate | None = None
         self.newest: dict[str, AxisEstimate] = {}
-        self.newest_beside: dict[str, tuple[int, DeviceAxisEstimate]] = {}
+        self.newest_beside: dict[str, DeviceAxisEstimate] = {}
         self.heard_late = False
         self.error: Error | None = None
         self.error_heard_ns = 0
         self.heard_ns: int | None = None
         """monotonic time of the last sample"""
-        self.samples_of_epoch = 0
         self.axes: tuple[str, ...] = ()
-        self.followers: dict[str, WhiteFollower | None] = {}
         self.happenings: deque[Happening] = deque(maxlen=EVENTS)
-        self._gyro, self._accel = gyro, accel
-        self._estimator: EstimateOn = gyro.estimate_on
+        self._estimator = estimate_on
         self._gaps = (0, 0)
-        self._estimates = 0
-        self._first_seq: int | None = None
-        self._followed: dict[str, int] = {}
+        self._lost = 0
+        self._means: dict[str, tuple[int, float]] = {}
         self._every = 1
         self._written_seq: int | None = None
         self._last_ms = -np.inf
@@ -106,17 +102,21 @@ class DeviceHistory:
             host_ns = self.sample.host_ns if self.sample else 0
             self._happen(host_ns, "missed", f"the page missed {count} records: it was too slow")
 
-    def release(self) -> None:
-        """Let go of the runs of white noise; nothing is written any more."""
-        self.followers = {}
+    @property
+    def samples_of_epoch(self) -> int:
+        """Samples of the epoch until the newest one; the page may not have got each of them."""
+        if self.sample is None or self.epoch is None or self.sample.epoch != self.epoch.epoch:
+            return 0
+        return self.sample.seq - self.epoch.seq + 1 - self._lost
+
+    def white(self, axis: str) -> WhiteBandStats | None:
+        """What white noise would give in place of an axis, as far as this epoch's statistics say it."""
+        stats = self._stats_of_epoch(axis)
+        return stats.white if stats else None
 
     def estimator(self, axis: str) -> EstimateOn:
         """Who estimates an axis."""
         return self._estimator if axis in AXES else "host"
-
-    def host_age(self, seq: int) -> int | None:
-        """Steps of the host's estimates until a sample, the first one is 1; None without estimates."""
-        return None if self._first_seq is None else seq - self._first_seq + 1
 
     def farthest(self, window: int) -> dict[str, tuple[float, float]]:
         """How far device and host are apart at most in a window, in α and in f; NaN: unknown."""
@@ -141,13 +141,13 @@ class DeviceHistory:
 
     def offset(self, axis: str) -> float:
         """What is taken off the samples of an axis: its bias, or in the start-up window the mean so far."""
-        stats = self.stats
-        if stats is not None and self.epoch is not None and stats.epoch == self.epoch.epoch:
-            found = stats.axes.get(axis)
-            if found is not None and found.bias is not None:
-                return found.bias
-        follower = self.followers.get(axis)
-        return follower.mean if follower else 0.0
+        stats = self._stats_of_epoch(axis)
+        return stats.bias if stats and stats.bias is not None else self._means.get(axis, (0, 0.0))[1]
+
+    def _stats_of_epoch(self, axis: str) -> AxisStats | None:
+        if self.stats is None or self.epoch is None or self.stats.epoch != self.epoch.epoch:
+            return None
+        return self.stats.axes.get(axis)
 
     def _on_hello(self, record: Hello) -> None:
         changed = self.hello is None or self.hello.rate_hz != record.rate_hz
@@ -158,10 +158,8 @@ class DeviceHistory:
     def _on_epoch(self, record: Epoch) -> None:
         self._commit(None)
         self.epoch, self.estimate = record, None
-        self.newest, self.newest_beside, self._followed = {}, {}, {}
-        self.heard_late, self._first_seq = False, None
-        self.samples_of_epoch = self._estimates = 0
-        self._follow()
+        self.newest, self.newest_beside, self._means = {}, {}, {}
+        self.heard_late, self._lost = False, 0
         now_ms = record.host_ns * 1e-6
         if now_ms < self._last_ms:  # the date was set back
             self._clear()
@@ -173,50 +171,26 @@ class DeviceHistory:
     def _on_sample(self, record: Sample) -> None:
         self._commit(None)
         self.sample, self.heard_ns = record, clock.host_ns()
-        self.samples_of_epoch += 1
-        for axis, follower in self.followers.items():
-            if follower is not None:
-                follower.on_sample(_value(record, axis))
+        for axis in self.axes:
+            stats = self._stats_of_epoch(axis)
+            if stats is None or stats.bias is None:
+                count, mean = self._means.get(axis, (0, 0.0))
+                self._means[axis] = count + 1, mean + (_value(record, axis) - mean) / (count + 1)
 
     def _on_estimate(self, record: Estimate) -> None:
         found = record.axes
         self.estimate = record
         self.newest.update(found)
-        of_gyro = any(axis in AXES for axis in found)
-        if self._first_seq is None and of_gyro:
-            self._first_seq = record.seq
-        of_device = of_gyro and self._estimator == "device"
-        steps = self._steps_of_device(record) if of_device else dict.fromkeys(found, 1)
-        if of_device:
+        if self._estimator == "device" and any(axis in AXES for axis in found):
             self._keep_own(record)
         else:
             self._commit(record)
-        before = self._estimates // STEP
-        self._estimates += max(steps.values(), default=0)
-        for axis, e in found.items():
-            follower = self.followers.get(axis)
-            if follower is not None:
-                follower.on_estimate(e.valid, steps[axis])
-        if self._estimates // STEP != before and self.axes:
-            row = [record.host_ns * 1e-6]
-            for axis in self.axes:
-                follower = self.followers[axis]
-                row += [np.nan] * 6 if follower is None else [*np.concatenate(follower.quantiles)]
-            self._tables["white"].append(np.array(row))
 
-    def _steps_of_device(self, record: Estimate) -> dict[str, int]:
-        """Samples since the device's estimate before of each axis, those of the start-up window left out."""
+    def _keep_own(self, record: Estimate) -> None:
+        """Take the device's own estimates, which come at a pace of their own."""
         epoch = self.epoch
         startup = epoch.estimator.startup_samples if epoch and epoch.estimator else 0
         self.heard_late |= epoch is not None and record.seq - epoch.seq < startup
-        steps = {}
-        for axis in record.axes:
-            before = max(self._followed.get(axis, 0), startup)
-            self._followed[axis] = self.samples_of_epoch
-            steps[axis] = max(0, self.samples_of_epoch - before)
-        return steps
-
-    def _keep_own(self, record: Estimate) -> None:
         if not self.axes:
             return
         row: list[float | None] = [record.host_ns * 1e-6, record.seq]
@@ -225,7 +199,7 @@ class DeviceHistory:
         self._tables["own"].append(np.array(row, dtype=np.float64))
 
     def _on_device_estimates(self, record: DeviceEstimates) -> None:
-        self.newest_beside |= {axis: (record.seq, e) for axis, e in record.axes.items()}
+        self.newest_beside |= record.axes
         if not self.axes:
             return
         row: list[float | None] = [record.host_ns * 1e-6]
@@ -243,20 +217,21 @@ class DeviceHistory:
         if both and tuple(both) != self.axes:
             self.axes = tuple(both)
             self._make_tables()
-            self._follow()
-            for axis, e in self.newest.items():  # an epoch whose window was over before the axes were known
-                follower = self.followers.get(axis)
-                if follower is not None:
-                    follower.on_estimate(e.valid, self._estimates)
             self._written_seq = self.sample.seq if self.sample else None  # its offset is not known
         if self.axes and self.sample is not None:
-            row: list[float | None] = [self.sample.host_ns * 1e-6]
+            time_ms = self.sample.host_ns * 1e-6
+            checks: list[float | None] = [time_ms]
+            white: list[float | None] = [time_ms]
             for axis in self.axes:
                 found = both.get(axis)
-                row += [found.innovation_lag1, found.innovation_nis] if found else [None, None]
-            self._tables["checks"].append(np.array(row, dtype=np.float64))
+                checks += [found.innovation_lag1, found.innovation_nis] if found else [None, None]
+                white += row_layout.white(found.white if found else None)
+            self._tables["checks"].append(np.array(checks, dtype=np.float64))
+            self._tables["white"].append(np.array(white, dtype=np.float64))
 
     def _on_gap(self, record: Gap) -> None:
+        if self.epoch is not None and record.epoch == self.epoch.epoch:
+            self._lost += record.missing
         newest = self.happenings[-1] if self.happenings else None
         gaps, missing = self._gaps if newest is not None and newest.kind == "gap" else (0, 0)
         if gaps:
@@ -297,7 +272,7 @@ class DeviceHistory:
         axes = len(self.axes)
         self._tables: dict[Table, Tiers] = {
             "rows": row_layout.make("rows", axes, rate_hz),
-            "white": row_layout.make("white", axes, rate_hz / STEP),
+            "white": row_layout.make("white", axes, 1.0),
             "checks": row_layout.make("checks", axes, 1.0),
         }
         self._make_table_of_device()
@@ -308,23 +283,6 @@ class DeviceHistory:
             self._tables["own"] = row_layout.make("own", len(self.axes), rate_hz)
         if self._estimator == "both":
             self._tables["beside"] = row_layout.make("beside", len(self.axes), rate_hz)
-
-    def _follow(self) -> None:
-        """Begin to watch the axes of an epoch."""
-        self.followers = follow(self.axes, self.hello, self._config_of_gyro(), self._accel)
-
-    def _config_of_gyro(self) -> EstimatorConfig:
-        """Settings of the gyroscope's axes: a device's own, as far as it says them, where it has its own."""
-        info = self.epoch.estimator if self.epoch else None
-        if info is None or self._estimator == "host":
-            return self._gyro
-        return EstimatorConfig(
-            estimate_on=self._gyro.estimate_on,
-            variant=info.variant,  # type: ignore[arg-type]
-            guard=info.guard,  # type: ignore[arg-type]
-            window=info.window,
-            startup=info.startup_samples,
-        )
 
     def _happen(self, host_ns: int, kind: Literal["epoch", "gap", "error", "missed"], text: str) -> None:
         self.happenings.append(Happening(host_ns, kind, text))

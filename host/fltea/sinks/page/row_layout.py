@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Literal
 
-from fltea.records.records import AxisEstimate, DeviceAxisEstimate
+from fltea.records.records import AxisEstimate, DeviceAxisEstimate, WhiteBandStats
 from fltea.sinks.page.tiers import Kind, Tiers
 
 Table = Literal["rows", "white", "checks", "own", "beside"]
@@ -53,6 +53,11 @@ def estimate(e: AxisEstimate | None) -> list[float | None]:
     if e is None:
         return [None] * len(ESTIMATE)
     return [e.state, e.alpha, e.alpha_std, e.f, e.f_std]
+
+
+def white(band: WhiteBandStats | None) -> list[float | None]:
+    """What white noise would give, in the order of the table's columns."""
+    return [None] * len(OF_AXIS["white"]) if band is None else [*band.alpha, *band.f]
 
 
 def beside(e: DeviceAxisEstimate | None) -> list[float | None]:

@@ -7,7 +7,7 @@ from bokeh.document import Document
 from fltea.records.block import Block
 from fltea.records.ports import Item, Report, Sink
 from fltea.records.records import Record
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.config import EstimateOn
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.page.complaints import Complaints
 from fltea.sinks.page.history import DeviceHistory
@@ -18,7 +18,7 @@ from fltea.sinks.page.server import PageServer
 class DashboardSink(Sink):
     """Remembers what the page shows; browsers fetch it at their own pace, so none can hold anything up.
 
-    devices, accel: settings of each device's gyroscope and accelerometer, by its name.
+    devices: who estimates the gyroscope of each device, by its name.
 
     Raises:
         FlteaError: the port is taken, or the address is not ours.
@@ -29,13 +29,10 @@ class DashboardSink(Sink):
     def __init__(
         self,
         settings: DashboardConfig,
-        devices: Mapping[str, EstimatorConfig],
+        devices: Mapping[str, EstimateOn],
         report: Report,
-        accel: Mapping[str, EstimatorConfig] | None = None,
     ) -> None:
-        self._histories = {
-            name: DeviceHistory(name, config, (accel or {}).get(name)) for name, config in devices.items()
-        }
+        self._histories = {name: DeviceHistory(name, estimate_on) for name, estimate_on in devices.items()}
         Complaints(report)
         self._host, port = settings.listen()
         self._server = PageServer(self._host, port, settings.names, self._make, settings.visitors, report)
@@ -61,14 +58,8 @@ class DashboardSink(Sink):
             history.missed(count)
 
     def close(self) -> None:
-        """End the server, and let go of the native estimators, even if a page's thread outlives this.
-
-        Such a thread keeps its histories, and they would keep what the native module finds not released when
-        the program ends.
-        """
+        """End the server."""
         self._server.close()
-        for history in self._histories.values():
-            history.release()
 
     def _make(self, document: Document) -> None:
         Page(document, self._histories)

@@ -3,17 +3,20 @@
 The first is a comparison of α and f, with nearly no power; the second a test of the samples.
 """
 
-import math
 from typing import Literal, NamedTuple
 
-from fltea.estimator.running_null import FEWEST, LEVEL, p_text
-from fltea.estimator.white_band import Quantiles
-from fltea.records.records import Whiteness
+from fltea.records.null_p import FEWEST, LEVEL, p_text
+from fltea.records.records import WhiteBandStats, Whiteness
 
 Side = Literal["within", "outside", "unknown"]
 
 RESUMED = " The runs began only when the estimator was resumed, so the band is too wide at first."
 HEARD_LATE = " The device estimated before it was heard and the runs began, so the band is too wide at first."
+
+UNKNOWN = (
+    "What white noise would give is not known: too few samples yet, a constant axis, or estimator.white_band "
+    "is off. So nothing can be said."
+)
 
 SHORT: dict[Side, str] = {
     "within": "Within what white noise gives: these figures say nothing.",
@@ -34,23 +37,18 @@ class Verdict(NamedTuple):
         return SHORT[self.side]
 
 
-def judge(alpha: float | None, f: float | None, white: Quantiles | None, *, older: str = "") -> Verdict:
+def judge(alpha: float | None, f: float | None, white: WhiteBandStats | None, *, older: str = "") -> Verdict:
     """Compare an estimate with the 5 to 95 % of white noise after as many samples.
 
-    white: None where there is no band for the axis. older: what to say of runs that began late.
+    white: None where it is not known. older: what to say of runs that began late.
     """
     if alpha is None or f is None:
         return Verdict("unknown", "No valid estimate.")
     if white is None:
-        return Verdict(
-            "unknown",
-            "There is no band for this axis, so nothing can be said: compare with shuffled samples.",
-        )
-    if not math.isfinite(white.alpha[0]):
-        return Verdict("unknown", "What white noise would give is not known yet: too few samples.")
+        return Verdict("unknown", UNKNOWN)
     places = {
-        "α": bool(white.alpha[0] <= alpha <= white.alpha[2]),
-        "f": bool(white.f[0] <= f <= white.f[2]),
+        "α": white.alpha[0] <= alpha <= white.alpha[2],
+        "f": white.f[0] <= f <= white.f[2],
     }
     outside = [name for name, within in places.items() if not within]
     if not outside:
