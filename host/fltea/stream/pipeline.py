@@ -102,6 +102,7 @@ class Pipeline:
                     yield from self._on_samples(found)
             if not isinstance(part, RawBlock):
                 yield from self._on_event(part)
+            self._now_ns = host_ns_of(part) or self._now_ns
 
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
@@ -169,7 +170,6 @@ class Pipeline:
             items = _through(stage, items, raw, missing)
         self._sample_ns = int(raw.host_ns[-1])
         yield from self._records(items)
-        self._now_ns = self._sample_ns
 
     def _records(self, items: Iterable[Item]) -> Iterator[Output]:
         for item in items:
