@@ -104,7 +104,6 @@ class Pipeline:
                 self._now_ns = int(part.host_ns[-1])  # also where its last samples could not be used
             else:
                 yield from self._on_event(part)
-            self._now_ns = host_ns_of(part) or self._now_ns
 
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
