@@ -15,9 +15,9 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TextIO
+from typing import IO
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -89,7 +89,7 @@ def output(arguments: list[str]) -> list[str]:
     return [] if asked or sys.stdout.isatty() else ["--format", "ndjson"]
 
 
-def show_summary(records: TextIO) -> None:
+def show_summary(records: IO[str]) -> None:
     """Print one line a second of the daemon's NDJSON, to its end or until nobody reads."""
     summary = Summary()
     for record in records:
@@ -104,7 +104,7 @@ def show_summary(records: TextIO) -> None:
             return
 
 
-def pass_on(warnings: TextIO) -> None:
+def pass_on(warnings: Iterable[str]) -> None:
     """Pass the emulator's warnings on, and say once what being too slow means for the figures."""
     explained = False
     for line in warnings:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from blocks import records_of, samples_of
+from blocks import of_samples, records_of
 from due_support import image
 from fake_smbus import MS, Pi, S
 from fltea.records.events import Chunk, Opened, TransportEvent
@@ -118,7 +118,7 @@ def test_a_recording_replays_to_the_same_estimates() -> None:
     """The recorder writes frames; what they give is what was live."""
     pi = through_the_pi()
     as_wire = AsWire(pi.host.unix_offset_ns)
-    replayed = walked([item for event in pi.events for item in as_wire.encode(event)])
+    replayed = walked([item for event in of_samples(pi.events) for item in as_wire.encode(event)])
     live = of(pi.records, Estimate)
     again = of(replayed, Estimate)
     assert len(live) == len(again) > 500
@@ -220,5 +220,5 @@ def test_the_command_with_a_bad_address() -> None:
 
 
 def test_raw_samples_of_a_burst_have_times_of_their_own() -> None:
-    raw = samples_of(through_the_pi().events)
+    raw = through_the_pi().raw
     assert len({sample.host_ns for sample in raw}) > 0.99 * len(raw)

@@ -127,21 +127,27 @@ def test_integer_orders_are_ordinary_differences(digits: int, instruction_set: s
 # --- the compressed memory: weights one by one
 
 
-def weight_errors(memory: Memory, order: float, ages: list[int]) -> tuple[list[float], list[float]]:
-    """Relative errors of c_j and c_j^2 at the given ages j, from the answer to an impulse."""
+def weight_errors(
+    memory: Memory, ages: dict[float, list[int]]
+) -> dict[float, tuple[list[float], list[float]]]:
+    """Relative errors of c_j and c_j^2 of each order at its ages j, from the answer to one impulse.
+
+    What the memory holds does not depend on the order, which only its sums do.
+    """
     memory.reset()
     memory.push([1.0], [1.0])
-    age, state, variance = 1, [], []
-    for j in sorted(ages):
+    age = 1
+    found: dict[float, tuple[list[float], list[float]]] = {order: ([], []) for order in ages}
+    for j, order in sorted((j, order) for order, some in ages.items() for j in some):
         memory.push_zeros(j - age)
         age = j
         S, V = memory.sums(order)
         with mpmath.workdps(30):
             a = mpmath.mpf(order)
             c = mpmath.gammaprod([j - a], [-a, j + 1])
-            state.append(float(abs(S[0] / c - 1)))
-            variance.append(float(abs(V[0] / (c * c) - 1)) if j > 1 else 0.0)
-    return state, variance
+            found[order][0].append(float(abs(S[0] / c - 1)))
+            found[order][1].append(float(abs(V[0] / (c * c) - 1)) if j > 1 else 0.0)
+    return found
 
 
 def bounds(order: float, digits: int) -> tuple[float, float]:
@@ -153,10 +159,11 @@ def bounds(order: float, digits: int) -> tuple[float, float]:
 @pytest.mark.parametrize("digits", [3, 6, 9])
 def test_weights_over_ten_million_samples(digits: int) -> None:
     random = np.random.default_rng(3)
-    memory = Memory(digits)
+    ages: dict[float, list[int]] = {}
     for order in [-0.9, *random.uniform(-0.9, 3, 6), 0.999999, 1 + 1e-9, 2.9999]:
-        ages = [1, 2, 14, 15, 16, 17, *np.unique(np.exp(random.uniform(3, np.log(1e7), 12)).astype(int))]
-        state, variance = weight_errors(memory, float(order), [int(j) for j in ages])
+        far = np.unique(np.exp(random.uniform(3, np.log(1e7), 12)).astype(int)).tolist()
+        ages[float(order)] = [1, 2, 14, 15, 16, 17, *far]
+    for order, (state, variance) in weight_errors(Memory(digits), ages).items():
         # 1e-8: rounding over ten million samples, of weights that have become very small.
         assert max(state[:4]) < 1e-14
         assert max(state) < bounds(order, digits)[0] + 1e-9
@@ -168,7 +175,7 @@ def test_weights_over_ten_million_samples(digits: int) -> None:
 def test_weights_anywhere(order: float, j: int) -> None:
     if order in (0, 1, 2, 3) or min(abs(order - n) for n in range(4)) < 1e-100:
         return  # no weight to be relative to
-    state, variance = weight_errors(Memory(8), order, [j])
+    state, variance = weight_errors(Memory(8), {order: [j]})[order]
     assert state[0] < bounds(order, 8)[0]
     assert variance[0] < bounds(order, 8)[1]
 

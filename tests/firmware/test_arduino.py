@@ -1,6 +1,7 @@
 """The Arduino sketch, compiled as it stands against a stub of the Arduino core, and run in virtual time."""
 
 import json
+import os
 import shutil
 import subprocess
 import tomllib
@@ -29,7 +30,15 @@ def build(request: pytest.FixtureRequest) -> Path:
         missing(f"{request.param} is not installed")
     folder = ROOT / "build/tests-arduino" / request.param
     done = subprocess.run(
-        ["make", "-C", FOLDER / "arduino_stub", f"BUILD={folder}", f"CXX={request.param}", "all"],
+        [
+            "make",
+            f"-j{os.cpu_count()}",
+            "-C",
+            FOLDER / "arduino_stub",
+            f"BUILD={folder}",
+            f"CXX={request.param}",
+            "all",
+        ],
         capture_output=True,
         text=True,
         check=False,

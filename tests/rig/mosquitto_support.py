@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from blocks import as_items
 from fltea.records.records import AnyRecord, Hello, Sample
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.sink import MqttSink
@@ -192,8 +193,8 @@ class Driven:
         self.sink = MqttSink(config, "due", lambda kind, text: self.told.append((kind, text)))
 
     def write(self, *records: AnyRecord) -> None:
-        for record in records:
-            self.sink.write(record)
+        for item in as_items(records):
+            self.sink.write(item)
         self.sink.flush()
 
     def until(self, condition: Callable[[], bool], what: str) -> None:

@@ -74,6 +74,11 @@ def test_each_thing_that_may_happen_is_the_same_however_it_is_read(what: str) ->
     assert len(check_any_reads(story, [0.3, 0.31, 0.9], {})) > 100
 
 
+def test_a_last_block_whose_end_cannot_be_used_ends_where_it_ends() -> None:
+    """The last statistics are of the time of the last sample, believed or not."""
+    check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], {})
+
+
 def blocks_of(story: Story) -> list[Event]:
     """Its events, with the samples between two others as one block, as a recording has them."""
     source = StorySource()

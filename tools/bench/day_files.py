@@ -59,9 +59,9 @@ def reads(gyro: NDArray[np.int16]) -> Iterator[bytes]:
     """What each read of the port gives: a frame, and once a second HELLO and STATUS before it."""
     status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
     for begin in range(0, len(gyro), AT_ONCE):
-        for i, row in enumerate(gyro[begin : begin + AT_ONCE].tolist(), begin):
+        for i, (x, y, z) in enumerate(gyro[begin : begin + AT_ONCE].tolist(), begin):
             now_us = i * (1_000_000 // RATE_HZ) % 2**32
-            data = encode(wire.Sample(*row, 0, 0, 16384, 1335, 0), i % 65536, now_us)
+            data = encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), i % 65536, now_us)
             if i % RATE_HZ == 0:
                 second = i // RATE_HZ % 65536
                 data = encode(hello(0), second, now_us) + encode(status, second, now_us) + data

@@ -27,6 +27,7 @@ def kill_9(stage: Stage) -> Outcome:
     state = ("--state", stage.folder / "state", "--set", "state.period_s=0.5")
     board, program = stage.pair(*state)
     board.send(BEFORE)
+    board.send_until((stage.folder / "state").exists, "a snapshot")
     with stage.fault():
         program.end(signal.SIGKILL)
         board.send(20)

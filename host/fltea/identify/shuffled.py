@@ -102,7 +102,7 @@ def estimate(
 
 
 def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> Iterator[Array]:
-    """The samples of the copies, (copies, n), part after part; the first is longer than the window."""
+    """The samples of the copies, (copies, n), part after part; the first holds the start-up window."""
     rngs = [np.random.default_rng((seed, number)) for number in copies]
     if len(y) <= LONGEST:
         shuffles = np.empty(

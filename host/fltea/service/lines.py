@@ -46,6 +46,10 @@ class LineLoop:
                     time.sleep(min(took_s, LONGEST_REST_S))
             for place in going:
                 self._finish(place)
+        except Exception as error:  # of the loop itself: a daemon that hears nothing must not look alive
+            for place in going:
+                self._on_end(self.walks[place], error)
+            raise
         finally:
             self._ports.close()
 

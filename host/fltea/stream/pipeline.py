@@ -171,7 +171,6 @@ class Pipeline:
             items = _through(stage, items, raw, missing)
         self._sample_ns = int(raw.host_ns[-1])
         yield from self._records(items)
-        self._now_ns = self._sample_ns
 
     def _records(self, items: Iterable[Item]) -> Iterator[Output]:
         for item in items:

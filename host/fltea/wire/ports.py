@@ -82,6 +82,8 @@ class Ports:
             self._closed = True
             os.close(self._wake_read)
             os.close(self._wake_write)
+        while not self._opened.empty():  # open, and the loop has not taken note of it
+            self._lines[self._opened.get()[0]].port.close()
         for line in self._lines:
             if line.open_s is not None or line.descriptor is not None:
                 line.port.close()

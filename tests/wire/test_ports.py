@@ -1,0 +1,309 @@
+"""Many ports in one loop: whatever one of them does, the others lose nothing and come in every round."""
+
+import contextlib
+import os
+import pty
+import socket
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+import serial
+from fltea.records.events import Chunk, Failed, Opened, TransportEvent
+from fltea.wire import transport
+from fltea.wire.ports import Ports
+from fltea.wire.transport import Port
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+PATIENCE_S = 20.0
+BAUD = 250_000
+
+
+class Terminal:
+    """A pseudo-terminal under a name of ours, which can go and come back."""
+
+    def __init__(self, link: Path) -> None:
+        self.link = link
+        self.plug()
+
+    def plug(self) -> None:
+        self.master, slave = pty.openpty()
+        tty.setraw(slave)
+        os.set_blocking(self.master, False)
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(os.ttyname(slave))
+        os.close(slave)
+
+    def unplug(self) -> None:
+        self.link.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            os.close(self.master)
+
+    def send(self, data: bytes) -> None:
+        assert os.write(self.master, data) == len(data)
+
+
+class Loop:
+    """Drives the ports as the daemon does, and remembers what came from each."""
+
+    def __init__(self, urls: Sequence[str | Path]) -> None:
+        self.ports = Ports([Port(str(url), BAUD) for url in urls])
+        self.heard: list[list[TransportEvent | None]] = [[] for _ in urls]
+
+    def round(self) -> None:
+        for place, event in self.ports.poll(0.05):
+            self.heard[place].append(event)
+
+    def until(self, condition: Callable[[], bool], what: str) -> None:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < deadline_s, f"waited in vain for {what}: {self.heard}"
+            self.round()
+
+    def data(self, place: int) -> bytes:
+        return b"".join(event.data for event in self.heard[place] if isinstance(event, Chunk))
+
+    def kinds(self, place: int) -> list[str]:
+        """What happened to the port itself, in order."""
+        events = (event for event in self.heard[place] if isinstance(event, Opened | Failed))
+        return [event.kind if isinstance(event, Failed) else "opened" for event in events]
+
+    def opened(self, *places: int) -> None:
+        self.until(lambda: all("opened" in self.kinds(place) for place in places), f"{places} to be open")
+
+
+@pytest.fixture
+def terminals(tmp_path: Path) -> Iterator[Callable[[int], list[Terminal]]]:
+    made: list[Terminal] = []
+
+    def make(count: int) -> list[Terminal]:
+        made.extend(Terminal(tmp_path / f"port{k}") for k in range(count))
+        return made
+
+    yield make
+    for terminal in made:
+        terminal.unplug()
+
+
+@pytest.fixture
+def loop_of() -> Iterator[Callable[[Sequence[str | Path]], Loop]]:
+    made: list[Loop] = []
+
+    def make(urls: Sequence[str | Path]) -> Loop:
+        made.append(Loop(urls))
+        return made[-1]
+
+    yield make
+    for loop in made:
+        loop.ports.close()
+
+
+def test_what_comes_from_a_port_is_its_own_and_in_order(terminals, loop_of) -> None:
+    many = terminals(40)
+    loop = loop_of([one.link for one in many])
+    loop.opened(*range(40))
+    sent = [b""] * 40
+    for k in range(10):
+        for place, one in enumerate(many):
+            text = b"%d of %d;" % (k, place)
+            one.send(text)
+            sent[place] += text
+        loop.round()
+    loop.until(lambda: [loop.data(place) for place in range(40)] == sent, "all that was sent")
+    assert all(loop.kinds(place) == ["opened"] for place in range(40))
+
+
+@settings(max_examples=25)
+@given(st.lists(st.tuples(st.integers(0, 2), st.binary(min_size=1, max_size=300) | st.none()), max_size=30))
+def test_any_order_of_sending_and_reading_loses_nothing(story: list[tuple[int, bytes | None]]) -> None:
+    """None: a round of the loop in between."""
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        many = [Terminal(folder / f"{k}") for k in range(3)]
+        loop = Loop([one.link for one in many])
+        stack.callback(loop.ports.close)
+        for one in many:
+            stack.callback(one.unplug)
+        loop.opened(0, 1, 2)
+        sent = [b"", b"", b""]
+        for place, data in story:
+            if data is None:
+                loop.round()
+            else:
+                many[place].send(data)
+                sent[place] += data
+        loop.until(lambda: [loop.data(place) for place in range(3)] == sent, "all that was sent")
+
+
+def test_one_that_hangs_while_it_is_opened_holds_up_nobody(monkeypatch, terminals, loop_of) -> None:
+    many, go = terminals(3), threading.Event()
+    opening = Port.open
+
+    def slow(port: Port) -> Opened | Failed:
+        if port.url == str(many[1].link):
+            assert go.wait(PATIENCE_S)
+        return opening(port)
+
+    monkeypatch.setattr(Port, "open", slow)
+    loop = loop_of([one.link for one in many])
+    loop.opened(0, 2)
+    for k in range(20):
+        for place in (0, 2):
+            many[place].send(b"x")
+        for _ in range(2):
+            loop.round()
+        assert len(loop.data(0)) == len(loop.data(2)) == k + 1, "at the latest in the second round"
+    assert loop.kinds(1) == []
+    loop.until(lambda: bool(loop.heard[1]), "word that nothing came from it")
+    assert set(loop.heard[1]) == {None}
+    go.set()
+    loop.opened(1)
+    many[1].send(b"late")
+    loop.until(lambda: loop.data(1) == b"late", "the late one's data")
+
+
+def test_one_that_dies_and_comes_back_costs_the_others_nothing(terminals, loop_of) -> None:
+    many = terminals(3)
+    loop = loop_of([one.link for one in many])
+    loop.opened(0, 1, 2)
+    sent = b""
+    for k in range(3):
+        many[1].unplug()
+        loop.until(lambda k=k: loop.kinds(1).count("unplugged") == k + 1, "the loss")
+        loop.until(lambda: loop.kinds(1)[-1] == "no_port", "a try in vain")
+        many[1].plug()
+        while loop.kinds(1)[-1] != "opened":
+            text = b"%d" % len(sent)
+            sent += text
+            for place in (0, 2):
+                many[place].send(text)
+            loop.round()
+        many[1].send(b"back")
+        loop.until(lambda k=k: loop.data(1) == b"back" * (k + 1), "its data")
+    loop.until(lambda: loop.data(0) == loop.data(2) == sent, "all that was sent")
+    assert loop.kinds(0) == loop.kinds(2) == ["opened"]
+
+
+def test_what_was_sent_before_the_loss_is_read_before_it_is_told(loop_of) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        loop = loop_of([f"socket://127.0.0.1:{server.getsockname()[1]}"])
+        loop.opened(0)
+        peer, _ = server.accept()
+        peer.sendall(b"last words")
+        peer.close()
+        loop.until(lambda: "unplugged" in loop.kinds(0), "the loss")
+    assert loop.data(0) == b"last words"
+
+
+def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -> None:
+    many = terminals(3)
+    loop = loop_of([one.link for one in many])
+    loop.opened(0, 1, 2)
+    flood = 0
+    for k in range(300):
+        with contextlib.suppress(BlockingIOError):
+            while True:  # as much as goes in, before every round
+                flood += os.write(many[1].master, bytes(1000))
+        many[k % 2 * 2].send(b"x")
+        loop.round()
+        # What a terminal was given may come a moment later; the flood must not put more rounds before it.
+        for _ in range(3):
+            if len(loop.data(0)) + len(loop.data(2)) == k + 1:
+                break
+            loop.round()
+        assert len(loop.data(0)) + len(loop.data(2)) == k + 1
+    loop.until(lambda: len(loop.data(1)) == flood, "the rest of the flood")
+    assert flood > 100_000
+
+
+def test_a_socket_whose_connection_hangs(monkeypatch, terminals, loop_of) -> None:
+    many, go = terminals(2), threading.Event()
+
+    def hang(*arguments: object, **more: object) -> socket.socket:
+        assert go.wait(PATIENCE_S)
+        raise TimeoutError("timed out")
+
+    monkeypatch.setattr(socket, "create_connection", hang)
+    loop = loop_of([many[0].link, "socket://192.0.2.1:7000", many[1].link])
+    loop.opened(0, 2)
+    many[0].send(b"first")
+    many[1].send(b"second")
+    loop.until(lambda: (loop.data(0), loop.data(2)) == (b"first", b"second"), "the others")
+    assert loop.kinds(1) == []
+    go.set()
+    loop.until(lambda: loop.kinds(1) == ["no_port"], "word that nobody answers")
+    failed = next(event for event in loop.heard[1] if isinstance(event, Failed))
+    assert "cannot connect to socket://192.0.2.1:7000" in failed.message
+
+
+def test_sockets_and_their_loss(loop_of) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        loop = loop_of([url, url])
+        loop.opened(0, 1)
+        peers = [server.accept()[0] for _ in range(2)]
+        for k, peer in enumerate(peers):
+            peer.sendall(b"%d" % k * 1000)
+        loop.until(lambda: len(loop.data(0)) == len(loop.data(1)) == 1000, "both")
+        assert {loop.data(0)[:1], loop.data(1)[:1]} == {b"0", b"1"}
+        dead = int(loop.data(1)[:1] == b"0")  # whose peer is the first
+        peers[0].close()
+        loop.until(lambda: loop.kinds(dead)[-1] == "unplugged", "the loss")
+        peers[1].sendall(b"more")
+        loop.until(lambda: loop.data(1 - dead).endswith(b"more"), "the other one")
+        loop.until(lambda: loop.kinds(dead) == ["opened", "unplugged", "opened"], "it to come back")
+        again, _ = server.accept()
+        again.close()
+        peers[1].close()
+
+
+def test_ports_that_fail_are_tried_ever_more_slowly(monkeypatch, loop_of) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr("fltea.wire.ports.time.monotonic", lambda: now_s[0])
+    tried: list[float] = []
+    monkeypatch.setattr(Port, "open", lambda port: tried.append(now_s[0]) or Failed("no_port", "none", 0))
+    loop = loop_of(["/dev/none"])
+    for k in range(7):
+        while len(loop.kinds(0)) == k:
+            loop.heard[0] += [event for _, event in loop.ports.poll(0.001)]
+            now_s[0] += 0.05
+    waits = [after - before for before, after in pairwise(tried)]
+    for wait, least in zip(waits, [*transport.BACKOFF_S, transport.BACKOFF_S[-1]], strict=True):
+        assert wait >= least - 1e-9
+
+
+def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, terminals) -> None:
+    many, go, released = terminals(3), threading.Event(), threading.Event()
+    opening, closing = Port.open, Port.close
+
+    def slow(port: Port) -> Opened | Failed:
+        if port.url == str(many[2].link):
+            assert go.wait(PATIENCE_S)
+        return opening(port)
+
+    def close(port: Port) -> None:
+        closing(port)
+        if go.is_set() and port.url == str(many[2].link):
+            released.set()
+
+    monkeypatch.setattr(Port, "open", slow)
+    monkeypatch.setattr(Port, "close", close)
+    loop = Loop([one.link for one in many])
+    loop.ports._open_due(0.0)
+    deadline_s = time.monotonic() + PATIENCE_S
+    while loop.ports._opened.qsize() < 2:  # open, and the loop does not know it yet
+        assert time.monotonic() < deadline_s
+        time.sleep(0.001)
+    loop.ports.close()
+    loop.ports.wake()  # too late, and no harm
+    go.set()
+    assert released.wait(PATIENCE_S)
+    for one in many:
+        with serial.Serial(str(one.link), exclusive=True):
+            pass
