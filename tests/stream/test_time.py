@@ -9,7 +9,7 @@ from blocks import cuts
 from fltea.records.events import RawBlock
 from fltea.sources.replay import ReplaySource
 from fltea.stream.time import Timebase
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from time_one_by_one import Timebase as TimeOneByOne
 
@@ -189,3 +189,17 @@ def test_more_than_is_kept_has_the_times_of_one_by_one() -> None:
     blocks = np.array_split(np.array([seq, device_us, host_ns]), 9, axis=1)
     assert np.concatenate([timebase.add(*block) for block in blocks]).tolist() == wanted
     assert (timebase.clock_ppm, timebase.rate_hz) == (oracle.clock_ppm, oracle.rate_hz)
+
+
+@given(st.lists(st.tuples(st.integers(1, 1_500_000), st.integers(0, 3 * 10**9)), min_size=2, max_size=60))
+@example([(1, 3 * 10**9), (1, 0), (1, 0)])
+def test_samples_one_by_one_are_those_of_a_block(steps: list[tuple[int, int]]) -> None:
+    """Also where an early arrival, or a new fit, would set time back: it goes on by a nanosecond."""
+    device_us = np.cumsum([step for step, _ in steps])
+    host_ns = device_us * 1000 + np.array([delay for _, delay in steps])
+    seq = np.arange(len(steps))
+    whole = Timebase(5).add(seq, device_us, host_ns)
+    single = Timebase(5)
+    rows = [single.add(seq[i : i + 1], device_us[i : i + 1], host_ns[i : i + 1]) for i in range(len(seq))]
+    np.testing.assert_array_equal(np.concatenate(rows), whole)
+    assert (np.diff(whole) >= 1).all()
