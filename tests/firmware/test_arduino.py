@@ -30,7 +30,15 @@ def build(request: pytest.FixtureRequest) -> Path:
         missing(f"{request.param} is not installed")
     folder = ROOT / "build/tests-arduino" / request.param
     done = subprocess.run(
-        ["make", f"-j{os.cpu_count()}", "-C", FOLDER / "arduino_stub", f"BUILD={folder}", f"CXX={request.param}", "all"],
+        [
+            "make",
+            f"-j{os.cpu_count()}",
+            "-C",
+            FOLDER / "arduino_stub",
+            f"BUILD={folder}",
+            f"CXX={request.param}",
+            "all",
+        ],
         capture_output=True,
         text=True,
         check=False,
