@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
@@ -104,7 +104,7 @@ def show_summary(records: IO[str]) -> None:
             return
 
 
-def pass_on(warnings: IO[str]) -> None:
+def pass_on(warnings: Iterable[str]) -> None:
     """Pass the emulator's warnings on, and say once what being too slow means for the figures."""
     explained = False
     for line in warnings:

@@ -7,8 +7,8 @@
 
 namespace fltea {
 
-// One record. begin, end: of its content in the chunk, of a message of what stands behind its head; the rest is
-// 0 for all but messages.
+// One record. begin, end: of its content in the chunk, of a message of what stands behind its head; the rest
+// is 0 for all but messages.
 struct ChunkRecord {
     std::int64_t kind, begin, end, channel, sequence, log_time, publish_time;
 };
@@ -30,8 +30,8 @@ inline bool index_chunk(const std::uint8_t* data, std::size_t size, std::vector<
         const std::uint64_t length = number(data + at + 1, 8);
         at += kHead;
         if (length > size - at) return false;
-        ChunkRecord record = {kind, static_cast<std::int64_t>(at), static_cast<std::int64_t>(at + length), 0,
-                              0,    0,                             0};
+        ChunkRecord record = {
+            kind, static_cast<std::int64_t>(at), static_cast<std::int64_t>(at + length), 0, 0, 0, 0};
         if (kind == kMessage) {
             const std::uint8_t* head = data + at;
             if (length < kMessageHead || !is_time(number(head + 6, 8)) || !is_time(number(head + 14, 8))) {

@@ -1,8 +1,8 @@
 // The host's receiver of the wire (protocol/README.md, "Framing"): bytes of one port in, frames out.
 //
-// It gives the same as fltea.wire.messages.FrameReader, which is its oracle (tests/protocol/test_block_reader.py),
-// at a tenth of the cost or less. It parses whatever a line delivers: nothing is read beyond what was given,
-// and between calls it keeps at most one unfinished block.
+// It gives the same as fltea.wire.messages.FrameReader, which is its oracle
+// (tests/wire/test_block_reader.py), at a tenth of the cost or less. It parses whatever a line delivers:
+// nothing is read beyond what was given, and between calls it keeps at most one unfinished block.
 #pragma once
 
 #include <cstddef>

@@ -10,8 +10,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "cobs.h"
 #include "chunk_index.hpp"
+#include "cobs.h"
 #include "crc32.h"
 #include "decoder_binding.hpp"
 #include "engine_binding.hpp"

@@ -51,8 +51,8 @@ def test_ten_minutes_of_clean_noise_have_no_trap() -> None:
     for axis in y:
         assert axis_traps(axis, H) == ()
         assert axis_traps(counts(axis), H, LSB) == ()
-    assert sensor_traps(y, [None] * 3) == ()
-    assert sensor_traps(counts(y), [LSB] * 3) == ()
+    assert sensor_traps(list(y), [None] * 3) == ()
+    assert sensor_traps(list(counts(y)), [LSB] * 3) == ()
     assert timing_traps(**QUIET) == ()
 
 
@@ -156,10 +156,10 @@ def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
     y = white(6000, 3, 1)
     y = (y if lsb is None else counts(y)).T
     y[1::every] = y[:-1:every][: len(y[1::every])]
-    (trap,) = sensor_traps(y.T, [lsb] * 3)
+    (trap,) = sensor_traps(list(y.T), [lsb] * 3)
     assert (trap.kind, trap.severity) == ("repeated", severity)
     y[:, 2] = white(6000, 1, 9)[0]  # one axis that moves on is enough to see that it was no old sample
-    assert sensor_traps(y.T, [lsb] * 3) == ()
+    assert sensor_traps(list(y.T), [lsb] * 3) == ()
 
 
 def test_peaks() -> None:

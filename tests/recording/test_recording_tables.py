@@ -3,6 +3,7 @@
 import csv
 import os
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -49,7 +50,7 @@ def test_a_decoder_numbers_samples_as_the_pipeline_does(tmp_path: Path) -> None:
     live, _ = record(tmp_path, items)
     source = Live()
     decoder = Decoder(lambda: source.unix_offset_ns, 100, "due")
-    found = []
+    found: list[Any] = []
     for item in items:
         for event in source.wire.feed(item, item.host_ns):
             found += decoder.feed(event)

@@ -1,12 +1,12 @@
 """The device's estimator from Python: tests/native/device_probe.cpp, one shared library for each variant."""
 
 import ctypes
-import subprocess
 import weakref
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from built import make
 from fltea.estimator.engine import Engine, EngineSettings, StateTuning
 from fltea.wire.layout import Estimate
 from memory_probe import BUILD, SOURCES
@@ -34,8 +34,7 @@ class Baseline(NamedTuple):
 def library(variant: str) -> ctypes.CDLL:
     """Build, if out of date, and load the probe of one variant."""
     goal = f"{BUILD}/device_probe-{variant}.so"
-    command = ["make", "-C", SOURCES, f"BUILD={BUILD}", goal]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = make(SOURCES, BUILD, goal)
     if done.returncode != 0:
         raise RuntimeError(done.stdout + done.stderr)
     probe = ctypes.CDLL(goal)

@@ -2,13 +2,13 @@
 
 import ctypes
 import platform
-import subprocess
 import weakref
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from built import make
 from fltea.estimator.engine import instruction_sets
 from numpy.typing import ArrayLike, NDArray
 
@@ -39,8 +39,7 @@ class Modes(NamedTuple):
 def library(instruction_set: str) -> ctypes.CDLL:
     """Build, if out of date, and load the probe of one instruction set."""
     name = f"probe-{instruction_set}.so"
-    command = ["make", "-C", SOURCES, f"BUILD={BUILD}", f"{BUILD}/{name}"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = make(SOURCES, BUILD, f"{BUILD}/{name}")
     if done.returncode != 0:
         raise RuntimeError(done.stdout + done.stderr)
     return declare(ctypes.CDLL(str(BUILD / name)))

@@ -88,7 +88,8 @@ def csv_file(tmp_path: Path, times_s: list[float]) -> Path:
 
 
 def walked(source: ReplaySource) -> tuple[Place, list[str]]:
-    place, reasons = Place(100), []
+    place = Place(100)
+    reasons: list[str] = []
     for event in source.events():
         if isinstance(event, Hello):
             place.on_hello(event)

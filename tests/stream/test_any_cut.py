@@ -169,3 +169,7 @@ def test_records_of_a_block_are_those_of_its_parts(
     assert thin.weight == len(list(thin.records()))
     assert thin.last_estimate() == next((one for one in reversed(only(Estimate, thin.records()))), None)
     assert list(thin.records()) == records_of(replace(part, every=every) for part in parts)
+
+
+def test_the_last_moment_counts_also_where_its_sample_cannot_be_used() -> None:
+    check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], {})

@@ -1,7 +1,7 @@
 """Place: nothing is lost uncounted over all wraps, and broken time is never taken for whole."""
 
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from blocks import cuts, place_all, place_one
@@ -344,7 +344,10 @@ def test_blocks_of_any_cut_are_placed_as_one_by_one(
     if known:
         place.on_hello(hello())
         oracle.on_hello(hello())
-    boot, starts, waiting, got, wanted = 7, 1, [], [], []
+    boot, starts = 7, 1
+    waiting: list[RawSample] = []
+    got: list[Any] = []
+    wanted: list[Any] = []
 
     def deliver_waiting() -> None:
         if waiting:

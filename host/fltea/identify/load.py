@@ -172,24 +172,26 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     lost = c.lost, c.gaps, c.duplicates, c.before_hello
     counts = Counts(samples, len(longest), longest.first, stretches, *lost, *longest.flagged)
     axes, clock_ppm = longest.axes(), None if longest.no_clock else longest.ppm
-    traps = _traps(longest.hello, counts, axes, clock_ppm)
+    traps = _traps(longest, counts, axes, clock_ppm)
     return Loaded(longest.hello, counts, _chosen(axes, request), clock_ppm, traps)
 
 
 def _traps(
-    hello: Hello, counts: Counts, axes: dict[str, Series], clock_ppm: float | None
+    used: "_Stretch", counts: Counts, axes: dict[str, Series], clock_ppm: float | None
 ) -> tuple[Trap, ...]:
-    gyro = [axes[name] for name in AXES if name in axes]
+    assert used.hello is not None
+    gyro = [name for name in AXES if name in axes]
     of_time = timing_traps(
         used=counts.used,
         samples=counts.samples,
         lost=counts.lost,
         gaps=counts.gaps,
         stretches=counts.stretches,
-        rate_hz=hello.rate_hz,
+        rate_hz=used.hello.rate_hz,
         clock_ppm=clock_ppm,
     )
-    return of_time + sensor_traps([one.y for one in gyro], [one.lsb for one in gyro])
+    # One axis at a time in memory.
+    return of_time + sensor_traps(map(used.axis, gyro), [axes[name].lsb for name in gyro])
 
 
 def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:
@@ -245,6 +247,10 @@ class _Stretch:
         self.no_clock = self.no_clock and bool((found.raw.host_ns == block.device_us * 1000).all())
         if decoder.timebase is not None:
             self.ppm = decoder.timebase.clock_ppm
+
+    def axis(self, name: str) -> Array:
+        """One axis in memory, (n,)."""
+        return self._spool.whole(name)
 
     def axes(self) -> dict[str, Series]:
         """All of them by name."""

@@ -4,7 +4,7 @@ Each trap is looked for with a threshold that clean noise, white or coloured, ha
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import msgspec
@@ -69,7 +69,7 @@ def axis_traps(
     )
 
 
-def sensor_traps(y: Sequence[ArrayLike], lsb: Sequence[float | None]) -> tuple[Trap, ...]:
+def sensor_traps(y: Iterable[ArrayLike], lsb: Sequence[float | None]) -> tuple[Trap, ...]:
     """Look for samples of all axes, each (n,), that were delivered twice; lsb of each axis, if known."""
     repeated: NDArray[np.bool_] | None = None
     by_chance, n = 1.0, 0

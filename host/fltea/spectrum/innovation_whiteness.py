@@ -50,8 +50,8 @@ class InnovationSums:
         known = len(self._before)
         both = np.concatenate([self._before, e])
         for lag in range(1, LAGS + 1):
-            first = max(known, lag)
-            self._products[lag - 1] += float(both[first:] @ both[first - lag : len(both) - lag])
+            first = min(max(known, lag), len(both))
+            self._products[lag - 1] += float(both[first:] @ both[max(first - lag, 0) :][: len(both) - first])
         self._before = both[-LAGS:]
 
     def result(self) -> Innovations | None:

@@ -67,7 +67,8 @@ def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, 
 def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | None:
     """Where the most striking stretch begins and ends, and the level around it; None if none is."""
     m = len(power)
-    sums = np.concatenate([[0.0], np.cumsum(power)])
+    sums = np.zeros(m + 1)
+    np.cumsum(power, out=sums[1:])
     widths = [1 << i for i in range(int(math.log2(max(WIDEST_SHARE * m, 1))) + 1)]
     best: tuple[float, int, int, float] | None = None
     for width in widths:

@@ -46,9 +46,11 @@ class Periodogram(NamedTuple):
         Raises:
             ValueError: fewer than `FEWEST` are left.
         """
-        keep = np.flatnonzero(
-            _kept(np.rint(self.lam * (self.n / (2 * np.pi))) / (self.n * self.h), from_hz, notch)
-        )
+        blocks = []
+        for begin in range(0, len(self.lam), AT_ONCE):
+            j = np.rint(self.lam[begin : begin + AT_ONCE] * (self.n / (2 * np.pi)))
+            blocks.append(_kept(j / (self.n * self.h), from_hz, notch))
+        keep = np.flatnonzero(np.concatenate(blocks))
         _check_enough(len(keep), self.n)
         rows: slice | NDArray[np.intp] = keep
         if keep[-1] - keep[0] + 1 == len(keep):
@@ -93,13 +95,14 @@ def periodogram(
     if n > LONG and samples.ndim == 1:
         samples = samples[: n - n % PARTS]
         n = len(samples)
+    _check_enough(len(used_ordinates(n, h, from_hz=from_hz, notch=notch)), n)
+    power = _power_in_parts(samples) if n > LONG and samples.ndim == 1 else None
     use = used_ordinates(n, h, from_hz=from_hz, notch=notch)
-    _check_enough(len(use), n)
-    if n > LONG and samples.ndim == 1:
-        power = _power_in_parts(samples)
-        if len(use) < len(power) - LOWEST:
-            return Periodogram(2 * np.pi * use / n, power[use], h, n)
-        return Periodogram(2 * np.pi * use / n, power[LOWEST:], h, n)
+    if power is not None:
+        power = power[LOWEST:] if len(use) == len(power) - LOWEST else power[use]
+        lam: Array = np.multiply(2 * np.pi, use, dtype=np.float64)
+        lam /= n  # of a day each of these has 35 MB
+        return Periodogram(lam, power, h, n)
     spectrum = np.fft.rfft(samples - samples.mean(axis=-1, keepdims=True))[..., use]
     return Periodogram(2 * np.pi * use / n, (spectrum.real**2 + spectrum.imag**2) / n, h, n)
 

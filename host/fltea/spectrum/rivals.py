@@ -97,7 +97,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
         models[name] = Rival(
             gain,
             extra * math.log(fits.data.ordinates) - 2 * gain,
-            residual_ks(p.power, _spectrum(f, p.lam)),
+            _farthest(_over_spectrum(p, f)),
             _described(name, f, p.h),
         )
     return Contest(
@@ -113,7 +113,12 @@ def residual_ks(power: Array, spectrum: Array) -> float:
 
     Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
     """
-    sums = np.cumsum(power / spectrum)
+    return _farthest(np.asarray(power / spectrum))
+
+
+def _farthest(ratio: Array) -> float:
+    """`residual_ks` of I/S, (m,), which is overwritten."""
+    sums = np.cumsum(ratio, out=ratio)
     m = len(sums)
     farthest = 0.0
     for begin in range(0, m, AT_ONCE):
@@ -123,11 +128,12 @@ def residual_ks(power: Array, spectrum: Array) -> float:
     return farthest * math.sqrt(m)
 
 
-def _spectrum(f: Fit, lam: Array) -> Array:
-    """The fitted spectrum of the one series, (len(lam),): computing it takes many times as much."""
-    found = np.empty_like(lam)
-    for begin in range(0, len(lam), AT_ONCE):
-        found[begin : begin + AT_ONCE] = f.spectrum(lam[begin : begin + AT_ONCE])[0]
+def _over_spectrum(p: Periodogram, f: Fit) -> Array:
+    """I/S of the one series, block by block: computing a spectrum takes many times as much as it has."""
+    found = np.empty_like(p.lam)
+    for begin in range(0, len(found), AT_ONCE):
+        part = slice(begin, begin + AT_ONCE)
+        found[part] = p.power[part] / f.spectrum(p.lam[part])[0]
     return found
 
 

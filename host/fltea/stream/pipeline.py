@@ -100,9 +100,10 @@ class Pipeline:
                     yield msgspec.structs.replace(found, host_ns=self._unix_ns(), device=self._config.name)
                 else:
                     yield from self._on_samples(found)
-            if not isinstance(part, RawBlock):
+            if isinstance(part, RawBlock):
+                self._now_ns = int(part.host_ns[-1])  # also where its last samples could not be used
+            else:
                 yield from self._on_event(part)
-            self._now_ns = host_ns_of(part) or self._now_ns
 
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
