@@ -18,8 +18,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from fltea.records.block import Block
 from fltea.records.events import Chunk, Event, Opened
-from fltea.records.records import Epoch, Gap, LinkStats, Sample, Stats
+from fltea.records.records import Epoch, Gap, LinkStats, Stats
 from fltea.service.hub import Hub
 from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
@@ -117,9 +118,9 @@ class Seen:
                 self.epochs.append(
                     {"boot": record.boot_id or 0, "first": record.seq, "delivered": 0, "lost": 0}
                 )
-            case Sample():
-                self.epochs[-1]["delivered"] += 1
-                self.epochs[-1]["last"] = record.seq
+            case Block():
+                self.epochs[-1]["delivered"] += len(record)
+                self.epochs[-1]["last"] = int(record.seq[-1])
             case Gap():
                 self.epochs[-1]["lost"] += record.missing  # told before the epoch that it may begin
             case Stats():
