@@ -14,7 +14,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PATH = ("host", ".", "tools", "tests/rig")
 FLAT = ("tools", "tests/rig")
-BY_PACKAGE = ("tools.demo", "tools.due_run", "tools.fault_report", "tools.ndjson_summary")
+BY_PACKAGE = (
+    "tools.board_voice",
+    "tools.demo",
+    "tools.due_run",
+    "tools.fault_report",
+    "tools.ndjson_summary",
+)
 """Modules of `tools` that are imported with its name, since they need its packages."""
 
 

@@ -21,8 +21,11 @@ from fltea import __version__
 from fltea.records.errors import UsageError
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 from fltea.wire import layout as wire
-from fltea.wire.messages import encode
 from own_estimator import JOINT, OwnEstimator
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where it runs as a file
+
+from tools.board_voice import HELLO, Voice
 
 POLL_S = 0.02
 ACCEL_1G = 16384
@@ -39,7 +42,7 @@ class Device:
         self._settings = settings
         self._noise = NoiseGenerator(settings)
         self._boot_id = boot_id
-        self._sequences = dict.fromkeys(wire.MESSAGES, 0)
+        self._voice = Voice()
         self.samples = 0
         self.dropped_frames = 0
         self._own = OwnEstimator(JOINT, settings.lsb_per_dps, 1 / settings.rate_hz) if estimate else None
@@ -56,7 +59,7 @@ class Device:
     def tick(self) -> bytes:
         """The frames of one sampling instant; HELLO and STATUS ride along once a second."""
         gyro = x, y, z = [int(count) for count in self._noise.step()]
-        sequence = self._sequences[wire.Sample.TYPE]
+        sequence = self._voice.next_sample()
         frames = self._frame(wire.Sample(x, y, z, 0, 0, ACCEL_1G, TEMPERATURE_25C, 0))
         if self._own is not None:
             frames += b"".join(map(self._frame, self._own.step(gyro, sequence)))
@@ -71,27 +74,17 @@ class Device:
         return self._frame(self._own.stated) if self._own is not None else b""
 
     def _frame(self, message: wire.Message) -> bytes:
-        sequence = self._sequences[message.TYPE]
-        self._sequences[message.TYPE] = (sequence + 1) % (1 << 16)
-        return encode(message, sequence, self.device_us % (1 << 32))
+        return self._voice.says(message, self.device_us)
 
     def _hello(self) -> wire.Hello:
         s = self._settings
-        return wire.Hello(
-            protocol_major=wire.PROTOCOL_MAJOR,
-            protocol_minor=wire.PROTOCOL_MINOR,
-            schema_hash=wire.SCHEMA_HASH,
+        return HELLO._replace(
             boot_id=self._boot_id,
             device_id=b"fltea stand-in".ljust(16, b"\0"),
             firmware_version=f"{__version__} stand-in",
-            who_am_i=0x71,
-            sensor_starts=1,
             sample_rate=round(s.rate_hz * 1000),
             gyro_range=round(s.range_dps),
             gyro_lsb=round(s.lsb_per_dps * 10),
-            accel_range=2,
-            accel_lsb=ACCEL_1G,
-            gyro_dlpf=184,
             sampling_mode=wire.SamplingMode.SIMULATED,
         )
 

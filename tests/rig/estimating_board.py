@@ -11,6 +11,8 @@ from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
 from own_estimator import JOINT, OwnEstimator
 
+from tools.board_voice import Voice
+
 ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
 """Settings that are not the host's own: another start-up window, and a gate of its own."""
 
@@ -49,7 +51,7 @@ class Board:
     ) -> None:
         self._hello, self._late, self._first = hello, late, first
         self._own = None if stated is None else OwnEstimator(stated, LSB_PER_DPS, PERIOD_US * 1e-6)
-        self._sequences: dict[type[wire.Message], int] = {}
+        self._voice = Voice()
         self._at = 0
 
     def run(self, counts: Iterable[tuple[int, ...] | None]) -> Iterator[Sent]:
@@ -70,9 +72,7 @@ class Board:
                 yield from map(self._sent, waiting.pop(0)[1])
 
     def _sent(self, message: wire.Message) -> Sent:
-        sequence = self._sequences.get(type(message), 0)
-        self._sequences[type(message)] = (sequence + 1) % 65536
-        return Sent(self._at, message, sequence)
+        return Sent(self._at, message, self._voice.number(message))
 
 
 def chunks(sent: Iterable[Sent], start: int = 0) -> Iterator[Chunk]:

@@ -7,30 +7,16 @@ from pathlib import Path
 
 import msgspec
 from fltea.records.records import AnyRecord, Hello
-from fltea.wire import layout as wire
+
+from tools.board_voice import HELLO
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
 """An estimator that is fast rather than good."""
 
-WIRE_HELLO = wire.Hello(
-    wire.PROTOCOL_MAJOR,
-    wire.PROTOCOL_MINOR,
-    wire.SCHEMA_HASH,
-    boot_id=5,
-    device_id=bytes(range(16)),
-    firmware_version="1.2.3",
-    who_am_i=0x71,
-    sensor_starts=1,
-    sample_rate=100_000,
-    gyro_range=2000,
-    gyro_lsb=164,
-    accel_range=2,
-    accel_lsb=16384,
-    gyro_dlpf=184,
-    sampling_mode=wire.SamplingMode.TIMER,
-)
+WIRE_HELLO = HELLO
+"""The made-up boards' own, as the tests of the host expect it."""
 
 _decoder = msgspec.json.Decoder(AnyRecord)
 

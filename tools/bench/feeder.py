@@ -16,29 +16,15 @@ import numpy as np
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 
+from tools.board_voice import HELLO
+
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ
 
 
 def hello(k: int) -> wire.Hello:
     """Who device k is."""
-    return wire.Hello(
-        wire.PROTOCOL_MAJOR,
-        wire.PROTOCOL_MINOR,
-        wire.SCHEMA_HASH,
-        k + 1,
-        k.to_bytes(16, "big"),
-        "bench",
-        0x71,
-        1,
-        1000 * RATE_HZ,
-        2000,
-        164,
-        2,
-        16384,
-        184,
-        wire.SamplingMode.TIMER,
-    )
+    return HELLO._replace(boot_id=k + 1, device_id=k.to_bytes(16, "big"), firmware_version="bench")
 
 
 def frames(k: int, n: int) -> list[bytes]:

@@ -10,11 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from fltea.wire import layout as wire
-from fltea.wire.messages import encode
+
+from tools.board_voice import HELLO, Voice
 
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ
-LSB_PER_DPS = 16.4
+LSB_PER_DPS = HELLO.gyro_lsb / 10
 INTRODUCTION_S = 0.2
 PATIENCE_S = 60.0
 
@@ -60,7 +61,7 @@ class Board:
         self._begin_ns = 0
         self._terminal = os.openpty()
         self._unsent = b""
-        self._sequences = {wire.Hello.TYPE: 0, wire.Status.TYPE: 0}
+        self._voice = Voice()
         self.plug()
 
     # --- the plug ---
@@ -209,31 +210,16 @@ class Board:
 
     def _frame(self, message: wire.Message, sequence: int | None = None) -> bytes:
         boot = self.boots[-1]
-        if sequence is None:
-            sequence = self._sequences[message.TYPE]
-            self._sequences[message.TYPE] += 1
         boot.frames += 1
-        now_us = boot.device_us + boot.due * PERIOD_NS // 1000
-        return encode(message, sequence % (1 << 16), now_us % (1 << 32))
+        return self._voice.says(message, boot.device_us + boot.due * PERIOD_NS // 1000, sequence)
 
     def _hello(self) -> wire.Hello:
         boot = self.boots[-1]
-        return wire.Hello(
+        return HELLO._replace(
             protocol_major=boot.protocol_major,
-            protocol_minor=wire.PROTOCOL_MINOR,
-            schema_hash=wire.SCHEMA_HASH,
             boot_id=boot.boot_id,
             device_id=b"fault script".ljust(16, b"\0"),
             firmware_version="fault script",
-            who_am_i=0x71,
-            sensor_starts=1,
-            sample_rate=RATE_HZ * 1000,
-            gyro_range=2000,
-            gyro_lsb=round(LSB_PER_DPS * 10),
-            accel_range=2,
-            accel_lsb=16384,
-            gyro_dlpf=184,
-            sampling_mode=wire.SamplingMode.TIMER,
         )
 
     def _write(self, data: bytes) -> None:
