@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
-from support import QUICK, Daemon, Processes
+from support import QUICK, Daemon, Processes, wait_until
 from toolchain import missing
 
 CHROMIUM = shutil.which("chromium")
@@ -145,6 +145,7 @@ def test_estimates_of_device_and_host_stand_side_by_side(
     one.wait("document.querySelector('#windows button').getAttribute('aria-pressed') === 'true'")
     one.wait("document.querySelector('#apart .axis').textContent === 'gyro_y'")
     one.wait("document.querySelector('#apart .apart').textContent.startsWith('device')")
+    wait_until(lambda: len(columns(one.page, "apart", "time")["time"]) >= 50, "rows of both on the page")
     shown = columns(one.page, "apart", "time", "alpha", "f", "apart_low", "apart_high")
     card = one.page.inner_text("[data-axis=gyro_y]")
     far = one.page.inner_text("#apart")
