@@ -91,7 +91,7 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
     processes.stand_in(tmp_path / "due", "--noise", "alpha=0.5&f=-1&seed=7&offset_dps=1.5")
     daemon, url = start(processes, "--source", f"serial:{tmp_path / 'due'}")
     one = Watched(chromium, url + "#window=0&axis=gyro_y")
-    one.wait_for_seq(250)
+    one.wait_for_seq(350)  # the axes are known with the first statistics, a second after the start at most
     one.wait("document.querySelector('figure .axis').textContent === 'gyro_y'")
     shown = columns(one.page, "alpha_low", "seq", "alpha", "alpha_high", "f", "f_low", "f_high", "state")
     noise = columns(one.page, "y", "y")["y"][-150:]
