@@ -5,10 +5,9 @@ The boards differ in when they speak and what they remember: `standin` serves a 
 `bench.feeder` speaks for hundreds.
 """
 
+from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-
-SEQUENCE_WRAP, TIME_WRAP_US = 1 << 16, 1 << 32
 
 HELLO = wire.Hello(
     wire.PROTOCOL_MAJOR,

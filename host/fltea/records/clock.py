@@ -2,6 +2,9 @@
 
 import time
 
+SECOND_NS = 10**9
+"""Statistics go out with each new second; what groups samples must not reach across its end."""
+
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 
+from fltea.records.events import TransportEvent
 from fltea.service.walk import Walk
 from fltea.sources.serial import SerialSource
 from fltea.wire.ports import Ports
@@ -58,11 +59,11 @@ class LineLoop:
         self._closed = True
         self._ports.wake()
 
-    def _take(self, place: int, item: object) -> bool:
+    def _take(self, place: int, item: TransportEvent | None) -> bool:
         """Let one walk take what came; whether it goes on."""
         walk = self.walks[place]
         try:
-            for event in self._sources[place].take(item):  # type: ignore[arg-type]
+            for event in self._sources[place].take(item):
                 walk.take(event)
                 if walk.failure is not None:
                     break

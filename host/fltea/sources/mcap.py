@@ -24,17 +24,17 @@ from fltea.recording.session import (
     PartInfo,
     from_metadata,
 )
+from fltea.records.clock import SECOND_NS
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Event, Failed, Ints, Opened, RawBlock, TransportEvent, Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.wire_events import Chunks, WireEvents
+from fltea.wire.ports import TICK_S
 from fltea.wire.sensors import NO_SENSOR
 
 SUFFIX = ".mcap"
-SECOND_NS = 10**9
-TICK_NS = 500_000_000
-"""Live, a silent line is looked at so often (`fltea.sources.serial`)."""
+TICK_NS = int(TICK_S * 1e9)
 
 MAX_TICKS = 120
 

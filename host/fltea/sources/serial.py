@@ -6,9 +6,8 @@ from fltea.records import clock
 from fltea.records.events import Event, TransportEvent
 from fltea.records.records import LinkStats
 from fltea.sources.wire_events import WireEvents
+from fltea.wire.ports import TICK_S
 from fltea.wire.transport import Port, Reader
-
-TICK_S = 0.5
 
 
 class SerialSource:

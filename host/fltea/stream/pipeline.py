@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from fltea.records.block import Block
+from fltea.records.clock import SECOND_NS
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawBlock, Trouble, host_ns_of
 from fltea.records.ports import Source
@@ -37,7 +38,6 @@ from fltea.stream.host import HostEstimates
 from fltea.stream.snapshot import DeviceState, sensor_of, why_unused
 from fltea.stream.stages import Beginning, Item, Notice, Stage, Standing
 
-SECOND_NS = 10**9
 Output = AnyRecord | Block
 
 

@@ -16,6 +16,7 @@ from fltea.records.events import Failed, Opened, TransportEvent
 from fltea.wire.transport import Port
 
 TICK_S = 0.5
+"""A silent line is looked at so often; a replay does the same."""
 
 
 @dataclass
