@@ -7,6 +7,8 @@ from typing import Literal
 
 import msgspec
 
+from fltea.records.fit import AxisFit
+
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
 
@@ -143,6 +145,17 @@ class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
     variant: str
     axes: dict[str, DeviceAxisEstimate]
     comparable: bool
+
+
+class Fit(Record, frozen=True, tag="fit"):
+    """The maximum-likelihood fit of all axes after the sample `seq`; `samples` of the epoch so far."""
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    samples: int
+    axes: dict[str, AxisFit]
 
 
 class Gap(Record, frozen=True, tag="gap"):
@@ -289,4 +302,4 @@ class Error(Record, frozen=True, tag="error"):
     host_ns: int
 
 
-AnyRecord = Hello | Sample | Estimate | DeviceEstimates | Gap | Epoch | Stats | Error
+AnyRecord = Hello | Sample | Estimate | DeviceEstimates | Fit | Gap | Epoch | Stats | Error

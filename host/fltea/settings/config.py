@@ -14,6 +14,7 @@ from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings import filters
 from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
+from fltea.settings.live import LiveConfig
 from fltea.settings.old_names import refuse_old_names
 from fltea.settings.outputs import (
     DashboardConfig,
@@ -158,6 +159,7 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     replay: ReplayConfig = ReplayConfig()
     estimator: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
+    live: LiveConfig = LiveConfig()
     output: OutputConfig = OutputConfig()
     record: RecordConfig = RecordConfig()
     mqtt: MqttConfig = MqttConfig()

@@ -5,14 +5,11 @@ Each rule is a question whose answer is kept with the figure that gave it, so th
 passes for it until there are about ten minutes of data.
 """
 
-from typing import Literal
-
 import msgspec
 
+from fltea.records.fit import VerdictKind
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.rivals import RESIDUAL_CRITICAL, Contest
-
-Kind = Literal["white", "drift", "filter or resonance", "AR(1)", "fractional", "undecided"]
 
 LEVEL = 0.05
 """The null test rejects below."""
@@ -58,7 +55,7 @@ class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """kind is one word or two; text is for people; rules are those that were asked."""
 
-    kind: Kind
+    kind: VerdictKind
     text: str
     rules: tuple[Rule, ...]
 
@@ -71,7 +68,7 @@ class _Questions:
         self.asked.append(Rule(question, answer, figure))
         return answer
 
-    def say(self, kind: Kind, text: str) -> Verdict:
+    def say(self, kind: VerdictKind, text: str) -> Verdict:
         return Verdict(kind, text, tuple(self.asked))
 
 
