@@ -39,6 +39,13 @@ class Periodogram(NamedTuple):
     """sampling period in s"""
     n: int
     """samples"""
+    weight: Array | None = None
+    """(m,) effective ordinates that each stands for; None: one each"""
+
+    @property
+    def ordinates(self) -> float:
+        """All of them, effective ones."""
+        return float(len(self.lam)) if self.weight is None else float(self.weight.sum())
 
     def without(self, from_hz: float, notch: Sequence[tuple[float, float]]) -> "Periodogram":
         """Without ordinates below `from_hz` and in the bands (low, high) of `notch`, in Hz.
@@ -46,6 +53,10 @@ class Periodogram(NamedTuple):
         Raises:
             ValueError: fewer than `FEWEST` are left.
         """
+        if self.weight is not None:
+            kept = np.flatnonzero(_kept(self.lam / (2 * np.pi * self.h), from_hz, notch))
+            _check_enough(int(self.weight[kept].sum()), self.n)
+            return self._replace(lam=self.lam[kept], power=self.power[..., kept], weight=self.weight[kept])
         blocks = []
         for begin in range(0, len(self.lam), AT_ONCE):
             j = np.rint(self.lam[begin : begin + AT_ONCE] * (self.n / (2 * np.pi)))
@@ -64,7 +75,7 @@ class Binned(NamedTuple):
     lam: Array
     """(bins,) mean frequency of each, rad a sample"""
     counts: Array
-    """(bins,) ordinates in each"""
+    """(bins,) ordinates in each, effective ones"""
     power: Array
     """(series, bins) their mean"""
 
@@ -160,6 +171,13 @@ def _kept(frequency_hz: Array, from_hz: float, notch: Sequence[tuple[float, floa
 def binned(p: Periodogram) -> Binned:
     """Average over bins that grow with the frequency; the lowest ordinates stay single."""
     starts = bin_starts(p.lam, p.n)
+    if p.weight is not None:
+        count = np.add.reduceat(p.weight, starts)
+        return Binned(
+            np.add.reduceat(p.lam * p.weight, starts) / count,
+            count,
+            np.add.reduceat(np.atleast_2d(p.power) * p.weight, starts, axis=1) / count,
+        )
     count = np.diff(np.append(starts, len(p.lam))).astype(np.float64)
     return Binned(
         np.add.reduceat(p.lam, starts) / count,
