@@ -210,3 +210,18 @@ def whittle_fit(
     scale: NDArray[np.float64],
     nll: NDArray[np.float64],
 ) -> None: ...
+
+# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp).
+# ValueError as for whittle_fit.
+def whittle_intervals(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    scale: float,
+    nll: float,
+    critical: float,
+    h: float,
+    what: NDArray[np.float64],
+    ends: NDArray[np.float64],
+) -> None: ...
