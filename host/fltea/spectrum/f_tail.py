@@ -1,7 +1,7 @@
 """Tail of Fisher's F distribution for real degrees of freedom, as a normal deviate (pure).
 
-Peizer and Pratt's approximation (*J. Am. Stat. Assoc.* 63, 1968). Of tails down to 1e-9, and from two degrees on,
-its deviate is within 0.02 of the true one.
+Peizer and Pratt's approximation (*J. Am. Stat. Assoc.* 63, 1968). Of tails down to 1e-9,
+and from two degrees on, its deviate is within 0.02 of the true one.
 """
 
 import numpy as np

@@ -128,7 +128,7 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
 
 
 def _gathered(width: int) -> float:
-    """Effective ordinates of so many averaged lines, over the sum of their weights, which hold in a long row."""
+    """Effective ordinates of so many averaged lines, over the sum of their weights (those in a long row)."""
 
     def correlated(lines: float) -> float:
         return 1 + 2 * sum(r * max(1 - (i + 1) / lines, 0.0) for i, r in enumerate(NEIGHBOURS))

@@ -61,10 +61,10 @@ def examine(
 ) -> Spectral:
     """Examine one axis.
 
-    whole: all ordinates that the user left in, which are those above from_hz and outside the bands (low, high)
-    of `notch`, in Hz. duration_s, samples: what they are of. cells: for the test of stationarity; none: no test.
-    peaks: those found elsewhere, with a finer resolution; None: they are searched for in `whole`. level: of
-    each test. warm: the last answers, where the searches begin; they are replaced.
+    whole: all ordinates that the user left in, which are those above from_hz and outside the bands (low,
+    high) of `notch`, in Hz. duration_s, samples: what they are of. cells: for the test of stationarity;
+    none: no test. peaks: those found elsewhere, with a finer resolution; None: they are searched for in
+    `whole`. level: of each test. warm: the last answers, where the searches begin; they are replaced.
 
     Raises:
         ValueError: too few ordinates are left.

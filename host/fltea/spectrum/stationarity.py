@@ -1,8 +1,8 @@
 """Whether the noise stayed the same: power of its octaves, compared between parts of the record (pure).
 
 Each octave keeps the mean and the variance of the logarithm of its blocks' power in a few cells of time. If
-the noise is stationary the cells' means differ no more than blocks do within a cell (analysis of variance). The
-logarithm makes the test robust against heavy tails, and the variance is that of the data themselves.
+the noise is stationary the cells' means differ no more than blocks do within a cell (analysis of variance).
+The logarithm makes the test robust against heavy tails, and the variance is that of the data themselves.
 """
 
 import math
