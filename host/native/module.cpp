@@ -153,4 +153,5 @@ NB_MODULE(_native, m) {
     bind_engine(m);
     bind_lanes(m);
     bind_bank(m);
+    bind_octaves(m);
 }
