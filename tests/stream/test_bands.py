@@ -135,9 +135,7 @@ def test_a_new_epoch_has_a_new_band() -> None:
         ({"accel.white_band": True}, False, True),
     ],
 )
-def test_bands_are_on_where_somebody_asks(
-    told: dict[str, object], gyro: bool, accel: bool
-) -> None:
+def test_bands_are_on_where_somebody_asks(told: dict[str, object], gyro: bool, accel: bool) -> None:
     config = load_config(None, told)
     assert (config.bands_of_gyro, config.bands_of_accel) == (gyro, accel)
     kinds = [type(stage).__name__ for stage in stages_of(config)]
