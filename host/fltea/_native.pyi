@@ -190,3 +190,96 @@ class RunningNull:
     def depth(self) -> int: ...
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
+
+# Fits a model of spectrum.whittle to every series; theta (series, p), scale and nll (series,) are filled in.
+# ValueError if the arrays do not fit together or no spectrum can be fitted.
+def whittle_fit(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    family: int,
+    highest_order: float,
+    hold: int,
+    held: float,
+    h: float,
+    starts: NDArray[np.float64],
+    groups: NDArray[np.intp],
+    extra: NDArray[np.float64] | None,
+    warm: NDArray[np.float64] | None,
+    theta: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    nll: NDArray[np.float64],
+) -> None: ...
+
+# Sums of the overlapping Allan variance of one axis (host/native/allan_sums.hpp).
+class AllanSums:
+    # memory_samples: time constant of forgetting, 0 for none.
+    def __init__(self, memory_samples: float = 0.0) -> None: ...
+
+    # y (n,) float64. ValueError for numbers that are refused, before anything has changed.
+    def add(self, y: NDArray[np.float64]) -> None: ...
+
+    # A break, of so many lost samples: no term reaches across it.
+    def cut(self, lost: int = 0) -> None: ...
+    def merge(self, other: AllanSums) -> None: ...
+
+    # Averaging factors (samples), Allan variances, effective numbers of terms.
+    def points(self) -> tuple[list[float], list[float], list[float]]: ...
+
+    # That were taken, and as many of them as the figures are of.
+    @property
+    def samples(self) -> float: ...
+    @property
+    def span(self) -> float: ...
+    def save(self) -> bytes: ...
+
+    # ValueError for bytes that cannot come from `save`; then nothing has changed.
+
+# Of the running spectrum (host/native/octaves.hpp): memory of a lane, levels, samples that a level keeps
+# whole, samples of a block, its first line, lines of level 0 and of those below.
+OCTAVES_LANE_BYTES: int
+OCTAVES_LEVELS: int
+OCTAVES_WHOLE: int
+OCTAVES_BLOCK: int
+OCTAVES_LOWEST: int
+OCTAVES_LINES: tuple[int, int]
+
+# Of the filter before every second sample is left out, at so many rad a sample.
+def half_band_gain(angle: float) -> float: ...
+
+# The running spectra of several lanes; see fltea.spectrum.octaves.
+class Octaves:
+    # ValueError for no lanes, and for a memory that is neither 0 nor 256 to 10^12 samples.
+    def __init__(self, lanes: int, memory: float) -> None: ...
+
+    # y (rows, lanes) float64. ValueError for a wrong shape, and for numbers that are not finite or too large.
+    def add(self, y: NDArray[np.float64]) -> None: ...
+    def skip(self, count: float) -> None: ...
+    def merge(self, other: Octaves) -> None: ...
+
+    # taken, used, bridged, lost, gaps, knocks, knocked, steps, changes; whether the lane never changed.
+    def counts(self, lane: int) -> tuple[list[int], bool]: ...
+
+    # Of each level of Welch's sums: power (lines,) float64, blocks, effective blocks; then the values of the
+    # whole level, float32, and the lengths of its stretches, int32.
+    def spectrum(self, lane: int) -> tuple[list[tuple[bytes, float, float]], bytes, bytes]: ...
+
+    # Number of the next sample, and of each level (cells, 4) float64: first sample, count, mean, squares.
+    def cells(self, lane: int) -> tuple[int, list[bytes]]: ...
+    def save(self) -> bytes: ...
+    def load(self, bytes: bytes) -> None: ...
+
+# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp).
+# ValueError as for whittle_fit.
+def whittle_intervals(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    scale: float,
+    nll: float,
+    critical: float,
+    h: float,
+    what: NDArray[np.float64],
+    ends: NDArray[np.float64],
+) -> None: ...

@@ -7,6 +7,7 @@ from fltea.noise.spectra import f_of
 from fltea.records.fit import AxisFit, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.models import parameters
+from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.profile import Parameter, fractional_fit
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.verdict import LEVEL, decide
@@ -50,7 +51,7 @@ class LiveAxes:
 
     def _fit(self, y: Array, curves: bool) -> AxisFit:
         try:
-            seen = examine(y, self.h)
+            seen = examine(periodogram(y, self.h), len(y) * self.h, len(y))
         except ValueError as error:
             return AxisFit("too few samples", f"{error}.", self.unit)
         e = seen.evidence
