@@ -108,9 +108,7 @@ def test_report_and_yaml_are_downloaded_and_the_report_shows_its_figures_by_itse
     path.write_bytes(asked.value.path().read_bytes())
     sink.close()
     report = Watched(chromium, path.as_uri())
-    report.wait(
-        "[...document.querySelectorAll('.plot')].filter(p => p.clientHeight > 200).length === 6"
-    )
+    report.wait("[...document.querySelectorAll('.plot')].filter(p => p.clientHeight > 200).length === 6")
     assert "Noise of fractional order" in report.page.inner_text("body")
     assert report.requests == [path.as_uri()], "complete in itself"
     assert report.complaints == []
@@ -131,7 +129,8 @@ def test_on_a_phone_all_fits_and_can_be_read(sink: DashboardSink, chromium: Brow
     one.wait("document.querySelectorAll('.card .head').length === 3")
     one.wait("!document.querySelector('#spectrum .drawn').hidden")
     rights = one.page.evaluate(
-        "[document.documentElement.scrollWidth, ...[...document.querySelectorAll('figure, .card, #actions > *')]"
+        "[document.documentElement.scrollWidth,"
+        " ...[...document.querySelectorAll('figure, .card, #actions > *')]"
         ".filter(one => one.checkVisibility()).map(one => one.getBoundingClientRect().right)]"
     )
     assert max(rights) <= 390, rights
@@ -141,12 +140,14 @@ def test_on_a_phone_all_fits_and_can_be_read(sink: DashboardSink, chromium: Brow
 
 CONTRAST = """
 (() => {
-  const rgb = colour => colour.match(/[\\d.]+/g).slice(0, 3).map(Number)
   const linear = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4
-  const light = colour => rgb(colour).map(linear).reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0)
+  const light = colour => colour.match(/[\\d.]+/g).slice(0, 3).map(Number).map(linear)
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0)
   const card = light(getComputedStyle(document.querySelector(".card")).backgroundColor)
-  return [...document.querySelectorAll(".card p, .card dd, .card .big, .card .interval, .pick, figcaption p")].map(
-    one => { const l = light(getComputedStyle(one).color)
-      return (Math.max(l, card) + 0.05) / (Math.min(l, card) + 0.05) })
+  const places = ".card p, .card dd, .card .big, .card .interval, .pick, figcaption p"
+  return [...document.querySelectorAll(places)].map(one => {
+    const l = light(getComputedStyle(one).color)
+    return (Math.max(l, card) + 0.05) / (Math.min(l, card) + 0.05)
+  })
 })()
 """
