@@ -1,29 +1,12 @@
 """The live page in a real browser: Chromium as Debian ships it, the real command, the stand-in device."""
 
 import re
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from browser_support import Watched
+from playwright.sync_api import Browser, Page
 from support import QUICK, Daemon, Processes, wait_until
-from toolchain import missing
 
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-PATIENCE_MS = 60_000
-SEQ = "document.documentElement.dataset.seq"
 COLUMNS = """([source, ...names]) => {
   const found = Bokeh.documents[0].roots().flatMap(plot => plot.renderers).find(
     renderer => source in renderer.data_source.data)
@@ -32,40 +15,6 @@ COLUMNS = """([source, ...names]) => {
 
 INK = """Bokeh.documents[0].roots().flatMap(plot => plot.renderers)
   .filter(renderer => renderer.name === "of the device").map(renderer => renderer.glyph.line_color.value)"""
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    if CHROMIUM is None:
-        missing("no Chromium: apt-get install chromium")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield browser
-        browser.close()
-
-
-class Watched:
-    """A page with what it asked for and complained of."""
-
-    def __init__(self, browser: Browser, url: str, **context: Any) -> None:
-        self.page: Page = browser.new_context(**context).new_page()
-        self.page.set_default_timeout(PATIENCE_MS)
-        self.requests: list[str] = []
-        self.complaints: list[str] = []
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("websocket", lambda websocket: self.requests.append(websocket.url))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on(
-            "console",
-            lambda m: self.complaints.append(m.text) if m.type in ("warning", "error") else None,
-        )
-        self.page.goto(url)
-
-    def wait(self, condition: str) -> None:
-        self.page.wait_for_function(condition)
-
-    def wait_for_seq(self, least: int) -> None:
-        self.wait(f"Number({SEQ}) >= {least}")
 
 
 def start(processes: Processes, *arguments: str | Path, page: str = "0") -> tuple[Daemon, str]:
