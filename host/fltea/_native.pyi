@@ -234,22 +234,6 @@ class AllanSums:
     def save(self) -> bytes: ...
 
     # ValueError for bytes that cannot come from `save`; then nothing has changed.
-    def load(self, bytes: bytes) -> None: ...
-
-# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp).
-# ValueError as for whittle_fit.
-def whittle_intervals(
-    lam: NDArray[np.float64],
-    counts: NDArray[np.float64],
-    power: NDArray[np.float64],
-    theta: NDArray[np.float64],
-    scale: float,
-    nll: float,
-    critical: float,
-    h: float,
-    what: NDArray[np.float64],
-    ends: NDArray[np.float64],
-) -> None: ...
 
 # Of the running spectrum (host/native/octaves.hpp): memory of a lane, levels, samples that a level keeps
 # whole, samples of a block, its first line, lines of level 0 and of those below.
@@ -287,3 +271,18 @@ class Octaves:
     def allan(self, lane: int) -> tuple[list[float], list[float], list[float], float]: ...
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
+
+# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp).
+# ValueError as for whittle_fit.
+def whittle_intervals(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    scale: float,
+    nll: float,
+    critical: float,
+    h: float,
+    what: NDArray[np.float64],
+    ends: NDArray[np.float64],
+) -> None: ...

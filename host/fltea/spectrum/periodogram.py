@@ -41,7 +41,7 @@ class Periodogram(NamedTuple):
     n: int
     """samples"""
     weight: Array | None = None
-    """(m,) ordinates that each stands for, where these are averages; None: one each"""
+    """(m,) effective ordinates that each stands for; None: one each"""
 
     @property
     def ordinates(self) -> float:
