@@ -9,31 +9,8 @@ from fltea.spectrum.periodogram import Periodogram, binned, periodogram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, long_recursion
-from numpy.typing import NDArray
-from numpy_octaves import TAPS, Lines, lines
-
-Array = NDArray[np.float64]
-
-
-def fed(y: Array) -> Octaves:
-    octaves = Octaves(y.shape[1])
-    octaves.add(y)
-    return octaves
-
-
-def noise(n: int, lanes: int, seed: int) -> Array:
-    return np.random.default_rng(seed).standard_normal((n, lanes))
-
-
-def check_lines(p: Periodogram, oracle: Lines) -> None:
-    """Equal; lines at one frequency are averaged first."""
-    lam, place = np.unique(oracle.lam, return_inverse=True)
-    assert p.weight is not None
-    assert p.lam == pytest.approx(lam, rel=1e-13)
-    weight = np.bincount(place, oracle.weight)
-    assert p.weight == pytest.approx(weight, rel=1e-12)
-    power = np.bincount(place, oracle.weight * oracle.power) / weight
-    assert p.power == pytest.approx(power, rel=2e-5, abs=1e-5 * power.mean())
+from numpy_octaves import TAPS, lines
+from octaves_support import check_lines, fed, noise
 
 
 def test_filter_is_that_of_scipy() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from identify_support import H
 from numpy.typing import NDArray
 from numpy_octaves import lines
-from test_octaves import check_lines, fed, noise
+from octaves_support import check_lines, fed, noise
 
 Array = NDArray[np.float64]
 
