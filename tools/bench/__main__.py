@@ -5,7 +5,7 @@ import json
 
 from fltea.lab import bench as bench_estimator
 
-from tools.bench import bench_allan, bench_daemon, bench_decode, identify_tables
+from tools.bench import bench_allan, bench_daemon, bench_decode, bench_octaves, identify_tables
 
 
 def main() -> None:
@@ -50,13 +50,15 @@ def main() -> None:
         figures = bench_chain.measure(long=arguments.long)
         print(json.dumps(figures, ensure_ascii=False) if arguments.json else bench_chain.text(figures))
         return
-    decode, allan, estimator = bench_decode.measure(), bench_allan.measure(), bench_estimator.measure()
+    decode, allan, octaves = bench_decode.measure(), bench_allan.measure(), bench_octaves.measure()
+    estimator = bench_estimator.measure()
     daemon = bench_daemon.measure() if arguments.daemon else None
     if arguments.json:
-        figures = {"decode": decode, "allan": allan, **estimator, **({"daemon": daemon} if daemon else {})}
-        print(json.dumps(figures))
+        figures = {"decode": decode, "allan": allan, "octaves": octaves, **estimator}
+        print(json.dumps(figures | ({"daemon": daemon} if daemon else {})))
         return
-    print(f"{bench_decode.text(decode)}\n\n{bench_allan.text(allan)}\n\n{bench_estimator.text(estimator)}")
+    parts = [bench_decode.text(decode), bench_allan.text(allan), bench_octaves.text(octaves)]
+    print("\n\n".join([*parts, bench_estimator.text(estimator)]))
     if daemon:
         print("\n" + bench_daemon.text(daemon))
 
