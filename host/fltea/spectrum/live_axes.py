@@ -68,7 +68,10 @@ class LiveAxes:
         self._octaves.skip(count)
 
     def fit(self, *, curves: bool) -> dict[str, AxisFit]:
-        """Fit every axis; curves: with spectrum and Allan deviation, and from all starts, not the last fit."""
+        """Fit every axis.
+
+        curves: with spectrum and Allan deviation, and from all starts in place of the last fit.
+        """
         return {axis: self._fit(lane, curves) for lane, axis in enumerate(self.axes)}
 
     def save(self) -> bytes:
