@@ -191,6 +191,50 @@ class RunningNull:
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
 
+# Fits a model of spectrum.whittle to every series; theta (series, p), scale and nll (series,) are filled in.
+# ValueError if the arrays do not fit together or no spectrum can be fitted.
+def whittle_fit(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    family: int,
+    highest_order: float,
+    hold: int,
+    held: float,
+    h: float,
+    starts: NDArray[np.float64],
+    groups: NDArray[np.intp],
+    extra: NDArray[np.float64] | None,
+    warm: NDArray[np.float64] | None,
+    theta: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    nll: NDArray[np.float64],
+) -> None: ...
+
+# Sums of the overlapping Allan variance of one axis (host/native/allan_sums.hpp).
+class AllanSums:
+    # memory_samples: time constant of forgetting, 0 for none.
+    def __init__(self, memory_samples: float = 0.0) -> None: ...
+
+    # y (n,) float64. ValueError for numbers that are refused, before anything has changed.
+    def add(self, y: NDArray[np.float64]) -> None: ...
+
+    # A break, of so many lost samples: no term reaches across it.
+    def cut(self, lost: int = 0) -> None: ...
+    def merge(self, other: AllanSums) -> None: ...
+
+    # Averaging factors (samples), Allan variances, effective numbers of terms.
+    def points(self) -> tuple[list[float], list[float], list[float]]: ...
+
+    # That were taken, and as many of them as the figures are of.
+    @property
+    def samples(self) -> float: ...
+    @property
+    def span(self) -> float: ...
+    def save(self) -> bytes: ...
+
+    # ValueError for bytes that cannot come from `save`; then nothing has changed.
+
 # Of the running spectrum (host/native/octaves.hpp): memory of a lane, levels, samples that a level keeps
 # whole, samples of a block, its first line, lines of level 0 and of those below.
 OCTAVES_LANE_BYTES: int
@@ -222,5 +266,23 @@ class Octaves:
 
     # Number of the next sample, and of each level (cells, 4) float64: first sample, count, mean, squares.
     def cells(self, lane: int) -> tuple[int, list[bytes]]: ...
+
+    # Averaging factors (samples), Allan variances, effective numbers of terms; of how many samples they are.
+    def allan(self, lane: int) -> tuple[list[float], list[float], list[float], float]: ...
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
+
+# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp).
+# ValueError as for whittle_fit.
+def whittle_intervals(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    scale: float,
+    nll: float,
+    critical: float,
+    h: float,
+    what: NDArray[np.float64],
+    ends: NDArray[np.float64],
+) -> None: ...

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
+from fltea.records.fit import VerdictKind
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.rivals import Contest
-from fltea.spectrum.verdict import Kind
 
 Array = NDArray[np.float64]
 
@@ -141,7 +141,9 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     resonances: tuple[Resonance, ...] = ()
 
 
-def identified(contest: Contest, verdict: Kind, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:
+def identified(
+    contest: Contest, verdict: VerdictKind, peaks: tuple[Peak, ...], std: float, h: float
+) -> AxisModel:
     """The model of lowest BIC that the verdict allows, and the peaks that were left out of its fit.
 
     verdict: a filter, a resonance or drift is not given as a fractional model, though one may fit best.

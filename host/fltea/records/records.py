@@ -7,6 +7,8 @@ from typing import Literal
 
 import msgspec
 
+from fltea.records.fit import AxisFit
+
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
 
@@ -145,6 +147,20 @@ class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
     comparable: bool
 
 
+class Fit(Record, frozen=True, tag="fit"):
+    """The maximum-likelihood fit of all axes after the sample `seq`.
+
+    samples: of how many. Epochs of the same sensor are fitted together.
+    """
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    samples: int
+    axes: dict[str, AxisFit]
+
+
 class Gap(Record, frozen=True, tag="gap"):
     """`missing` samples are lost, the first of them numbered `seq`."""
 
@@ -266,7 +282,10 @@ class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Stats(Record, frozen=True, tag="stats"):
-    """Health of the whole walk, once a second and at the end."""
+    """Health of the whole walk, once a second and at the end.
+
+    fit_period_s: seconds of samples between two `fit` records; null where nothing is fitted.
+    """
 
     epoch: int
     host_ns: int
@@ -279,6 +298,7 @@ class Stats(Record, frozen=True, tag="stats"):
     board: DeviceStatus | None
     outputs: dict[str, OutputStats] = {}
     device_estimator: DeviceEstimatorStats | None = None
+    fit_period_s: float | None = None
 
 
 class Error(Record, frozen=True, tag="error"):
@@ -289,4 +309,4 @@ class Error(Record, frozen=True, tag="error"):
     host_ns: int
 
 
-AnyRecord = Hello | Sample | Estimate | DeviceEstimates | Gap | Epoch | Stats | Error
+AnyRecord = Hello | Sample | Estimate | DeviceEstimates | Fit | Gap | Epoch | Stats | Error

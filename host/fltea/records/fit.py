@@ -1,0 +1,86 @@
+"""What the maximum-likelihood fit says of one axis: a part of the record `fit` (host/README.md, Records)."""
+
+from typing import Literal
+
+import msgspec
+
+VerdictKind = Literal[
+    "white",
+    "drift",
+    "filter or resonance",
+    "AR(1)",
+    "fractional",
+    "undecided",
+    "not stationary",
+    "constant",
+    "too few samples",
+]
+"""What the noise is, in a word or two."""
+
+
+class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A fitted parameter with the ends of its 95 % interval.
+
+    low and high are null where the data do not define the parameter; value is null where there is no fit.
+    """
+
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+class Until(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How many seconds of samples more until α is known to ± `target`; 0 if it is, null if nobody knows."""
+
+    target: float
+    seconds: float | None = None
+
+
+class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Overlapping Allan deviation with 95 % intervals, in the axis's unit, and that of the fitted model.
+
+    N: per √s (random walk of the angle); B: floor over 0.664 (bias instability); K: per s and √s (random
+    walk of the rate); null where the curve does not show it.
+    """
+
+    tau_s: list[float]
+    adev: list[float]
+    low: list[float]
+    high: list[float]
+    model: list[float]
+    N: float | None = None
+    B: float | None = None
+    K: float | None = None
+
+
+class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Noise density and that of the fitted model, one-sided, in the axis's unit over √Hz."""
+
+    hz: list[float]
+    density: list[float]
+    model: list[float]
+
+
+class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One axis, of all its samples so far.
+
+    verdict: what the noise is; text: the same in sentences. null_p: of the null test at the time. F = g + α,
+    g = h^α f; s2, R: variances in the square of `unit`. rate_left_out: bands in Hz of lines and
+    resonances, which are not fitted. left_out: samples that are not used, and bridged ones, by cause.
+    allan, spectrum: null between times (at most every 10 s).
+    """
+
+    verdict: VerdictKind
+    text: str
+    unit: str
+    null_p: float | None = None
+    alpha: Interval = Interval()
+    f: Interval = Interval()
+    F: Interval = Interval()
+    s2: Interval = Interval()
+    R: Interval = Interval()
+    rate_left_out: list[tuple[float, float]] = []
+    left_out: dict[str, int] = {}
+    until_s: Until | None = None
+    allan: FitAllan | None = None
+    spectrum: FitSpectrum | None = None

@@ -1,0 +1,198 @@
+// Fisher scoring with Levenberg's damping: the curvature of -log L is replaced by its expectation, which is
+// never negative, and which the slopes give without second derivatives.
+//
+// Where the scale is free it is taken out: at the best one -log L = Σ c log S + m log(Σ c I/S / m) + m, with
+// m ordinates, and of the information what belongs to the scale, whose slope is 1 in every bin, is left out.
+#pragma once
+
+#include "whittle_models.hpp"
+
+namespace fltea {
+namespace whittle {
+
+// One spectrum to fit.
+struct Target {
+    const Kernel* kernel;
+    const Bins* bins;
+    const double* power;
+    double ordinates;
+};
+
+template <class R>
+struct Point {
+    R theta[kFree];
+    R nll;
+    R scale;
+    R gradient[kFree];
+    R fisher[kFree][kFree];
+};
+
+const double kImpossible = 1e300;
+const double kLeastCurvature = 1e-30;
+
+// -log L at point.theta, and its slopes; kImpossible where there is no such spectrum.
+template <class R>
+void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
+    Mapped<R> at;
+    Sums sums;
+    point.nll = R(kImpossible);
+    if (!map(model, point.theta, at)) return;
+    target.kernel->sums(model.family, *target.bins, target.power, at.natural, sums);
+    const bool free_scale = scaled(model);
+    const R m = target.ordinates;
+    point.scale = free_scale ? sums.ratio / m : 1;
+    const R nll =
+        free_scale ? sums.log_spectrum + m * std::log(point.scale) + m : sums.log_spectrum + sums.ratio;
+    if (!std::isfinite(nll)) return;
+    const int numbers = shapes(model.family) + parts(model.family) + 1, free = free_of(model);
+    for (int i = 0; i < numbers; ++i) {
+        for (int j = 0; j <= i; ++j) {
+            if (free_scale) sums.square[i][j] -= sums.slope[i] * sums.slope[j] / m;
+            sums.square[j][i] = sums.square[i][j];
+        }
+    }
+    for (int a = 0; a < free; ++a) {
+        R slope = 0, row[kMost];
+        for (int i = 0; i < numbers; ++i) {
+            slope += at.chain[i][a] * (sums.slope[i] - sums.weighted[i] / point.scale);
+            row[i] = 0;
+            for (int j = 0; j < numbers; ++j) row[i] += sums.square[i][j] * at.chain[j][a];
+        }
+        point.gradient[a] = slope;
+        for (int b = 0; b <= a; ++b) {
+            R total = 0;
+            for (int i = 0; i < numbers; ++i) total += at.chain[i][b] * row[i];
+            point.fisher[a][b] = point.fisher[b][a] = total;
+        }
+    }
+    point.nll = nll;
+}
+
+// Solves (A + damping diag A) x = -b for the coordinates that are not given; A is not negative.
+template <class R>
+void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) {
+    R L[kFree][kFree];
+    for (int i = 0; i < free; ++i) {
+        R x = given[i] ? step[i] : -at.gradient[i];
+        for (int j = 0; j < free; ++j)
+            if (!given[i] && given[j]) x -= at.fisher[i][j] * step[j];
+        for (int j = 0; j <= i; ++j) {
+            R a = given[i] || given[j] ? R(i == j) : at.fisher[i][j];
+            if (i == j && !given[i]) a += damping * a + R(kLeastCurvature);
+            const R whole = a;
+            for (int k = 0; k < j; ++k) a -= L[i][k] * L[j][k];
+            L[i][j] = i == j ? std::sqrt(std::fmax(a, R(1e-12) * whole)) : a / L[j][j];
+        }
+        step[i] = x;
+    }
+    for (int i = 0; i < free; ++i) {
+        for (int k = 0; k < i; ++k) step[i] -= L[i][k] * step[k];
+        step[i] /= L[i][i];
+    }
+    for (int i = free - 1; i >= 0; --i) {
+        for (int k = i + 1; k < free; ++k) step[i] -= L[k][i] * step[k];
+        step[i] /= L[i][i];
+    }
+}
+
+// How far a coordinate may move up or down at once. Far steps leave what the slopes know about: the order
+// moves by 0.3, the others by 1, or by half of what they are already in their tails. There a coordinate is
+// the logarithm of a small number, and back to larger ones it may move as that number does (`applied`).
+template <class R>
+R longest(const Model<R>& model, int i, R theta, bool up) {
+    if (i == 0 && order_first(model)) return R(0.3);
+    const R tail = theta - centre(model, i);
+    if (std::fabs(tail) > 2 && up == (tail < 0)) return R(kImpossible);
+    return std::fmax(R(1), std::fabs(tail) / 2);
+}
+
+template <class R>
+R applied(const Model<R>& model, int i, R theta, R step) {
+    if (i == 0 && order_first(model)) return step;
+    const R tail = theta - centre(model, i);
+    if (!(std::fabs(tail) > 2 && (step > 0) == (tail < 0))) return step;
+    return step > 0 ? std::log1p(step) : -std::log1p(-step);
+}
+
+// A step within what the coordinates may move; the decrease of -log L that it promises.
+template <class R>
+R damped_step(const Model<R>& model, const Point<R>& at, const R* low, const R* high, R damping, R* step) {
+    const int free = free_of(model);
+    bool given[kFree];
+    for (int i = 0; i < free; ++i) {
+        given[i] =
+            (at.theta[i] <= low[i] && at.gradient[i] > 0) || (at.theta[i] >= high[i] && at.gradient[i] < 0);
+        step[i] = 0;
+    }
+    for (int pass = 0; pass <= free; ++pass) {
+        solve(at, given, free, damping, step);
+        int worst = -1;
+        R excess = 1, end = 0;
+        for (int i = 0; i < free; ++i) {
+            const bool up = step[i] > 0;
+            R most = longest(model, i, at.theta[i], up);
+            if (most < R(kImpossible))
+                most = std::fmin(most, up ? high[i] - at.theta[i] : at.theta[i] - low[i]);
+            if (!given[i] && std::fabs(step[i]) > excess * most) {
+                excess = std::fabs(step[i]) / std::fmax(most, R(1e-30));
+                worst = i;
+                end = up ? most : -most;
+            }
+        }
+        if (worst < 0) break;
+        given[worst] = true;
+        step[worst] = end;
+    }
+    R promise = 0;
+    for (int i = 0; i < free; ++i) {
+        promise -= step[i] * at.gradient[i];
+        for (int j = 0; j < free; ++j) promise -= R(0.5) * step[i] * at.fisher[i][j] * step[j];
+    }
+    return promise;
+}
+
+// When to stop.
+template <class R>
+struct Patience {
+    int steps;    // evaluations at most
+    R tolerance;  // of -log L: a step that promises less is not taken
+    R inside;     // -log L below which nothing more is wanted
+};
+
+template <class R>
+Patience<R> patience(int steps) {
+    return Patience<R>{steps, R(1e-6), R(-kImpossible)};
+}
+
+// Moves a point that has been evaluated towards the minimum; returns the evaluations it took.
+template <class R>
+int score(const Target& target, const Model<R>& model, const Patience<R>& until, Point<R>& at) {
+    const int free = free_of(model);
+    R low[kFree], high[kFree];
+    bounds(model, low, high);
+    R damping = R(1e-3);
+    int used = 0;
+    while (used < until.steps && at.nll > until.inside && at.nll < R(kImpossible)) {
+        R step[kFree];
+        const R promise = damped_step(model, at, low, high, damping, step);
+        if (!(promise > until.tolerance) && damping <= R(1e-3)) break;
+        Point<R> next;
+        for (int i = 0; i < free; ++i) {
+            const R moved = at.theta[i] + applied(model, i, at.theta[i], step[i]);
+            next.theta[i] = std::fmin(std::fmax(moved, low[i]), high[i]);
+        }
+        evaluate(target, model, next);
+        ++used;
+        if (next.nll < at.nll) {
+            at = next;
+            damping = std::fmax(damping * R(0.2), R(1e-7));
+        } else {
+            damping = std::fmax(damping, R(1e-3)) * 8;
+            if (damping > R(1e6)) break;
+        }
+    }
+    return used;
+}
+
+}  // namespace whittle
+}  // namespace fltea
