@@ -234,4 +234,55 @@ class AllanSums:
     def save(self) -> bytes: ...
 
     # ValueError for bytes that cannot come from `save`; then nothing has changed.
+
+# Of the running spectrum (host/native/octaves.hpp): memory of a lane, levels, samples that a level keeps
+# whole, samples of a block, its first line, lines of level 0 and of those below.
+OCTAVES_LANE_BYTES: int
+OCTAVES_LEVELS: int
+OCTAVES_WHOLE: int
+OCTAVES_BLOCK: int
+OCTAVES_LOWEST: int
+OCTAVES_LINES: tuple[int, int]
+
+# Of the filter before every second sample is left out, at so many rad a sample.
+def half_band_gain(angle: float) -> float: ...
+
+# The running spectra of several lanes; see fltea.spectrum.octaves.
+class Octaves:
+    # ValueError for no lanes, and for a memory that is neither 0 nor 256 to 10^12 samples.
+    def __init__(self, lanes: int, memory: float) -> None: ...
+
+    # y (rows, lanes) float64. ValueError for a wrong shape, and for numbers that are not finite or too large.
+    def add(self, y: NDArray[np.float64]) -> None: ...
+    def skip(self, count: float) -> None: ...
+    def merge(self, other: Octaves) -> None: ...
+
+    # taken, used, bridged, lost, gaps, knocks, knocked, steps, changes; whether the lane never changed.
+    def counts(self, lane: int) -> tuple[list[int], bool]: ...
+
+    # Of each level of Welch's sums: power (lines,) float64, blocks, effective blocks; then the values of the
+    # whole level, float32, and the lengths of its stretches, int32.
+    def spectrum(self, lane: int) -> tuple[list[tuple[bytes, float, float]], bytes, bytes]: ...
+
+    # Number of the next sample, and of each level (cells, 4) float64: first sample, count, mean, squares.
+    def cells(self, lane: int) -> tuple[int, list[bytes]]: ...
+
+    # Averaging factors (samples), Allan variances, effective numbers of terms; of how many samples they are.
+    def allan(self, lane: int) -> tuple[list[float], list[float], list[float], float]: ...
+    def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
+
+# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp).
+# ValueError as for whittle_fit.
+def whittle_intervals(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    scale: float,
+    nll: float,
+    critical: float,
+    h: float,
+    what: NDArray[np.float64],
+    ends: NDArray[np.float64],
+) -> None: ...

@@ -107,7 +107,12 @@ class _Run:
             for config in configs:  # the sources first: a wrong one leaves no half-open outputs
                 sources.append(open_source(config))
                 _check_recordable(config, sources[-1])
-            open_outputs(configs, self._hub)
+            replays = [
+                config.name or ""
+                for source, config in zip(sources, configs, strict=True)
+                if isinstance(source, ReplaySource)
+            ]
+            open_outputs(configs, self._hub, replays)
             if configs[0].state.file is not None:
                 state = StateFile(configs[0].state, self._hub.report())
             self._stop.armed = True
