@@ -24,7 +24,9 @@ class Walk:
     has ended.
     """
 
-    def __init__(self, source: Source, config: Config, hub: Hub, state: StateFile | None) -> None:
+    def __init__(
+        self, source: Source, config: Config, hub: Hub, state: StateFile | None, devices: int = 1
+    ) -> None:
         self.source = source
         self.name = config.name or ""
         self.failure: Trouble | Error | None = None
@@ -36,6 +38,7 @@ class Walk:
             lambda: hub.stats(self.name),
             state.found.get(self.name) if state else None,
             lambda: state.refuse(self.name) if state else None,
+            devices,
         )
         self._tap = hub.tap(self.name, wait=not source.prompt)
         self._as_wire: AsWire | None = None
@@ -71,7 +74,8 @@ class Walk:
     def finish(self) -> None:
         """The source has ended, or nothing more is wanted of it."""
         self.moved_s = math.inf
-        self._hub.publish(self.name, [self._pipeline.stats()], wait=not self.source.prompt)
+        ended = self._once or not self.source.live  # else somebody waits for the program to end
+        self._hub.publish(self.name, list(self._pipeline.finish(last_fit=ended)), wait=not self.source.prompt)
         if self._state is not None:
             self._deposit(self._state)
 

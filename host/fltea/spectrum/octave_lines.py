@@ -53,7 +53,7 @@ class _Found(NamedTuple):
 def find_octave_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
     """Find the peaks of one series, strongest first; each is taken out before the next is searched for."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
-    lines = _Lines(p.lam, p.power, weight, weight != 1)
+    lines = _Lines(p.lam, p.power, weight, _averaged(weight))
     spread = np.gradient(lines.lam)
     total = float(lines.power @ spread)
     peaks: list[Peak] = []
@@ -72,12 +72,17 @@ def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tupl
     if p.weight is None:
         return bands
     hz = p.lam / (2 * np.pi * p.h)
-    reach = np.where(p.weight != 1, (LOBE - 0.5) * np.gradient(hz), 0.0)
+    reach = np.where(_averaged(p.weight), (LOBE - 0.5) * np.gradient(hz), 0.0)
     wider = []
     for low, high in bands:
         first, last = np.searchsorted(hz, [low, high]).clip(max=len(hz) - 1)
         wider.append((low - float(reach[first]), high + float(reach[last])))
     return tuple(wider)
+
+
+def _averaged(weight: Array) -> NDArray[np.bool_]:
+    """Whether lines are averages over blocks; the others are ordinates, or averages of a few alike."""
+    return np.asarray(weight != np.rint(weight))
 
 
 def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:

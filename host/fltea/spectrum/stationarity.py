@@ -35,7 +35,7 @@ class BandCells(NamedTuple):
     """(c,) blocks in each"""
     mean_log: Array
     variance_log: Array
-    """(c,) mean squared deviation from `mean_log`"""
+    """(c,) of the blocks in each; NaN of a single one"""
     first: Array
     """(c,) number of the first sample of each"""
 
@@ -114,7 +114,8 @@ def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
     counts = np.asarray(band.counts, dtype=np.float64)
     some = counts > 0
     counts, first = counts[some], np.asarray(band.first, dtype=np.float64)[some]
-    means, squares = band.mean_log[some], band.variance_log[some] * counts
+    means = band.mean_log[some]
+    squares = np.where(counts > 1, band.variance_log[some] * (counts - 1), 0.0)
     starts, have = [0], 0.0
     for i, count in enumerate(counts[:-1].tolist()):
         have += count

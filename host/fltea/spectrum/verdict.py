@@ -249,7 +249,7 @@ def _change_text(e: Evidence) -> str:
         what = f"its power {band} went up and down by a factor of about {c.size:.2g}"
     return (
         f"The noise changed during the record: {what}. All figures are averages over different noises: judge "
-        "the parts by themselves, or set live.memory to follow slow changes."
+        "the parts by themselves, or follow slow changes with a live.memory that is shorter than they are."
     )
 
 
