@@ -3,12 +3,14 @@
 import json
 from typing import get_args
 
+import msgspec
 import pytest
 from dashboard_support import records, told
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
 from fltea.records.fit import AxisFit, FitAllan, Interval, Until, VerdictKind
+from fltea.records.records import Fit, Stats
 from fltea.sinks.page import facts
-from fltea.sinks.page.answer import HEADS, WITH_ORDER, answer
+from fltea.sinks.page.answer import HEADS, OFF, WITH_ORDER, answer
 from fltea.sinks.page.data_sheet import NOT_SEEN, coefficients
 from hypothesis import given
 from hypothesis import strategies as st
@@ -48,8 +50,8 @@ def test_no_figure_without_both_ends_of_its_interval(
     [
         (Interval(0.803, 0.762, 0.847), ("0.80", "0.76 … 0.85")),
         (Interval(0.8034, 0.7992, 0.8077), ("0.803", "0.799 … 0.808")),
-        (Interval(0.66, 0.2, 1.4), ("0.7", "0.2 … 1.4")),
-        (Interval(-1.02, -1.31, -0.77), ("−1.0", "−1.3 … −0.8")),
+        (Interval(0.66, 0.2, 1.4), ("0.66", "0.20 … 1.40")),
+        (Interval(-1.02, -1.31, -0.77), ("−1.02", "−1.31 … −0.77")),
         (Interval(-1.02, -1.12, -0.92), ("−1.02", "−1.12 … −0.92")),
         (Interval(1.0, 1.0, 1.0), ("1.0000", "1.0000 … 1.0000")),
     ],
@@ -95,6 +97,14 @@ def test_without_a_fit_nothing_is_claimed() -> None:
     for axis in facts.axes(told(records("n=200")), 0):
         found = axis["answer"]
         assert (found["kind"], found["head"], found["alpha"], found["f"]) == ("", "No fit yet", None, None)
+
+
+def test_where_nothing_is_fitted_that_is_said() -> None:
+    found = [
+        msgspec.structs.replace(r, fit_period_s=None) if isinstance(r, Stats) else r for r in records("n=200")
+    ]
+    for axis in facts.axes(told([r for r in found if not isinstance(r, Fit)]), 0):
+        assert (axis["answer"]["head"], axis["answer"]["text"]) == ("No fit", OFF)
 
 
 def test_facts_of_a_history_hold_the_answer_and_of_how_many_samples_it_is() -> None:

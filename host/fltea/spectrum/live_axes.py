@@ -88,7 +88,9 @@ class LiveAxes:
         counts = self._octaves.counts(lane)
         left_out = _left_out(counts)
         if counts.constant and counts.used >= SHORTEST_MEMORY:
-            text = "Constant: every sample has the same value. Is the sensor asleep, or its range far too wide?"
+            text = (
+                "Constant: every sample has the same value. Is the sensor asleep, or its range far too wide?"
+            )
             return AxisFit("constant", text, self.unit, left_out=left_out)
         if curves:
             self._warm[lane].forget()
