@@ -68,7 +68,10 @@ class LiveAxes:
         self._octaves.skip(count)
 
     def fit(self, *, curves: bool) -> dict[str, AxisFit]:
-        """Fit every axis; curves: with spectrum and Allan deviation, and from all starts instead of the last."""
+        """Fit every axis.
+
+        curves: with spectrum and Allan deviation, and from all starts in place of the last fit.
+        """
         return {axis: self._fit(lane, curves) for lane, axis in enumerate(self.axes)}
 
     def save(self) -> bytes:
@@ -88,9 +91,7 @@ class LiveAxes:
         counts = self._octaves.counts(lane)
         left_out = _left_out(counts)
         if counts.constant and counts.used >= SHORTEST_MEMORY:
-            text = (
-                "Constant: every sample has the same value. Is the sensor asleep, or its range far too wide?"
-            )
+            text = "Constant: all samples are the same. Is the sensor asleep, or its range far too wide?"
             return AxisFit("constant", text, self.unit, left_out=left_out)
         if curves:
             self._warm[lane].forget()
@@ -124,9 +125,8 @@ class LiveAxes:
         allan = spectrum = None
         if drawn is not None:
             spectrum = _spectrum(drawn, seen)
-            allan = fit_allan(
-                self._octaves.allan(lane), used, self.h, self.unit, lambda lam: full.spectrum(lam)[0]
-            )
+            *sums, samples = self._octaves.allan(lane)
+            allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: full.spectrum(lam)[0])
         return AxisFit(
             verdict.kind,
             verdict.text,

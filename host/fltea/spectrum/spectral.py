@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
 from fltea.spectrum.lines import FALSE_ALARM, Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
+from fltea.spectrum.octaves import BandCells
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
 from fltea.spectrum.rivals import Fits, contest, fit_all
-from fltea.spectrum.stationarity import BandCells, find_change
+from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import DRIFT_HZ, LEVEL, Evidence
 from fltea.spectrum.warm import Warm
 
