@@ -17,7 +17,7 @@ from fltea.spectrum.likelihood_ratio import null_fits
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, used_ordinates
 from generated import update
 
-HERE = Path(__file__).resolve().parents[1] / "host/fltea/identify"
+HERE = Path(__file__).resolve().parents[1] / "host/fltea/spectrum"
 
 LENGTHS = (256, 1_000, 3_000, 12_000, 60_000, 400_000)
 PROBABILITIES = (0.95, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.025, 0.01, 0.005, 0.002, 0.001)

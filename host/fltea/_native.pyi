@@ -190,3 +190,23 @@ class RunningNull:
     def depth(self) -> int: ...
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
+
+# Fits a model of spectrum.whittle to every series; theta (series, p), scale and nll (series,) are filled in.
+# ValueError if the arrays do not fit together or no spectrum can be fitted.
+def whittle_fit(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    family: int,
+    highest_order: float,
+    hold: int,
+    held: float,
+    h: float,
+    starts: NDArray[np.float64],
+    groups: NDArray[np.intp],
+    extra: NDArray[np.float64] | None,
+    warm: NDArray[np.float64] | None,
+    theta: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    nll: NDArray[np.float64],
+) -> None: ...

@@ -15,6 +15,7 @@
 #include "crc32.h"
 #include "decoder_binding.hpp"
 #include "engine_binding.hpp"
+#include "fit_binding.hpp"
 #include "frame.h"
 #include "messages.h"
 
@@ -153,4 +154,5 @@ NB_MODULE(_native, m) {
     bind_engine(m);
     bind_lanes(m);
     bind_bank(m);
+    bind_fit(m);
 }

@@ -13,9 +13,9 @@ from fltea.identify.axis import AxisResult, IdentifyOptions
 from fltea.identify.shuffled import ACCURACY, BLOCK, PROBABILITIES
 from fltea.noise.spectra import HIGHEST_ORDER
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.models import FULL
+from fltea.spectrum.models import FULL, held
 from fltea.spectrum.periodogram import binned, periodogram
-from fltea.spectrum.whittle import Model, fit
+from fltea.spectrum.whittle import fit
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def curves(y: Array, h: float, lsb: float | None, options: IdentifyOptions, resu
     """Make them for an axis that has been identified; arguments as for `axis.identify_axis`."""
     whole = binned(periodogram(y, h, from_hz=options.from_hz, notch=options.notch_hz))
     clean = binned(periodogram(y, h, from_hz=result.band.from_hz, notch=result.band.notch_hz))
-    nll = np.array([float(fit(clean, _held_order(alpha)).nll[0]) for alpha in ORDERS.tolist()])
+    nll = np.array([float(fit(clean, held("alpha", alpha)).nll[0]) for alpha in ORDERS.tolist()])
     lowest = min(float(nll.min()), float(fit(clean, FULL).nll[0]))
     path, innovation = _path(y, h, lsb, options)
     tested = innovation[len(innovation) // 3 :]
@@ -77,17 +77,6 @@ def curves(y: Array, h: float, lsb: float | None, options: IdentifyOptions, resu
         _autocorrelation(tested),
         len(tested),
     )
-
-
-def _held_order(alpha: float) -> Model:
-    """The fractional model with its order held."""
-    starts = FULL.starts[FULL.starts[:, 0] == FULL.starts[0, 0], 1:]
-    groups = np.unique(starts[:, 0], return_inverse=True)[1]
-
-    def shape(lam: Array, theta: Array) -> Array:
-        return FULL.shape(lam, np.column_stack([np.full(len(theta), alpha), theta]))
-
-    return Model("fractional", 3, starts, groups, shape)
 
 
 def _path(y: Array, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.whittle import Model
+from fltea.spectrum.whittle import Held, Model
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,28 @@ def fractional(highest_order: float = spectrum.HIGHEST_ORDER) -> Model:
     alpha = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.5, 1.75, 1.95])
     u = np.array([1e-6, 1e-4, 1e-3, 4e-3, 0.01, 0.03, 0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.92, 0.98])
     a, b, w = _grid(alpha[alpha <= highest_order], u, WEIGHTS)
-    return Model("fractional", 4, coordinates(a, -(2.0**a) * b, w), _groups(a), shape)
+    return Model("fractional", 4, coordinates(a, -(2.0**a) * b, w), _groups(a), shape, highest_order)
+
+
+def held(name: str, value: float, h: float = 1.0) -> Model:
+    """The fractional model in which "alpha", "g", "f" (in s^-α, h in s) or "F" has this value.
+
+    With α held the coordinates are the other two of `fractional`, else α itself and that of the weight.
+    """
+    if name == "alpha":
+        free, w = _grid(FULL.starts[FULL.starts[:, 0] == 0][:: len(WEIGHTS), 1], logit(WEIGHTS))
+    else:
+        free, w = _grid(_HELD_ORDERS, logit(WEIGHTS))
+
+    def shape(lam: Array, theta: Array) -> Array:
+        if name == "alpha":
+            return FULL.shape(lam, np.column_stack([np.full(len(theta), value), theta]))
+        alpha = theta[:, 0]
+        g = {"g": value + 0 * alpha, "f": value * h**alpha, "F": value - alpha}[name]
+        return FULL.shape(lam, coordinates(alpha, g, share(theta[:, 1])))
+
+    starts = np.stack([free, w], axis=-1)
+    return Model("fractional", 3, starts, _groups(free), shape, held=Held(name, value, h))
 
 
 def ar1_coordinates(phi: ArrayLike, weight: ArrayLike) -> Array:
@@ -149,6 +170,7 @@ def _groups(values: Array) -> NDArray[np.intp]:
     return np.asarray(np.unique(values, return_inverse=True)[1], dtype=np.intp)
 
 
+_HELD_ORDERS = np.linspace(0.02, 1.98, 25)
 _POLES = np.array([-0.95, -0.6, -0.25, 0.25, 0.6, 0.85, 0.95, 0.985, 0.996, 0.999, 0.9999])
 
 WHITE = Model(

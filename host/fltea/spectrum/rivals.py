@@ -18,6 +18,7 @@ from fltea.spectrum.models import (
     ar1_parameters,
     ar2_parameters,
     coordinates,
+    logit,
     parameters,
     two_ar1_parameters,
 )
@@ -78,7 +79,11 @@ def fit_all(p: Periodogram) -> Fits:
     null = null_fits(data)
     phi, weight = ar1_parameters(null.ar1.theta)
     inside = np.stack([coordinates(1.0, phi - 1, weight), null.alternative.theta], axis=1)
-    return Fits(data, null, fit(data, FULL, inside), fit(data, AR2), fit(data, TWO_AR1))
+    # AR(1) is within both of its rivals: with φ2 = 0, and with a second part that has no share.
+    pole, part = np.hsplit(null.ar1.theta, 2)
+    ar2 = fit(data, AR2, np.stack([pole, 0 * pole, part], axis=-1))
+    two_ar1 = fit(data, TWO_AR1, np.stack([pole, 0 * pole, part, logit(0 * part)], axis=-1))
+    return Fits(data, null, fit(data, FULL, inside), ar2, two_ar1)
 
 
 def contest(p: Periodogram, fits: Fits) -> Contest:

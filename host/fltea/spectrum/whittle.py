@@ -4,8 +4,9 @@ Ordinates of a stationary series are nearly independent and exponential with the
 
     -log L = sum over ordinates of log S + I / S
 
-of which the best scale of S is known in closed form, mean I / shape, and is not searched for. Everything is
-done for several series with the same ordinates at once.
+of which the best scale of S is known in closed form, mean I / shape, and is not searched for. The other
+parameters are found by Fisher scoring with Levenberg's damping (host/native/whittle_scoring.hpp), for several
+series with the same ordinates at once.
 """
 
 from collections.abc import Callable
@@ -14,19 +15,34 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fltea import _native
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.simplex import Rows, minimise
 
 Array = NDArray[np.float64]
 
-KEPT_STARTS = 3
-"""Local maxima are real: α = 0 and α = 1 are the same for a g each."""
+FAMILIES = {"white": 0, "fractional": 1, "ar1": 2, "ar2": 3, "two_ar1": 4}
+"""Numbers of the models in the native part (enum Family)."""
+
+
+HOLDS = {"": 0, "alpha": 1, "g": 2, "f": 3, "F": 4}
+"""The same of what is held (enum Hold)."""
+
+
+class Held(NamedTuple):
+    """A number of the fractional model that keeps its value."""
+
+    name: str = ""
+    """one of `HOLDS`"""
+    value: float = 0.0
+    h: float = 1.0
+    """sampling period in s, where f is held"""
 
 
 class Model(NamedTuple):
     """A family of spectra, in coordinates without bounds in which the likelihood is smooth."""
 
     name: str
+    """one of `FAMILIES`"""
     parameters: int
     """of the spectrum, scale and white noise included, as BIC counts them"""
     starts: Array
@@ -35,6 +51,9 @@ class Model(NamedTuple):
     """(starts,) the search begins at the best point of each of the best groups"""
     shape: Callable[[Array, Array], Array]
     """λ (bins,) and coordinates (k, p) to S / scale, (k, bins)"""
+    highest_order: float = 2.0
+    """of the fractional model"""
+    held: Held = Held()
 
 
 class Fit(NamedTuple):
@@ -53,36 +72,41 @@ class Fit(NamedTuple):
         return self.scale[:, np.newaxis] * self.model.shape(lam, self.theta)
 
 
-def fit(data: Binned, model: Model, extra_starts: Array | None = None) -> Fit:
+def fit(data: Binned, model: Model, extra_starts: Array | None = None, warm: Array | None = None) -> Fit:
     """Fit `model` to every series of `data`.
 
     extra_starts: (series, k, p) points to begin at too, for instance the best of a model within this one.
+    warm: (series, p) where the search begins instead of on the grid; it ends after at most ten steps.
+
+    Raises:
+        ValueError: no spectrum can be fitted: numbers are not finite or negative, λ does not rise between 0
+            and π, there are fewer than two bins, nothing is counted, or a series has no power; or there is no
+            model with the value that is held.
     """
-    series = len(data.power)
-    if model.starts.shape[1] == 0:
-        theta = np.zeros((series, 0))
-        nll, scale = negative_log_likelihood(data, model.shape(data.lam, theta), np.arange(series))
-        return Fit(model, theta, scale, nll)
-    starts = _best_starts(data, model)
-    if extra_starts is not None:
-        starts = np.concatenate([starts, extra_starts], axis=1)
-    per_series = starts.shape[1]
-    owner = np.repeat(np.arange(series), per_series)
-
-    def objective(theta: Array, rows: Rows) -> Array:
-        return negative_log_likelihood(data, model.shape(data.lam, theta), owner[rows])[0]
-
-    points, _ = minimise(objective, starts.reshape(series * per_series, -1))
-    # Once more from where they stopped: a simplex can be flat in a direction that matters.
-    points, values = minimise(objective, points, size=0.2, tolerance=1e-4)
-    best = values.reshape(series, per_series).argmin(axis=1)
-    theta = points.reshape(series, per_series, -1)[np.arange(series), best]
-    nll, scale = negative_log_likelihood(data, model.shape(data.lam, theta), np.arange(series))
+    series, p = len(data.power), model.starts.shape[1]
+    theta, scale, nll = np.empty((series, p)), np.empty(series), np.empty(series)
+    _native.whittle_fit(
+        np.ascontiguousarray(data.lam, dtype=np.float64),
+        np.ascontiguousarray(data.counts, dtype=np.float64),
+        np.ascontiguousarray(data.power, dtype=np.float64),
+        FAMILIES[model.name],
+        model.highest_order,
+        HOLDS[model.held.name],
+        model.held.value,
+        model.held.h,
+        model.starts,
+        model.groups,
+        extra=None if extra_starts is None else np.ascontiguousarray(extra_starts, dtype=np.float64),
+        warm=None if warm is None else np.ascontiguousarray(warm, dtype=np.float64),
+        theta=theta,
+        scale=scale,
+        nll=nll,
+    )
     return Fit(model, theta, scale, nll)
 
 
 def negative_log_likelihood(
-    data: Binned, shape: Array, rows: Rows, scale: ArrayLike | None = None
+    data: Binned, shape: Array, rows: NDArray[np.intp], scale: ArrayLike | None = None
 ) -> tuple[Array, Array]:
     """Return -log L of spectra `shape` (k, bins) for the series `rows` (k,), and their scales (k,).
 
@@ -92,18 +116,3 @@ def negative_log_likelihood(
     ratio = np.einsum("kb,kb,b->k", data.power[rows], 1 / shape, data.counts)
     best = ratio / ordinates if scale is None else np.asarray(scale, dtype=np.float64)
     return np.log(shape) @ data.counts + ordinates * np.log(best) + ratio / best, best
-
-
-def _best_starts(data: Binned, model: Model) -> Array:
-    """The best point of each of the best groups of the grid, (series, at most KEPT_STARTS, p)."""
-    shape = model.shape(data.lam, model.starts)
-    ordinates = data.counts.sum()
-    scale = data.power @ (data.counts / shape).T / ordinates
-    nll = np.log(shape) @ data.counts + ordinates * np.log(scale)
-    names = np.unique(model.groups)
-    best = np.stack(
-        [np.flatnonzero(model.groups == name)[nll[:, model.groups == name].argmin(axis=1)] for name in names],
-        axis=1,
-    )
-    order = np.take_along_axis(nll, best, axis=1).argsort(axis=1)[:, :KEPT_STARTS]
-    return np.asarray(model.starts[np.take_along_axis(best, order, axis=1)])

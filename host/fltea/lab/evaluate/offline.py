@@ -1,14 +1,12 @@
 """The Whittle fit on the same series: what can be known of them, not sample by sample but afterwards."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.noise import spectra as spectrum
 from fltea.spectrum.likelihood_ratio import critical_values, null_fits
-from fltea.spectrum.models import FULL, WEIGHTS, coordinates, logit, parameters, share
+from fltea.spectrum.models import FULL, held, parameters
 from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.periodogram import Binned, binned, periodogram
 from fltea.spectrum.profile import CRITICAL
@@ -36,9 +34,8 @@ def whittle_reading(y: Array, h: float, alpha: float | None, f: float | None) ->
     p = parameters(found.theta)
     alpha_covered = f_covered = None
     if alpha is not None and f is not None:
-        alpha_covered = covered(data, found, _held_order(alpha), found.theta[:, 1:])
-        start = np.stack([_order_coordinate(p.alpha, f, h), found.theta[:, 2]], axis=-1)
-        f_covered = covered(data, found, _held_parameter(f, h), start)
+        alpha_covered = covered(data, found, held("alpha", alpha), found.theta[:, 1:])
+        f_covered = covered(data, found, held("f", f, h), found.theta[:, [0, 2]])
     return WhittleReading(p.alpha, p.g * h**-p.alpha, alpha_covered, f_covered, _rejected(data))
 
 
@@ -63,45 +60,11 @@ def _rejected(data: Binned) -> NDArray[np.bool_]:
     return np.asarray(null_fits(data).likelihood_ratio > critical)
 
 
-def covered(data: Binned, found: Fit, held: Model, start: Array) -> NDArray[np.bool_]:
-    """Tell for each series whether the value that `held` holds is in the 95 % interval.
+def covered(data: Binned, found: Fit, model: Model, start: Array) -> NDArray[np.bool_]:
+    """Tell for each series whether the value that `model` holds is in the 95 % interval.
 
     It is if the best fit that has the value is hardly worse than the best of all, `found`: the ends of the
     interval, a hundred times the work, are not needed for that. start: (series, free), to begin at too.
     """
-    nll = fit(data, held, start[:, np.newaxis]).nll
+    nll = fit(data, model, start[:, np.newaxis]).nll
     return np.asarray(2 * (nll - found.nll) <= CRITICAL)
-
-
-def _held_order(alpha: float) -> Model:
-    """The fractional model with this α; free are the coordinates of g and of the weight."""
-    starts = FULL.starts[FULL.starts[:, 0] == FULL.starts[0, 0], 1:]
-
-    def shape(lam: Array, theta: Array) -> Array:
-        return FULL.shape(lam, np.column_stack([np.full(len(theta), alpha), theta]))
-
-    return Model("held order", 3, starts, np.unique(starts[:, 0], return_inverse=True)[1], shape)
-
-
-def _held_parameter(f: float, h: float) -> Model:
-    """The same with this f < 0; free are the order, within what is stationary, and the weight."""
-    orders = np.linspace(0.02, 0.98, 15)
-    a, w = (axis.ravel() for axis in np.meshgrid(logit(orders), logit(WEIGHTS), indexing="ij"))
-    lowest = _lowest_order(f, h)
-
-    def shape(lam: Array, theta: Array) -> Array:
-        alpha = lowest + (spectrum.HIGHEST_ORDER - lowest) * share(theta[:, 0])
-        return FULL.shape(lam, coordinates(alpha, f * h**alpha, share(theta[:, 1])))
-
-    groups = np.unique(a, return_inverse=True)[1]
-    return Model("held parameter", 3, np.column_stack([a, w]), groups, shape)
-
-
-def _lowest_order(f: float, h: float) -> float:
-    """Above it -2^α < h^α f."""
-    return max(0.0, math.log(-f) / math.log(2 / h))
-
-
-def _order_coordinate(alpha: Array, f: float, h: float) -> Array:
-    lowest = _lowest_order(f, h)
-    return logit((alpha - lowest) / (spectrum.HIGHEST_ORDER - lowest))

@@ -1,0 +1,57 @@
+// log without libm and without branches, for double and Pack (pack.hpp): a lane's result is the same whatever
+// the width. For positive normal numbers; the error stays within 2 units in the last place.
+#pragma once
+
+#include "pack_math.hpp"
+
+namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// x = 2^n m with m between 1/√2 and √2: the bits of 2^52 + 1023 + n, and m.
+template <class T>
+struct Binary {
+    T shifted, m;
+};
+
+inline Binary<double> split(double x) {
+    const std::uint64_t bits = to_bits(x) + (std::uint64_t(0x3ff00000 - 0x3fe6a09e) << 32);
+    return {from_bits<double>((bits >> 52) | (std::uint64_t(0x433) << 52)),
+            from_bits<double>((bits & 0xfffffffffffffULL) + (std::uint64_t(0x3fe6a09e) << 32))};
+}
+template <int W>
+inline Binary<Pack<double, W>> split(Pack<double, W> x) {
+    typedef typename Vectors<W>::Bits Bits;
+    typedef typename Vectors<W>::Doubles Doubles;
+    // The sign is 0, so that the arithmetic shift moves in zeros.
+    const Bits bits = (Bits)x.v + (std::int64_t(0x3ff00000 - 0x3fe6a09e) << 32);
+    return {Pack<double, W>((Doubles)((bits >> 52) | (std::int64_t(0x433) << 52))),
+            Pack<double, W>((Doubles)((bits & 0xfffffffffffffLL) + (std::int64_t(0x3fe6a09e) << 32)))};
+}
+
+template <class T>
+inline T log(T x) {
+    typedef Layout<double> L;
+    const Binary<T> two = split(x);
+    const T n = two.shifted - T(4503599627370496.0 + 1023.0);
+    const T f = two.m - T(1.0);
+    const T s = f / (two.m + T(1.0));
+    const T z = s * s;
+    // Taylor of 2 artanh(s) = log m, |s| <= 0.1716: the first term left out is below 1e-17.
+    T sum = T(2.0 / 21);
+    sum = mul_add(sum, z, T(2.0 / 19));
+    sum = mul_add(sum, z, T(2.0 / 17));
+    sum = mul_add(sum, z, T(2.0 / 15));
+    sum = mul_add(sum, z, T(2.0 / 13));
+    sum = mul_add(sum, z, T(2.0 / 11));
+    sum = mul_add(sum, z, T(2.0 / 9));
+    sum = mul_add(sum, z, T(2.0 / 7));
+    sum = mul_add(sum, z, T(2.0 / 5));
+    sum = mul_add(sum, z, T(2.0 / 3));
+    const T small = mul_add(sum * z, s, T(2.0) * s);
+    return mul_add(n, T(L::kLn2High), mul_add(n, T(L::kLn2Low), small));
+}
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
+}  // namespace fltea

@@ -1,0 +1,250 @@
+// The sums for one instruction set (whittle_kernel.hpp). Compiled once per set, see CMakeLists.txt.
+#include "whittle_kernel.hpp"
+
+#include "pack_log.hpp"
+
+namespace fltea {
+namespace whittle {
+inline namespace FLTEA_INSTRUCTION_SET {
+namespace {
+
+using engine::kWidth;
+typedef engine::Pack<double, kWidth> Number;
+
+Number load(const double* from) {
+    Number number;
+    std::memcpy(&number.v, from, sizeof number.v);
+    return number;
+}
+void store(double* to, Number number) { std::memcpy(to, &number.v, sizeof number.v); }
+double sum(Number number) {
+    double total = 0;
+    for (int i = 0; i < kWidth; ++i) total += number[i];
+    return total;
+}
+
+// Each family: spectra of its parts for unit innovations, and the slopes of their logarithms by the shapes,
+// of which shape k belongs to part k, or to the last.
+struct White {
+    enum { kShapes = 0, kParts = 0 };
+    explicit White(const Natural&) {}
+    void at(const Bins&, std::size_t, Number*, Number*) const {}
+    void parts(const Bins&, std::size_t, Number*) const {}
+};
+
+struct Fractional {
+    enum { kShapes = 2, kParts = 1 };
+    explicit Fractional(const Natural& natural) : alpha(natural.shape[0]), g(natural.shape[1]) {}
+
+    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number ln_size = load(bins.ln_size + i), quarter = load(bins.quarter + i);
+        const Number size = engine::exp(alpha * ln_size);
+        const Number turn = turns(bins, i, quarter);
+        const Number real = size * engine::sin_pi(turn + 0.5), imaginary = size * engine::sin_pi(turn);
+        part[0] = 1.0 / distance(size, real);
+        const Number by_alpha = 2.0 * (size * size * ln_size - g * (ln_size * real - quarter * imaginary));
+        slope[0] = -by_alpha * part[0];
+        slope[1] = 2.0 * (real - g) * part[0];
+    }
+    void parts(const Bins& bins, std::size_t i, Number* part) const {
+        const Number size = engine::exp(alpha * load(bins.ln_size + i));
+        const Number turn = turns(bins, i, load(bins.quarter + i));
+        part[0] = 1.0 / distance(size, size * engine::sin_pi(turn + 0.5));
+    }
+
+  private:
+    // The angle of (1 - e^{-iλ})^α e^{iλ}, over π.
+    Number turns(const Bins& bins, std::size_t i, Number quarter) const {
+        return (alpha * quarter + load(bins.turn + i)) * 0.31830988618379067;
+    }
+    // |(1 - e^{-iλ})^α - g e^{-iλ}|². Positive but for rounding.
+    Number distance(Number size, Number real) const {
+        return max(size * size - 2.0 * g * real + g * g, Number(1e-200));
+    }
+    Number alpha, g;
+};
+
+Number ar1(Number phi, Number square) { return 1.0 / ((1.0 - phi) * (1.0 - phi) + phi * square); }
+
+struct Ar1 {
+    enum { kShapes = 1, kParts = 1 };
+    explicit Ar1(const Natural& natural) : phi(natural.shape[0]) {}
+    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number square = load(bins.square + i);
+        part[0] = ar1(phi, square);
+        slope[0] = (2.0 * (1.0 - phi) - square) * part[0];
+    }
+    void parts(const Bins& bins, std::size_t i, Number* part) const {
+        part[0] = ar1(phi, load(bins.square + i));
+    }
+
+  private:
+    Number phi;
+};
+
+struct Ar2 {
+    enum { kShapes = 2, kParts = 1 };
+    explicit Ar2(const Natural& natural) : phi1(natural.shape[0]), phi2(natural.shape[1]) {}
+    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number cos1 = load(bins.cos1 + i), sin1 = load(bins.sin1 + i);
+        const Number cos2 = load(bins.cos2 + i), sin2 = load(bins.sin2 + i);
+        const Number real = 1.0 - phi1 * cos1 - phi2 * cos2, imaginary = phi1 * sin1 + phi2 * sin2;
+        part[0] = 1.0 / max(real * real + imaginary * imaginary, Number(1e-200));
+        slope[0] = 2.0 * (real * cos1 - imaginary * sin1) * part[0];
+        slope[1] = 2.0 * (real * cos2 - imaginary * sin2) * part[0];
+    }
+    void parts(const Bins& bins, std::size_t i, Number* part) const {
+        Number slope[kShapes];
+        at(bins, i, part, slope);
+    }
+
+  private:
+    Number phi1, phi2;
+};
+
+struct TwoAr1 {
+    enum { kShapes = 2, kParts = 2 };
+    explicit TwoAr1(const Natural& natural) : phi1(natural.shape[0]), phi2(natural.shape[1]) {}
+    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number square = load(bins.square + i);
+        part[0] = ar1(phi1, square);
+        part[1] = ar1(phi2, square);
+        slope[0] = (2.0 * (1.0 - phi1) - square) * part[0];
+        slope[1] = (2.0 * (1.0 - phi2) - square) * part[1];
+    }
+    void parts(const Bins& bins, std::size_t i, Number* part) const {
+        const Number square = load(bins.square + i);
+        part[0] = ar1(phi1, square);
+        part[1] = ar1(phi2, square);
+    }
+
+  private:
+    Number phi1, phi2;
+};
+
+template <class Shape>
+void sums_of(const Bins& bins, const double* power, const Natural& natural, Sums& out) {
+    enum { kNumbers = Shape::kShapes + Shape::kParts + 1, kSquares = kNumbers * (kNumbers + 1) / 2 };
+    const Shape shape(natural);
+    const Number white(natural.white);
+    Number log_spectrum(0.0), ratio(0.0), slopes[kNumbers], weighted[kNumbers], squares[kSquares];
+    for (int k = 0; k < kNumbers; ++k) slopes[k] = weighted[k] = Number(0.0);
+    for (int k = 0; k < kSquares; ++k) squares[k] = Number(0.0);
+    for (std::size_t i = 0; i < bins.size; i += kWidth) {
+        Number part[Shape::kParts + 1], by[Shape::kShapes + 1], D[kNumbers];
+        shape.at(bins, i, part, by);
+        Number spectrum = white;
+        for (int k = 0; k < Shape::kParts; ++k) {
+            part[k] = part[k] * Number(natural.variance[k]);
+            spectrum += part[k];
+        }
+        const Number inverse = 1.0 / spectrum, count = load(bins.counts + i);
+        const Number over = count * load(power + i) * inverse;
+        log_spectrum += count * engine::log(spectrum);
+        ratio += over;
+        for (int k = 0; k < Shape::kParts; ++k) D[Shape::kShapes + k] = part[k] * inverse;
+        for (int k = 0; k < Shape::kShapes; ++k) {
+            const int of = k < Shape::kParts ? k : Shape::kParts - 1;
+            D[k] = by[k] * D[Shape::kShapes + of];
+        }
+        D[kNumbers - 1] = white * inverse;
+        int square = 0;
+        for (int k = 0; k < kNumbers; ++k) {
+            const Number counted = count * D[k];
+            slopes[k] += counted;
+            weighted[k] += over * D[k];
+            for (int j = 0; j <= k; ++j, ++square) squares[square] += counted * D[j];
+        }
+    }
+    out.log_spectrum = sum(log_spectrum);
+    out.ratio = sum(ratio);
+    int square = 0;
+    for (int k = 0; k < kNumbers; ++k) {
+        out.slope[k] = sum(slopes[k]);
+        out.weighted[k] = sum(weighted[k]);
+        for (int j = 0; j <= k; ++j, ++square) out.square[k][j] = sum(squares[square]);
+    }
+}
+
+template <class Shape>
+double ratios_of(const Bins& bins, const double* power, std::size_t series, const Natural& natural, bool same,
+                 double* parts, double* ratio) {
+    const Shape shape(natural);
+    if (!same) {
+        for (std::size_t i = 0; i < bins.size; i += kWidth) {
+            Number part[Shape::kParts + 1];
+            shape.parts(bins, i, part);
+            for (int k = 0; k < Shape::kParts; ++k) store(parts + k * bins.size + i, part[k]);
+        }
+    }
+    Number log_spectrum(0.0);
+    for (std::size_t s = 0; s < series; ++s) ratio[s] = 0;
+    // A stretch of bins for all series: the spectra of it stay in registers and in the nearest cache.
+    enum { kStretch = 64 };
+    Number over[kStretch / kWidth];
+    for (std::size_t begin = 0; begin < bins.size; begin += kStretch) {
+        const std::size_t end = begin + kStretch < bins.size ? begin + kStretch : bins.size;
+        for (std::size_t i = begin; i < end; i += kWidth) {
+            Number spectrum(natural.white);
+            for (int k = 0; k < Shape::kParts; ++k)
+                spectrum += Number(natural.variance[k]) * load(parts + k * bins.size + i);
+            const Number count = load(bins.counts + i);
+            log_spectrum += count * engine::log(spectrum);
+            over[(i - begin) / kWidth] = count / spectrum;
+        }
+        for (std::size_t s = 0; s < series; ++s) {
+            const double* const row = power + s * bins.size;
+            Number total(0.0);
+            for (std::size_t i = begin; i < end; i += kWidth)
+                total += over[(i - begin) / kWidth] * load(row + i);
+            ratio[s] += sum(total);
+        }
+    }
+    return sum(log_spectrum);
+}
+
+void sums(Family family, const Bins& bins, const double* power, const Natural& at, Sums& out) {
+    switch (family) {
+        case kWhite:
+            return sums_of<White>(bins, power, at, out);
+        case kFractional:
+            return sums_of<Fractional>(bins, power, at, out);
+        case kAr1:
+            return sums_of<Ar1>(bins, power, at, out);
+        case kAr2:
+            return sums_of<Ar2>(bins, power, at, out);
+        case kTwoAr1:
+            return sums_of<TwoAr1>(bins, power, at, out);
+    }
+}
+
+double ratios(Family family, const Bins& bins, const double* power, std::size_t series, const Natural& at,
+              bool same, double* parts, double* ratio) {
+    switch (family) {
+        case kFractional:
+            return ratios_of<Fractional>(bins, power, series, at, same, parts, ratio);
+        case kAr1:
+            return ratios_of<Ar1>(bins, power, series, at, same, parts, ratio);
+        case kAr2:
+            return ratios_of<Ar2>(bins, power, series, at, same, parts, ratio);
+        case kTwoAr1:
+            return ratios_of<TwoAr1>(bins, power, series, at, same, parts, ratio);
+        case kWhite:
+            break;
+    }
+    return ratios_of<White>(bins, power, series, at, same, parts, ratio);
+}
+
+#define FLTEA_STRING_(name) #name
+#define FLTEA_STRING(name) FLTEA_STRING_(name)
+#define FLTEA_JOIN_(a, b) a##b
+#define FLTEA_JOIN(a, b) FLTEA_JOIN_(a, b)
+
+}  // namespace
+}  // namespace FLTEA_INSTRUCTION_SET
+
+extern const Kernel FLTEA_JOIN(kernel_, FLTEA_INSTRUCTION_SET) = {FLTEA_STRING(FLTEA_INSTRUCTION_SET), sums,
+                                                                  ratios};
+
+}  // namespace whittle
+}  // namespace fltea

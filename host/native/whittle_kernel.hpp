@@ -1,0 +1,68 @@
+// The sums over the bins of a spectrum that a Whittle fit needs: plain data and one table of functions per
+// instruction set (whittle_kernel.cpp is compiled once for each, as engine.hpp says of the engine). Nothing
+// in this file is code. The caller owns all memory.
+#pragma once
+
+#include <cstddef>
+
+namespace fltea {
+namespace whittle {
+
+// A spectrum is made of parts of unit innovations, each with a variance, and of white noise of variance R.
+enum Family : int { kWhite, kFractional, kAr1, kAr2, kTwoAr1 };
+
+const int kMostShapes = 2;  // numbers that give the parts their shapes: α and g, φ1 and φ2
+const int kMostParts = 2;   // besides white noise
+const int kMost = kMostShapes + kMostParts + 1;  // all numbers of a spectrum
+const std::size_t kPadding = 8;                  // the number of bins is a multiple of it
+
+// What does not depend on the parameters. Bins that fill up to the multiple have the count 0.
+struct Bins {
+    std::size_t size;
+    const double* counts;   // ordinates in each
+    const double* ln_size;  // log |1 - e^{-iλ}|
+    const double* quarter;  // (π - λ) / 2
+    const double* turn;     // λ
+    const double* cos1;     // cos λ, sin λ, cos 2λ, sin 2λ
+    const double* sin1;
+    const double* cos2;
+    const double* sin2;
+    const double* square;  // |1 - e^{-iλ}|²
+};
+
+// Numbers of a spectrum: fractional α, g; AR(1) φ; AR(2) φ1, φ2; two AR(1) φ and φ. Then the variances of the
+// parts' innovations, and R.
+struct Natural {
+    double shape[kMostShapes];
+    double variance[kMostParts];
+    double white;
+};
+
+// With r = I/S and the slopes D of log S by the shapes, the logarithms of the variances and that of R, in
+// this order, (shapes + parts + 1) of them:
+struct Sums {
+    double log_spectrum;          // Σ c log S
+    double ratio;                 // Σ c r
+    double slope[kMost];          // Σ c D
+    double weighted[kMost];       // Σ c r D
+    double square[kMost][kMost];  // Σ c D Dᵀ, of which the lower triangle is filled
+};
+
+struct Kernel {
+    const char* name;
+    void (*sums)(Family family, const Bins& bins, const double* power, const Natural& at, Sums& out);
+    // Σ c log S, and Σ c r for each of `series` rows of powers, of a spectrum. `parts` (kMostParts * bins) is
+    // where the parts' spectra are kept: `same` says that they are there already, of the same shapes.
+    double (*ratios)(Family family, const Bins& bins, const double* power, std::size_t series,
+                     const Natural& at, bool same, double* parts, double* ratio);
+};
+
+extern const Kernel kernel_baseline;
+extern const Kernel kernel_avx2;
+extern const Kernel kernel_avx512;
+
+inline int shapes(Family family) { return family == kWhite ? 0 : family == kAr1 ? 1 : 2; }
+inline int parts(Family family) { return family == kWhite ? 0 : family == kTwoAr1 ? 2 : 1; }
+
+}  // namespace whittle
+}  // namespace fltea

@@ -1,0 +1,218 @@
+// Coordinates of the spectra that are fitted (spectrum/models.py, which has the same): shares and poles are
+// logits, variances logarithms, so that only the order has bounds that matter. One number of the fractional
+// model may be held; the others move then so that it keeps its value.
+#pragma once
+
+#include <cmath>
+
+#include "whittle_kernel.hpp"
+
+namespace fltea {
+namespace whittle {
+
+const int kFree = 4;  // coordinates, at most
+
+// What is held of the fractional model. F = g + α; f = h^-α g.
+enum Hold : int { kNothing, kHoldOrder, kHoldFeedback, kHoldParameter, kHoldWeight, kHoldState, kHoldNoise };
+
+template <class R>
+struct Model {
+    Family family;
+    R highest_order;  // of the fractional model
+    Hold hold;
+    R held;       // its value
+    R log_h;      // with kHoldParameter
+    R log_power;  // about that of the data, with a variance held
+};
+
+const double kSmallest = 1e-7;  // shares are at least so far from 0 and 1
+const double kTop = 16.0;       // where their coordinates end
+const double kBelowHighest = 1e-6;
+
+// A share, and its slope by the coordinate.
+template <class R>
+struct Share {
+    R value, slope;
+    explicit Share(R coordinate) {
+        value = 1 / (1 + std::exp(-coordinate));
+        slope = value * (1 - value);
+    }
+};
+
+template <class R>
+R logit(R share) {
+    return std::log(share / (1 - share));
+}
+
+template <class R>
+int free_of(const Model<R>& model) {
+    switch (model.family) {
+        case kWhite:
+            return 0;
+        case kAr1:
+            return 2;
+        case kAr2:
+            return 3;
+        case kTwoAr1:
+            return 4;
+        case kFractional:
+            break;
+    }
+    return model.hold == kNothing || model.hold == kHoldState || model.hold == kHoldNoise ? 3 : 2;
+}
+
+// Whether the scale of the spectrum is free, and found in closed form.
+template <class R>
+bool scaled(const Model<R>& model) {
+    return model.hold != kHoldState && model.hold != kHoldNoise;
+}
+
+// Ends of the coordinates.
+template <class R>
+void bounds(const Model<R>& model, R* low, R* high) {
+    for (int i = 0; i < kFree; ++i) {
+        low[i] = R(-kTop);
+        high[i] = R(kTop);
+    }
+    if (model.family != kFractional || model.hold == kHoldOrder) return;
+    low[0] = 0;
+    high[0] = model.highest_order - R(kBelowHighest);
+    // Where -2^α < g.
+    if (model.hold == kHoldFeedback) low[0] = std::log2(std::fmax(-model.held, R(1)));
+    if (model.hold == kHoldParameter && model.log_h < 0)
+        low[0] = std::fmax(std::log(-model.held) / (R(0.6931471805599453) - model.log_h), R(0));
+    if (model.hold == kHoldWeight) low[0] = std::fmax(model.held, R(0));
+    if (!scaled(model)) {
+        low[2] = model.log_power - 25;
+        high[2] = model.log_power + 5;
+    }
+    low[0] = std::fmin(low[0], high[0]);
+}
+
+// The numbers of a spectrum, of scale 1 if the scale is free, and their slopes by the coordinates: rows are
+// shapes, logarithms of the variances, logarithm of R.
+template <class R>
+struct Mapped {
+    Natural natural;
+    R chain[kMost][kFree];
+};
+
+template <class R>
+void map_pole(R coordinate, R& pole, R& slope) {
+    const Share<R> share(coordinate);
+    pole = 2 * share.value - 1;
+    slope = 2 * share.slope;
+}
+
+// One part and white noise of the scale 1: the last coordinate is the logit of the part's share.
+template <class R>
+void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
+    const Share<R> share(coordinate);
+    out.natural.variance[0] = share.value;
+    out.natural.white = 1 - share.value;
+    out.chain[row][column] = 1 - share.value;
+    out.chain[row + 1][column] = -share.value;
+}
+
+// False if there is no such spectrum.
+template <class R>
+bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
+    R& alpha = out.natural.shape[0];
+    R& g = out.natural.shape[1];
+    const bool order_held = model.hold == kHoldOrder;
+    alpha = order_held ? model.held : theta[0];
+    if (!order_held) out.chain[0][0] = 1;
+    const R most = std::exp2(alpha);
+    int next = 1;  // the coordinate that comes now
+    switch (model.hold) {
+        case kHoldFeedback:
+            g = model.held;
+            break;
+        case kHoldParameter:
+            g = model.held * std::exp(alpha * model.log_h);
+            out.chain[1][0] = g * model.log_h;
+            break;
+        case kHoldWeight:
+            g = model.held - alpha;
+            out.chain[1][0] = -1;
+            break;
+        default: {
+            next = order_held ? 0 : 1;
+            const Share<R> share(theta[next]);
+            g = -most * share.value;
+            if (!order_held) out.chain[1][0] = g * R(0.6931471805599453);
+            out.chain[1][next] = -most * share.slope;
+            ++next;
+        }
+    }
+    if (!(g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
+    // 0 stands for any smaller than the record can tell from it.
+    g = std::fmin(g, -most * R(kSmallest));
+    if (scaled(model)) {
+        map_weight(theta[next], 2, next, out);
+        return true;
+    }
+    const bool state = model.hold == kHoldState;
+    out.natural.variance[0] = state ? model.held : std::exp(theta[next]);
+    out.natural.white = state ? std::exp(theta[next]) : model.held;
+    out.chain[state ? 3 : 2][next] = 1;
+    return true;
+}
+
+template <class R>
+bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
+    out = Mapped<R>();
+    Natural& natural = out.natural;
+    switch (model.family) {
+        case kWhite:
+            natural.white = 1;
+            return true;
+        case kFractional:
+            return map_fractional(model, theta, out);
+        case kAr1:
+            map_pole(theta[0], natural.shape[0], out.chain[0][0]);
+            map_weight(theta[1], 1, 1, out);
+            return true;
+        case kAr2: {  // partial correlations
+            R k1, k2, slope1, slope2;
+            map_pole(theta[0], k1, slope1);
+            map_pole(theta[1], k2, slope2);
+            natural.shape[0] = k1 * (1 - k2);
+            natural.shape[1] = k2;
+            out.chain[0][0] = slope1 * (1 - k2);
+            out.chain[0][1] = -k1 * slope2;
+            out.chain[1][1] = slope2;
+            map_weight(theta[2], 2, 2, out);
+            return true;
+        }
+        case kTwoAr1: {
+            map_pole(theta[0], natural.shape[0], out.chain[0][0]);
+            map_pole(theta[1], natural.shape[1], out.chain[1][1]);
+            const Share<R> first(theta[2]), second(theta[3]);
+            natural.variance[0] = first.value;
+            natural.variance[1] = (1 - first.value) * second.value;
+            natural.white = (1 - first.value) * (1 - second.value);
+            out.chain[2][2] = 1 - first.value;
+            out.chain[3][2] = out.chain[4][2] = -first.value;
+            out.chain[3][3] = 1 - second.value;
+            out.chain[4][3] = -second.value;
+            return true;
+        }
+    }
+    return false;
+}
+
+// Coordinates from outside: the order folded into its range, the others within their ends.
+template <class R>
+void canonical(const Model<R>& model, R* theta) {
+    R low[kFree], high[kFree];
+    bounds(model, low, high);
+    if (model.family == kFractional && model.hold != kHoldOrder) {
+        const R turned = std::fmod(theta[0] + 2, R(4));
+        theta[0] = std::fabs((turned < 0 ? turned + 4 : turned) - 2);
+    }
+    for (int i = 0; i < free_of(model); ++i) theta[i] = std::fmin(std::fmax(theta[i], low[i]), high[i]);
+}
+
+}  // namespace whittle
+}  // namespace fltea
