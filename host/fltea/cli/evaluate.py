@@ -125,11 +125,17 @@ def _show(result: "Result") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from fltea.lab.evaluate import summaries
+    from fltea.lab.evaluate import fit_summaries, summaries
 
     console = Console()
     with console.capture() as shown:  # rich itself ends the program if the reader has left
         for headings, rows in (
+            fit_summaries.errors(result),
+            (fit_summaries.RATIO_HEADINGS, fit_summaries.ratios(result)),
+            (fit_summaries.COVERAGE_HEADINGS, fit_summaries.coverages(result)),
+            (fit_summaries.REFEREE_HEADINGS, fit_summaries.referee(result)),
+            (fit_summaries.ALARM_HEADINGS, fit_summaries.alarms(result)),
+            (fit_summaries.SHIFT_HEADINGS, fit_summaries.shifts(result)),
             (summaries.SUMMARY_HEADINGS, summaries.summary(result)),
             (summaries.WHITE_HEADINGS, summaries.white(result)),
             (summaries.CHANGE_HEADINGS, summaries.changes(result)),

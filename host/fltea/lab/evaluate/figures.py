@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.lab.evaluate.cases import Case
-from fltea.lab.evaluate.run import WHITTLE, Result, Row
+from fltea.lab.evaluate.run import LIVE, WHITTLE, Result, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SHOWN = ("triple", "joint", "joint, Q and R known", WHITTLE)
+SHOWN = ("triple", "joint", "joint, tuned live", LIVE, WHITTLE)
 GREY = "#d9d9d9"
 DOTS_PER_INCH = 90
 COLOURS = 128
@@ -94,7 +94,8 @@ def _grid_map(result: Result, one: Map) -> bytes:
     found = {(r.case, r.samples, r.estimator): r for r in result.rows if r.quantity == one.quantity}
     height = 1.4 + len(SHOWN) * (0.7 + 0.24 * len(dynamics))
     figure = Figure(figsize=(2.0 + 2.7 * len(lengths), height), dpi=DOTS_PER_INCH, layout="constrained")
-    figure.suptitle(f"{one.title}\n{result.plan.seeds} seeds", fontsize=11, x=0.01, ha="left")
+    seeds = f"{result.plan.seeds} seeds, the fits {result.plan.fit_seeds}"
+    figure.suptitle(f"{one.title}\n{seeds}", fontsize=11, x=0.01, ha="left")
     panels = figure.subplots(len(SHOWN), len(lengths), sharex=True, sharey=True, squeeze=False)
     for line, estimator in zip(panels, SHOWN, strict=True):
         for axes, n in zip(line, lengths, strict=True):

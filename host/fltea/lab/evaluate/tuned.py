@@ -1,7 +1,9 @@
-"""The online filters with Q and R that a running fit hands to them: `estimator.tuning = "live"`.
+"""The online filters with the Q and R that the live fit hands to them: `estimator.tuning = "live"`.
 
-A fit of what has come so far is made whenever the record has grown by a tenth. Where white noise is rejected
-its s2 and R take the place of the filters', which go on with all that they remember.
+A fit of what has come so far is made whenever the record has grown by a fifth. Where white noise is rejected,
+and s2 and R are known well enough, they take the place of the filters' Q and R, and the filters go on with
+all that they remember. Early fits must not do so: an s2 of a few hundred samples may be off by a factor of
+ten, and a filter that has believed it for a while does not come back.
 """
 
 from collections.abc import Sequence
@@ -16,13 +18,23 @@ from fltea.estimator.engine import Engine
 from fltea.estimator.engine_settings import EngineSettings
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import LOST_ORDER
+from fltea.lab.evaluate.fits import LEVEL, live_data, rejects
 from fltea.lab.evaluate.online import BLOCK, Reading
 from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.models import FULL
+from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.periodogram import Binned
+from fltea.spectrum.profile import Parameter, fractional_fit
+from fltea.spectrum.whittle import fit
 
 Array = NDArray[np.float64]
 
-GROWTH = 1.1
+FIRST = 600
+"""Samples before the first fit."""
+GROWTH = 1.2
 """Of the record, between fits."""
+WITHIN = 2.0
+"""A variance is known well enough if the upper end of its 95 % interval is at most so often the lower."""
 
 
 class Tuning(NamedTuple):
@@ -31,6 +43,30 @@ class Tuning(NamedTuple):
     samples: int
     s2: Array
     R: Array
+
+
+def tunings(y: Array, h: float, last: int) -> list[Tuning]:
+    """What the live fits of y (n, seeds), before its sample `last`, hand over; h in s."""
+    octaves, at, found = Octaves(y.shape[1]), 0, []
+    for n in fit_points(FIRST, last):
+        octaves.add(y[at:n])
+        at = n
+        found.append(Tuning(n, *np.transpose([handed_over(one, h) for one in live_data(octaves, h)])))
+    return found
+
+
+def handed_over(data: Binned, h: float) -> tuple[float, float]:
+    """The s2 and R of the fit of one series, or NaN and NaN."""
+    if not rejects(data, LEVEL)[0]:
+        return np.nan, np.nan
+    fitted = fractional_fit(data, fit(data, FULL), h)
+    if not (_known(fitted.s2) and _known(fitted.R)):
+        return np.nan, np.nan
+    return fitted.s2.value, fitted.R.value
+
+
+def _known(variance: Parameter) -> bool:
+    return variance.low is not None and variance.high is not None and variance.high <= WITHIN * variance.low
 
 
 def fit_points(first: int, last: int) -> list[int]:
@@ -45,7 +81,7 @@ def fit_points(first: int, last: int) -> list[int]:
 def read_tuned(
     y: Array, h: float, config: EstimatorConfig, lengths: Sequence[int], tunings: Sequence[Tuning]
 ) -> list[Reading]:
-    """As `online.read`, with the Q and R of `tunings` from their samples on; rising, and of other lengths too.
+    """As `online.read`, with the Q and R of each of `tunings`, rising, from its samples on.
 
     Before the first that rejects white noise, the filters have those of `config` and the start-up window.
     A lane is valid as long as its order stays within what the supervisor lets pass.
@@ -66,9 +102,7 @@ def read_tuned(
         at = stop
         if stop in lengths:
             last = [v[-1].copy() for v in (e.alpha, e.alpha_var, e.f, e.f_var)]
-            readings.append(
-                Reading(last[0], np.sqrt(last[1]), last[2], np.sqrt(last[3]), valid.copy())
-            )
+            readings.append(Reading(last[0], np.sqrt(last[1]), last[2], np.sqrt(last[3]), valid.copy()))
         if (one := by_samples.get(stop)) is not None:
             known = np.isfinite(one.s2)
             Q, R = np.where(known, one.s2, Q), np.where(known, one.R, R)
