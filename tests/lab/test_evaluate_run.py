@@ -161,7 +161,7 @@ def test_tables_of_the_fits(tiny: Result) -> None:
 
 
 def test_figures(drawn: dict[str, bytes]) -> None:
-    assert set(drawn) == {"error", "coverage", "settings"}
+    assert set(drawn) == {"error", "coverage", "settings", "live"}
     assert all(data.startswith(b"\x89PNG") for data in drawn.values())
     assert len(set(drawn.values())) == len(drawn)
 
