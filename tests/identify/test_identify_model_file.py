@@ -28,7 +28,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.rivals import contest, fit_all
-from fltea.spectrum.verdict import Kind
+from fltea.spectrum.verdict import VerdictKind
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, recursion, white
@@ -215,7 +215,7 @@ def test_a_model_is_found_again_in_its_noise(kind: str) -> None:
         ("undecided", "fractional"),
     ],
 )
-def test_a_resonance_is_not_given_as_fractional(verdict: Kind, kind: str) -> None:
+def test_a_resonance_is_not_given_as_fractional(verdict: VerdictKind, kind: str) -> None:
     """The fractional model has one with α = 1.9, too, and may win by a hair: its rival is what it is."""
     p = periodogram(ar((1.5, -0.9), 3000, 1, 14)[0], H)
     found = contest(p, fit_all(p))

@@ -27,7 +27,7 @@ from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
 
-QUICK = EstimatorConfig(startup=50, window=200, white_band=True)
+QUICK = EstimatorConfig(startup=50, window=200)
 BOARD = DeviceStatus(0, 0, 0, 0, 0, "user", cpu_share_percent=16.75, longest_step_us=8210)
 OWN = DeviceEstimatorStats(
     begun=1,

@@ -7,11 +7,12 @@ from pathlib import Path
 import msgspec
 
 from fltea import __version__
-from fltea.identify.allan import Allan, Coefficient
+from fltea.identify.allan import Allan
 from fltea.identify.noise_model import AxisModel, check_stationary
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.records.whole_file import whole_file
+from fltea.spectrum.allan_coefficients import Coefficient
 
 FORMAT = "fltea-noise-model"
 VERSION = 1

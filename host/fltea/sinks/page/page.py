@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
+import msgspec
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.models import ColumnDataSource, CustomJS
@@ -12,8 +13,9 @@ from jinja2 import Environment
 
 from fltea.records import clock
 from fltea.sinks.page import facts, facts_of_device
+from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
-from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.history import Curves, DeviceHistory
 from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor
 
@@ -36,7 +38,8 @@ class Page:
         self._tick = 0
         self._acknowledged = 0
         self._cursors: dict[Table, Cursor] = {}
-        self._figures = Figures()
+        self._figures, self._curves = Figures(), CurveFigures()
+        self._drawn: tuple[str, str, Curves | None] = "", "", None
         self._facts = ColumnDataSource({"json": [""]}, name="facts")
         self._control = ColumnDataSource(_choice("", "", FIRST_WINDOW, 0), name="control")
         self._control.on_change("data", self._on_control)
@@ -58,6 +61,7 @@ class Page:
             if self._axis:
                 for table, sources in self._shown(history).items():
                     self._send(history, table, sources)
+                self._show_curves(history)
                 self._show_moment(history)
                 self._figures.fit()
             told = self._tell(history, states)
@@ -66,7 +70,7 @@ class Page:
     def _shown(self, history: DeviceHistory) -> dict[Table, list[ColumnDataSource]]:
         """Which tables the figures draw; what they do not draw is emptied."""
         f, estimator = self._figures, history.estimator(self._axis)
-        shown: dict[Table, list[ColumnDataSource]] = {"white": [f.white], "checks": [f.checks]}
+        shown: dict[Table, list[ColumnDataSource]] = {"fits": [f.fits], "checks": [f.checks]}
         if estimator == "device":
             shown |= {"rows": [f.rows], "own": [f.estimates]}
         else:
@@ -93,6 +97,18 @@ class Page:
             elif len(new.values):
                 source.stream(wanted, rollover=new.capacity)
 
+    def _show_curves(self, history: DeviceHistory) -> None:
+        """Send the curves of the axis only if they are other ones."""
+        curves = history.curves.get(self._axis)
+        wanted = history.name, self._axis, curves
+        if wanted[:2] == self._drawn[:2] and curves is self._drawn[2]:
+            return
+        self._drawn = wanted
+        fit = history.fits.get(self._axis)
+        if fit is not None and curves is not None:
+            fit = msgspec.structs.replace(fit, spectrum=curves.spectrum, allan=curves.allan)
+        self._curves.show(self._axis, facts.unit_of(self._axis), fit)
+
     def _show_moment(self, history: DeviceHistory) -> None:
         if history.sample is not None:
             end_ms = history.sample.host_ns * 1e-6
@@ -114,7 +130,9 @@ class Page:
             "seq": estimate.seq if estimate else None,
             "epoch": history.epoch.epoch if history.epoch else None,
             "time_ms": sample.host_ns // 1_000_000 if sample else None,
+            "fit": facts.fitted(history),
             "axes": facts.axes(history, self._window),
+            "curves": facts.curves(history, self._axis),
             "own": facts_of_device.own(history),
             "link": facts.link(history.stats),
             "hardware": facts.device(history.hello, sample.temperature_c if sample else None),
@@ -143,10 +161,11 @@ class Page:
         document.config.reconnect_session = False  # the page's script loads it anew
         document.config.notify_connection_status = False
         self._figures.noise.tags = [self._facts, self._control]  # so they belong to the document
+        plots = [*self._curves.all, *self._figures.all]
         with document.models.freeze():  # else bokeh looks through all of them after each
-            for plot in self._figures.all:
+            for plot in plots:
                 document.add_root(plot)
-        shown = {"facts": self._facts, "control": self._control, "plots": self._figures.all}
+        shown = {"facts": self._facts, "control": self._control, "plots": plots}
         document.js_on_event(DocumentReady, CustomJS(args=shown, code=START))
         self._facts.js_on_change("data", CustomJS(code="window.fltea.show(cb_obj)"))
         document.template = TEMPLATE

@@ -1,4 +1,4 @@
-"""The live page: a web server that shows every device's noise, α and f beside what white noise would give."""
+"""The live page: a web server that leads with what every device's noise is, and shows it."""
 
 from collections.abc import Mapping
 
