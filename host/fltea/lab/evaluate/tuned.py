@@ -21,6 +21,7 @@ from fltea.estimator.lanes import LOST_ORDER
 from fltea.lab.evaluate.fits import LEVEL, live_data, rejects
 from fltea.lab.evaluate.online import BLOCK, Reading
 from fltea.settings.config import EstimatorConfig
+from fltea.settings.live import TUNED_WITHIN
 from fltea.spectrum.models import FULL
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Binned
@@ -33,8 +34,6 @@ FIRST = 600
 """Samples before the first fit."""
 GROWTH = 1.2
 """Of the record, between fits."""
-WITHIN = 2.0
-"""A variance is known well enough if the upper end of its 95 % interval is at most so often the lower."""
 
 
 class Tuning(NamedTuple):
@@ -66,7 +65,11 @@ def handed_over(data: Binned, h: float) -> tuple[float, float]:
 
 
 def _known(variance: Parameter) -> bool:
-    return variance.low is not None and variance.high is not None and variance.high <= WITHIN * variance.low
+    return (
+        variance.low is not None
+        and variance.high is not None
+        and variance.high <= TUNED_WITHIN * variance.low
+    )
 
 
 def fit_points(first: int, last: int) -> list[int]:
