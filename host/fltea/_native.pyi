@@ -235,3 +235,37 @@ class AllanSums:
 
     # ValueError for bytes that cannot come from `save`; then nothing has changed.
     def load(self, bytes: bytes) -> None: ...
+
+# Of the running spectrum (host/native/octaves.hpp): memory of a lane, levels, samples that a level keeps
+# whole, samples of a block, its first line, lines of level 0 and of those below.
+OCTAVES_LANE_BYTES: int
+OCTAVES_LEVELS: int
+OCTAVES_WHOLE: int
+OCTAVES_BLOCK: int
+OCTAVES_LOWEST: int
+OCTAVES_LINES: tuple[int, int]
+
+# Of the filter before every second sample is left out, at so many rad a sample.
+def half_band_gain(angle: float) -> float: ...
+
+# The running spectra of several lanes; see fltea.spectrum.octaves.
+class Octaves:
+    # ValueError for no lanes, and for a memory that is neither 0 nor 256 to 10^12 samples.
+    def __init__(self, lanes: int, memory: float) -> None: ...
+
+    # y (rows, lanes) float64. ValueError for a wrong shape, and for numbers that are not finite or too large.
+    def add(self, y: NDArray[np.float64]) -> None: ...
+    def skip(self, count: float) -> None: ...
+    def merge(self, other: Octaves) -> None: ...
+
+    # taken, used, bridged, lost, gaps, knocks, knocked, steps, changes; whether the lane never changed.
+    def counts(self, lane: int) -> tuple[list[int], bool]: ...
+
+    # Of each level of Welch's sums: power (lines,) float64, blocks, effective blocks; then the values of the
+    # whole level, float32, and the lengths of its stretches, int32.
+    def spectrum(self, lane: int) -> tuple[list[tuple[bytes, float, float]], bytes, bytes]: ...
+
+    # Number of the next sample, and of each level (cells, 4) float64: first sample, count, mean, squares.
+    def cells(self, lane: int) -> tuple[int, list[bytes]]: ...
+    def save(self) -> bytes: ...
+    def load(self, bytes: bytes) -> None: ...

@@ -156,4 +156,5 @@ NB_MODULE(_native, m) {
     bind_bank(m);
     bind_fit(m);
     bind_allan(m);
+    bind_octaves(m);
 }
