@@ -269,3 +269,18 @@ class Octaves:
     def cells(self, lane: int) -> tuple[int, list[bytes]]: ...
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
+
+# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp).
+# ValueError as for whittle_fit.
+def whittle_intervals(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    scale: float,
+    nll: float,
+    critical: float,
+    h: float,
+    what: NDArray[np.float64],
+    ends: NDArray[np.float64],
+) -> None: ...

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "whittle_fit.hpp"
+#include "whittle_profile.hpp"
 
 namespace nb = nanobind;
 
@@ -160,6 +160,39 @@ void fit(Column lam, Column counts, Rows power, int family, double highest_order
     }
 }
 
+// Ends of intervals of the fractional model's numbers: rows of `what` are hold, logarithm (0 or 1), here, low
+// and high (Profiled); rows of `ends` low and high.
+void intervals(Column lam, Column counts, Rows power, Column theta, double scale, double nll, double critical,
+               double h, Rows what, OutRows ends) {
+    using namespace fltea::whittle;
+    if (power.shape(0) != 1 || theta.shape(0) != 3 || what.shape(1) != 5 || ends.shape(0) != what.shape(0) ||
+        ends.shape(1) != 2) {
+        refuse("one series, a fit of the fractional model, and rows of 5 and 2 numbers are needed");
+    }
+    check_finite(theta.data(), theta.size());
+    check_finite(what.data(), what.size());
+    if (!(std::isfinite(nll) && scale > 0 && scale <= kLargest && critical > 0 && std::isfinite(h) && h > 0))
+        refuse("the fit must be finite, and h > 0");
+    std::vector<Profiled> profiled;
+    for (size_t i = 0; i < what.shape(0); ++i) {
+        const double* const row = what.data() + 5 * i;
+        if (!(row[0] >= kHoldOrder && row[0] <= kHoldNoise) ||
+            !(row[3] < row[4] && row[2] >= row[3] && row[2] <= row[4]))
+            refuse("no such profile");
+        profiled.push_back(
+            {static_cast<Hold>(static_cast<int>(row[0])), row[1] != 0, row[2], row[3], row[4]});
+    }
+    const Data data(lam, counts, power);
+    const nb::gil_scoped_release release;
+    Profile profile(fastest(), *data, theta.data(), scale, nll, critical, h);
+    std::vector<Ends> found(profiled.size());
+    profile.ends(profiled.data(), profiled.size(), found.data());
+    for (size_t i = 0; i < found.size(); ++i) {
+        ends.data()[2 * i] = found[i].low;
+        ends.data()[2 * i + 1] = found[i].high;
+    }
+}
+
 }  // namespace
 
 void bind_fit(nb::module_& m) {
@@ -167,4 +200,7 @@ void bind_fit(nb::module_& m) {
           nb::arg("highest_order"), nb::arg("hold"), nb::arg("held"), nb::arg("h"), nb::arg("starts"),
           nb::arg("groups"), nb::arg("extra").none(), nb::arg("warm").none(), nb::arg("theta"),
           nb::arg("scale"), nb::arg("nll"));
+    m.def("whittle_intervals", &intervals, nb::arg("lam"), nb::arg("counts"), nb::arg("power"),
+          nb::arg("theta"), nb::arg("scale"), nb::arg("nll"), nb::arg("critical"), nb::arg("h"),
+          nb::arg("what"), nb::arg("ends"));
 }

@@ -63,7 +63,8 @@ class Spectra {
     double ordinates_ = 0;
 };
 
-// -log L of every series for a spectrum of the best scale; `same`: of the same shapes as the one before.
+// -log L of every series for one spectrum after another; quickest if many follow each other that differ in
+// their variances only.
 class Ranking {
   public:
     Ranking(const Kernel& kernel, const Spectra& spectra)
@@ -72,7 +73,8 @@ class Ranking {
           parts_(kMostParts * spectra.bins().size),
           ratio_(spectra.series()) {}
 
-    void rank(Family family, const Natural& at, double* nll, std::size_t stride) {
+    // scaled: of the best scale; else of the spectrum as it is.
+    void rank(Family family, const Natural& at, bool scaled, double* nll, std::size_t stride) {
         const bool same =
             any_ && family == family_ && std::equal(at.shape, at.shape + kMostShapes, last_.shape);
         const double log_spectrum = kernel_.ratios(family, spectra_.bins(), spectra_.power(),
@@ -82,7 +84,7 @@ class Ranking {
         last_ = at;
         const double m = spectra_.ordinates();
         for (std::size_t s = 0; s < spectra_.series(); ++s)
-            nll[s * stride] = log_spectrum + m * std::log(ratio_[s] / m) + m;
+            nll[s * stride] = log_spectrum + (scaled ? m * std::log(ratio_[s] / m) + m : ratio_[s]);
     }
 
   private:
@@ -111,7 +113,7 @@ inline std::vector<std::size_t> best_starts(const Kernel& kernel, const Spectra&
     for (std::size_t i = 0; i < grid.size; ++i) {
         Mapped<double> at;
         if (map(model, grid.points + i * free, at))
-            ranking.rank(model.family, at.natural, &nll[i], grid.size);
+            ranking.rank(model.family, at.natural, scaled(model), &nll[i], grid.size);
     }
     std::vector<std::size_t> found;
     std::vector<std::size_t> best(grid.groups), order(grid.groups);

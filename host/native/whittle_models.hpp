@@ -67,6 +67,32 @@ bool scaled(const Model<R>& model) {
     return model.hold != kHoldState && model.hold != kHoldNoise;
 }
 
+// Of orders that allow F: all above F, and if F is low, those above where α - 2^α is F. (Of an F between -1
+// and -0.914 some near 0 too; those are white noise or AR(1), and so are those with α near 1 and the same F.)
+template <class R>
+R lowest_order(R F) {
+    if (F > R(-0.9139)) return std::fmax(F, R(0));
+    R low = R(0.52876637), high = 2;
+    for (int i = 0; i < 30; ++i) {
+        const R middle = (low + high) / 2;
+        (middle - std::exp2(middle) > F ? low : high) = middle;
+    }
+    return high + R(kBelowHighest);
+}
+
+// Whether the first coordinate is α: it is not if α is held, nor if F is, with which it is log -g: g may be
+// many times smaller than F.
+template <class R>
+bool order_first(const Model<R>& model) {
+    return model.family == kFractional && model.hold != kHoldOrder && model.hold != kHoldWeight;
+}
+
+// Where the tails of a coordinate begin, on both sides.
+template <class R>
+R centre(const Model<R>& model, int i) {
+    return i == 2 && !scaled(model) ? model.log_power : 0;
+}
+
 // Ends of the coordinates.
 template <class R>
 void bounds(const Model<R>& model, R* low, R* high) {
@@ -77,11 +103,15 @@ void bounds(const Model<R>& model, R* low, R* high) {
     if (model.family != kFractional || model.hold == kHoldOrder) return;
     low[0] = 0;
     high[0] = model.highest_order - R(kBelowHighest);
-    // Where -2^α < g.
-    if (model.hold == kHoldFeedback) low[0] = std::log2(std::fmax(-model.held, R(1)));
-    if (model.hold == kHoldParameter && model.log_h < 0)
-        low[0] = std::fmax(std::log(-model.held) / (R(0.6931471805599453) - model.log_h), R(0));
-    if (model.hold == kHoldWeight) low[0] = std::fmax(model.held, R(0));
+    // Where -2^α < g < 0.
+    if (model.hold == kHoldFeedback && model.held <= -1) low[0] = std::log2(-model.held) + R(kBelowHighest);
+    if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
+        low[0] = std::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
+    if (model.hold == kHoldWeight) {  // of log -g
+        low[0] = std::log(std::fmax(lowest_order(model.held) - model.held, R(kSmallest)));
+        high[0] = std::log(high[0] - model.held);
+        return;
+    }
     if (!scaled(model)) {
         low[2] = model.log_power - 25;
         high[2] = model.log_power + 5;
@@ -122,7 +152,6 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     const bool order_held = model.hold == kHoldOrder;
     alpha = order_held ? model.held : theta[0];
     if (!order_held) out.chain[0][0] = 1;
-    const R most = std::exp2(alpha);
     int next = 1;  // the coordinate that comes now
     switch (model.hold) {
         case kHoldFeedback:
@@ -133,19 +162,23 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
             out.chain[1][0] = g * model.log_h;
             break;
         case kHoldWeight:
-            g = model.held - alpha;
-            out.chain[1][0] = -1;
+            g = -std::exp(theta[0]);
+            alpha = model.held - g;
+            out.chain[0][0] = -g;
+            out.chain[1][0] = g;
             break;
         default: {
             next = order_held ? 0 : 1;
             const Share<R> share(theta[next]);
+            const R most = std::exp2(alpha);
             g = -most * share.value;
             if (!order_held) out.chain[1][0] = g * R(0.6931471805599453);
             out.chain[1][next] = -most * share.slope;
             ++next;
         }
     }
-    if (!(g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
+    const R most = std::exp2(alpha);
+    if (!(alpha >= 0 && alpha <= 2 && g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
     // 0 stands for any smaller than the record can tell from it.
     g = std::fmin(g, -most * R(kSmallest));
     if (scaled(model)) {
@@ -207,7 +240,7 @@ template <class R>
 void canonical(const Model<R>& model, R* theta) {
     R low[kFree], high[kFree];
     bounds(model, low, high);
-    if (model.family == kFractional && model.hold != kHoldOrder) {
+    if (order_first(model)) {
         const R turned = std::fmod(theta[0] + 2, R(4));
         theta[0] = std::fabs((turned < 0 ? turned + 4 : turned) - 2);
     }

@@ -28,6 +28,7 @@ struct Point {
 };
 
 const double kImpossible = 1e300;
+const double kLeastCurvature = 1e-30;
 
 // -log L at point.theta, and its slopes; kImpossible where there is no such spectrum.
 template <class R>
@@ -67,19 +68,24 @@ void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     point.nll = nll;
 }
 
-// Solves (A + damping diag A) x = -b for the coordinates that may move; the others get 0. A is not negative.
+// Solves (A + damping diag A) x = -b for the coordinates that are not given; A is not negative.
 template <class R>
-void damped_step(const Point<R>& at, const bool* fixed, int free, R damping, R* step) {
+void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) {
     R L[kFree][kFree];
     for (int i = 0; i < free; ++i) {
-        step[i] = fixed[i] ? 0 : -at.gradient[i];
+        R x = given[i] ? step[i] : -at.gradient[i];
+        for (int j = 0; j < free; ++j)
+            if (!given[i] && given[j]) x -= at.fisher[i][j] * step[j];
         for (int j = 0; j <= i; ++j) {
-            R a = fixed[i] || fixed[j] ? R(i == j) : at.fisher[i][j];
-            if (i == j && !fixed[i]) a += damping * at.fisher[i][i] + R(1e-8);
+            R a = given[i] || given[j] ? R(i == j) : at.fisher[i][j];
+            if (i == j && !given[i]) a += damping * a + R(kLeastCurvature);
             const R whole = a;
             for (int k = 0; k < j; ++k) a -= L[i][k] * L[j][k];
             L[i][j] = i == j ? std::sqrt(std::fmax(a, R(1e-12) * whole)) : a / L[j][j];
         }
+        step[i] = x;
+    }
+    for (int i = 0; i < free; ++i) {
         for (int k = 0; k < i; ++k) step[i] -= L[i][k] * step[k];
         step[i] /= L[i][i];
     }
@@ -89,18 +95,73 @@ void damped_step(const Point<R>& at, const bool* fixed, int free, R damping, R* 
     }
 }
 
+// How far a coordinate may move up or down at once. Far steps leave what the slopes know about: the order
+// moves by 0.3, the others by 1, or by half of what they are already in their tails. There a coordinate is
+// the logarithm of a small number, and back to larger ones it may move as that number does (`applied`).
+template <class R>
+R longest(const Model<R>& model, int i, R theta, bool up) {
+    if (i == 0 && order_first(model)) return R(0.3);
+    const R tail = theta - centre(model, i);
+    if (std::fabs(tail) > 2 && up == (tail < 0)) return R(kImpossible);
+    return std::fmax(R(1), std::fabs(tail) / 2);
+}
+
+template <class R>
+R applied(const Model<R>& model, int i, R theta, R step) {
+    if (i == 0 && order_first(model)) return step;
+    const R tail = theta - centre(model, i);
+    if (!(std::fabs(tail) > 2 && (step > 0) == (tail < 0))) return step;
+    return step > 0 ? std::log1p(step) : -std::log1p(-step);
+}
+
+// A step within what the coordinates may move; the decrease of -log L that it promises.
+template <class R>
+R damped_step(const Model<R>& model, const Point<R>& at, const R* low, const R* high, R damping, R* step) {
+    const int free = free_of(model);
+    bool given[kFree];
+    for (int i = 0; i < free; ++i) {
+        given[i] =
+            (at.theta[i] <= low[i] && at.gradient[i] > 0) || (at.theta[i] >= high[i] && at.gradient[i] < 0);
+        step[i] = 0;
+    }
+    for (int pass = 0; pass <= free; ++pass) {
+        solve(at, given, free, damping, step);
+        int worst = -1;
+        R excess = 1, end = 0;
+        for (int i = 0; i < free; ++i) {
+            const bool up = step[i] > 0;
+            R most = longest(model, i, at.theta[i], up);
+            if (most < R(kImpossible))
+                most = std::fmin(most, up ? high[i] - at.theta[i] : at.theta[i] - low[i]);
+            if (!given[i] && std::fabs(step[i]) > excess * most) {
+                excess = std::fabs(step[i]) / std::fmax(most, R(1e-30));
+                worst = i;
+                end = up ? most : -most;
+            }
+        }
+        if (worst < 0) break;
+        given[worst] = true;
+        step[worst] = end;
+    }
+    R promise = 0;
+    for (int i = 0; i < free; ++i) {
+        promise -= step[i] * at.gradient[i];
+        for (int j = 0; j < free; ++j) promise -= R(0.5) * step[i] * at.fisher[i][j] * step[j];
+    }
+    return promise;
+}
+
 // When to stop.
 template <class R>
 struct Patience {
     int steps;    // evaluations at most
     R tolerance;  // of -log L: a step that promises less is not taken
     R inside;     // -log L below which nothing more is wanted
-    R outside;    // what the promise of a step, tenfold, must reach; else the search is given up
 };
 
 template <class R>
 Patience<R> patience(int steps) {
-    return Patience<R>{steps, R(1e-6), R(-kImpossible), R(kImpossible)};
+    return Patience<R>{steps, R(1e-6), R(-kImpossible)};
 }
 
 // Moves a point that has been evaluated towards the minimum; returns the evaluations it took.
@@ -112,31 +173,14 @@ int score(const Target& target, const Model<R>& model, const Patience<R>& until,
     R damping = R(1e-3);
     int used = 0;
     while (used < until.steps && at.nll > until.inside && at.nll < R(kImpossible)) {
-        bool fixed[kFree];
         R step[kFree];
-        for (int i = 0; i < free; ++i) {
-            fixed[i] = (at.theta[i] <= low[i] && at.gradient[i] > 0) ||
-                       (at.theta[i] >= high[i] && at.gradient[i] < 0);
-        }
-        damped_step(at, fixed, free, damping, step);
-        // Far steps leave what the slopes know about: the order moves by half, a logit or logarithm by 3.
-        R shorter = 1;
-        for (int i = 0; i < free; ++i) {
-            const bool order = i == 0 && model.family == kFractional && model.hold != kHoldOrder;
-            shorter = std::fmin(shorter, (order ? R(0.3) : R(1)) / std::fmax(std::fabs(step[i]), R(1e-30)));
-        }
-        Point<R> next;
-        R promise = 0;
-        for (int i = 0; i < free; ++i) {
-            next.theta[i] = std::fmin(std::fmax(at.theta[i] + shorter * step[i], low[i]), high[i]);
-            step[i] = next.theta[i] - at.theta[i];
-        }
-        for (int i = 0; i < free; ++i) {
-            promise -= step[i] * at.gradient[i];
-            for (int j = 0; j < free; ++j) promise -= R(0.5) * step[i] * at.fisher[i][j] * step[j];
-        }
+        const R promise = damped_step(model, at, low, high, damping, step);
         if (!(promise > until.tolerance) && damping <= R(1e-3)) break;
-        if (at.nll - 10 * promise > until.outside) break;
+        Point<R> next;
+        for (int i = 0; i < free; ++i) {
+            const R moved = at.theta[i] + applied(model, i, at.theta[i], step[i]);
+            next.theta[i] = std::fmin(std::fmax(moved, low[i]), high[i]);
+        }
         evaluate(target, model, next);
         ++used;
         if (next.nll < at.nll) {

@@ -2,9 +2,9 @@
 
 import numpy as np
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.simplex import Rows, minimise
 from fltea.spectrum.whittle import Fit, Model, negative_log_likelihood
 from numpy.typing import NDArray
+from simplex import Rows, minimise
 
 Array = NDArray[np.float64]
 

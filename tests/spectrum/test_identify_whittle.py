@@ -9,11 +9,11 @@ from fltea.spectrum import models
 from fltea.spectrum.likelihood_ratio import null_fits
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, periodogram, used_ordinates
 from fltea.spectrum.profile import FractionalFit, fractional_fit
-from fltea.spectrum.simplex import minimise
 from fltea.spectrum.whittle import Fit, fit, negative_log_likelihood
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, drawn, long_recursion, white
+from simplex import minimise
 
 NAMES = ("F", "alpha", "g", "f", "s2", "R")
 

@@ -69,17 +69,19 @@ def fractional(highest_order: float = spectrum.HIGHEST_ORDER) -> Model:
 def held(name: str, value: float, h: float = 1.0) -> Model:
     """The fractional model in which "alpha", "g", "f" (in s^-α, h in s) or "F" has this value.
 
-    With α held the coordinates are the other two of `fractional`, else α itself and that of the weight.
+    With α held the coordinates are the other two of `fractional`; else that of the weight comes after log -g
+    if F is held, and after α if another is.
     """
     if name == "alpha":
         free, w = _grid(FULL.starts[FULL.starts[:, 0] == 0][:: len(WEIGHTS), 1], logit(WEIGHTS))
     else:
-        free, w = _grid(_HELD_ORDERS, logit(WEIGHTS))
+        orders = _HELD_ORDERS[value < _HELD_ORDERS] if name == "F" else _HELD_ORDERS
+        free, w = _grid(np.log(orders - value) if name == "F" else orders, logit(WEIGHTS))
 
     def shape(lam: Array, theta: Array) -> Array:
         if name == "alpha":
             return FULL.shape(lam, np.column_stack([np.full(len(theta), value), theta]))
-        alpha = theta[:, 0]
+        alpha = value + np.exp(theta[:, 0]) if name == "F" else theta[:, 0]
         g = {"g": value + 0 * alpha, "f": value * h**alpha, "F": value - alpha}[name]
         return FULL.shape(lam, coordinates(alpha, g, share(theta[:, 1])))
 
@@ -115,7 +117,8 @@ def two_ar1_parameters(theta: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _ar1() -> Model:
-    phi, w = _grid(_POLES, WEIGHTS)
+    # Near 0 too, for a little of a colour in much data.
+    phi, w = _grid(np.append(_POLES, [-0.06, 0.06]), WEIGHTS)
     return Model("ar1", 3, ar1_coordinates(phi, w), _groups(phi), _ar1_shape)
 
 

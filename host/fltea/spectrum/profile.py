@@ -3,21 +3,21 @@
 A value belongs to the interval if the best fit that has it is at most 3.84 in 2 log L below the best of all
 (95 % of χ² with one degree). Unlike the curvature at the maximum this also holds at R = 0 and where α and g
 cannot be told apart; there the interval takes in nearly all that is possible, and the parameter is undefined.
+The search is native (host/native/whittle_profile.hpp).
 """
 
-from collections.abc import Callable
-from functools import partial
+import math
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea import _native
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.models import FULL, TINY, coordinates, parameters, share
+from fltea.spectrum.models import parameters
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.simplex import Rows, minimise
-from fltea.spectrum.whittle import Fit, negative_log_likelihood
+from fltea.spectrum.whittle import HOLDS, Fit
 
 Array = NDArray[np.float64]
 
@@ -25,16 +25,8 @@ CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
 NEARLY_ALL = 0.9
 """Share of the possible range from which on a parameter is undefined."""
-HALVINGS = 7
-"""The likelihood is looked at 1/2, 1/4, ... of the possible range away from the best value, on both sides."""
 LOWEST = 1e-6
 """Positive parameters are searched for from here on, in units of the largest possible; less is 0."""
-REFINEMENTS, PARTS = 2, 5
-"""Then the stretches that hold the ends are divided."""
-ROUNDS = 2
-"""Of fits along a profile: once from afar, then from the neighbours' ends."""
-NOT_POSSIBLE = 1e15
-"""In place of -log L where there is no such spectrum."""
 
 
 class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -71,29 +63,29 @@ class FractionalFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Profile(NamedTuple):
-    """How a parameter t is held while the others are fitted.
+    """A parameter: its best value, and what is possible."""
 
-    `build` takes values of t (k,) and free coordinates (k, free), and returns coordinates of the model
-    (k, 3), scales (k,) or None for the best ones, and whether there is such a spectrum (k,).
-    """
-
-    build: Callable[[Array, Array], tuple[Array, Array | None, NDArray[np.bool_]]]
-    best: Array
-    """(free,) free coordinates of the best fit of all"""
-    axes: tuple[Array, ...]
-    """a grid of free coordinates: the search begins at its best point too"""
+    hold: str
+    value: float
     low: float
     high: float
-    """what is possible"""
-    positive: bool = False
+    positive: bool = True
     """searched for in its logarithm"""
 
+    def row(self) -> tuple[float, ...]:
+        """What the native search takes: enum Hold, whether in the logarithm, best value, low and high."""
+        low, high, here = self.low, self.high, self.value
+        if self.positive:
+            low, high, here = math.log(LOWEST * high), math.log(high), math.log(max(here, 1e-300))
+        return HOLDS[self.hold], self.positive, min(max(here, low), high), low, high
 
-_ORDERS = np.array([0.05, 0.3, 0.6, 0.95, 1.3, 1.8])
-_FEEDBACKS = np.array([-9.0, -6.0, -4.0, -2.0, 0.0, 3.0])
-_WEIGHTS = np.array([-7.0, -3.0, -1.0, 1.0, 4.0])
-_VARIANCES = np.log(np.array([1e-6, 1e-3, 0.02, 0.15, 0.5]))
-"""In units of the power."""
+    def parameter(self, low: float, high: float) -> Parameter:
+        """Of the ends that the native search returns."""
+        if self.positive:
+            low, high = (0.0 if v <= self.row()[3] else math.exp(v) for v in (low, high))
+        if high - low >= NEARLY_ALL * (self.high - self.low) / (2 if self.positive else 1):
+            return Parameter(self.value, None, None)
+        return Parameter(self.value, min(low, self.value), max(high, self.value))
 
 
 def fractional_fit(data: Binned, found: Fit, h: float, *, white: bool = False) -> FractionalFit:
@@ -101,144 +93,53 @@ def fractional_fit(data: Binned, found: Fit, h: float, *, white: bool = False) -
 
     white: the null test does not reject white noise, in which none of the parameters is defined.
     """
-    theta, p = found.theta[0], parameters(found.theta[0])
+    p = parameters(found.theta[0])
     alpha, g, weight, scale = float(p.alpha), float(p.g), float(p.weight), float(found.scale[0])
     f, s2, R = spectrum.f_of(alpha, g, h), weight * scale, (1 - weight) * scale
     power = float(data.power[0] @ data.counts / data.counts.sum())
-
-    def interval(value: float, profile: _Profile) -> Parameter:
-        return Parameter(value, None, None) if white else _interval(data, found, value, profile)
-
-    def by_g(g_of: Callable[[Array, Array], Array], low: float, high: float, positive: bool) -> _Profile:
-        build = _with_g(g_of)
-        return _Profile(build, theta[[0, 2]], (_ORDERS, _WEIGHTS), low, high, positive)
-
-    def variance(value: float, other: float, hold: _Hold) -> Parameter:
-        best = np.array([*theta[:2], np.log(other)])
-        axes = _ORDERS[1::2], _FEEDBACKS[::2], _VARIANCES + np.log(power)
-        return interval(value, _Profile(hold, best, axes, 0.0, 2 * power, True))
-
-    orders = _Profile(_hold_order, theta[1:], (_FEEDBACKS, _WEIGHTS), 0.0, spectrum.HIGHEST_ORDER - 1e-4)
-    order = interval(alpha, orders)
-    minus_g = interval(-g, by_g(lambda t, a: -t, 0.0, 4.0, True))
-    minus_f = interval(-f, by_g(lambda t, a: -t * h**a, 0.0, 4 * max(1.0, h**-2), True))
+    profiles = (
+        _Profile("F", g + alpha, -2.0, 2.0, positive=False),  # α - 2^α < F < α
+        _Profile("alpha", alpha, 0.0, spectrum.HIGHEST_ORDER - 1e-4, positive=False),
+        _Profile("g", -g, 0.0, 4.0),
+        _Profile("f", -f, 0.0, 4 * max(1.0, h**-2)),
+        _Profile("s2", s2, 0.0, 2 * power),
+        _Profile("R", R, 0.0, 2 * power),
+    )
+    if white:
+        F, order, minus_g, minus_f, state, noise = (Parameter(one.value, None, None) for one in profiles)
+    else:
+        ends = _ends(data, found, h, profiles)
+        F, order, minus_g, minus_f, state, noise = (
+            one.parameter(*pair) for one, pair in zip(profiles, ends.tolist(), strict=True)
+        )
     told_apart = order.defined and minus_g.defined
     return FractionalFit(
-        F=interval(g + alpha, by_g(lambda t, a: t - a, -2.0, 2.0, False)),  # α - 2^α < F < α
+        F=F,
         alpha=order,
         g=_negative(minus_g),
         f=_negative(minus_f) if told_apart else Parameter(f, None, None),
-        s2=variance(s2, R, _hold_state),
-        R=variance(R, s2, _hold_white),
+        s2=state,
+        R=noise,
         Q=spectrum.noise_variance(alpha, s2, h),
     )
 
 
-_Hold = Callable[[Array, Array], tuple[Array, Array | None, NDArray[np.bool_]]]
-
-
-def _with_g(g_of: Callable[[Array, Array], Array]) -> _Hold:
-    """Of t and α to g; free are α and the weight."""
-
-    def build(t: Array, free: Array) -> tuple[Array, None, NDArray[np.bool_]]:
-        alpha = parameters(np.column_stack([free[:, 0], free])).alpha
-        g = g_of(t, alpha)
-        # g = 0 stands for any smaller than the record can tell from it.
-        exists = (g <= 0) & spectrum.stationary(alpha, np.minimum(g, -TINY))
-        return coordinates(alpha, g, share(free[:, 1])), None, exists
-
-    return build
-
-
-def _hold_order(t: Array, free: Array) -> tuple[Array, None, NDArray[np.bool_]]:
-    return np.column_stack([t, free]), None, np.ones(len(t), dtype=bool)
-
-
-def _hold_state(t: Array, free: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Of s2; the last free coordinate is the logarithm of R."""
-    theta = np.column_stack([free[:, :2], np.log(t) - free[:, 2]])
-    return theta, t + np.exp(np.minimum(free[:, 2], 100)), np.ones(len(t), dtype=bool)
-
-
-def _hold_white(t: Array, free: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Of R; the last free coordinate is the logarithm of s2."""
-    theta = np.column_stack([free[:, :2], free[:, 2] - np.log(t)])
-    return theta, t + np.exp(np.minimum(free[:, 2], 100)), np.ones(len(t), dtype=bool)
-
-
-def _interval(data: Binned, found: Fit, value: float, profile: _Profile) -> Parameter:
-    low, high = profile.low, profile.high
-    if profile.positive:
-        low, high = np.log(LOWEST * high), np.log(high)
-    here = float(np.clip(np.log(max(value, 1e-300)) if profile.positive else value, low, high))
-    steps = (high - low) * 0.5 ** np.arange(HALVINGS + 1)
-    values = np.unique(np.clip(np.concatenate([[low, here, high], here - steps, here + steps]), low, high))
-    deviance = 2 * (_held(data, found, values, profile) - found.nll[0])
-    for _ in range(REFINEMENTS):
-        ends = _ends(values, deviance, here)
-        between = [np.linspace(values[a], values[b], PARTS + 1)[1:-1] for a, b in ends if a != b]
-        if not between:
-            break
-        more = np.sort(np.concatenate(between))
-        values = np.concatenate([values, more])
-        deviance = np.concatenate([deviance, 2 * (_held(data, found, more, profile) - found.nll[0])])
-        order = values.argsort()
-        values, deviance = values[order], deviance[order]
-    limits = [_crossing(values, deviance, *pair) for pair in _ends(values, deviance, here)]
-    if profile.positive:
-        limits = [0.0 if limit <= low else float(np.exp(limit)) for limit in limits]
-    if limits[1] - limits[0] >= NEARLY_ALL * (profile.high - profile.low) / (2 if profile.positive else 1):
-        return Parameter(value, None, None)
-    return Parameter(value, min(limits[0], value), max(limits[1], value))
-
-
-def _ends(values: Array, deviance: Array, here: float) -> tuple[tuple[int, int], tuple[int, int]]:
-    """For both ends the last value inside and the first outside, which are the same at what is possible."""
-    at = int(np.searchsorted(values, here))
-    inside = np.append(np.flatnonzero(deviance <= CRITICAL), at)
-    first, last = int(inside.min()), int(inside.max())
-    return (first, max(first - 1, 0)), (last, min(last + 1, len(values) - 1))
-
-
-def _crossing(values: Array, deviance: Array, inner: int, outer: int) -> float:
-    """Where the deviance is critical: between the two its square root is nearly straight."""
-    if inner == outer:
-        return float(values[inner])
-    a, b = (np.sqrt(np.clip(deviance[i], 0.0, 1e6)) for i in (inner, outer))
-    return float(values[inner] + (np.sqrt(CRITICAL) - a) / (b - a) * (values[outer] - values[inner]))
-
-
-def _held(data: Binned, found: Fit, values: Array, profile: _Profile) -> Array:
-    """-log L of the best fits that have these values of the parameter (in its logarithm if positive).
-
-    values: rising. Each fit is tried again from where its neighbours have ended.
-    """
-    t = np.exp(values) if profile.positive else values
-    k, free = len(t), len(profile.axes)
-    grid = np.stack([axis.ravel() for axis in np.meshgrid(*profile.axes, indexing="ij")], axis=-1)
-
-    def nll(points: Array, owner: Rows) -> Array:
-        theta, scale, exists = profile.build(t[owner], points)
-        only = np.zeros(len(points), dtype=np.intp)
-        value, _ = negative_log_likelihood(data, FULL.shape(data.lam, theta), only, scale)
-        return np.where(exists, value, NOT_POSSIBLE)
-
-    on_grid = nll(np.tile(grid, (k, 1)), np.repeat(np.arange(k), len(grid))).reshape(k, -1)
-    starts = np.stack([grid[on_grid.argmin(axis=1)], np.tile(profile.best, (k, 1))], axis=1)
-    for _ in range(ROUNDS):
-        each = starts.shape[1]
-        owner = np.repeat(np.arange(k), each)
-        points, ends = minimise(
-            partial(_of_owner, nll, owner), starts.reshape(-1, free), tolerance=1e-2, steps=50
-        )
-        ends = ends.reshape(k, each)
-        best = points.reshape(k, each, free)[np.arange(k), ends.argmin(axis=1)]
-        starts = np.stack([best, np.roll(best, 1, axis=0), np.roll(best, -1, axis=0)], axis=1)
-    return np.asarray(ends.min(axis=1))
-
-
-def _of_owner(nll: Callable[[Array, Rows], Array], owner: Rows, points: Array, rows: Rows) -> Array:
-    return nll(points, owner[rows])
+def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...]) -> Array:
+    """Low and high of each as they are searched for, (profiles, 2)."""
+    ends = np.empty((len(profiles), 2))
+    _native.whittle_intervals(
+        np.ascontiguousarray(data.lam, dtype=np.float64),
+        np.ascontiguousarray(data.counts, dtype=np.float64),
+        np.ascontiguousarray(data.power[:1], dtype=np.float64),
+        np.ascontiguousarray(found.theta[0], dtype=np.float64),
+        scale=float(found.scale[0]),
+        nll=float(found.nll[0]),
+        critical=CRITICAL,
+        h=h,
+        what=np.array([one.row() for one in profiles]),
+        ends=ends,
+    )
+    return ends
 
 
 def _negative(p: Parameter) -> Parameter:

@@ -24,7 +24,7 @@ FAMILIES = {"white": 0, "fractional": 1, "ar1": 2, "ar2": 3, "two_ar1": 4}
 """Numbers of the models in the native part (enum Family)."""
 
 
-HOLDS = {"": 0, "alpha": 1, "g": 2, "f": 3, "F": 4}
+HOLDS = {"": 0, "alpha": 1, "g": 2, "f": 3, "F": 4, "s2": 5, "R": 6}
 """The same of what is held (enum Hold)."""
 
 

@@ -52,7 +52,7 @@ def count_alarms(noise: str, series: int, lengths: Sequence[int], seed: int) -> 
         at = n
         whole = binned(periodogram(y[:n].T, H))
         alone = [whole._replace(power=whole.power[[i]]) for i in range(series)]
-        for name, data in (("live", live_data(octaves, H)), ("Whittle", alone)):
+        for name, data in (("live", live_data(octaves, series, H)), ("Whittle", alone)):
             five, one = np.sum([rejects(each, 0.05, 0.01) for each in data], axis=0).tolist()
             found.append(Alarms(noise, n, name, series, five, one))  # type: ignore[arg-type]
     return found

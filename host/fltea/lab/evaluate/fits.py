@@ -59,13 +59,13 @@ def live_readings(y: Array, h: float, lengths: Sequence[int], truth: dict[str, f
     for n in lengths:
         octaves.add(y[at:n])
         at = n
-        readings.append(read_fits(live_data(octaves, h), h, truth))
+        readings.append(read_fits(live_data(octaves, y.shape[1], h), h, truth))
     return readings
 
 
-def live_data(octaves: Octaves, h: float) -> list[Binned]:
+def live_data(octaves: Octaves, lanes: int, h: float) -> list[Binned]:
     """What is fitted, lane by lane."""
-    return [binned(octaves.periodogram(lane, h)) for lane in range(octaves.lanes)]
+    return [binned(octaves.periodogram(lane, h)) for lane in range(lanes)]
 
 
 def read_fits(data: Sequence[Binned], h: float, truth: dict[str, float]) -> FitReading:

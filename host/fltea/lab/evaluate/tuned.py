@@ -50,7 +50,9 @@ def tunings(y: Array, h: float, last: int) -> list[Tuning]:
     for n in fit_points(FIRST, last):
         octaves.add(y[at:n])
         at = n
-        found.append(Tuning(n, *np.transpose([handed_over(one, h) for one in live_data(octaves, h)])))
+        found.append(
+            Tuning(n, *np.transpose([handed_over(one, h) for one in live_data(octaves, y.shape[1], h)]))
+        )
     return found
 
 
