@@ -29,7 +29,7 @@ from fltea.spectrum.lines import find_peaks
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.rivals import fit_all
-from fltea.spectrum.spectral import examine
+from fltea.spectrum.spectral import Spectral, examine
 from fltea.spectrum.verdict import decide
 from numpy.typing import NDArray
 
@@ -175,9 +175,14 @@ def rejections(make: Make, n: int, series: int, rng: np.random.Generator) -> dic
     return {"5 %": float(np.mean(np.array(found) < 0.05)), "1 %": float(np.mean(np.array(found) < 0.01))}
 
 
+def examined(y: Array, h: float) -> Spectral:
+    """What `fltea identify` sees in one axis."""
+    return examine(periodogram(y, h), len(y) * h, len(y))
+
+
 def verdicts(make: Make, n: int, series: int, rng: np.random.Generator) -> dict[str, int]:
     """How often each verdict is given."""
-    return dict(Counter(decide(examine(make(n, rng), H).evidence).kind for _ in range(series)))
+    return dict(Counter(decide(examined(make(n, rng), H).evidence).kind for _ in range(series)))
 
 
 def coverage(
@@ -217,7 +222,7 @@ def recordings(folder: Path) -> dict[str, Any]:
         with np.load(file) as d:
             y, h = d["gyro_raw"] / float(d["lsb_per_dps"]), 1 / float(d["fs_hz"])
         for axis, name in enumerate("xyz"):
-            seen = examine(y[:, axis], h)
+            seen = examined(y[:, axis], h)
             e = seen.evidence
             verdict = decide(e)
             result[f"{file.stem} {name}"] = {

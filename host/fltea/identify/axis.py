@@ -15,6 +15,7 @@ from fltea.spectrum.innovation_whiteness import Innovations
 from fltea.spectrum.likelihood_ratio import critical_values
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.null_constants import PROBABILITIES
+from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.profile import FractionalFit, fractional_fit
 from fltea.spectrum.rivals import Contest
 from fltea.spectrum.spectral import Band, examine
@@ -102,7 +103,9 @@ def identify_axis(
     samples = np.ascontiguousarray(y, dtype=np.float64)
     if samples.ndim != 1:
         raise ValueError(f"y is one axis, (n,), got shape {samples.shape}")
-    seen = examine(samples, h, o.from_hz, o.notch_hz)
+    whole = periodogram(samples, h, from_hz=o.from_hz, notch=o.notch_hz)
+    seen = examine(whole, len(samples) * h, len(samples), from_hz=o.from_hz, notch=o.notch_hz)
+    del whole
     own, own_innovations = fltea_fit(samples, h, o.estimator, lsb)
     other_variant = OTHER[o.estimator.variant]
     other, other_innovations = fltea_fit(

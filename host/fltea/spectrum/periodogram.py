@@ -41,7 +41,12 @@ class Periodogram(NamedTuple):
     n: int
     """samples"""
     weight: Array | None = None
-    """(m,) ordinates that each stands for, where these are averages; None: one each"""
+    """(m,) effective ordinates that each stands for; None: one each"""
+
+    @property
+    def ordinates(self) -> float:
+        """All of them, effective ones."""
+        return float(len(self.lam)) if self.weight is None else float(self.weight.sum())
 
     def without(self, from_hz: float, notch: Sequence[tuple[float, float]]) -> "Periodogram":
         """Without ordinates below `from_hz` and in the bands (low, high) of `notch`, in Hz.

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.lab.evaluate.frequencies import LAM, mean
+from fltea.noise.information import log_slopes
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,7 @@ class Bound(NamedTuple):
 
 def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
     """The information on α, g, log s2 and log R in n samples, (4, 4); without log R, (3, 3), if R = 0."""
-    slopes = _slopes(alpha, g, s2, R)
+    slopes = log_slopes(LAM, alpha, g, s2, R)
     if R == 0:
         slopes = slopes[:3]
     return np.asarray(n / 2 * mean(slopes[:, np.newaxis] * slopes))
@@ -54,16 +55,3 @@ def bound(alpha: float, g: float, s2: float, R: float, n: int, h: float) -> Boun
         s2 * float(logs[0]),
         R * float(logs[1]) if R else 0.0,
     )
-
-
-def _slopes(alpha: float, g: float, s2: float, R: float) -> Array:
-    """∂ log S by α, g, log s2 and log R, (4, frequencies)."""
-    z = np.exp(-1j * LAM)
-    difference = -np.expm1(-1j * LAM)  # 1 - z, without its rounding near λ = 0
-    order = difference**alpha
-    inverse = 1 / (order - g * z)
-    x = s2 * np.abs(inverse) ** 2
-    share = x / (x + R)
-    by_alpha = -2 * (np.log(difference) * order * inverse).real
-    by_g = 2 * (z * inverse).real
-    return np.stack([share * by_alpha, share * by_g, share, 1 - share])

@@ -31,7 +31,7 @@ class CurveFigures:
         self.density = _source("hz", "density", "model")
         self.left_out = _source("low", "high")
         self.deviation = _source("tau", "low", "adev", "high", "model")
-        self.marks = _source("xs", "ys", "x", "y", "name", "colour")
+        self.marks = _source("xs", "ys", "at", "level", "name", "colour")
         self._hz, self._densities, self._tau, self._deviations = _Frame(), _Frame(), _Frame(), _Frame()
         self.spectrum = self._spectrum()
         self.allan = self._allan()
@@ -76,7 +76,7 @@ class CurveFigures:
         points = plot.scatter("tau", "adev", source=self.deviation, color=ESTIMATE, size=5)
         plot.line("tau", "model", source=self.deviation, color=FIT, line_width=2.5)
         plot.text(
-            "x", "y", text="name", source=self.marks, text_color="colour", text_font_style="bold",
+            "at", "level", text="name", source=self.marks, text_color="colour", text_font_style="bold",
             text_baseline="bottom", text_align="center", text_font_size="15px", y_offset=-2,
         )  # fmt: skip
         tips = [
@@ -171,7 +171,7 @@ def _deviation(a: FitAllan | None) -> dict[str, Array]:
 
 def _marks(a: FitAllan | None) -> dict[str, list[object]]:
     """The lines that N, B and K stand for, and where their names stand."""
-    found: dict[str, list[object]] = {name: [] for name in ("xs", "ys", "x", "y", "name", "colour")}
+    found: dict[str, list[object]] = {name: [] for name in ("xs", "ys", "at", "level", "name", "colour")}
     if a is None or not a.tau_s:
         return found
     ends = np.array([a.tau_s[0], a.tau_s[-1]])
@@ -185,7 +185,7 @@ def _marks(a: FitAllan | None) -> dict[str, list[object]]:
         if value is None:
             continue
         y = [value * (tau / read_at) ** slope for tau in (*ends.tolist(), at)]
-        new = {"xs": ends.tolist(), "ys": y[:2], "x": at, "y": y[2], "name": name, "colour": colour}
+        new = {"xs": ends.tolist(), "ys": y[:2], "at": at, "level": y[2], "name": name, "colour": colour}
         for key, one in new.items():
             found[key].append(one)
     return found

@@ -89,6 +89,7 @@ window.fltea = (() => {
     byId("own-part").hidden = !f.own.length
     rows("own", f.own)
     events(f.events)
+    window.fltea.actions.show(f)
     byId("fitted").textContent = f.fit
     for (const name of ["spectrum", "allan"]) {
       for (const part of document.querySelectorAll(`#${name} .drawn`)) part.hidden = !f.curves[name]

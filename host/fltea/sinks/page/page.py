@@ -12,7 +12,8 @@ from bokeh.models import ColumnDataSource, CustomJS
 from jinja2 import Environment
 
 from fltea.records import clock
-from fltea.sinks.page import facts, facts_of_device
+from fltea.records.ports import Recorder
+from fltea.sinks.page import facts, facts_of_device, recording
 from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
 from fltea.sinks.page.history import Curves, DeviceHistory
@@ -28,10 +29,20 @@ class Page:
 
     The browser answers every update (`control.ack`), and there is no further update until it has: what a slow
     browser, or one that stopped reading, has not fetched stays in the history, which does not grow.
+
+    recorder: tells how the recordings are. token: what the page's requests have to bring (`actions`).
     """
 
-    def __init__(self, document: Document, histories: Mapping[str, DeviceHistory]) -> None:
+    def __init__(
+        self,
+        document: Document,
+        histories: Mapping[str, DeviceHistory],
+        recorder: Recorder | None = None,
+        token: str = "",
+        may_record: bool = False,
+    ) -> None:
         self._histories = histories
+        self._recorder, self._token, self._may_record = recorder, token, may_record
         self._device = next(iter(histories))
         self._axis = ""
         self._window = FIRST_WINDOW
@@ -138,7 +149,13 @@ class Page:
             "hardware": facts.device(history.hello, sample.temperature_c if sample else None),
             "events": facts.events(history),
             "settings": facts.settings(history),
+            "recording": self._recording(),
         }
+
+    def _recording(self) -> dict[str, Any]:
+        if self._recorder is None:
+            return recording.nothing()
+        return recording.words(self._recorder.view(self._device), self._may_record)
 
     def _on_control(self, attribute: str, old: Any, new: Any) -> None:
         """Follow what the browser chooses; what makes no sense is ignored."""
@@ -169,7 +186,8 @@ class Page:
         document.js_on_event(DocumentReady, CustomJS(args=shown, code=START))
         self._facts.js_on_change("data", CustomJS(code="window.fltea.show(cb_obj)"))
         document.template = TEMPLATE
-        document.template_variables.update(css=_text("page.css"), script=_text("page.js"))
+        document.template_variables.update(css=_text("page.css"), token=self._token)
+        document.template_variables.update(script=_text("page.js") + _text("actions.js"))
 
 
 def _choice(device: str, axis: str, window: int, acknowledged: int) -> dict[str, list[Any]]:
