@@ -19,7 +19,7 @@ namespace allan {
 
 constexpr std::size_t kChunk = 16, kHistory = 15;
 // Octaves 0 to 3 come from level 0, each further one from a level of its own.
-constexpr std::size_t kLevels = 30, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
+constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
 // What is older than so many time constants is not shown.
 constexpr double kOldest = 3;
 constexpr double kLargestValue = 1e100, kLargestCount = 1e15;

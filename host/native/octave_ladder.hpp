@@ -17,8 +17,8 @@ namespace fltea {
 template <typename Number>
 class OctaveLadder {
   public:
-    // A year at 100 Hz; after that the oldest samples of the last level go.
-    enum { kLevels = 20, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
+    // A quarter of a year at 100 Hz; after that the oldest samples of the last level go.
+    enum { kLevels = 19, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
     typedef WelchLevel<Number, kTopLines> Top;  // up to Nyquist's frequency
     typedef WelchLevel<Number, kLines> Deep;
 

@@ -3,7 +3,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
+#include "allan_sums.hpp"
 #include "gate.hpp"
 #include "octave_ladder.hpp"
 
@@ -13,22 +15,43 @@ namespace fltea {
 // cut(), age(now), merge(other, shift, now) and visit(io).
 template <typename Number>
 struct AcceptedStream {
-    explicit AcceptedStream(double memory) : ladder(memory) {}
+    explicit AcceptedStream(double memory) : ladder(memory), allan(memory), next_(0) {}
 
     void accept(const double* y, int n, std::uint64_t first, const unsigned char* made_up) {
         ladder.accept(y, n, first, made_up);
+        if (first != next_) allan.cut(double(first - next_));
+        allan.add(y, std::size_t(n));
+        next_ = first + std::uint64_t(n);
     }
-    void cut() { ladder.cut(); }
+    void cut() {
+        ladder.cut();
+        allan.cut();
+    }
     void age(std::uint64_t now) { ladder.age(now); }
     void merge(const AcceptedStream& other, std::uint64_t shift, std::uint64_t now) {
         ladder.merge(other.ladder, shift, now);
+        allan.merge(other.allan);
+        next_ = now;
     }
     template <typename Io>
     void visit(Io& io) {
         ladder.visit(io);
+        io.number(next_, 0, 1e15);
+        std::vector<double> numbers = allan.save();
+        std::size_t size = numbers.size();
+        io.number(size, 0, kMostNumbers);
+        if (!io.sound()) return;
+        numbers.resize(size);
+        for (double& one : numbers) io.real(one, -1e300, 1e300);
+        if (io.sound()) io.require(allan.load(numbers.data(), size));
     }
 
     OctaveLadder<Number> ladder;
+    AllanSums allan;
+
+  private:
+    enum { kMostNumbers = 4 + allan::kLevels * (allan::kHistory + allan::kChunk) + 4 * allan::kOctaves };
+    std::uint64_t next_;  // number of the sample that the next one is expected to be
 };
 
 // One lane. `memory` in samples, 0 to forget nothing.
@@ -41,6 +64,7 @@ class Octaves {
     bool constant() const { return gate_.constant(); }
     std::uint64_t now() const { return gate_.number(); }
     const OctaveLadder<Number>& ladder() const { return accepted_.ladder; }
+    const AllanSums& allan() const { return accepted_.allan; }
 
     void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
     void skip(std::uint64_t count) { gate_.skip(count); }

@@ -114,6 +114,19 @@ class Octaves {
         return nb::make_tuple(finished.now(), levels);
     }
 
+    // Averaging factors, Allan variances, terms; and of how many samples they are.
+    std::tuple<std::vector<double>, std::vector<double>, std::vector<double>, double> allan(
+        size_t lane) const {
+        const Lane finished = finished_lane(lane);
+        std::vector<double> factors, avar, terms;
+        for (const fltea::allan::Point& one : finished.allan().points()) {
+            factors.push_back(one.factor);
+            avar.push_back(one.avar);
+            terms.push_back(one.terms);
+        }
+        return {factors, avar, terms, finished.allan().span()};
+    }
+
     nb::bytes save() const {
         std::vector<double> numbers;
         fltea::NumberSaver saver(numbers);
@@ -172,6 +185,7 @@ void bind_octaves(nb::module_& m) {
         .def("counts", &Octaves::counts, nb::arg("lane"))
         .def("spectrum", &Octaves::spectrum, nb::arg("lane"))
         .def("cells", &Octaves::cells, nb::arg("lane"))
+        .def("allan", &Octaves::allan, nb::arg("lane"))
         .def("save", &Octaves::save)
         .def("load", &Octaves::load, nb::arg("bytes"));
 }

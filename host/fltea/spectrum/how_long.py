@@ -38,8 +38,8 @@ def seconds_more(
 ) -> float | None:
     """Seconds of samples until the 95 % interval of α is ± target, if the noise stays as it is.
 
-    data: all that is known. h in s. longest_s: of samples that are not forgotten; None: none are. 0 if it is as
-    narrow; None if that will never be, or cannot be told.
+    data: all that is known. h in s. longest_s: of samples that are not forgotten; None: none are. 0 if it is
+    as narrow; None if that will never be, or cannot be told.
     """
     deviation = order_deviation(data, found)
     if deviation is None:

@@ -16,7 +16,7 @@ from fltea.spectrum.octaves import Counts, Octaves
 from fltea.spectrum.periodogram import Periodogram, binned
 from fltea.spectrum.profile import Parameter, fractional_fit
 from fltea.spectrum.spectral import Spectral, examine
-from fltea.spectrum.verdict import ANYTIME_LEVEL, decide
+from fltea.spectrum.verdict import ANYTIME_LEVEL, LEVEL, decide
 from fltea.spectrum.warm import Warm
 
 Array = NDArray[np.float64]
@@ -67,9 +67,14 @@ class LiveAxes:
         """Take note of lost samples of all axes."""
         self._octaves.skip(count)
 
-    def fit(self, *, curves: bool) -> dict[str, AxisFit]:
-        """Fit every axis; curves: with spectrum and Allan deviation, and from all starts instead of the last."""
-        return {axis: self._fit(lane, curves) for lane, axis in enumerate(self.axes)}
+    def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
+        """Fit every axis.
+
+        curves: with spectrum and Allan deviation, and from all starts, not from the last fit. last: of a
+        record that is at its end, and so is judged at the level of one look, as `fltea identify` does it.
+        """
+        level = LEVEL if last else ANYTIME_LEVEL
+        return {axis: self._fit(lane, curves, level) for lane, axis in enumerate(self.axes)}
 
     def save(self) -> bytes:
         """All of it, for a later run."""
@@ -84,11 +89,11 @@ class LiveAxes:
             raise ValueError("the saved sums are of other axes, another rate or another unit")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
-    def _fit(self, lane: int, curves: bool) -> AxisFit:
+    def _fit(self, lane: int, curves: bool, level: float) -> AxisFit:
         counts = self._octaves.counts(lane)
         left_out = _left_out(counts)
         if counts.constant and counts.used >= SHORTEST_MEMORY:
-            text = "Constant: every sample has the same value. Is the sensor asleep, or its range far too wide?"
+            text = "Constant: all samples are the same. Is the sensor asleep, or its range far too wide?"
             return AxisFit("constant", text, self.unit, left_out=left_out)
         if curves:
             self._warm[lane].forget()
@@ -100,7 +105,7 @@ class LiveAxes:
                 used * self.h,
                 used,
                 cells=self._octaves.cells(lane, self.h),
-                level=ANYTIME_LEVEL,
+                level=level,
                 warm=self._warm[lane],
             )
         except ValueError as error:
@@ -122,9 +127,8 @@ class LiveAxes:
         allan = spectrum = None
         if drawn is not None:
             spectrum = _spectrum(drawn, seen)
-            allan = fit_allan(
-                self._octaves.allan(lane), used, self.h, self.unit, lambda lam: full.spectrum(lam)[0]
-            )
+            *sums, samples = self._octaves.allan(lane)
+            allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: full.spectrum(lam)[0])
         return AxisFit(
             verdict.kind,
             verdict.text,

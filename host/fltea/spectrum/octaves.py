@@ -79,6 +79,19 @@ class BandCells(NamedTuple):
     """(c,) number of the first sample, lost ones counted"""
 
 
+class AllanPoints(NamedTuple):
+    """Overlapping Allan variances at averaging times of 2^j samples."""
+
+    factors: list[float]
+    """(k,) averaging times in samples"""
+    avar: list[float]
+    """(k,) in the squared unit of the samples"""
+    terms: list[float]
+    """(k,) effective numbers of terms"""
+    samples: float
+    """that they are of"""
+
+
 class Octaves:
     """Running spectra of several lanes that are sampled together."""
 
@@ -180,6 +193,10 @@ class Octaves:
             scale = math.log(2.0**level)
             result.append(BandCells(low, high, counts, mean + scale, variance, first.astype(np.int64)))
         return result
+
+    def allan(self, lane: int) -> AllanPoints:
+        """Return the Allan variances of a lane."""
+        return AllanPoints(*self._native.allan(lane))
 
 
 def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> tuple[Array, Array, Array]:

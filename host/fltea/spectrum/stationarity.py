@@ -8,13 +8,13 @@ The logarithm makes the test robust against heavy tails, and the variance is tha
 import math
 from collections.abc import Iterable
 from statistics import NormalDist
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.f_tail import f_deviate
+from fltea.spectrum.octaves import BandCells
 
 Array = NDArray[np.float64]
 
@@ -24,20 +24,6 @@ LEAST_IN_CELL = 4
 """Blocks; cells with fewer are joined with their neighbours."""
 LEAST_SIZE = 1.25
 """Ratio of powers, up or down: a smaller change is of no practical importance."""
-
-
-class BandCells(NamedTuple):
-    """Logarithms of the power of one octave's blocks, in cells of time."""
-
-    low_hz: float
-    high_hz: float
-    counts: Array
-    """(c,) blocks in each"""
-    mean_log: Array
-    variance_log: Array
-    """(c,) of the blocks in each; NaN of a single one"""
-    first: Array
-    """(c,) number of the first sample of each"""
 
 
 class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
