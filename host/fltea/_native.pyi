@@ -234,6 +234,7 @@ class AllanSums:
     def save(self) -> bytes: ...
 
     # ValueError for bytes that cannot come from `save`; then nothing has changed.
+    def load(self, bytes: bytes) -> None: ...
 
 # Of the running spectrum (host/native/octaves.hpp): memory of a lane, levels, samples that a level keeps
 # whole, samples of a block, its first line, lines of level 0 and of those below.
