@@ -198,5 +198,9 @@ def _describe(
         width_hz=float(steps[wide].sum() * to_hz),
         power_share=float((part - found.level) @ steps / total),
         height=float(np.average(lines.power[core], weights=lines.weight[core]) / found.level),
-        notch_hz=(float(lines.lam[left] * to_hz), float(lines.lam[right - 1] * to_hz)),
+        # A little more: the ends must not be kept for rounding.
+        notch_hz=(
+            float((lines.lam[left] - steps[0] / 4) * to_hz),
+            float((lines.lam[right - 1] + steps[-1] / 4) * to_hz),
+        ),
     )
