@@ -1,13 +1,16 @@
 // Which samples of an axis say something of its noise, and where their stream has breaks.
 //
-// Samples are judged in chunks of 128 that follow each other. A chunk is left out
-// - as a knock, if its power about its own mean is ten times the running level, the largest sample of
-//   it not counted, or if that sample alone is a hundred deviations away. So tails of the noise itself stay
-//   (of Student's t with four degrees of freedom one sample in 10^7), but not a movement, and not a wrong
-//   bit;
-// - as a step of the offset, if its mean has jumped against the one before as no jump of the running level
-// does. After eight knocks in a row the new level is the level. Up to eight lost samples are bridged by a
-// straight line, at most one in a thousand; more are a break.
+// Samples are judged in chunks of 128 that follow each other.
+//
+// A chunk is a knock, and left out, if its power about its own mean, the largest sample not counted, is
+// sixteen times the running level, or if that sample alone is a hundred deviations away. That is beyond what
+// noise does by itself: Student's t with four degrees of freedom (one sample in 10^8), a random walk (one
+// chunk in 10^6). After eight knocks in a row the new level is the level.
+//
+// A chunk is left out, too, and is a step of the offset, if its mean has jumped against the one before as no
+// jump of the running level does: the step may lie within it.
+//
+// Up to eight lost samples are bridged by a straight line, at most one in a thousand; more are a break.
 #pragma once
 
 #include <cmath>
@@ -33,6 +36,8 @@ struct GateCounts {
 class Gate {
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
+    // In power, of the running level: a chunk's, and a sample's.
+    enum { kKnock = 16, kSpike = 10000 };
 
     Gate()
         : fill_(0),
@@ -249,7 +254,7 @@ class Gate {
         const double variance = fill_ > 1 ? power / (fill_ - 1) : 0;
         if (chunks_ > 0) {
             const double level = level_ > rounding ? level_ : rounding;
-            if (power - largest > 10 * level * (kChunk - 1) || largest > 1e4 * level) {
+            if (power - largest > kKnock * level * (kChunk - 1) || largest > kSpike * level) {
                 note_knock(variance);
                 return false;
             }

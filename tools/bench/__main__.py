@@ -5,7 +5,7 @@ import json
 
 from fltea.lab import bench as bench_estimator
 
-from tools.bench import bench_allan, bench_daemon, bench_decode, identify_tables
+from tools.bench import bench_allan, bench_daemon, bench_decode, bench_octaves, identify_tables
 
 
 def main() -> None:
@@ -61,13 +61,20 @@ def main() -> None:
         figures = bench_chain.measure(long=arguments.long)
         print(json.dumps(figures, ensure_ascii=False) if arguments.json else bench_chain.text(figures))
         return
-    decode, allan, estimator = bench_decode.measure(), bench_allan.measure(), bench_estimator.measure()
+    parts = {
+        "decode": bench_decode,
+        "allan": bench_allan,
+        "octaves": bench_octaves,
+        "estimator": bench_estimator,
+    }
+    found = {name: part.measure() for name, part in parts.items()}
     daemon = bench_daemon.measure() if arguments.daemon else None
     if arguments.json:
-        figures = {"decode": decode, "allan": allan, **estimator, **({"daemon": daemon} if daemon else {})}
+        estimator = found.pop("estimator")
+        figures = {**found, **estimator, **({"daemon": daemon} if daemon else {})}
         print(json.dumps(figures))
         return
-    print(f"{bench_decode.text(decode)}\n\n{bench_allan.text(allan)}\n\n{bench_estimator.text(estimator)}")
+    print("\n\n".join(part.text(found[name]) for name, part in parts.items()))
     if daemon:
         print("\n" + bench_daemon.text(daemon))
 
