@@ -92,15 +92,13 @@ Model<double> model_of(int family, double highest_order, int hold, double held, 
     using namespace fltea::whittle;
     if (family < fltea::whittle::kWhite || family > fltea::whittle::kTwoAr1) refuse("no such model");
     if (!(highest_order > 0 && highest_order <= 2)) refuse("orders are fitted up to 2");
-    if (hold < kNothing || hold > kHoldNoise || (hold != kNothing && family != kFractional))
+    if (hold < kNothing || hold > kHoldWeight || (hold != kNothing && family != kFractional))
         refuse("only one number of the fractional model can be held");
     if (!std::isfinite(held) || !(std::isfinite(h) && h > 0))
         refuse("a held number and h must be finite, and h > 0");
     const bool negative = hold == kHoldFeedback || hold == kHoldParameter;
     if (negative && !(held < 0)) refuse("g and f can be held below 0 only");
     if (hold == kHoldOrder && !(held >= 0 && held < 2)) refuse("orders can be held from 0 to below 2");
-    if ((hold == kHoldState || hold == kHoldNoise) && !(held > 0))
-        refuse("variances can be held above 0 only");
     return Model<double>{
         static_cast<Family>(family), highest_order, static_cast<Hold>(hold), held, std::log(h), 0};
 }
