@@ -119,13 +119,34 @@ def test_with_many_devices_the_default_period_is_longer() -> None:
 
 
 def test_at_full_speed_the_record_grows_by_a_fiftieth_from_fit_to_fit() -> None:
-    times, numbers = FitTimes(100, 1000, grows=True), []
+    times, numbers = FitTimes(100, 1000, grows=True, every=False), []
     while times.due <= 360_000:
         numbers.append(times.due)
         times.done(times.due, times.due)
     assert numbers[:51] == list(range(100, 5200, 100))
     assert all(b - a >= 100 and a / 50 <= b - a <= a / 50 + 100 for a, b in itertools.pairwise(numbers))
     assert 240 <= len(numbers) <= 250
+
+
+@given(st.sets(st.integers(1, 40_000), max_size=20), st.integers(1, 150), st.integers(0, 100_000))
+def test_the_fits_that_settle_are_the_same_live_and_at_full_speed(
+    breaks: set[int], period: int, before: int
+) -> None:
+    """Some samples are lost, each time 70; the record may have begun long before the epoch."""
+
+    def settled(*, every: bool) -> list[int]:
+        times, found = FitTimes(period, 1000, grows=True, every=every), []
+        taken = before
+        for number in range(1, 40_001):
+            if any(number - 70 <= at < number for at in breaks):
+                continue
+            taken += 1
+            if number >= times.due and times.done(number, taken).settles:
+                found.append(number)
+        return found
+
+    live, fast = settled(every=True), settled(every=False)
+    assert live == fast
 
 
 def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:

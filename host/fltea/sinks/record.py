@@ -24,6 +24,7 @@ from fltea.records.records import (
     Epoch,
     Error,
     Estimate,
+    Fit,
     Gap,
     Hello,
     Sample,
@@ -53,6 +54,7 @@ KINDS: dict[str, type[AnyRecord]] = {
     "sample": Sample,
     "estimate": Estimate,
     "device_estimate": DeviceEstimates,
+    "fit": Fit,
     "stats": Stats,
     "error": Error,
 }

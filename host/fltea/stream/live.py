@@ -53,14 +53,14 @@ class LiveFits:
     def __init__(self, config: Config, *, prompt: bool = True, devices: int = 1) -> None:
         self._config = config
         self._period_s = period_s(config, devices)
-        self._grows = not prompt and config.live.period_s is None
+        self._every = prompt
         self._sensors: dict[str, _Sensor] = {}
         self._of: tuple[object, ...] | None = None
         self._resumed = False
-        self._times = FitTimes(1, 1, grows=False)
+        self._times = FitTimes(1, 1, grows=False, every=False)
         self._first: int | None = None
         self._at: _Place | None = None
-        self._newest: dict[str, AxisFit] = {}
+        self._settled: dict[str, AxisFit] = {}
         self._drawn_samples = 0
 
     def begin(self, beginning: Beginning) -> None:
@@ -73,7 +73,7 @@ class LiveFits:
         if saved is not None or identity != self._of:
             h, of_live = 1.0 / hello.rate_hz, self._config.live
             kept = (saved.fits if saved else None) or SavedFits(None, None)
-            self._sensors, self._newest = {}, {}
+            self._sensors, self._settled = {}, {}
             for name, axes, unit, data in (
                 ("gyro", gyro, GYRO_UNIT, kept.gyro),
                 ("accel", accel, ACCEL_UNIT, kept.accel),
@@ -83,7 +83,8 @@ class LiveFits:
                     self._sensors[name] = _Sensor(live, list(axes.values()))
             self._of, self._resumed = identity, saved is not None
             period = max(1, round(self._period_s * hello.rate_hz))
-            self._times = FitTimes(period, round(CURVES_S * hello.rate_hz), grows=self._grows)
+            grows, curves = self._config.live.period_s is None, round(CURVES_S * hello.rate_hz)
+            self._times = FitTimes(period, curves, grows=grows, every=self._every)
         else:
             self.bridge(beginning.missing)
         self._times.begin()
@@ -114,7 +115,11 @@ class LiveFits:
             yield part
             number += end - begin - 1
             if number >= self._times.due:
-                yield self._fit(curves=self._times.done(number, self._samples))
+                done = self._times.done(number, self._samples)
+                fit = self._fit(curves=done.curves)
+                if done.settles:
+                    self._settled = fit.axes
+                yield fit
             begin = end
 
     def on_event(self, event: Event) -> Iterator[Item]:
@@ -129,9 +134,9 @@ class LiveFits:
         if self._at is not None and self._samples != self._drawn_samples:
             yield self._fit(curves=True)
 
-    def newest(self, axis: str) -> AxisFit | None:
-        """The last fit of an axis, as of the samples that were given on."""
-        return self._newest.get(axis)
+    def settled(self, axis: str) -> AxisFit | None:
+        """The fit of an axis that its next estimates go by; None before the first."""
+        return self._settled.get(axis)
 
     def standing(self) -> Standing:
         """How often it fits."""
@@ -160,7 +165,6 @@ class LiveFits:
         found: dict[str, AxisFit] = {}
         for sensor in self._sensors.values():
             found |= sensor.live.fit(curves=curves)
-        self._newest = found
         if curves:
             self._drawn_samples = self._samples
         return Fit(*self._at, self._samples, found, device=self._config.name)

@@ -21,13 +21,13 @@ HEADS: dict[VerdictKind, str] = {
 WITH_ORDER = ("fractional", "undecided")
 """Verdicts that leave room for an order; all others say that there is none to speak of."""
 
-NO_FIT = "No fit yet: it comes within seconds of the first samples, unless live.on is false."
+NO_FIT = "It comes within seconds of the first samples."
+OFF = "Nothing is fitted: live.on is false."
 
 LEFT_OUT = {
     "lost": "lost",
     "knocked": "in knocks",
     "bridged": "bridged",
-    "forgotten": "forgotten",
 }
 """What became of samples, by cause."""
 
@@ -49,17 +49,17 @@ class Answer(NamedTuple):
         return self._asdict()
 
 
-def answer(fit: AxisFit | None) -> Answer:
-    """Put a fit into words."""
+def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
+    """Put a fit into words. off: nothing is fitted."""
     if fit is None:
-        return Answer("", "No fit yet", NO_FIT, None, None, "", "", "")
+        return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
     alpha, f = order(fit)
     return Answer(
         fit.verdict,
         HEADS[fit.verdict],
         fit.text,
-        _with_interval(alpha),
-        _with_interval(f),
+        _with_interval(alpha, 2),
+        _with_interval(f, 1),
         "if the noise is of fractional order" if fit.verdict == "undecided" and alpha else "",
         _until(fit),
         _left_out(fit),
@@ -78,12 +78,12 @@ def _defined(p: Interval) -> bool:
     return all(v is not None and math.isfinite(v) for v in (p.value, p.low, p.high))
 
 
-def _with_interval(p: Interval | None) -> tuple[str, str] | None:
-    """Value and interval, with as many digits as the interval is worth."""
+def _with_interval(p: Interval | None, least: int) -> tuple[str, str] | None:
+    """Value and interval, with as many digits as the interval is worth, and at least `least`."""
     if p is None or p.value is None or p.low is None or p.high is None:
         return None
     half = (p.high - p.low) / 2
-    digits = min(max(math.ceil(-math.log10(half / 2)), 1), 4) if half > 0 else 4
+    digits = min(max(math.ceil(-math.log10(half / 2)), least), 4) if half > 0 else 4
     value, low, high = (f"{v:.{digits}f}".replace("-", "\u2212") for v in (p.value, p.low, p.high))
     return value, f"{low} … {high}"
 
