@@ -31,6 +31,8 @@ WIDEST = 8
 """Averaged lines in a stretch: a fifth of an octave's."""
 NARROW = 3
 """A peak that is not wider than so many averaged lines may be a line or a resonance."""
+HOPELESS = 0.6
+"""Share of the gain of a known level that a stretch has to have to be looked at."""
 SKIRT = 0.05
 """What is less above the level around it is no part of a peak."""
 
@@ -131,11 +133,19 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
         own = own * np.where(lines.averaged[at], _gathered(width), 1.0)
         other = np.where(low > high, low_weight, high_weight)
         # Of those that pass, the likeliest: deviates would favour wide stretches, whose flanks are longer.
-        deviate = f_deviate(ratio, 2 * own, 2 * other)
-        gain = np.where(deviate > critical, own * (ratio - 1 - np.log(ratio)), 0.0)
-        i = int(gain.argmax())
-        if gain[i] > most:
-            most, best = float(gain[i]), _Found(int(at[i]), int(at[i]) + width, float(level[i]))
+        gain = np.where(ratio > 1, own * (ratio - 1 - np.log(np.maximum(ratio, 1.0))), 0.0)
+        # If the level were known, the deviate would be about √(2 gain): most stretches need no closer look.
+        near = np.flatnonzero(gain > HOPELESS * critical**2 / 2)
+        if not len(near):
+            continue
+        deviate = f_deviate(ratio[near], 2 * own[near], 2 * other[near])
+        near = near[deviate > critical]
+        gain = gain[near]
+        if not len(near):
+            continue
+        i, highest = int(near[gain.argmax()]), float(gain.max())
+        if highest > most:
+            most, best = highest, _Found(int(at[i]), int(at[i]) + width, float(level[i]))
     return best
 
 

@@ -163,13 +163,13 @@ def _described(name: str, f: Fit, h: float) -> dict[str, float]:
     if name == "ar2":
         phi1, phi2, weight = (float(v) for v in ar2_parameters(theta))
         described = {"phi1": phi1, "phi2": phi2, "s2": weight * scale, "R": (1 - weight) * scale}
-        poles = np.roots([1.0, -phi1, -phi2])
-        if abs(poles[0].imag) > 0:
+        under = phi1 * phi1 + 4 * phi2
+        if under < 0:
             return described | {
-                "resonance_hz": float(abs(np.angle(poles[0])) / (2 * math.pi * h)),
-                "damping": float(-math.log(abs(poles[0]))),
+                "resonance_hz": math.atan2(math.sqrt(-under), phi1) / (2 * math.pi * h),
+                "damping": -math.log(-phi2) / 2,
             }
-        return described | {"bend_hz": bend_hz(float(poles.real.max()), h)}
+        return described | {"bend_hz": bend_hz((phi1 + math.sqrt(under)) / 2, h)}
     if name == "two_ar1":
         phi1, phi2, first, second = (float(v) for v in two_ar1_parameters(theta))
         slow, fast = sorted([(phi1, first), (phi2, second)], reverse=True)
