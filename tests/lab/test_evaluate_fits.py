@@ -36,7 +36,7 @@ def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
     truth = truths(STRONG)
     (live,), whole = live_readings(y, H, (3_000,), truth), whole_reading(y, H, truth)
     for name in QUANTITIES:
-        np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=1e-3, atol=1e-5)
+        np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=0.03, atol=1e-3)
         np.testing.assert_array_equal(live.covered[name], whole.covered[name])
     np.testing.assert_array_equal(live.rejected, whole.rejected)
 
