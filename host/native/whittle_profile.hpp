@@ -195,7 +195,10 @@ class Profile {
             walk(what, bracket);
         }
         const double a = excess(bracket.in), b = excess(bracket.out);
-        return bracket.inner + (b > a ? std::min(-a / (b - a), 1.0) : 0.0) * (bracket.outer - bracket.inner);
+        // The better search may have ended on the wrong side of the limit by a hair: never beyond the
+        // bracket.
+        const double share = b > a ? std::min(std::max(-a / (b - a), 0.0), 1.0) : 0.0;
+        return bracket.inner + share * (bracket.outer - bracket.inner);
     }
 
     // Draws the bracket together around the end, by the regula falsi in the Illinois way: neither side stays
