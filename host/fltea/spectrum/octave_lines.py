@@ -5,6 +5,7 @@ lines are averages over blocks under Hann's window: they have more than two degr
 neighbours are correlated, so that a stretch of a few has more for its width than a long one.
 """
 
+import functools
 import math
 from statistics import NormalDist
 from typing import NamedTuple
@@ -149,6 +150,7 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
     return best
 
 
+@functools.cache
 def _gathered(width: int) -> float:
     """Effective ordinates of so many averaged lines, over the sum of their weights (those in a long row)."""
 
