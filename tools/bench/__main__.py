@@ -5,7 +5,7 @@ import json
 
 from fltea.lab import bench as bench_estimator
 
-from tools.bench import bench_daemon, bench_decode, identify_tables
+from tools.bench import bench_daemon, bench_decode, bench_fit, identify_tables
 
 
 def main() -> None:
@@ -50,12 +50,14 @@ def main() -> None:
         figures = bench_chain.measure(long=arguments.long)
         print(json.dumps(figures, ensure_ascii=False) if arguments.json else bench_chain.text(figures))
         return
-    decode, estimator = bench_decode.measure(), bench_estimator.measure()
+    decode, estimator, fits = bench_decode.measure(), bench_estimator.measure(), bench_fit.measure()
     daemon = bench_daemon.measure() if arguments.daemon else None
     if arguments.json:
-        print(json.dumps({"decode": decode, **estimator, **({"daemon": daemon} if daemon else {})}))
+        print(
+            json.dumps({"decode": decode, **estimator, "fit": fits, **({"daemon": daemon} if daemon else {})})
+        )
         return
-    print(f"{bench_decode.text(decode)}\n\n{bench_estimator.text(estimator)}")
+    print(f"{bench_decode.text(decode)}\n\n{bench_estimator.text(estimator)}\n\n{bench_fit.text(fits)}")
     if daemon:
         print("\n" + bench_daemon.text(daemon))
 
