@@ -1,6 +1,8 @@
 """`make run`: the emulated Due with its real firmware, `fltea run` and its live page; Ctrl-C ends both.
 
-Not on a terminal, and with no --format in ARGS, one line a second comes out instead of every record.
+The sensor's noise is one whose order is known after a minute; what it is stands in the first line, and in the
+device's name. Not on a terminal, and with no --format in ARGS, one line a second comes out instead of every
+record.
 
 On a terminal this program takes the foreground, so that Ctrl-C reaches the daemon and not make, which would
 turn it into a failure.
@@ -19,10 +21,29 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
+from fltea.noise.spectra import noise_variance
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from tools.ndjson_summary import Summary  # noqa: E402
+
+ALPHA, F = 0.8, -1.0
+S2_OVER_R = 3.0
+R = 0.02
+"""(deg/s)²: white noise of 2.3 LSB, as that of the paper's MPU-9250; the sensor's rounding adds 1.5 %."""
+RATE_HZ = 100.0
+NOISE = f"alpha={ALPHA:g}&f={F:g}&Q={noise_variance(ALPHA, S2_OVER_R * R, 1 / RATE_HZ):.6g}&R={R:g}"
+DEVICE = f"due-alpha_{ALPHA:g}-f_{F:g}"
+"""Name of the port, and so of the device."""
+KNOWN = ((30, 0.08, 0.8), (60, 0.06, 0.6), (600, 0.02, 0.2))
+"""After so many seconds α and f can be known to ± so much (95 %): `fltea.lab.evaluate.cramer_rao.bound`."""
+TRUTH = (
+    f"make run: the truth: this sensor's noise has α = {ALPHA:g} and f = {F:g} s^-α, in white noise (s2/R = "
+    f"{S2_OVER_R:g}, R = {R:g} (deg/s)²). It cannot be known exactly from a short record: at best "
+    + ", ".join(f"α ± {alpha:g} and f ± {f:g} after {seconds} s" for seconds, alpha, f in KNOWN)
+    + " (95 %)."
+)
 
 SLOW = "real time"
 """Stands in the emulator's warning that it does not keep up, and in no other."""
@@ -138,10 +159,10 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: None)
     with foreground(), tempfile.TemporaryDirectory() as folder:
-        port = Path(folder) / "due"
+        port = Path(folder) / DEVICE
         # Out of reach of Ctrl-C: a board that vanished before the daemon ends would be reported as unplugged.
         board = subprocess.Popen(
-            [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", port],
+            [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", port, "--noise", NOISE],
             cwd=ROOT,
             process_group=0,
             stdout=subprocess.PIPE,
@@ -157,7 +178,7 @@ def main() -> int:
             if not announcement:
                 print("demo: the emulated Due did not start.", file=sys.stderr)
                 return 1
-            print(f"Emulated Arduino Due on {announcement} (true noise). Ctrl-C ends.", file=sys.stderr)
+            print(f"Emulated Arduino Due on {announcement}. Ctrl-C ends.\n{TRUTH}", file=sys.stderr)
             return run_daemon(port, arguments)
         finally:
             # Here it also says whether this machine kept up with it.

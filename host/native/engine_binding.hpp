@@ -43,3 +43,5 @@ nanobind::list as_list(const std::vector<fltea::Lost>& lost);
 void bind_engine(nanobind::module_& m);
 void bind_lanes(nanobind::module_& m);
 void bind_bank(nanobind::module_& m);
+void bind_allan(nanobind::module_& m);
+void bind_octaves(nanobind::module_& m);

@@ -155,4 +155,6 @@ NB_MODULE(_native, m) {
     bind_lanes(m);
     bind_bank(m);
     bind_fit(m);
+    bind_allan(m);
+    bind_octaves(m);
 }

@@ -11,6 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from due_support import ROOT
+from fltea.lab.evaluate.cramer_rao import bound
+from fltea.noise.spectra import g_of, step_variance
+from fltea.settings.config import device_name
+from fltea.sources.synthetic import parse_noise
 
 from tools import demo
 from tools.due_emulator.pace import Pace
@@ -43,6 +47,19 @@ def test_a_run_becomes_one_line_for_each_second_of_it(
 def test_what_is_no_record_is_shown_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
     demo.show_summary(io.StringIO("Traceback\n{}\n"))
     assert capsys.readouterr().out == "Traceback\n{}\n"
+
+
+def test_the_truth_is_that_of_the_noise_and_what_is_said_of_it_holds() -> None:
+    noise, h = parse_noise(demo.NOISE), 1 / demo.RATE_HZ
+    assert (noise.alpha, noise.f, noise.R, noise.rate_hz) == (demo.ALPHA, demo.F, demo.R, demo.RATE_HZ)
+    s2 = step_variance(noise.alpha, noise.Q, h)
+    assert s2 / noise.R == pytest.approx(demo.S2_OVER_R, rel=1e-4)
+    for seconds, alpha, f in demo.KNOWN:
+        best = bound(noise.alpha, g_of(noise.alpha, noise.f, h), s2, noise.R, round(seconds / h), h)
+        assert (alpha, f) == pytest.approx((1.96 * best.alpha, 1.96 * best.f), rel=0.16)
+    # Rounding to a count, at ±2000 deg/s, adds white noise that would be seen otherwise.
+    assert 1 / 12 / (noise.R * 16.4**2) < 0.02
+    assert device_name(f"serial:/tmp/folder/{demo.DEVICE}") == demo.DEVICE
 
 
 def test_a_format_that_was_asked_for_is_left_alone() -> None:

@@ -103,7 +103,8 @@ def test_make_run_passes_a_signal_on_and_leaves_nothing_behind(tmp_path: Path) -
     first, *rest = told.decode().splitlines()
     # What runs, and the truth that its estimates are to be compared with.
     assert "fltea_due.bin" in first
-    assert "α 0.3, f -1.5" in first
+    assert "α 0.8, f -1," in first
+    assert any("the truth" in line and "α = 0.8 and f = -1 " in line for line in rest)
     # At the end the board says how it fared; a note tells if this machine did not keep up.
     assert any("samples, 0 gaps, 0 lost" in line for line in rest)
     assert not any("ENDED EARLY" in line or "unplugged" in line for line in rest)

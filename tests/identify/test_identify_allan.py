@@ -3,11 +3,10 @@
 import allantools
 import numpy as np
 import pytest
-from fltea.identify import allan as allan_module
 from fltea.identify.allan import allan, averaging_factors, overlapping
 from fltea.identify.noise_model import AR1, AxisModel, Fractional, Resonance, White, draw
 from fltea.identify.reproduction import reproduction
-from fltea.records.errors import UsageError
+from fltea.spectrum.allan_curve import local_slopes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, white
@@ -134,10 +133,17 @@ def test_what_cannot_be_analysed(y: Array, h: float, word: str) -> None:
         allan(y, h)
 
 
-def test_without_allantools(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "allantools", None)
-    with pytest.raises(UsageError, match=r"pip install -e '\.\[identify\]'"):
-        allan_module.allan(white(1000, 1, 1)[0], H)
+def test_intervals_are_those_of_allantools() -> None:
+    """Its sums of the degrees of freedom are cut off where ours are thinned."""
+    for y in (white(3000, 1, 1)[0], random_walk(0.02), white(30_000, 1, 2)[0]):
+        found = allan(y, H)
+        slope = local_slopes(np.array(found.tau_s), np.array(found.deviation_dps))
+        power = np.clip(np.rint(-1 - 2 * slope), -2, 0).astype(int)
+        for i, (m, kind) in enumerate(zip(averaging_factors(len(y)).tolist(), power.tolist(), strict=True)):
+            edf = allantools.edf_greenhall(alpha=kind, d=2, m=m, N=len(y) + 1, overlapping=True)
+            assert found.degrees_of_freedom[i] == pytest.approx(edf, rel=0.012)
+            low, high = allantools.confidence_interval(found.deviation_dps[i], edf, 0.95)
+            assert (found.low_dps[i], found.high_dps[i]) == pytest.approx((low, high), rel=0.01)
 
 
 MODELS = {

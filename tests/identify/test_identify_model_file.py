@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from fltea.identify.allan import allan
-from fltea.identify.model_file import NoiseModels, imu_yaml, read_models, write_models
+from fltea.identify.model_file import NoiseModels, imu_yaml_of, read_models, write_models
 from fltea.identify.noise_model import (
     AR1,
     AR2,
@@ -28,7 +28,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.rivals import contest, fit_all
-from fltea.spectrum.verdict import Kind
+from fltea.spectrum.verdict import VerdictKind
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, recursion, white
@@ -215,7 +215,7 @@ def test_a_model_is_found_again_in_its_noise(kind: str) -> None:
         ("undecided", "fractional"),
     ],
 )
-def test_a_resonance_is_not_given_as_fractional(verdict: Kind, kind: str) -> None:
+def test_a_resonance_is_not_given_as_fractional(verdict: VerdictKind, kind: str) -> None:
     """The fractional model has one with α = 1.9, too, and may win by a hair: its rival is what it is."""
     p = periodogram(ar((1.5, -0.9), 3000, 1, 14)[0], H)
     found = contest(p, fit_all(p))
@@ -256,7 +256,7 @@ def test_imu_yaml() -> None:
     y = white(20_000, 2, 1) * [[0.1], [0.2]]
     walk = np.cumsum(white(20_000, 1, 2)[0]) * 0.5 * np.sqrt(H)
     both = {"gyro_x": allan(y[0], H), "gyro_y": allan(y[1], H)}
-    text = imu_yaml(both, 99.32, "rest\n.npz", rostopic="/imu7")
+    text = imu_yaml_of(both, 99.32, "rest\n.npz", rostopic="/imu7")
     found = yaml.safe_load(text)
     assert set(found) == {"gyroscope_noise_density", "update_rate", "rostopic"}
     assert found["gyroscope_noise_density"] == pytest.approx(np.radians(0.2 * 0.1), rel=0.03)
@@ -265,6 +265,6 @@ def test_imu_yaml() -> None:
     assert "# gyroscope_random_walk:  # rad/s^2/sqrt(Hz); not known: the curve does not rise" in text
     assert "# accelerometer_noise_density:" in text
     both["gyro_z"] = allan(y[0] + walk, H)
-    found = yaml.safe_load(imu_yaml(both, 100.0, "rest.npz"))
+    found = yaml.safe_load(imu_yaml_of(both, 100.0, "rest.npz"))
     assert found["gyroscope_random_walk"] == pytest.approx(np.radians(0.5), rel=0.3)
     assert found["gyroscope_noise_density"] == pytest.approx(np.radians(0.2 * 0.1), rel=0.03)

@@ -38,7 +38,7 @@ def closing(workers: Workers) -> Iterator[Workers]:
 
 
 def files(folder: Path, count: int) -> list[Request]:
-    """Recordings of one, two and three axes: of accelerometers, for these nobody has to load scipy."""
+    """Recordings of one, two and three axes: of accelerometers, of which least is computed."""
     found = []
     for i in range(count):
         path = npz(folder / f"{i}.npz", counts(N, 1), accel_raw=counts(N, 3, seed=i), accel_lsb_per_g=16384.0)
@@ -185,7 +185,7 @@ def test_closing_ends_what_is_under_way() -> None:
 
 
 def test_ctrl_c_while_the_processes_load() -> None:
-    """What loads scipy for them ignores it from the start, and does not print where it was interrupted."""
+    """What loads modules for them ignores it from the start, and does not print where it was interrupted."""
     script = """
 from multiprocessing import forkserver
 from fltea.identify.workers import Processes

@@ -15,7 +15,7 @@ from fltea.cli import record as cli_record
 from fltea.recording.recovery import recover
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk, Failed
-from fltea.records.records import Epoch, Estimate, Gap, Hello, Sample
+from fltea.records.records import Epoch, Estimate, Fit, Gap, Hello, Sample
 from fltea.sinks import record as record_module
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
@@ -157,6 +157,36 @@ def test_what_the_test_of_whiteness_said_is_exported_too(tmp_path: Path) -> None
     with np.load(tmp_path / "out.npz") as data:
         assert data[f"not_white_{axis}"][-1] == float(last.axes[axis].whiteness == "rejected")
         assert np.isnan(data[f"null_p_{axis}"][0])
+
+
+def test_fits_are_those_that_were_published(tmp_path: Path) -> None:
+    live, _ = record(tmp_path / "rec", transport(samples=230))
+    fits = of(live, Fit)
+    assert len(fits) == 2
+    export([tmp_path / "rec"], tmp_path / "out.csv", "fits", 100)
+    export([tmp_path / "rec"], tmp_path / "out.npz", "fits", 100)
+    header, rows = table(tmp_path / "out.csv")
+    for row, fit in zip(rows, fits, strict=True):
+        values = dict(zip(header, row, strict=True))
+        assert [int(values[name]) for name in ("seq", "samples")] == [fit.seq, fit.samples]
+        for axis, one in fit.axes.items():
+            assert values[f"fractional_{axis}"] == str(int(one.verdict == "fractional"))
+            assert values[f"null_p_{axis}"] == ("" if one.null_p is None else str(one.null_p))
+            for column, value in (
+                ("alpha_{}", one.alpha.value),
+                ("alpha_low_{}", one.alpha.low),
+                ("f_high_{}_s^-alpha", one.f.high),
+                ("R_{}_dps^2", one.R.value),
+            ):
+                assert values[column.format(axis)] == ("" if value is None else str(value))
+    with np.load(tmp_path / "out.npz") as data:
+        assert data["samples"].tolist() == [fit.samples for fit in fits]
+
+
+def test_a_recording_without_fits_says_so(tmp_path: Path) -> None:
+    record(tmp_path / "rec", transport(samples=40))
+    with pytest.raises(UsageError, match="holds no fits"):
+        export([tmp_path / "rec"], tmp_path / "out.csv", "fits", 100)
 
 
 def test_what_was_not_valid_stays_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

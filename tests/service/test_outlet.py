@@ -282,8 +282,9 @@ def test_the_wire_goes_only_to_those_who_take_it() -> None:
     record = Wire("record")
     all_outputs.add(record, "left")
     all_outputs.add(Memory("mqtt"), "right")
-    assert all_outputs.tap("right", wait=False) is None
+    assert not all_outputs.tap("right", wait=False).wanted
     tap = all_outputs.tap("left", wait=False)
+    assert tap.wanted
     assert tap is not None
     from fltea.records.events import Chunk
 

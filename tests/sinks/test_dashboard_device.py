@@ -15,7 +15,6 @@ from fltea.records.records import (
     DeviceEstimates,
     Epoch,
     Estimate,
-    Sample,
     WhyNot,
 )
 from fltea.settings.config import EstimateOn
@@ -33,13 +32,6 @@ SLOW = "n=700&rate_hz=20"
 def columns(history: DeviceHistory, table: Table, axis: str, window: int = 0) -> dict[str, np.ndarray]:
     values = history.read(table, window, Cursor()).values
     return {name: values[:, place] for name, place in history.columns(table, axis).items()}
-
-
-def without_window(found: list[AnyRecord]) -> list[AnyRecord]:
-    """As of a device that was running already: its estimates come from the first sample on."""
-    first = next(record for record in found if isinstance(record, Estimate)).seq
-    heard = [r for r in found if not isinstance(r, Sample | Estimate) or r.seq >= first]
-    return [msgspec.structs.replace(r, seq=first) if isinstance(r, Epoch) else r for r in heard]
 
 
 def status(history: DeviceHistory) -> tuple[str, str]:
@@ -68,13 +60,6 @@ def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> N
     seqs = samples["seq"][np.isfinite(samples["seq"])]
     assert (np.diff(seqs) == 1).all(), "every sample is drawn"
     assert len(columns(history, "own", "gyro_y", window=1)["alpha"]) >= 20
-
-
-def test_device_that_was_running_before_has_a_band_that_is_said_to_be_too_wide() -> None:
-    history = told(without_window(alone(records(NOISE))), who="device")
-    axis = facts.axes(history, 0)[0]
-    assert "estimated before it was heard" in axis["verdict"]
-    assert status(history)[0] == "good"
 
 
 def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -> None:

@@ -1,4 +1,4 @@
-"""What the page says: plain words, units, and never an α without what white noise gives."""
+"""What the page says of a device: plain words and units. What it says of the noise: test_dashboard_answer."""
 
 import json
 
@@ -6,67 +6,11 @@ import msgspec
 import pytest
 from dashboard_support import records, told, with_breaks
 from fltea.records import clock
-from fltea.records.records import Error, Estimate, LinkStats, OutputStats, Stats, WhiteBandStats, Whiteness
+from fltea.records.records import Error, Estimate, LinkStats, OutputStats, Stats
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
-from fltea.sinks.page.words import figure, with_std
+from fltea.sinks.page.words import duration, figure, with_std
 from host_support import hello
-
-WHITE = WhiteBandStats((0.05, 0.1, 0.2), (-0.5, -0.2, -0.1), 0.02, 500)
-
-
-@pytest.mark.parametrize(
-    ("alpha", "f", "side", "words"),
-    [
-        (0.1, -0.2, "within", "they say nothing"),
-        (0.05, -0.1, "within", "they say nothing"),
-        (0.3, -0.2, "outside", "α is outside"),
-        (0.1, -0.6, "outside", "f is outside"),
-        (0.0, 0.0, "outside", "α and f are outside"),
-    ],
-)
-def test_verdict(alpha: float, f: float, side: str, words: str) -> None:
-    verdict = judge(alpha, f, WHITE)
-    assert verdict.side == side
-    assert words in verdict.text
-    assert ("not a test" in verdict.text) == (side == "outside")
-    assert ("not a test" in verdict.short) == (side == "outside")
-    for older in (RESUMED, HEARD_LATE):
-        assert judge(alpha, f, WHITE, older=older).text.endswith("too wide at first.")
-    assert "too wide" not in verdict.text
-
-
-@pytest.mark.parametrize(
-    ("whiteness", "p", "words"),
-    [
-        (None, None, "Order unknown: the test of whiteness needs 1,000 samples that are not all the same."),
-        ("not rejected", 0.31, "Order undefined: white noise is not rejected (p = 0.31, limit 0.001)."),
-        ("rejected", 1e-9, "Not white (p < 0.001): record it and run fltea identify"),
-    ],
-)
-def test_whiteness_in_words(whiteness: Whiteness | None, p: float | None, words: str) -> None:
-    assert words in judge_whiteness(whiteness, p)
-
-
-def test_no_alpha_is_shown_without_what_the_test_of_whiteness_says() -> None:
-    for samples, words, whiteness in (
-        (900, "Order unknown", "unknown"),
-        (1200, "Order undefined", "not rejected"),
-    ):
-        for axis in facts.axes(told(records(f"n={samples}")), 0):
-            assert axis["alpha"] is not None
-            assert axis["whiteness_text"].startswith(words)
-            assert axis["whiteness"] == whiteness
-    counter = facts.axes(told(with_breaks([1200])), 0)[0]  # a counter's last bits are anything but white
-    assert counter["whiteness"] == "rejected"
-    assert "run fltea identify" in counter["whiteness_text"]
-
-
-def test_nothing_is_claimed_where_nothing_is_known() -> None:
-    assert judge(None, None, WHITE).side == "unknown"
-    assert judge(0.3, -1.0, None).side == "unknown"
-    assert "estimator.white_band is off" in judge(0.3, -1.0, None).text
 
 
 def later(history: DeviceHistory, seconds: float) -> tuple[str, str]:
@@ -122,8 +66,9 @@ def test_status_names_the_axis_that_is_not_valid() -> None:
     history.write(estimate)
     assert later(history, 0)[0] == "bad"
     assert "gyro_x not valid" in later(history, 0)[1]
-    assert facts.axes(history, 0)[0]["alpha_text"] == "–"
-    assert facts.axes(history, 0)[0]["side"] == "unknown"
+    shown = facts.axes(history, 0)[0]
+    assert dict(shown["rows"])["α ± σ"] == "–"
+    assert shown["running"] == {"alpha": None, "f": None}
 
 
 def test_axis_is_what_its_records_say() -> None:
@@ -131,11 +76,9 @@ def test_axis_is_what_its_records_say() -> None:
     history = told(found)
     last = next(r for r in reversed(found) if isinstance(r, Estimate)).axes["gyro_y"]
     shown = facts.axes(history, 0)[1]
-    assert (shown["name"], shown["alpha"], shown["f"]) == ("gyro_y", last.alpha, last.f)
-    assert shown["alpha_text"] == f"{last.alpha:.3f} ± {last.alpha_std:.3f}"
-    assert " … " in shown["alpha_white"]
-    assert shown["verdict"]
+    assert (shown["name"], shown["running"]) == ("gyro_y", {"alpha": last.alpha, "f": last.f})
     rows = dict(shown["rows"])
+    assert rows["α ± σ"] == f"{last.alpha:.3f} ± {last.alpha_std:.3f}"
     assert rows["offset removed"].startswith("1.5")
     assert rows["state x̂"].endswith("deg/s")
     assert rows["R"].endswith("(deg/s)²")
@@ -191,4 +134,4 @@ def test_figure(value: float, text: str) -> None:
     [(0, "0 s"), (119, "119 s"), (120, "2 min"), (7199, "119 min"), (7200, "2 h"), (200_000, "2 days")],
 )
 def test_duration(seconds: int, text: str) -> None:
-    assert facts.duration(seconds * 10**9) == text
+    assert duration(seconds) == text

@@ -4,7 +4,8 @@ import msgspec
 import numpy as np
 import pytest
 from dashboard_support import records, told, with_breaks
-from fltea.records.records import AnyRecord, Error, Estimate, Gap, Sample, Stats
+from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves, with_fits
+from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Gap, Sample, Stats
 from fltea.settings.config import EstimatorConfig
 from fltea.sinks.page.history import DeviceHistory, Table
 from fltea.sinks.page.tiers import Cursor
@@ -60,19 +61,43 @@ def test_start_up_shows_samples_and_no_estimate() -> None:
     assert np.abs(shown["y"][early]).max() < 1.5, "the mean so far is taken off"
 
 
-def test_band_is_drawn_as_the_statistics_say() -> None:
-    found = records(NOISE)
+def test_fits_are_rows_with_their_intervals_where_there_is_an_order() -> None:
+    axes = {"gyro_x": FRACTIONAL, "gyro_y": WHITE, "gyro_z": UNDECIDED}
+    found = with_fits(records(NOISE), axes)
     history = told(found)
-    last = of(Stats, found)[-1].axes["gyro_x"].white
-    assert last is not None
-    assert history.white("gyro_x") == last
-    shown = columns(history, "white", "gyro_x")
-    told_of = [s.axes["gyro_x"].white for s in of(Stats, found)]
-    drawn = [s.alpha[1] if s else None for s in told_of if s][-3:]
-    assert shown["alpha_mid"][-3:].tolist() == drawn
+    fits = of(Fit, found)
+    assert history.fit == fits[-1]
+    assert history.fits == axes
+    x, y, z = (columns(history, "fits", axis) for axis in axes)
+    assert x["time"].tolist() == [f.host_ns * 1e-6 for f in fits][-len(x["time"]) :]
+    assert len(x["time"]) >= 4
     names = ("alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
-    assert tuple(shown[name][-1] for name in names) == last.alpha + last.f
-    assert shown["time"][-1] == of(Sample, found)[-1].host_ns * 1e-6
+    assert tuple(x[name][-1] for name in names) == (0.762, 0.803, 0.847, -1.31, -1.02, -0.77)
+    assert tuple(z[name][-1] for name in names) == (0.41, 0.66, 0.97, -6.0, -2.1, 0.4)
+    assert all(np.isnan(y[name]).all() for name in names), "of white noise there is no order to draw"
+
+
+def test_curves_stay_until_there_are_newer_ones_or_another_sensor() -> None:
+    found = records(NOISE)
+    samples = of(Sample, found)
+    history = told(found)
+    history.write(fit_after(samples[-2], {"gyro_x": with_curves(FRACTIONAL)}))
+    first = history.curves["gyro_x"]
+    history.write(fit_after(samples[-1], {"gyro_x": FRACTIONAL, "gyro_y": with_curves(WHITE)}))
+    assert history.curves["gyro_x"] is first
+    spectrum = msgspec.structs.replace(with_curves(FRACTIONAL), allan=None)
+    history.write(fit_after(samples[-1], {"gyro_x": spectrum}))
+    newer = history.curves["gyro_x"]
+    assert newer.number > first.number
+    assert (newer.spectrum, newer.allan) == (spectrum.spectrum, first.allan)
+    epoch = next(r for r in found if isinstance(r, Epoch))
+    history.write(msgspec.structs.replace(epoch, epoch=2, seq=600, host_ns=samples[-1].host_ns + 1))
+    assert history.curves["gyro_x"] is newer, "the fit goes on through epochs"
+    mid = columns(history, "fits", "gyro_x")["alpha_mid"]
+    assert np.isnan(mid[-1]), "no line joins two epochs"
+    assert mid[-2] == FRACTIONAL.alpha.value
+    history.write(fit_after(samples[-1], {"gyro_x": WHITE}, samples=100))
+    assert (history.fits, history.curves) == ({"gyro_x": WHITE}, {})
 
 
 @pytest.mark.parametrize("every", [1, 4, 7])
@@ -88,16 +113,11 @@ def test_samples_of_an_epoch_are_counted_though_not_all_of_them_come(every: int)
     assert history.samples_of_epoch == 309
 
 
-def test_new_epoch_begins_a_new_band_and_cuts_the_lines() -> None:
+def test_new_epoch_cuts_the_lines() -> None:
     found = with_breaks([400, 300])
     history = told(found)
     assert [h.kind for h in history.happenings] == ["epoch", "epoch"]
     assert "the device restarted" in history.happenings[-1].text
-    mid = columns(history, "white", "gyro_x")["alpha_mid"]
-    assert np.isnan(mid).any()
-    assert len(mid) > 4
-    begun = told(with_breaks([400, 20])[:-1])
-    assert begun.white("gyro_x") is None, "what was said of the epoch before is not of this one"
     assert history.samples_of_epoch == 300
     seq = columns(history, "rows", "gyro_x")["seq"]
     assert np.isnan(seq).any()
@@ -118,11 +138,6 @@ def test_axes_that_are_not_estimated_are_not_shown() -> None:
     assert history.axes == ("gyro_x", "accel_x", "accel_y")
     shown = columns(history, "rows", "accel_y")
     assert np.isfinite(shown["alpha"][-2])
-
-
-def test_accelerometer_has_a_band_too() -> None:
-    history = told(with_breaks([1200], accel=True))
-    assert np.isfinite(columns(history, "white", "accel_x")["alpha_mid"][-1])
 
 
 def test_gaps_in_a_row_are_one_line() -> None:

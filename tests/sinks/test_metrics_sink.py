@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 from blocks import as_items
+from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST
 from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Sink
@@ -23,11 +24,11 @@ from fltea.records.records import (
     Error,
     Estimate,
     EstimatorInfo,
+    Fit,
     LinkStats,
     Sample,
     SampleStats,
     Stats,
-    WhiteBandStats,
 )
 from fltea.service.outlet import Outlet
 from fltea.settings.config import load_config
@@ -43,7 +44,6 @@ from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 
-WHITE = WhiteBandStats((0.05, 0.1, 0.2), (-0.5, -0.2, -0.1), 0.02, 1200)
 STATS = Stats(
     epoch=3,
     host_ns=9_500_000_000,
@@ -61,7 +61,7 @@ STATS = Stats(
     ),
     samples=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9),
     axes={
-        "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5, white=WHITE),
+        "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5),
         "accel_z": AxisStats(0.1, 0.02, 2, {}, unit=ACCEL_UNIT),
     },
     board=DeviceStatus(11, 12, 14, 15, 16, "user"),
@@ -196,13 +196,6 @@ def test_every_figure_under_its_name_and_in_base_units(serve: Callable[..., Metr
     assert value(found, "fltea_axis_innovation_lag1", **x) == 0.25
     assert value(found, "fltea_axis_innovation_nis", **x) == 1.5
     assert value(found, "fltea_axis_innovation_nis", **z) is None
-    for name, three in (("alpha", WHITE.alpha), ("f", WHITE.f)):
-        shares = [
-            value(found, f"fltea_axis_white_{name}", **x, quantile=share) for share in ("0.05", "0.5", "0.95")
-        ]
-        assert shares == list(three)
-        assert value(found, f"fltea_axis_white_{name}", **z, quantile="0.5") is None
-    assert value(found, "fltea_axis_white_samples", **x) == 1200
     for name, expected in (
         ("valid", 1),
         ("alpha", 0.412),
@@ -222,6 +215,33 @@ def test_every_figure_under_its_name_and_in_base_units(serve: Callable[..., Metr
         assert value(found, f"fltea_axis_{name}", **y) is None
     ((_, facts),) = [key for key in found if key[0] == "fltea_device_info"]
     assert dict(facts) == {"device": "due", "source": "test:", "device_id": "a0", "sampling_mode": "timer"}
+
+
+def test_the_newest_fit_of_every_axis(serve: Callable[..., MetricsSink]) -> None:
+    axes = {"gyro_x": FRACTIONAL, "gyro_y": UNDECIDED, "gyro_z": WHITE}
+    fit = Fit(999, 1, 1, 8_500_000_000, 1000, axes, device="due")
+    found = scrape(serve(hello(device="due"), msgspec.structs.replace(fit, samples=7), fit).url)
+    x, y, z = ({"device": "due", "axis": f"gyro_{axis}"} for axis in "xyz")
+    for field in ("alpha", "f", "F", "s2", "R"):
+        p = getattr(FRACTIONAL, field)
+        three = [value(found, f"fltea_fit_{field}{end}", **x) for end in ("", "_low", "_high")]
+        assert three == [p.value, p.low, p.high]
+    assert value(found, "fltea_fit_alpha", **z) == WHITE.alpha.value
+    assert value(found, "fltea_fit_alpha_low", **z) is None
+    assert [value(found, "fltea_fit_null_p", **axis) for axis in (x, y, z)] == [1e-40, 1e-9, 0.4]
+    assert [value(found, "fltea_fit_until_seconds", **axis) for axis in (x, y, z)] == [0, 440, None]
+    assert value(found, "fltea_fit_verdict", **x, verdict="fractional") == 1
+    assert value(found, "fltea_fit_verdict", **x, verdict="white") is None
+    assert value(found, "fltea_fit_verdict", **z, verdict="white") == 1
+    assert value(found, "fltea_fit_left_out_samples", **y, reason="bridged") == 7
+    assert value(found, "fltea_fit_samples", device="due") == 1000
+    assert value(found, "fltea_fit_timestamp_seconds", device="due") == 8.5
+
+
+def test_a_fit_of_an_earlier_epoch_is_not_shown(serve: Callable[..., MetricsSink]) -> None:
+    fit = Fit(999, 1, 1, 1, 1000, {"gyro_x": FRACTIONAL}, device="due")
+    found = scrape(serve(hello(device="due"), fit, EPOCH).url)
+    assert value(found, "fltea_fit_alpha", device="due", axis="gyro_x") is None
 
 
 def test_every_field_of_the_statistics_becomes_a_metric(serve: Callable[..., MetricsSink]) -> None:

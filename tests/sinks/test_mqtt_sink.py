@@ -5,8 +5,9 @@ from collections.abc import Callable
 
 import msgspec
 import pytest
+from fit_support import FRACTIONAL
 from fltea.records import identities
-from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Sample
+from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
 from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt.connection import Down, Up
 from fltea.sinks.mqtt.sink import BACKLOG
@@ -32,6 +33,7 @@ def test_every_kind_has_a_topic_a_quality_and_the_line_of_ndjson(bench: Callable
         Epoch(1, "start", 0, 0, 0, 7, INFO, device="due"),
         sample(),
         estimate(0),
+        fit(),
         gap(),
         stats(),
         Error("silent", "nothing came", 1, device="due"),
@@ -40,14 +42,38 @@ def test_every_kind_has_a_topic_a_quality_and_the_line_of_ndjson(bench: Callable
     sent = {topic: (payload, qos, retain) for topic, payload, qos, retain in b.connection.sent}
     assert set(sent) == {
         f"fltea/a0/{kind}"
-        for kind in ("hello", "status", "epoch", "sample", "estimate", "gap", "stats", "error")
+        for kind in ("hello", "status", "epoch", "sample", "estimate", "fit", "gap", "stats", "error")
     }
     for record in (hello(), *records):
         payload, qos, retain = sent[f"fltea/a0/{type(record).__name__.lower()}"]
         assert payload == msgspec.json.encode(record)
         assert qos == (0 if isinstance(record, Sample | Estimate) else 1)
-        assert retain == (record == hello())
+        assert retain == (record == hello() or isinstance(record, Fit))
     assert sent["fltea/a0/status"][1:] == (1, True)
+
+
+def fit(samples: int = 100) -> Fit:
+    return Fit(samples - 1, 1, 0, 0, samples, {"gyro_x": FRACTIONAL}, device="due")
+
+
+def test_the_newest_fit_is_said_again_after_an_outage_and_none_is_counted_as_lost(
+    bench: Callable[..., Bench],
+) -> None:
+    b = bench()
+    b.write(fit(100))
+    b.happens(Down("broker_lost", "gone"))
+    b.write(fit(200), fit(300))
+    b.wait(1.0)
+    b.happens(Up())
+    assert [one["samples"] for one in b.connection.on("fit")] == [300]
+    assert b.sink.lost == 0
+
+
+def test_another_board_is_not_told_the_fit_of_the_one_before(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    b.write(fit(), hello(device_id="b1"))
+    b.happens(Up())
+    assert b.connection.on("fit", "b1") == []
 
 
 def test_by_default_every_tenth_estimate_and_no_sample(bench: Callable[..., Bench]) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 import pytest
 from blocks import as_items
+from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.ports import SinkClosed
 from fltea.records.records import (
     ACCEL_UNIT,
@@ -23,12 +24,12 @@ from fltea.records.records import (
     Error,
     Estimate,
     EstimatorInfo,
+    Fit,
     Gap,
     LinkStats,
     Sample,
     SampleStats,
     Stats,
-    Whiteness,
 )
 from fltea.sinks.ndjson import BUFFER, NdjsonSink
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, number, sparkline
@@ -69,11 +70,13 @@ def estimate(host_ns: int = 0, **axes: AxisEstimate) -> Estimate:
     return Estimate(701, 3, 7_010_000, host_ns, "triple", axes or {"gyro_x": GOOD, "gyro_y": INVALID})
 
 
+FIT = Fit(701, 3, 7_010_000, 0, 702, {"gyro_x": FRACTIONAL, "gyro_y": UNDECIDED, "gyro_z": WHITE})
 EVERY_KIND: list[AnyRecord] = [
     HELLO,
     EPOCH,
     Sample(1, 2, 3, 4, (0.5, -0.25), (9.8, 0.0, 0.0), 21.5, 3),
     estimate(),
+    FIT,
     Gap(4, 5, 6, 7),
     STATS,
     ERROR,
@@ -95,7 +98,7 @@ def test_one_object_a_line_with_its_class_first() -> None:
     data = written(*EVERY_KIND)
     assert strict_records(data) == EVERY_KIND
     first_keys = [next(iter(json.loads(line).items())) for line in data.splitlines()]
-    kinds = ["hello", "epoch", "sample", "estimate", "gap", "stats", "error"]
+    kinds = ["hello", "epoch", "sample", "estimate", "fit", "gap", "stats", "error"]
     assert first_keys == [("class", kind) for kind in kinds]
 
 
@@ -246,8 +249,8 @@ def test_numbers_and_units_at_every_width(width: int) -> None:
         assert part in text
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= width
-    assert "undefined, p=0.31" in " ".join(text.split()), "α is not shown alone"
-    assert "run fltea identify" in " ".join(text.split())
+    assert "believe the fit above" in " ".join(text.split()), "α is not shown alone"
+    assert "fltea identify" in " ".join(text.split())
 
 
 @WIDTHS
@@ -269,23 +272,16 @@ def test_axis_that_is_not_valid_keeps_its_trend_and_shows_no_number() -> None:
 
 
 @WIDTHS
-@pytest.mark.parametrize(
-    ("null", "words"),
-    [
-        ((None, None), "unknown"),
-        ((0.0123, "not rejected"), "undefined, p=0.012"),
-        ((1e-9, "rejected"), "not white, p<0.001"),
-    ],
-)
-def test_what_the_test_of_whiteness_says_is_in_the_row_of_its_axis(
-    width: int, null: tuple[float | None, Whiteness | None], words: str
-) -> None:
-    axis = msgspec.structs.replace(GOOD, null_p=null[0], whiteness=null[1])
-    accel = AxisEstimate(0.3, 0.1, -1.0, 0.5, 0.0123, -0.0045, True, *null, ACCEL_UNIT)
-    record = estimate(gyro_x=axis, accel_z=accel)
-    lines = shown(HELLO, record, width=width).splitlines()
-    for name in ("gyro_x", "accel_z"):
-        assert any(name in line and words in line for line in lines)
+def test_the_fit_of_each_axis_stands_in_words_with_its_intervals_and_how_long_yet(width: int) -> None:
+    text = shown(HELLO, FIT, estimate(), width=width)
+    rows = {line.split()[0]: line for line in reversed(text.splitlines()) if line.startswith("gyro_")}
+    assert "Fractional" in rows["gyro_x"]
+    assert "0.80 (0.76 to 0.85)" in rows["gyro_x"]
+    assert ("-1.0 (-1.3 to -0.8)" in rows["gyro_x"].replace("\u2212", "-")) == (width >= 96)
+    assert "α ± 0.05 in" in text
+    assert rows["gyro_x"].split()[-1] == "reached"
+    assert rows["gyro_y"].rstrip().endswith("7 min")
+    assert rows["gyro_z"].split() == ["gyro_z", "White", "noise:", "order", "undefined"]
 
 
 def test_missing_innovation_and_deviation_are_left_out() -> None:
@@ -315,6 +311,7 @@ def test_new_epoch_clears_estimates_and_trends() -> None:
     text = shown(HELLO, estimate(), EPOCH)
     assert "0.412" not in text
     assert "no estimate yet" in text
+    assert "Fractional" not in shown(HELLO, FIT, EPOCH)
     assert BARS[0] in shown(HELLO, estimate(), EPOCH, estimate())
 
 
@@ -337,7 +334,8 @@ def test_source_with_brackets_is_shown_as_it_is() -> None:
 def test_fits_a_terminal_of_24_lines() -> None:
     axes = dict.fromkeys(("gyro_x", "gyro_y", "gyro_z"), GOOD)
     gaps = [Gap(k, 1, 1, 0) for k in range(4)]
-    assert len(shown(HELLO, EPOCH, *gaps, estimate(**axes), STATS).splitlines()) <= 24
+    fit = Fit(701, 3, 7_010_000, 0, 702, dict.fromkeys(axes, FRACTIONAL))
+    assert len(shown(HELLO, EPOCH, *gaps, estimate(**axes), fit, STATS).splitlines()) <= 24
 
 
 def test_terminal_is_redrawn_at_errors_and_left_with_the_last_state() -> None:

@@ -33,6 +33,7 @@ SETTINGS: list[dict[str, Any]] = [
     HELD,
     {"channels": ["gyro_z", "accel_x"], "accel.startup": 35, "accel.window": 50},
     {"estimator.estimate_on": "both"},
+    {"live.period_s": 0.3},
 ]
 
 
@@ -44,7 +45,7 @@ def walk(chosen: Config, moments: list[Moment], read: Callable[..., Iterable[Eve
     source = StorySource()
     pipeline = Pipeline(source, chosen)
     found = [item for event in read(source, moments) for item in pipeline.feed(event)]
-    return ndjson([*found, pipeline.stats()])
+    return ndjson([*found, *pipeline.finish()])
 
 
 def opened(moments: list[Moment]) -> list[Moment]:
@@ -98,7 +99,7 @@ def joined(a: RawBlock, b: RawBlock) -> RawBlock:
 
 def walk_events(chosen: Config, found: Iterable[Event]) -> list[Any]:
     pipeline = Pipeline(StorySource(), chosen)
-    return [*(item for event in found for item in pipeline.feed(event)), pipeline.stats()]
+    return [*(item for event in found for item in pipeline.feed(event)), *pipeline.finish()]
 
 
 @given(stories(), st.sampled_from(SETTINGS), st.data())

@@ -128,16 +128,14 @@ def test_a_new_epoch_has_a_new_band() -> None:
     ("told", "gyro", "accel"),
     [
         ({}, False, False),
-        ({"dashboard.address": 5006}, True, True),
-        ({"dashboard.address": 5006, "estimator.white_band": False}, False, False),
+        ({"dashboard.address": 5006}, False, False),
+        ({"dashboard.address": 5006, "estimator.white_band": True}, True, True),
         ({"estimator.white_band": True}, True, True),
         ({"estimator.white_band": True, "accel.white_band": False}, True, False),
         ({"accel.white_band": True}, False, True),
     ],
 )
-def test_bands_are_on_where_the_page_is_or_somebody_asks(
-    told: dict[str, object], gyro: bool, accel: bool
-) -> None:
+def test_bands_are_on_where_somebody_asks(told: dict[str, object], gyro: bool, accel: bool) -> None:
     config = load_config(None, told)
     assert (config.bands_of_gyro, config.bands_of_accel) == (gyro, accel)
     kinds = [type(stage).__name__ for stage in stages_of(config)]

@@ -5,7 +5,7 @@ import json
 
 from fltea.lab import bench as bench_estimator
 
-from tools.bench import bench_daemon, bench_decode, bench_fit, identify_tables
+from tools.bench import bench_allan, bench_daemon, bench_decode, bench_fit, bench_octaves, identify_tables
 
 
 def main() -> None:
@@ -29,6 +29,11 @@ def main() -> None:
         action="store_true",
         help="with --chain: 24 hours, and the largest number of devices: half an hour",
     )
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="only what the live fit costs: accumulators, fits, an hour's replay",
+    )
     parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
     if arguments.identify:
@@ -44,20 +49,33 @@ def main() -> None:
         else:
             print(f"{device_cost.text(cost)}\n\n{device_difference.text(differences)}")
         return
+    if arguments.live:
+        from tools.bench import bench_live
+
+        costs = bench_live.measure()
+        print(json.dumps(costs, ensure_ascii=False) if arguments.json else bench_live.text(costs))
+        return
     if arguments.chain:
         from tools.bench import bench_chain  # the recorder's library is an extra
 
         figures = bench_chain.measure(long=arguments.long)
         print(json.dumps(figures, ensure_ascii=False) if arguments.json else bench_chain.text(figures))
         return
-    decode, estimator, fits = bench_decode.measure(), bench_estimator.measure(), bench_fit.measure()
+    parts = {
+        "decode": bench_decode,
+        "allan": bench_allan,
+        "octaves": bench_octaves,
+        "fit": bench_fit,
+        "estimator": bench_estimator,
+    }
+    found = {name: part.measure() for name, part in parts.items()}
     daemon = bench_daemon.measure() if arguments.daemon else None
     if arguments.json:
-        print(
-            json.dumps({"decode": decode, **estimator, "fit": fits, **({"daemon": daemon} if daemon else {})})
-        )
+        estimator = found.pop("estimator")
+        figures = {**found, **estimator, **({"daemon": daemon} if daemon else {})}
+        print(json.dumps(figures))
         return
-    print(f"{bench_decode.text(decode)}\n\n{bench_estimator.text(estimator)}\n\n{bench_fit.text(fits)}")
+    print("\n\n".join(part.text(found[name]) for name, part in parts.items()))
     if daemon:
         print("\n" + bench_daemon.text(daemon))
 

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Literal, NamedTuple
+from typing import Annotated, Any, BinaryIO, Literal, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -22,6 +22,7 @@ from fltea.recording.session import LATEST_NS, Entry
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import Values
+from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
 from fltea.records.whole_file import text_of, whole_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -34,7 +35,7 @@ Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
 Axis = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(AXES + ACCEL_AXES)})$")]
 
 Array = NDArray[np.float64]
-What = Literal["samples", "estimates", "device_estimates"]
+What = Literal["samples", "estimates", "device_estimates", "fits"]
 OF_AN_AXIS = {
     "alpha": "alpha_{axis}",
     "alpha_std": "alpha_std_{axis}",
@@ -51,6 +52,15 @@ OF_AN_AXIS = {
     "state_difference": "state_difference_{axis}_{unit}",
 }
 """Fields of an axis in an estimate, and the columns that they become."""
+
+OF_A_FIT = {
+    "alpha": "alpha{end}_{axis}",
+    "f": "f{end}_{axis}_s^-alpha",
+    "F": "F{end}_{axis}",
+    "s2": "s2{end}_{axis}_{unit}^2",
+    "R": "R{end}_{axis}_{unit}^2",
+}
+"""Parameters of an axis in a fit, and the columns that each becomes: value, low and high."""
 
 OF_ALL = ("epoch", "seq", "device_us", "host_ns")
 
@@ -90,7 +100,7 @@ def export(
             table = (
                 sample_table(decode(paths, max_gap, limits))
                 if what == "samples"
-                else estimate_table(paths, what, limits)
+                else published_table(paths, what, limits)
             )
             rows = _write_csv(file, table)
         else:
@@ -98,7 +108,7 @@ def export(
                 scales, rows = (
                     gather_samples(spool, decode(paths, max_gap, limits))
                     if what == "samples"
-                    else ({}, gather_estimates(spool, estimate_table(paths, what, limits)))
+                    else ({}, gather_rows(spool, published_table(paths, what, limits)))
                 )
                 spool.write_npz(file, scales)
         if not rows:
@@ -219,6 +229,45 @@ def _counts(values: Values) -> NDArray[np.int32]:
     return values.astype(np.int32)
 
 
+def published_table(paths: Sequence[Path], what: What, limits: Limits = DEFAULT_LIMITS) -> Table:
+    """What was published, a row a record: estimates of either kind, or fits."""
+    return fit_table(paths, limits) if what == "fits" else estimate_table(paths, what, limits)
+
+
+def fit_table(paths: Sequence[Path], limits: Limits = DEFAULT_LIMITS) -> Table:
+    """One row a fit; what the data did not define stays empty. fractional: whether the verdict says so.
+
+    Raises:
+        UsageError: no recording, or one without fits.
+    """
+    records = _published(paths, "fit", _fit, limits)
+    first = next(records, None)
+    if first is None:
+        raise UsageError(
+            f"{paths[0]}: holds no fits. Make them of its samples: fltea run -s replay:{paths[0]}"
+        )
+    units = {axis: "ms2" if axis in ACCEL_AXES else "dps" for axis in first.axes}
+    columns = ["time_s", *OF_ALL, "samples"]
+    for axis, unit in units.items():
+        columns += [f"fractional_{axis}", f"null_p_{axis}"]
+        for name in OF_A_FIT.values():
+            columns += [name.format(end=end, axis=axis, unit=unit) for end in ("", "_low", "_high")]
+
+    def rows() -> Iterator[list[Any]]:
+        for record in chain([first], records):
+            time_s = round((record.host_ns - first.host_ns) * 1e-9, 9)
+            row = [time_s, *(getattr(record, name) for name in OF_ALL), record.samples]
+            for axis in units:
+                one = record.axes.get(axis)
+                row += [None, None] if one is None else [int(one.verdict == "fractional"), one.null_p]
+                for field in OF_A_FIT:
+                    p = Interval() if one is None else getattr(one, field)
+                    row += [p.value, p.low, p.high]
+            yield row
+
+    return Table(columns, rows())
+
+
 def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS) -> Table:
     """One row an estimate, as it was published; what was not valid stays empty.
 
@@ -227,7 +276,7 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limi
     Raises:
         UsageError: no recording, or one without estimates.
     """
-    records = _estimates(paths, what.removesuffix("s"), limits)
+    records = _published(paths, what.removesuffix("s"), _estimate, limits)
     first = next(records, None)
     if first is None and what == "device_estimates":
         raise UsageError(
@@ -252,7 +301,7 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limi
     return Table(columns, rows())
 
 
-def gather_estimates(spool: Spool, table: Table) -> int:
+def gather_rows(spool: Spool, table: Table) -> int:
     """The same as arrays, NaN for what was not valid; their length."""
     count = 0
     while rows := list(islice(table.rows, AT_ONCE)):
@@ -273,11 +322,25 @@ class _Estimate(msgspec.Struct, frozen=True):
     axes: dict[Axis, dict[str, int | float | bool | str | None]] = {}
 
 
-_estimate = msgspec.json.Decoder(_Estimate)
+class _Fit(msgspec.Struct, frozen=True):
+    """A fit as it was published, null fields left out."""
+
+    host_ns: Whole
+    device_us: Whole
+    seq: Whole
+    epoch: Whole
+    samples: Whole
+    axes: dict[Axis, AxisFit] = {}
 
 
-def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[_Estimate]:
-    """The estimates of a recording as they were published."""
+_estimate, _fit = msgspec.json.Decoder(_Estimate), msgspec.json.Decoder(_Fit)
+_Kind = TypeVar("_Kind", _Estimate, _Fit)
+
+
+def _published(
+    paths: Sequence[Path], topic: str, decoder: "msgspec.json.Decoder[_Kind]", limits: Limits
+) -> Iterator[_Kind]:
+    """The records of one kind in a recording, as they were published."""
     if is_one_file(paths[0]):
         return
     from fltea.sources.mcap import read_entries
@@ -286,7 +349,7 @@ def _estimates(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[_E
         for entry in read_entries(part, limits):
             if isinstance(entry, Entry) and entry.topic == topic:
                 try:
-                    yield _estimate.decode(entry.data)
+                    yield decoder.decode(entry.data)
                 except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets
                     raise UsageError(f"{part.path}: a {topic} in it is damaged ({error}).") from error
 

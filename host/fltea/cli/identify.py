@@ -289,7 +289,7 @@ def _export(report: "FileReport", model: Path | None, yaml: Path | None) -> None
         if not curves:
             reasons = {axis.allan_reason for axis in axes.values()} or {"no axis of a gyroscope"}
             raise FlteaError(f"--imu-yaml: there is no Allan deviation ({'; '.join(reasons)}).")
-        model_file.write_text(yaml, model_file.imu_yaml(curves, rate_hz, report.name))
+        model_file.write_text(yaml, model_file.imu_yaml_of(curves, rate_hz, report.name))
 
 
 def _show(reports: "Sequence[FileReport]") -> None:

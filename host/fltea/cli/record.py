@@ -127,10 +127,10 @@ def export(
     paths: Recordings,
     to: Annotated[Path, typer.Option("--to", metavar="OUT.csv|OUT.npz", help="What to write.")],
     what: Annotated[
-        Literal["samples", "estimates", "device_estimates"],
+        Literal["samples", "estimates", "device_estimates", "fits"],
         typer.Option(
             help="`samples`, decoded anew; `estimates` as they were published; `device_estimates`: those "
-            "that the device made beside the host's."
+            "that the device made beside the host's; `fits` of the maximum-likelihood fit."
         ),
     ] = "samples",
     max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,

@@ -165,7 +165,7 @@ def run(
         typer.Option(
             "--white-band/--no-white-band",
             help="Publish in `stats` what the same estimator gives of white noise, some 15 µs of processor "
-            "time a sample of three axes; on with --dashboard, else off.",
+            "time a sample of three axes; off unless asked for.",
         ),
     ] = None,
     baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.identify.allan import FLICKER
 from fltea.identify.curves import Curves
 from fltea.identify.findings import MODELS, model_name
 from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
 from fltea.identify.run import AxisReport
+from fltea.spectrum.allan_coefficients import FLICKER
 from fltea.spectrum.profile import CRITICAL
 from fltea.spectrum.verdict import LEVEL
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import msgspec
 
-from fltea.identify.allan import Coefficient
 from fltea.identify.axis import AxisResult
 from fltea.identify.fltea_fit import FlteaFit
 from fltea.identify.run import AxisReport, Failure, FileReport
 from fltea.identify.traps import Trap
+from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.profile import Parameter
 
 MODELS = {

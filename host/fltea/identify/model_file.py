@@ -7,11 +7,13 @@ from pathlib import Path
 import msgspec
 
 from fltea import __version__
-from fltea.identify.allan import Allan, Coefficient
+from fltea.identify.allan import Allan
+from fltea.identify.imu_yaml import AxisNoise, Shown, imu_yaml
 from fltea.identify.noise_model import AxisModel, check_stationary
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.records.whole_file import whole_file
+from fltea.spectrum.allan_coefficients import Coefficient
 
 FORMAT = "fltea-noise-model"
 VERSION = 1
@@ -89,39 +91,13 @@ def read_models(path: Path) -> NoiseModels:
         raise UsageError(f"{path}: {error}.") from error
 
 
-def imu_yaml(
-    curves: Mapping[str, Allan],
-    rate_hz: float,
-    source: str,
-    *,
-    rostopic: str = "/imu0",
-) -> str:
-    """Kalibr's imu.yaml from the Allan deviations of gyroscope axes, by name.
-
-    Kalibr has one figure for all axes: it gets that of the worst. What is not known is a comment.
-    """
-    lines = [
-        f"# Gyroscope noise by fltea {__version__} from {' '.join(source.split())}",
-        "# (Allan deviation; of the axes the worst). The model is white noise and a random walk of the rate.",
-        "# Kalibr wants all six entries: fill in what is not known from the data sheet, or record longer.",
-        *_entry("accelerometer_noise_density", None, "m/s^2/sqrt(Hz)", "the accelerometer was not analysed"),
-        *_entry("accelerometer_random_walk", None, "m/s^3/sqrt(Hz)", "the accelerometer was not analysed"),
-    ]
-    for key, unit, coefficients in (
-        (
-            "gyroscope_noise_density",
-            "rad/s/sqrt(Hz)",
-            {axis: curve.N_deg_per_sqrt_s for axis, curve in curves.items()},
-        ),
-        (
-            "gyroscope_random_walk",
-            "rad/s^2/sqrt(Hz)",
-            {axis: curve.K_dps_per_sqrt_s for axis, curve in curves.items()},
-        ),
-    ):
-        lines += _entry(key, *_worst(coefficients, unit))
-    lines += [f"{'update_rate:':<29}{rate_hz:.6g}  # Hz", f"{'rostopic:':<29}{rostopic}"]
-    return "\n".join(lines) + "\n"
+def imu_yaml_of(curves: Mapping[str, Allan], rate_hz: float, source: str, *, rostopic: str = "/imu0") -> str:
+    """Kalibr's imu.yaml from the Allan deviations of gyroscope axes, by name."""
+    gyro = {
+        axis: AxisNoise(_shown(curve.N_deg_per_sqrt_s), _shown(curve.K_dps_per_sqrt_s))
+        for axis, curve in curves.items()
+    }
+    return imu_yaml(gyro, rate_hz, source, rostopic=rostopic)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -134,19 +110,5 @@ def write_text(path: Path, text: str) -> None:
         file.write(text.encode())
 
 
-def _worst(coefficients: Mapping[str, Coefficient], unit: str) -> tuple[float | None, str, str]:
-    """Of the largest: its value in rad, its unit, and a remark."""
-    known = {axis: c.value for axis, c in coefficients.items() if c.value is not None}
-    if not known:
-        reasons = dict.fromkeys(c.reason for c in coefficients.values())
-        return None, unit, "; ".join(reasons) or "no axis was analysed"
-    worst = max(known, key=lambda axis: known[axis])
-    unknown = [axis for axis in coefficients if axis not in known]
-    remark = f"of {worst}" + (f"; not known of {', '.join(unknown)}" if unknown else "")
-    return math.radians(known[worst]), unit, remark
-
-
-def _entry(key: str, value: float | None, unit: str, remark: str) -> list[str]:
-    if value is None:
-        return [f"# {key}:  # {unit}; not known: {remark}"]
-    return [f"{key + ':':<29}{value:.6e}  # {unit}, {remark}"]
+def _shown(c: Coefficient) -> Shown:
+    return Shown(c.value, c.reason)

@@ -7,17 +7,15 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
-from fltea import __version__
 from fltea.identify import figures, findings
 from fltea.identify.axis import AxisResult
+from fltea.identify.html_page import html_page, wide_table
 from fltea.identify.run import AxisReport, FileReport
 from fltea.records.errors import UsageError
 from fltea.records.whole_file import whole_file
 from fltea.settings.extras import need_matplotlib
 
 PAGE = "report.html"
-
-STYLE = Path(__file__).with_name("report.css")
 
 
 def prepare_folder(folder: Path) -> None:
@@ -75,15 +73,7 @@ def _prefixes(reports: Sequence[FileReport]) -> list[str]:
 def _page(reports: Sequence[FileReport], sections: list[str]) -> str:
     title = "Noise identified" + (f": {Path(reports[0].name).name}" if len(reports) == 1 else "")
     summary = _summary(reports) if len(reports) > 1 else ""
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{STYLE.read_text(encoding='utf-8')}</style></head><body><h1>{escape(title)}</h1>"
-        '<p class="faint">α and f mean something only where the verdict says so. "Undefined" is a result: '
-        "the data do not tell one value from another.</p>"
-        f"{summary}{''.join(sections)}"
-        f"<footer><p>fltea {__version__}, <code>fltea identify --report</code></p></footer></body></html>\n"
-    )
+    return html_page(title, summary + "".join(sections), "<code>fltea identify --report</code>")
 
 
 def _summary(reports: Sequence[FileReport]) -> str:
@@ -101,7 +91,7 @@ def _summary(reports: Sequence[FileReport]) -> str:
             else:
                 cells = f'<td colspan="5" class="text bad">{escape(found.error)}</td>'
             lines.append(f"<tr>{name}<td>{axis}</td>{cells}</tr>")
-    return _wide(f"<thead><tr>{head}</tr></thead>", lines)
+    return wide_table(f"<thead><tr>{head}</tr></thead>", lines)
 
 
 def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Iterator[str]:
@@ -145,11 +135,7 @@ def _table(axes: dict[str, AxisReport]) -> str:
         cells = "".join(f"<td>{escape(value)}</td>" for value in values)
         sub = ' class="sub"' if label.startswith(" ") else ""
         lines.append(f"<tr{sub}><th>{escape(label.strip())}</th>{cells}</tr>")
-    return _wide(f"<thead><tr><th></th>{head}</tr></thead>", lines)
-
-
-def _wide(head: str, lines: Sequence[str]) -> str:
-    return f'<div class="wide"><table>{head}<tbody>{"".join(lines)}</tbody></table></div>'
+    return wide_table(f"<thead><tr><th></th>{head}</tr></thead>", lines)
 
 
 def _traps(report: FileReport) -> str:
@@ -164,7 +150,7 @@ def _traps(report: FileReport) -> str:
     ]
     if not lines:
         return ""
-    return "<h3>Traps</h3>" + _wide("", lines)
+    return "<h3>Traps</h3>" + wide_table("", lines)
 
 
 def _rules(result: AxisResult) -> str:
@@ -173,4 +159,4 @@ def _rules(result: AxisResult) -> str:
         f'<td class="text">{escape(rule.figure)}</td></tr>'
         for rule in result.verdict.rules
     ]
-    return f"<details open><summary>How the verdict came about</summary>{_wide('', lines)}</details>"
+    return f"<details open><summary>How the verdict came about</summary>{wide_table('', lines)}</details>"

@@ -56,7 +56,6 @@ def reproduction(
 
     Raises:
         ValueError: the model has no finite variance, or the axis is constant.
-        UsageError: allantools is not installed.
     """
     y = np.ascontiguousarray(y_dps, dtype=np.float64)
     check_stationary(model, h)

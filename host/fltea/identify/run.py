@@ -284,7 +284,7 @@ def identify_series(series: Series, h: float, options: IdentifyOptions, figures:
         try:
             found = allan(series.y, h)
             drawn = reproduction(series.y, h, model, seed=options.seed)
-        except (UsageError, ValueError) as error:
+        except ValueError as error:
             reason = str(error)
     traps = axis_traps(series.y, h, series.lsb, result.peaks, series.unit)
     shown = curves(series.y, h, series.lsb, options, result) if figures else None

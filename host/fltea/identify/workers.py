@@ -87,8 +87,8 @@ class Processes:
         self.slots = jobs + 1
         self._jobs = jobs
         self._context = multiprocessing.get_context("forkserver")
-        # It loads scipy, which takes seconds, while a recording is read here.
-        self._context.set_forkserver_preload(["fltea.identify.run", "allantools"])
+        # It loads while a recording is read here.
+        self._context.set_forkserver_preload(["fltea.identify.run"])
         # A terminal sends Ctrl-C to all of us: without this, while it loads, it would end with a traceback.
         ours = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:

@@ -49,7 +49,7 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
         case "object":
             return _plain_object(schema, definitions)
         case "array":
-            items = _plain(schema["items"], definitions)
+            items = _plain(schema["items"] or schema["prefixItems"][0], definitions)  # a tuple: all alike
             return None if items is None else {"type": "array", "items": items}
         case None:  # of words
             words = [word for word in schema["enum"] if word is not None]

@@ -2,11 +2,11 @@
 
 import bisect
 from collections.abc import Callable, Iterator
-from typing import ClassVar, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 from fltea.records.block import Block
 from fltea.records.events import Event, TransportEvent
-from fltea.records.records import AnyRecord, LinkStats, OutputStats
+from fltea.records.records import AnyRecord, Hello, LinkStats, OutputStats
 
 
 class Source(Protocol):
@@ -108,3 +108,44 @@ class Sink:
 
     def close(self) -> None:
         """Write what is pending and release everything, within half a second."""
+
+
+class RecordingView(NamedTuple):
+    """How the recording of one device is.
+
+    fixed: it runs as long as the program. file: the newest; size_bytes: of all of the session's, for seconds
+    of time. lost: items that no file took. trouble: why nothing is recorded though it is on.
+    free_bytes: room in the folder, None if nobody knows. why_not: why there can be none, or "".
+    """
+
+    on: bool
+    fixed: bool
+    folder: str
+    file: str | None = None
+    size_bytes: int = 0
+    seconds: float = 0.0
+    lost: int = 0
+    trouble: str | None = None
+    free_bytes: int | None = None
+    why_not: str = ""
+
+
+class Recorder(Protocol):
+    """Records devices while the program runs. All but `view` may take seconds."""
+
+    def view(self, device: str) -> RecordingView:
+        """How the recording of a device is."""
+
+    def start(self, device: str, hello: Hello | None) -> None:
+        """Begin to record, if nobody did. hello: what the device said of itself.
+
+        Raises:
+            FlteaError: it cannot be recorded; says why and what to do.
+        """
+
+    def stop(self, device: str) -> None:
+        """End a recording that `start` began, and finish its file.
+
+        Raises:
+            FlteaError: it runs as long as the program, or its file cannot be finished in time.
+        """

@@ -148,7 +148,10 @@ class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
 
 
 class Fit(Record, frozen=True, tag="fit"):
-    """The maximum-likelihood fit of all axes after the sample `seq`; `samples` of the epoch so far."""
+    """The maximum-likelihood fit of all axes after the sample `seq`.
+
+    samples: of how many. Epochs of the same sensor are fitted together.
+    """
 
     seq: int
     epoch: int
@@ -279,7 +282,10 @@ class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Stats(Record, frozen=True, tag="stats"):
-    """Health of the whole walk, once a second and at the end."""
+    """Health of the whole walk, once a second and at the end.
+
+    fit_period_s: seconds of samples between two `fit` records; null where nothing is fitted.
+    """
 
     epoch: int
     host_ns: int
@@ -292,6 +298,7 @@ class Stats(Record, frozen=True, tag="stats"):
     board: DeviceStatus | None
     outputs: dict[str, OutputStats] = {}
     device_estimator: DeviceEstimatorStats | None = None
+    fit_period_s: float | None = None
 
 
 class Error(Record, frozen=True, tag="error"):

@@ -107,7 +107,12 @@ class _Run:
             for config in configs:  # the sources first: a wrong one leaves no half-open outputs
                 sources.append(open_source(config))
                 _check_recordable(config, sources[-1])
-            open_outputs(configs, self._hub)
+            replays = [
+                config.name or ""
+                for source, config in zip(sources, configs, strict=True)
+                if isinstance(source, ReplaySource)
+            ]
+            open_outputs(configs, self._hub, replays)
             if configs[0].state.file is not None:
                 state = StateFile(configs[0].state, self._hub.report())
             self._stop.armed = True
@@ -116,7 +121,8 @@ class _Run:
             self._hub.close(PATIENCE_S)
             raise
         self._walks = [
-            Walk(source, config, self._hub, state) for source, config in zip(sources, configs, strict=True)
+            Walk(source, config, self._hub, state, len(configs))
+            for source, config in zip(sources, configs, strict=True)
         ]
         on_lines = [walk for walk in self._walks if has_line(walk)]
         lines = LineLoop(on_lines, self._end) if on_lines else None

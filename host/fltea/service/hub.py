@@ -25,16 +25,26 @@ class Hub:
 
     def __init__(self, on_stop: Callable[[Exception | None], None]) -> None:
         self._on_stop = on_stop
+        # Replaced as a whole, never changed: other threads walk through them.
         self._shared: list[Outlet] = []
         self._of: dict[str, list[Outlet]] = {}
         self._log: Outlet | None = None
         self._ended: list[Outlet] = []
 
-    def add(self, sink: Sink, device: str | None = None) -> None:
-        """Add an output, of one device or of all."""
+    def add(self, sink: Sink, device: str | None = None) -> Outlet:
+        """Add an output, of one device or of all; also while the program runs."""
         outlet = Outlet(sink, self._on_end)
-        (self._shared if device is None else self._of.setdefault(device, [])).append(outlet)
         outlet.start()
+        if device is None:
+            self._shared = [*self._shared, outlet]
+        else:
+            self._of = self._of | {device: [*self._of.get(device, []), outlet]}
+        return outlet
+
+    def remove(self, outlet: Outlet, device: str) -> None:
+        """Give a device's output nothing more; what is queued still goes out, and then it is closed."""
+        self._of = self._of | {device: [one for one in self._of.get(device, []) if one is not outlet]}
+        outlet.close()
 
     def add_log(self, sink: Sink) -> None:
         """Add the log, which is no output: nothing of its own is counted."""
@@ -58,18 +68,9 @@ class Hub:
             if errors:
                 self._log.put(errors)
 
-    def tap(self, device: str, *, wait: bool) -> Callable[[TransportEvent], None] | None:
-        """What is to be called with all that comes over the wire of a device; None if nobody wants it."""
-        takers = [outlet for outlet in self._of.get(device, ()) if outlet.sink.takes_wire]
-        if not takers:
-            return None
-
-        def put(event: TransportEvent) -> None:
-            items: Iterable[Item] = (event,)
-            for outlet in takers:
-                outlet.put(items, wait=wait and outlet.sink.lossless)
-
-        return put
+    def tap(self, device: str, *, wait: bool) -> "Tap":
+        """What is to be called with all that comes over the wire of a device."""
+        return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:
         """What an output calls to tell of a trouble: an `error` record goes to all."""
@@ -121,6 +122,25 @@ class Hub:
         else:
             why = "its reader left" if error is None else f"{type(error).__name__}: {error}"
             self.report()("output_lost", f"nothing more is written to {ended.sink.name} ({why}).")
+
+
+class Tap:
+    """Hands on what comes over the wire of one device to the outputs that want it, as of then."""
+
+    def __init__(self, outlets: Callable[[], Sequence[Outlet]], wait: bool) -> None:
+        self._outlets, self._wait = outlets, wait
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody takes it."""
+        return any(outlet.sink.takes_wire for outlet in self._outlets())
+
+    def __call__(self, event: TransportEvent) -> None:
+        """Hand on one event."""
+        items: Iterable[Item] = (event,)
+        for outlet in self._outlets():
+            if outlet.sink.takes_wire:
+                outlet.put(items, wait=self._wait and outlet.sink.lossless)
 
 
 def _join(outlet: Outlet, deadline_s: float | None, asked: Callable[[], bool]) -> bool:

@@ -2,10 +2,11 @@
 
 import io
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from types import ModuleType
 
 from fltea.service.hub import Hub
+from fltea.service.recorder import RecorderOfHub
 from fltea.settings.config import Config
 from fltea.settings.extras import load
 from fltea.sinks.log import LogSink
@@ -13,8 +14,8 @@ from fltea.sinks.ndjson import NdjsonSink
 from fltea.sinks.table import TableSink
 
 
-def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
-    """Add all outputs to the hub.
+def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] = ()) -> None:
+    """Add all outputs to the hub. replays: names of the devices that are recordings.
 
     Raises:
         UsageError: wrong settings, or a library that is not installed.
@@ -24,11 +25,13 @@ def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
     to_table = program.format == "table" or (program.format == "auto" and sys.stdout.isatty())
     if not to_table:
         hub.add_log(LogSink(_to_stderr, several=len(configs) > 1))
+    recorder = RecorderOfHub(hub, program.record, program.dashboard.record_to, replays)
     for config in configs:
         assert config.name is not None
         if program.record.folder is not None:
             module = _module("record", "record", "mcap")
-            hub.add(module.RecordSink(program.record, config.name, hub.report(config.name)), config.name)
+            sink = module.RecordSink(program.record, config.name, hub.report(config.name))
+            recorder.adopt(config.name, hub.add(sink, config.name))
         if program.mqtt.broker is not None:
             module = _module("mqtt.sink", "mqtt", "paho")
             hub.add(module.MqttSink(program.mqtt, config.name, hub.report(config.name)), config.name)
@@ -38,7 +41,7 @@ def open_outputs(configs: Sequence[Config], hub: Hub) -> None:
     if program.dashboard.address is not None:
         module = _module("page.sink", "dashboard", "bokeh")
         devices = {config.name: config.estimator.estimate_on for config in configs}
-        page = module.DashboardSink(program.dashboard, devices, hub.report())
+        page = module.DashboardSink(program.dashboard, devices, hub.report(), recorder)
         hub.add(page)
         _to_stderr(f"fltea: live page at {page.url}\n")
     if to_table:

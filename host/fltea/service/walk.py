@@ -24,7 +24,9 @@ class Walk:
     has ended.
     """
 
-    def __init__(self, source: Source, config: Config, hub: Hub, state: StateFile | None) -> None:
+    def __init__(
+        self, source: Source, config: Config, hub: Hub, state: StateFile | None, devices: int = 1
+    ) -> None:
         self.source = source
         self.name = config.name or ""
         self.failure: Trouble | Error | None = None
@@ -36,13 +38,13 @@ class Walk:
             lambda: hub.stats(self.name),
             state.found.get(self.name) if state else None,
             lambda: state.refuse(self.name) if state else None,
+            devices,
         )
         self._tap = hub.tap(self.name, wait=not source.prompt)
         self._as_wire: AsWire | None = None
+        self._has_wire = isinstance(source, SerialSource)
         if isinstance(source, SerialSource):
             source.tap = self._tap
-        elif self._tap is not None:
-            self._as_wire = AsWire(lambda: source.unix_offset_ns)
         self._save_period_ns = int(config.state.period_s * 1e9)
         self._save_ns = clock.host_ns() + self._save_period_ns
 
@@ -53,9 +55,8 @@ class Walk:
             UsageError: the settings do not fit what the source gives, or it cannot be recorded.
         """
         self.moved_s = time.monotonic()
-        if self._as_wire is not None and self._tap is not None:
-            for item in self._as_wire.encode(event):
-                self._tap(item)
+        if not self._has_wire:
+            self._make_wire(event)
         if self._once and isinstance(event, Trouble) and event.fatal:
             self.failure = event
         items = list(self._pipeline.feed(event))
@@ -73,9 +74,20 @@ class Walk:
     def finish(self) -> None:
         """The source has ended, or nothing more is wanted of it."""
         self.moved_s = math.inf
-        self._hub.publish(self.name, [self._pipeline.stats()], wait=not self.source.prompt)
+        ended = self._once or not self.source.live  # else somebody waits for the program to end
+        self._hub.publish(self.name, list(self._pipeline.finish(last_fit=ended)), wait=not self.source.prompt)
         if self._state is not None:
             self._deposit(self._state)
+
+    def _make_wire(self, event: Event) -> None:
+        """Let a source without a wire have one while somebody records it."""
+        if not self._tap.wanted:
+            self._as_wire = None
+            return
+        if self._as_wire is None:
+            self._as_wire = AsWire(lambda: self.source.unix_offset_ns)
+        for item in self._as_wire.encode(event):
+            self._tap(item)
 
     def _deposit(self, state: StateFile) -> None:
         snapshot = self._pipeline.save()

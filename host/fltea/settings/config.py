@@ -91,7 +91,7 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
     guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do). gate: standard
     deviations from which on a guard softens an innovation. white_band: publish what white noise would give,
-    at some 5 µs a sample of each axis; None: where the live page is on.
+    at some 5 µs a sample of each axis; None: no.
     """
 
     startup: int = filters.STARTUP
@@ -171,8 +171,7 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def bands_of_gyro(self) -> bool:
         """Whether to publish what white noise would give in place of the gyroscope's axes."""
-        wanted = self.estimator.white_band
-        return self.dashboard.address is not None if wanted is None else wanted
+        return bool(self.estimator.white_band)
 
     @property
     def bands_of_accel(self) -> bool:

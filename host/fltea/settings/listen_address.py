@@ -1,5 +1,7 @@
 """The address at which a page or an endpoint of ours is reached: PORT or HOST:PORT."""
 
+import ipaddress
+
 LOOPBACK = "127.0.0.1"
 
 
@@ -17,3 +19,11 @@ def listen_address(text: str) -> tuple[str, int]:
     if (colon and not host) or not (port.isascii() and port.isdigit()) or int(port) > 65535:
         raise ValueError("address must be PORT or HOST:PORT, for instance 9100 or 0.0.0.0:9100")
     return host or LOOPBACK, int(port)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches what listens there."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"

@@ -6,12 +6,12 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from fltea.settings.listen_address import listen_address
+from fltea.settings.listen_address import is_loopback, listen_address
 
 LARGEST_EVERY = 1_000_000
 """Nearly three hours at 100 Hz."""
 
-RECORDED = ("hello", "epoch", "gap", "sample", "estimate", "device_estimate", "stats", "error")
+RECORDED = ("hello", "epoch", "gap", "sample", "estimate", "device_estimate", "fit", "stats", "error")
 """Classes of the records that can ride along in a recording."""
 
 
@@ -135,22 +135,32 @@ class DashboardConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The live page; off without an address. address: PORT or HOST:PORT; without a host the loopback.
 
     names: further names under which browsers may ask for it, such as that of a proxy in front. visitors:
-    pages that may be open at a time.
+    pages that may be open at a time. record: whether they may start and stop recordings; None: if none but
+    this machine reaches them. record_to: the folder, unless `record.folder` names one.
     """
 
     address: str | int | None = None
     names: tuple[str, ...] = ()
     visitors: int = 20
+    record: bool | None = None
+    record_to: str = "recordings"
 
     def __post_init__(self) -> None:
         if self.visitors < 1:
             raise ValueError("visitors must be 1 or more")
+        if not self.record_to:
+            raise ValueError("record_to must be the name of a folder")
         if self.address is not None:
             self.listen()
 
     def listen(self) -> tuple[str, int]:
         """Host and port; raises ValueError if there can be no such address."""
         return listen_address(str(self.address))
+
+    @property
+    def may_record(self) -> bool:
+        """Whether pages may start and stop recordings."""
+        return is_loopback(self.listen()[0]) and not self.names if self.record is None else self.record
 
 
 class MetricsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -24,6 +24,7 @@ from fltea.records.records import (
     Epoch,
     Error,
     Estimate,
+    Fit,
     Gap,
     Hello,
     Sample,
@@ -53,6 +54,7 @@ KINDS: dict[str, type[AnyRecord]] = {
     "sample": Sample,
     "estimate": Estimate,
     "device_estimate": DeviceEstimates,
+    "fit": Fit,
     "stats": Stats,
     "error": Error,
 }
@@ -62,7 +64,8 @@ class RecordSink(Sink):
     """One device's session: files one after the other, in a folder that may hold others.
 
     A disk that is full or fails stops the recording, not the program: what is not recorded is counted, and a
-    new file begins when there is room again.
+    new file begins when there is room again. hello: what is known of a device that is running already.
+    path: the newest file; trouble: why nothing is recorded at the moment.
 
     Raises:
         UsageError: the folder cannot be made or written to.
@@ -73,8 +76,12 @@ class RecordSink(Sink):
     takes_wire = True
     capacity = 50_000
 
-    def __init__(self, settings: RecordConfig, device: str, report: Report) -> None:
+    def __init__(
+        self, settings: RecordConfig, device: str, report: Report, hello: Hello | None = None
+    ) -> None:
         assert settings.folder is not None
+        self.path: Path | None = None
+        self.trouble: str | None = None
         self.lost = 0
         self.parts = 0
         self._settings, self._device, self._report = settings, device, report
@@ -87,7 +94,8 @@ class RecordSink(Sink):
         self._offset_ns: int | None = None
         self._now_ns = 0
         self._sequence = 0
-        self._hello: Hello | None = None
+        self._hello = hello
+        self._finished_bytes = 0
         self._noted: Hello | None = None
         self._notes = 0
         self._wire = WireEvents(device)
@@ -101,6 +109,12 @@ class RecordSink(Sink):
             ) from error
         if not os.access(self._folder, os.W_OK | os.X_OK):
             raise UsageError(f"--record {self._folder}: no permission to write into this folder.")
+
+    @property
+    def size_bytes(self) -> int:
+        """Of all files so far, without what is not yet written; may be asked from any thread."""
+        part = self._part
+        return self._finished_bytes + (part.size_bytes if part is not None else 0)
 
     def write(self, item: Item) -> None:
         """Take one item; a new file begins only before one from the wire."""
@@ -236,6 +250,7 @@ class RecordSink(Sink):
             return
         self.parts += 1
         self._part, self._noted, self._notes = part, self._hello, 0
+        self.path, self.trouble = path, None
         self._part_began_ns, self._flushed_ns, self._unflushed = self._now_ns, now_ns, NOTHING
         if self._gap is not None:
             text = f"recording goes on in {path}; {self._gap.items} items before it were not recorded."
@@ -250,12 +265,14 @@ class RecordSink(Sink):
         except OSError as error:
             self._stop(error)
         else:
+            self._finished_bytes += self._part.size_bytes
             self._part, self._unflushed = None, NOTHING
 
     def _stop(self, error: OSError) -> None:
         """Give the file up, tell it once, and begin to count what is not recorded."""
         if self._part is not None:
             self._part.abandon()
+            self._finished_bytes += self._part.size_bytes
             self._part = None
         if self._gap is not None:
             return
@@ -264,6 +281,7 @@ class RecordSink(Sink):
         self._gap = msgspec.structs.replace(self._unflushed, kind=kind)
         self._unflushed = NOTHING
         self._retry_ns = clock.host_ns() + RETRY_NS
+        self.trouble = text
         self._report(kind, text)
 
 

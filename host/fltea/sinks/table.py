@@ -1,4 +1,4 @@
-"""The live table: α and f of every axis with small trends, the link's health, and the last errors."""
+"""The live table: what the noise of every axis is, FLTEA's α and f with small trends, health, last errors."""
 
 import time
 from collections import deque
@@ -10,15 +10,15 @@ from rich.text import Text
 
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Failed, Opened
-from fltea.records.null_p import p_text
+from fltea.records.fit import AxisFit
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.records import (
     AnyRecord,
-    AxisEstimate,
     DeviceEstimates,
     Epoch,
     Error,
     Estimate,
+    Fit,
     Gap,
     Hello,
     Stats,
@@ -26,22 +26,24 @@ from fltea.records.records import (
 )
 from fltea.records.visible import visible
 from fltea.records.why_not import not_comparable
+from fltea.sinks.page.answer import WITH_ORDER, answer
+from fltea.sinks.page.words import duration
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_S = 1.0
-WIDE_COLUMNS = 158
-"""Width from which orders and trends have room beside the numbers; else they stand below."""
+WIDE_COLUMNS = 135
+"""Width from which trends have room beside the numbers; else they stand below."""
+
+F_COLUMNS = 96
+"""Width from which the interval of f has room beside that of α."""
 
 BARS = "▁▂▃▄▅▆▇█"
 WHITE_NOTES = {
     "triple": "Pure white noise gives this variant α ≈ 0.4 and f ≈ -2 (0.15 and -0.3 with guard consistent)",
     "joint": "Pure white noise gives this variant α ≈ 0.10 after 3,000 samples, 0.01 after 20,000",
 }
-ADVICE = (
-    ", so α alone shows nothing. Undefined: white noise is not rejected. "
-    "Not white: drift, resonance or memory; record it and run fltea identify."
-)
+ADVICE = "; believe the fit above. Of a recording ask fltea identify."
 
 
 def sparkline(values: list[float]) -> str:
@@ -144,6 +146,7 @@ class DeviceView:
         self._hello: Hello | None = None
         self._epoch: Epoch | None = None
         self._estimate: Estimate | None = None
+        self._fit: Fit | None = None
         self._of_device: DeviceEstimates | None = None
         self._stats: Stats | None = None
         self._events: deque[str] = deque(maxlen=4)
@@ -155,7 +158,7 @@ class DeviceView:
             case Hello():
                 self._hello = record
             case Epoch():
-                self._epoch, self._estimate, self._of_device = record, None, None
+                self._epoch, self._estimate, self._of_device, self._fit = record, None, None, None
                 self._trends = {}
                 self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
             case Estimate():
@@ -167,6 +170,8 @@ class DeviceView:
                         f.add(axis.f, record.host_ns)
             case DeviceEstimates():
                 self._of_device = record
+            case Fit():
+                self._fit = record
             case Gap():
                 self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
             case Error():
@@ -178,7 +183,10 @@ class DeviceView:
     def lines(self, width: int) -> list[RenderableType]:
         """The view, for a terminal of so many columns."""
         wide = width >= WIDE_COLUMNS
-        lines: list[RenderableType] = [Text(self._head(), style="bold"), self._table(wide=wide)]
+        lines: list[RenderableType] = [Text(self._head(), style="bold")]
+        if self._fit is not None:
+            lines.append(_fit_rows(self._fit, wide=width >= F_COLUMNS))
+        lines.append(self._table(wide=wide))
         if not wide and self._estimate is not None:
             lines.append(self._rows_below(self._estimate))
         if self._of_device is not None:
@@ -213,21 +221,19 @@ class DeviceView:
         table.add_column("axis")
         units = dict.fromkeys(axis.unit.replace("^2", "²") for axis in self._estimate.axes.values())
         unit = f"[{', '.join(units)}]"
-        for title in ("α", *(["order"] if wide else []), "f [s^-α]", f"state {unit}", f"innovation {unit}"):
+        for title in ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innovation {unit}"):
             table.add_column(Text(title), justify="right")  # as plain text: [deg/s] is no markup
         if wide:
             table.add_column("α, last seconds", min_width=TREND_WIDTH)
             table.add_column("f, last seconds", min_width=TREND_WIDTH)
         for name, axis in self._estimate.axes.items():
-            order = (_order(axis),) if wide else ()
             bars = map(str, self._trends[name]) if wide else ()
             if not axis.valid:
-                table.add_row(name, "not valid", *order, "", "", "", *bars)
+                table.add_row(name, "not valid", "", "", "", *bars)
                 continue
             table.add_row(
                 name,
                 _with_std(axis.alpha, axis.alpha_std),
-                *order,
                 _with_std(axis.f, axis.f_std),
                 _rate(axis.state),
                 _rate(axis.innovation),
@@ -237,9 +243,9 @@ class DeviceView:
 
     def _rows_below(self, estimate: Estimate) -> Table:
         rows = Table.grid(padding=(0, 2))
-        rows.add_row("", "order", "α, last seconds", "f, last seconds")
-        for name, axis in estimate.axes.items():
-            rows.add_row(name, _order(axis), *map(str, self._trends[name]))
+        rows.add_row("", "α, last seconds", "f, last seconds")
+        for name in estimate.axes:
+            rows.add_row(name, *map(str, self._trends[name]))
         return rows
 
     @staticmethod
@@ -265,6 +271,26 @@ class DeviceView:
             f"epoch {stats.epoch}{seq}  delivered {stats.samples.delivered}  lost {stats.samples.lost}\n"
             f"bad frames {bad}  reconnects {stats.link.reconnects}{rate}{ppm}"
         )
+
+
+def _fit_rows(record: Fit, *, wide: bool) -> Table:
+    """What the noise of each axis is: in words, with its order where it has one, and how long yet."""
+    rows = Table.grid(padding=(0, 2))
+    targets = [axis.until_s.target for axis in record.axes.values() if axis.until_s]
+    until = f"α ± {targets[0]:g} in" if targets else ""
+    rows.add_row("", "noise", "α, 95 %", *(["f [s^-α], 95 %"] if wide else []), until)
+    for name, axis in record.axes.items():
+        said = answer(axis)
+        alpha, f = ("" if p is None else f"{p[0]} ({p[1].replace('…', 'to')})" for p in (said.alpha, said.f))
+        rows.add_row(name, said.head, alpha, *([f] if wide else []), _until(axis))
+    return rows
+
+
+def _until(fit: AxisFit) -> str:
+    """How long it takes until the order is known well enough; empty where nobody can say."""
+    if fit.verdict not in WITH_ORDER or fit.until_s is None or fit.until_s.seconds is None:
+        return ""
+    return duration(fit.until_s.seconds) if fit.until_s.seconds > 0 else "reached"
 
 
 def _device_rows(record: DeviceEstimates) -> Table:
@@ -295,14 +321,6 @@ def _number(value: float | None) -> str:
 
 def _difference(value: float | None) -> str:
     return "" if value is None else f"{value:+.1e}"
-
-
-def _order(axis: AxisEstimate) -> str:
-    """What the running test of whiteness says of the order."""
-    if axis.null_p is None:
-        return "unknown"
-    word = "not white" if axis.whiteness == "rejected" else "undefined"
-    return f"{word}, {p_text(axis.null_p).replace(' ', '')}"
 
 
 def _with_std(value: float | None, std: float | None) -> str:

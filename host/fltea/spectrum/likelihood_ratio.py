@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fltea.spectrum.models import AR1, UP_TO_ONE, WHITE, ar1_parameters, coordinates
 from fltea.spectrum.null_constants import COEFFICIENTS, PROBABILITIES
 from fltea.spectrum.periodogram import Binned
+from fltea.spectrum.warm import Search
 from fltea.spectrum.whittle import Fit, fit
 
 Array = NDArray[np.float64]
@@ -37,15 +38,15 @@ class NullFits(NamedTuple):
         return 2 * (self.ar1.nll - self.alternative.nll)
 
 
-def null_fits(data: Binned) -> NullFits:
+def null_fits(data: Binned, search: Search = fit) -> NullFits:
     """Fit what the null test needs."""
-    ar1 = fit(data, AR1)
+    ar1 = search(data, AR1)
     phi, weight = ar1_parameters(ar1.theta)
     inside = coordinates(1.0, phi - 1, weight)[:, np.newaxis]
-    return NullFits(fit(data, WHITE), ar1, fit(data, UP_TO_ONE, inside))
+    return NullFits(fit(data, WHITE), ar1, search(data, UP_TO_ONE, inside))
 
 
-def p_value(likelihood_ratio: float, ordinates: int) -> float:
+def p_value(likelihood_ratio: float, ordinates: float) -> float:
     """Probability that white noise gives this ratio or more, with so many ordinates."""
     quantiles = critical_values(ordinates)
     probabilities = np.array(PROBABILITIES)
@@ -57,6 +58,6 @@ def p_value(likelihood_ratio: float, ordinates: int) -> float:
     return float(np.exp(np.interp(likelihood_ratio, quantiles, np.log(probabilities))))
 
 
-def critical_values(ordinates: int) -> Array:
+def critical_values(ordinates: float) -> Array:
     """The ratios that white noise exceeds with `PROBABILITIES`, falling ones: 50 %, ..., 5 %, 1 %, 0.1 %."""
     return np.asarray(np.polynomial.polynomial.polyval(math.log10(ordinates), np.array(COEFFICIENTS).T))

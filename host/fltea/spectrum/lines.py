@@ -34,7 +34,7 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A line, or a resonance."""
 
     kind: str
-    """line or resonance"""
+    """line or resonance; peak, where the resolution cannot tell"""
     frequency_hz: float
     """where it is highest, the resonance after smoothing"""
     width_hz: float

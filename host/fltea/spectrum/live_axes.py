@@ -1,17 +1,40 @@
 """The live fit of all axes of one sensor: samples in, `AxisFit` out whenever it is asked for."""
 
+import math
+
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise.spectra import f_of
 from fltea.records.fit import AxisFit, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
+from fltea.spectrum.fit_allan import fit_allan
+from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.models import parameters
+from fltea.spectrum.octaves import Counts, Octaves
+from fltea.spectrum.periodogram import Periodogram, binned
 from fltea.spectrum.profile import Parameter, fractional_fit
-from fltea.spectrum.spectral import examine
-from fltea.spectrum.verdict import LEVEL, decide
+from fltea.spectrum.spectral import Spectral, examine
+from fltea.spectrum.verdict import ANYTIME_LEVEL, LEVEL, decide
+from fltea.spectrum.warm import Warm
 
 Array = NDArray[np.float64]
+
+POINTS = 150
+"""Of the spectrum, at most."""
+SHORTEST_MEMORY = 256
+"""Samples."""
+REMEMBERED = 2
+"""Times the time constant: what is older is in no figure."""
+
+
+class _Saved(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
+    axes: tuple[str, ...]
+    h: float
+    unit: str
+    memory: float
+    octaves: bytes
 
 
 class LiveAxes:
@@ -20,50 +43,96 @@ class LiveAxes:
     h: sampling period in s. unit: of the samples. saved: what `save` returned, to go on from there.
 
     Raises:
-        ValueError: `saved` is not sound, or of other axes.
+        ValueError: `saved` is not sound, or of other axes or settings.
     """
 
     def __init__(
         self, axes: tuple[str, ...], h: float, settings: LiveConfig, unit: str, saved: bytes | None = None
     ) -> None:
         self.axes, self.h, self.unit = axes, h, unit
-        self._settings = settings
-        self._rows: list[Array] = []
-        self.samples = 0
+        self._target = settings.target
+        self._memory = 0.0 if settings.memory_s is None else max(settings.memory_s / h, SHORTEST_MEMORY)
+        self._octaves = self._restored(saved) if saved else Octaves(len(axes), self._memory)
+        self._warm = [Warm() for _ in axes]
+
+    @property
+    def samples(self) -> int:
+        """Samples of an axis that were taken."""
+        return self._octaves.samples
 
     def add(self, y: Array) -> None:
         """Take samples (n, axes)."""
-        self._rows.append(np.array(y, dtype=np.float64))
-        self.samples += len(y)
+        self._octaves.add(y)
 
     def skip(self, count: int) -> None:
         """Take note of lost samples of all axes."""
+        self._octaves.skip(count)
 
-    def fit(self, *, curves: bool) -> dict[str, AxisFit]:
-        """Fit every axis; curves: with spectrum and Allan deviation."""
-        y = np.concatenate(self._rows) if self._rows else np.empty((0, len(self.axes)))
-        return {axis: self._fit(y[:, i], curves) for i, axis in enumerate(self.axes)}
+    def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
+        """Fit every axis.
+
+        curves: with spectrum and Allan deviation, and from all starts, not from the last fit. last: of a
+        record that is at its end, and so is judged at the level of one look, as `fltea identify` does it.
+        """
+        level = LEVEL if last else ANYTIME_LEVEL
+        return {axis: self._fit(lane, curves, level) for lane, axis in enumerate(self.axes)}
 
     def save(self) -> bytes:
         """All of it, for a later run."""
-        return b""
+        return msgspec.msgpack.encode(
+            _Saved(self.axes, self.h, self.unit, self._memory, self._octaves.save())
+        )
 
-    def _fit(self, y: Array, curves: bool) -> AxisFit:
+    def _restored(self, saved: bytes) -> Octaves:
         try:
-            seen = examine(y, self.h)
-        except ValueError as error:
-            return AxisFit("too few samples", f"{error}.", self.unit)
-        e = seen.evidence
-        verdict = decide(e)
-        p = parameters(seen.fits.full.theta[0])
-        found = fractional_fit(seen.fits.data, seen.fits.full, self.h, white=e.p_clean >= LEVEL)
-        spectrum = None
+            found = msgspec.msgpack.decode(saved, type=_Saved)
+        except msgspec.MsgspecError as error:
+            raise ValueError(f"the saved sums are not sound: {error}") from error
+        ours = self.axes, self.h, self.unit, self._memory
+        if (found.axes, found.h, found.unit, found.memory) != ours:
+            raise ValueError("the saved sums are of other axes, another rate, unit or memory")
+        return Octaves.restore(len(self.axes), self._memory, found.octaves)
+
+    def _fit(self, lane: int, curves: bool, level: float) -> AxisFit:
+        counts = self._octaves.counts(lane)
+        left_out = _left_out(counts)
+        if counts.constant and counts.used >= SHORTEST_MEMORY:
+            text = "Constant: all samples are the same. Is the sensor asleep, or its range far too wide?"
+            return AxisFit("constant", text, self.unit, left_out=left_out)
         if curves:
-            lam, to_density = seen.fits.data.lam, 2 * self.h
-            model = np.sqrt(seen.fits.full.spectrum(lam)[0] * to_density)
-            density = np.sqrt(seen.fits.data.power[0] * to_density)
-            hz = lam / (2 * np.pi * self.h)
-            spectrum = FitSpectrum(hz.tolist(), density.tolist(), model.tolist())
+            self._warm[lane].forget()
+        used = min(counts.used, round(REMEMBERED * self._memory)) if self._memory else counts.used
+        try:
+            whole = self._octaves.periodogram(lane, self.h)
+            seen = examine(
+                whole,
+                used * self.h,
+                used,
+                cells=self._octaves.cells(lane, self.h),
+                level=level,
+                warm=self._warm[lane],
+            )
+        except ValueError as error:
+            return AxisFit("too few samples", f"{_sentence(str(error))}.", self.unit, left_out=left_out)
+        return self._said(lane, seen, whole if curves else None, used, left_out)
+
+    def _said(
+        self, lane: int, seen: Spectral, drawn: Periodogram | None, used: int, left_out: dict[str, int]
+    ) -> AxisFit:
+        """What the record says of an axis; drawn: what the curves are drawn from."""
+        e, data, full = seen.evidence, seen.fits.data, seen.fits.full
+        verdict = decide(e)
+        p = parameters(full.theta[0])
+        found = fractional_fit(data, full, self.h, white=e.p_clean >= e.level)
+        seconds = None
+        if found.alpha.defined:
+            longest_s = REMEMBERED * self._memory * self.h if self._memory else None
+            seconds = seconds_more(data, full, self.h, self._target, longest_s)
+        allan = spectrum = None
+        if drawn is not None:
+            spectrum = _spectrum(drawn, seen)
+            *sums, samples = self._octaves.allan(lane)
+            allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: full.spectrum(lam)[0])
         return AxisFit(
             verdict.kind,
             verdict.text,
@@ -75,12 +144,33 @@ class LiveAxes:
             _interval(found.s2),
             _interval(found.R),
             [(float(a), float(b)) for a, b in seen.band.notch_hz],
-            {},
-            Until(self._settings.target),
-            None,
+            left_out,
+            Until(self._target, seconds),
+            allan,
             spectrum,
         )
 
 
+def _spectrum(whole: Periodogram, seen: Spectral) -> FitSpectrum:
+    """All lines, also those that are not fitted, in at most POINTS bins."""
+    data = binned(whole)
+    starts = np.arange(0, len(data.lam), max(1, math.ceil(len(data.lam) / POINTS)))
+    counts = np.add.reduceat(data.counts, starts)
+    lam = np.add.reduceat(data.lam * data.counts, starts) / counts
+    power = np.add.reduceat(data.power[0] * data.counts, starts) / counts
+    to_density = 2 * whole.h
+    model = np.sqrt(seen.fits.full.spectrum(lam)[0] * to_density)
+    hz = lam / (2 * np.pi * whole.h)
+    return FitSpectrum(hz.tolist(), np.sqrt(power * to_density).tolist(), model.tolist())
+
+
+def _left_out(counts: Counts) -> dict[str, int]:
+    return {"lost": counts.lost, "bridged": counts.bridged, "knocked": counts.knocked}
+
+
 def _interval(p: Parameter) -> Interval:
     return Interval(p.value, p.low, p.high)
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -6,6 +6,7 @@ distribution: neither is used. Of bins only the averages are needed by Whittle's
 spectrum hardly changes over one of them.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -26,6 +27,8 @@ GROWTH = 0.03
 """Width of a bin over its frequency: a spectrum that goes with λ^-4 changes by 12 % over it."""
 WIDEST = math.pi / 120
 """Rad a sample: no bin is wider, so that peaks of that width are seen for what they are."""
+COARSER = 2.0
+"""By how much bins of weighted lines are wider. The null test's p-values are the same to 2 %."""
 
 
 class Periodogram(NamedTuple):
@@ -39,6 +42,13 @@ class Periodogram(NamedTuple):
     """sampling period in s"""
     n: int
     """samples"""
+    weight: Array | None = None
+    """(m,) effective ordinates that each stands for; None: one each"""
+
+    @property
+    def ordinates(self) -> float:
+        """All of them, effective ones."""
+        return float(len(self.lam)) if self.weight is None else float(self.weight.sum())
 
     def without(self, from_hz: float, notch: Sequence[tuple[float, float]]) -> "Periodogram":
         """Without ordinates below `from_hz` and in the bands (low, high) of `notch`, in Hz.
@@ -48,14 +58,19 @@ class Periodogram(NamedTuple):
         """
         blocks = []
         for begin in range(0, len(self.lam), AT_ONCE):
-            j = np.rint(self.lam[begin : begin + AT_ONCE] * (self.n / (2 * np.pi)))
-            blocks.append(_kept(j / (self.n * self.h), from_hz, notch))
+            lam = self.lam[begin : begin + AT_ONCE]
+            if self.weight is None:
+                hz = np.rint(lam * (self.n / (2 * np.pi))) / (self.n * self.h)
+            else:  # averages are not at multiples of 1/(n h)
+                hz = lam / (2 * np.pi * self.h)
+            blocks.append(_kept(hz, from_hz, notch))
         keep = np.flatnonzero(np.concatenate(blocks))
-        _check_enough(len(keep), self.n)
+        check_enough(len(keep), self.n)
         rows: slice | NDArray[np.intp] = keep
         if keep[-1] - keep[0] + 1 == len(keep):
             rows = slice(int(keep[0]), int(keep[-1]) + 1)  # no copy
-        return self._replace(lam=self.lam[rows], power=self.power[..., rows])
+        weight = None if self.weight is None else self.weight[rows]
+        return self._replace(lam=self.lam[rows], power=self.power[..., rows], weight=weight)
 
 
 class Binned(NamedTuple):
@@ -64,14 +79,14 @@ class Binned(NamedTuple):
     lam: Array
     """(bins,) mean frequency of each, rad a sample"""
     counts: Array
-    """(bins,) ordinates in each"""
+    """(bins,) ordinates in each; not whole numbers where they were averages"""
     power: Array
     """(series, bins) their mean"""
 
     @property
     def ordinates(self) -> int:
         """Ordinates in all bins: what BIC and the null distribution call the number of data."""
-        return int(self.counts.sum())
+        return round(float(self.counts.sum()))
 
 
 def periodogram(
@@ -95,7 +110,7 @@ def periodogram(
     if n > LONG and samples.ndim == 1:
         samples = samples[: n - n % PARTS]
         n = len(samples)
-    _check_enough(len(used_ordinates(n, h, from_hz=from_hz, notch=notch)), n)
+    check_enough(len(used_ordinates(n, h, from_hz=from_hz, notch=notch)), n)
     power = _power_in_parts(samples) if n > LONG and samples.ndim == 1 else None
     use = used_ordinates(n, h, from_hz=from_hz, notch=notch)
     if power is not None:
@@ -134,7 +149,8 @@ def _power_in_parts(y: Array) -> Array:
     return power
 
 
-def _check_enough(ordinates: int, n: int) -> None:
+def check_enough(ordinates: int, n: int) -> None:
+    """Raise ValueError if so few ordinates of n samples cannot be fitted."""
     if ordinates < FEWEST:
         raise ValueError(
             f"{n} samples leave {ordinates} frequencies to fit, and at least {FEWEST} are needed: record "
@@ -158,20 +174,29 @@ def _kept(frequency_hz: Array, from_hz: float, notch: Sequence[tuple[float, floa
 
 
 def binned(p: Periodogram) -> Binned:
-    """Average over bins that grow with the frequency; the lowest ordinates stay single."""
-    starts = bin_starts(p.lam, p.n)
-    count = np.diff(np.append(starts, len(p.lam))).astype(np.float64)
-    return Binned(
-        np.add.reduceat(p.lam, starts) / count,
-        count,
-        np.add.reduceat(np.atleast_2d(p.power), starts, axis=1) / count,
-    )
+    """Average over bins that grow with the frequency; the lowest ordinates stay single.
+
+    Where lines have weights the bins are `COARSER`, for speed.
+    """
+    starts = bin_starts(p.lam, p.n, 1.0 if p.weight is None else COARSER)
+    lam, power = p.lam, np.atleast_2d(p.power)
+    if p.weight is None:
+        count = np.diff(np.append(starts, len(lam))).astype(np.float64)
+    else:
+        count = np.add.reduceat(p.weight, starts)
+        lam, power = lam * p.weight, power * p.weight
+    return Binned(np.add.reduceat(lam, starts) / count, count, np.add.reduceat(power, starts, axis=1) / count)
 
 
-def bin_starts(lam: Array, n: int) -> NDArray[np.intp]:
+def bin_starts(lam: Array, n: int, wider: float = 1.0) -> NDArray[np.intp]:
     """Return where in `lam` each bin begins; the edges depend on n only, whatever is left out."""
+    return np.unique(np.searchsorted(lam, _edges(n, wider), side="left").clip(max=len(lam) - 1))
+
+
+@functools.lru_cache(maxsize=16)
+def _edges(n: int, wider: float) -> Array:
     step = 2 * math.pi / n
     edges = [(LOWEST - 0.5) * step]
     while edges[-1] < math.pi:
-        edges.append(edges[-1] + max(step, min(GROWTH * edges[-1], WIDEST)))
-    return np.unique(np.searchsorted(lam, edges[:-1], side="left").clip(max=len(lam) - 1))
+        edges.append(edges[-1] + max(step, wider * min(GROWTH * edges[-1], WIDEST)))
+    return np.array(edges[:-1])

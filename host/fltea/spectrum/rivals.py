@@ -23,12 +23,10 @@ from fltea.spectrum.models import (
     two_ar1_parameters,
 )
 from fltea.spectrum.periodogram import AT_ONCE, Binned, Periodogram, binned
+from fltea.spectrum.warm import Search
 from fltea.spectrum.whittle import Fit, fit
 
 Array = NDArray[np.float64]
-
-RESIDUAL_CRITICAL = 1.36
-"""5 % point of Kolmogorov and Smirnov's statistic."""
 
 
 class Rival(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -73,17 +71,19 @@ class Fits(msgspec.Struct, frozen=True):
     two_ar1: Fit
 
 
-def fit_all(p: Periodogram) -> Fits:
-    """Fit every model to one series."""
-    data = binned(p)
-    null = null_fits(data)
+def fit_all(
+    p: Periodogram, search: Search = fit, data: Binned | None = None, null: NullFits | None = None
+) -> Fits:
+    """Fit every model to one series; data, null: its bins and the fits of the null test, if there are any."""
+    data = binned(p) if data is None else data
+    null = null_fits(data, search) if null is None else null
     phi, weight = ar1_parameters(null.ar1.theta)
     inside = np.stack([coordinates(1.0, phi - 1, weight), null.alternative.theta], axis=1)
     # AR(1) is within both of its rivals: with φ2 = 0, and with a second part that has no share.
     pole, part = np.hsplit(null.ar1.theta, 2)
-    ar2 = fit(data, AR2, np.stack([pole, 0 * pole, part], axis=-1))
-    two_ar1 = fit(data, TWO_AR1, np.stack([pole, 0 * pole, part, logit(0 * part)], axis=-1))
-    return Fits(data, null, fit(data, FULL, inside), ar2, two_ar1)
+    ar2 = search(data, AR2, np.stack([pole, 0 * pole, part], axis=-1))
+    two_ar1 = search(data, TWO_AR1, np.stack([pole, 0 * pole, part, logit(0 * part)], axis=-1))
+    return Fits(data, null, search(data, FULL, inside), ar2, two_ar1)
 
 
 def contest(p: Periodogram, fits: Fits) -> Contest:
@@ -102,7 +102,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
         models[name] = Rival(
             gain,
             extra * math.log(fits.data.ordinates) - 2 * gain,
-            _farthest(_over_spectrum(p, f)),
+            _farthest(_over_spectrum(p, f), p.weight),
             _described(name, f, p.h),
         )
     return Contest(
@@ -113,16 +113,21 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
     )
 
 
-def residual_ks(power: Array, spectrum: Array) -> float:
+def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:
     """√m times the largest distance between the cumulative sum of I/S, scaled to 1, and a straight line.
 
     Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
+    weight: effective ordinates of each line, of which there are then m in all.
     """
-    return _farthest(np.asarray(power / spectrum))
+    return _farthest(np.asarray(power / spectrum), weight)
 
 
-def _farthest(ratio: Array) -> float:
+def _farthest(ratio: Array, weight: Array | None = None) -> float:
     """`residual_ks` of I/S, (m,), which is overwritten."""
+    if weight is not None:
+        # A line of weight w adds w I/S, with the variance w: the bridge has W = sum of w in place of m.
+        sums, line = np.cumsum(ratio * weight), weight.cumsum()
+        return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
     sums = np.cumsum(ratio, out=ratio)
     m = len(sums)
     farthest = 0.0
@@ -159,13 +164,13 @@ def _described(name: str, f: Fit, h: float) -> dict[str, float]:
     if name == "ar2":
         phi1, phi2, weight = (float(v) for v in ar2_parameters(theta))
         described = {"phi1": phi1, "phi2": phi2, "s2": weight * scale, "R": (1 - weight) * scale}
-        poles = np.roots([1.0, -phi1, -phi2])
-        if abs(poles[0].imag) > 0:
+        under = phi1 * phi1 + 4 * phi2
+        if under < 0:
             return described | {
-                "resonance_hz": float(abs(np.angle(poles[0])) / (2 * math.pi * h)),
-                "damping": float(-math.log(abs(poles[0]))),
+                "resonance_hz": math.atan2(math.sqrt(-under), phi1) / (2 * math.pi * h),
+                "damping": -math.log(-phi2) / 2,
             }
-        return described | {"bend_hz": bend_hz(float(poles.real.max()), h)}
+        return described | {"bend_hz": bend_hz((phi1 + math.sqrt(under)) / 2, h)}
     if name == "two_ar1":
         phi1, phi2, first, second = (float(v) for v in two_ar1_parameters(theta))
         slow, fast = sorted([(phi1, first), (phi2, second)], reverse=True)

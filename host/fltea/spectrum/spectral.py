@@ -1,18 +1,26 @@
-"""What the periodogram of one axis says: null tests, peaks, and the contest of the models.
+"""What the spectrum of one axis says: null tests, peaks, stationarity, and the contest of the models.
 
 There are three sets of ordinates: all that the user left in; these without lines and resonances; and of these
 those above what is called drift. The last are the clean ones, to which the models are fitted.
+
+The same for a recording and for a sensor that is looked at every second; only the level differs.
 """
+
+from collections.abc import Iterable
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.spectrum.likelihood_ratio import null_fits, p_value
-from fltea.spectrum.lines import find_peaks
-from fltea.spectrum.periodogram import FEWEST, Periodogram, binned, periodogram, used_ordinates
+from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
+from fltea.spectrum.lines import FALSE_ALARM, Peak, find_peaks
+from fltea.spectrum.octave_lines import around, find_octave_peaks
+from fltea.spectrum.octaves import BandCells
+from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
 from fltea.spectrum.rivals import Fits, contest, fit_all
-from fltea.spectrum.verdict import DRIFT_HZ, Evidence
+from fltea.spectrum.stationarity import find_change
+from fltea.spectrum.verdict import DRIFT_HZ, LEVEL, Evidence
+from fltea.spectrum.warm import Warm
 
 Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
@@ -24,6 +32,7 @@ class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     from_hz: float
     notch_hz: Bands
     ordinates: int
+    """effective ones"""
 
 
 class Spectral(msgspec.Struct, frozen=True):
@@ -33,47 +42,89 @@ class Spectral(msgspec.Struct, frozen=True):
     likelihood_ratio: float
     """null test of all ordinates"""
     ordinates: int
-    """all of them"""
+    """all of them, effective ones"""
     fits: Fits
     """to the clean ones"""
     band: Band
 
 
-def examine(y: Array, h: float, from_hz: float = 0.0, notch: Bands = ()) -> Spectral:
-    """Examine one axis y (n,) at a sampling period of h s; from_hz and notch as in `periodogram`.
+def examine(
+    whole: Periodogram,
+    duration_s: float,
+    samples: int,
+    *,
+    cells: Iterable[BandCells] = (),
+    peaks: tuple[Peak, ...] | None = None,
+    level: float = LEVEL,
+    warm: Warm | None = None,
+    from_hz: float = 0.0,
+    notch: Bands = (),
+) -> Spectral:
+    """Examine one axis.
+
+    whole: all ordinates that the user left in, which are those above from_hz and outside the bands (low,
+    high) of `notch`, in Hz. duration_s, samples: what they are of. cells: for the test of stationarity;
+    none: no test. peaks: those found elsewhere, with a finer resolution; None: they are searched for in
+    `whole`. level: of each test. warm: the last answers, where the searches begin; they are replaced.
 
     Raises:
-        ValueError: y is not finite, constant, or too short.
+        ValueError: too few ordinates are left.
     """
-    whole = periodogram(y, h, from_hz=from_hz, notch=notch)
-    ratio = float(null_fits(binned(whole)).likelihood_ratio[0])
-    p_all = p_value(ratio, len(whole.lam))
+    warm = warm or Warm()
+    data = binned(whole)
+    null = null_fits(data, warm.of("all"))
+    ratio = float(null.likelihood_ratio[0])
+    ordinates = whole.ordinates
+    p_all = p_value(ratio, ordinates)
+    if peaks is None:
+        # Of peaks and of changes there are as few false alarms as they are looked for all over the spectrum.
+        false_alarm = FALSE_ALARM * level / LEVEL
+        peaks = (find_peaks if whole.weight is None else find_octave_peaks)(whole, false_alarm)
+        found = tuple(peak.notch_hz for peak in peaks)
+    else:
+        found = around(whole, tuple(peak.notch_hz for peak in peaks))
     clean_from_hz = max(from_hz, DRIFT_HZ)
-    peaks = find_peaks(whole)
-    # Some of them only, should they fill the spectrum.
-    least = max(FEWEST, len(whole.lam) // 2)
-    while True:
-        without = notch + tuple(peak.notch_hz for peak in peaks)
-        if not peaks or len(used_ordinates(whole.n, h, from_hz=clean_from_hz, notch=without)) >= least:
-            break
-        peaks = peaks[:-1]
-    p_without_peaks = _null_p(whole.without(from_hz, without)) if peaks else p_all
-    clean = whole.without(clean_from_hz, without)
-    ordinates = len(whole.lam)
-    del whole  # of a day 70 MB
-    fits = fit_all(clean)
+    clean, kept = _clean(whole, clean_from_hz, found)
+    peaks, found = peaks[:kept], found[:kept]
+    p_without_peaks = _null_p(whole.without(from_hz, found), warm) if peaks else p_all
+    if len(clean.lam) == len(whole.lam):
+        fits = fit_all(clean, warm.of("all"), data, null)
+    else:
+        fits = fit_all(clean, warm.of("clean"))
     rivals = contest(clean, fits)
     evidence = Evidence(
-        duration_s=len(y) * h,
-        samples=len(y),
+        duration_s=duration_s,
+        samples=samples,
         p_all=p_all,
         p_without_peaks=p_without_peaks,
-        p_clean=p_value(rivals.ratio_white, len(clean.lam)),
+        p_clean=p_value(rivals.ratio_white, clean.ordinates),
         peaks=peaks,
         contest=rivals,
+        change=find_change(cells, clean.h, FALSE_ALARM * level / LEVEL, from_hz, notch),
+        level=level,
     )
-    return Spectral(evidence, ratio, ordinates, fits, Band(clean_from_hz, without, len(clean.lam)))
+    return Spectral(
+        evidence, ratio, round(ordinates), fits, Band(clean_from_hz, notch + found, round(clean.ordinates))
+    )
 
 
-def _null_p(p: Periodogram) -> float:
-    return p_value(float(null_fits(binned(p)).likelihood_ratio[0]), len(p.lam))
+def _clean(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:
+    """The clean ordinates, and how many of the bands `found` are left out: some only, should they fill all.
+
+    Raises:
+        ValueError: too few ordinates are left even so.
+    """
+    least = max(FEWEST, whole.ordinates / 2)
+    for kept in range(len(found), 0, -1):
+        try:
+            clean = whole.without(from_hz, found[:kept])
+        except ValueError:
+            continue
+        if clean.ordinates >= least:
+            return clean, kept
+    return whole.without(from_hz, ()), 0
+
+
+def _null_p(p: Periodogram, warm: Warm) -> float:
+    fits: NullFits = null_fits(binned(p), warm.of("without peaks"))
+    return p_value(float(fits.likelihood_ratio[0]), p.ordinates)

@@ -5,24 +5,35 @@ Each rule is a question whose answer is kept with the figure that gave it, so th
 passes for it until there are about ten minutes of data.
 """
 
+import math
+from statistics import NormalDist
+
 import msgspec
 
 from fltea.records.fit import VerdictKind
 from fltea.spectrum.lines import Peak
-from fltea.spectrum.rivals import RESIDUAL_CRITICAL, Contest
+from fltea.spectrum.rivals import Contest
+from fltea.spectrum.stationarity import Change
 
 LEVEL = 0.05
-"""The null test rejects below."""
+"""The null test rejects below, of a recording that is looked at once."""
+ANYTIME_LEVEL = 1e-5
+"""The same of a sensor that is looked at every second for a day: with it at most one white sensor in a
+hundred is ever called anything else."""
 DRIFT_HZ = 0.02
 """What is slower is drift, of which a record of ten minutes has too few periods to say more."""
 MODEL_LEAVES_OUT = (
     f"The model is fitted above {DRIFT_HZ:g} Hz and leaves out what is slower: it does not reproduce "
     "averaging times of more than some 10 s."
 )
-AR1_CRITICAL = 6.63
-"""1 % point of χ² with one degree: by how much α < 1 has to be better than AR(1)."""
+ALPHA_BELOW_ONE = 0.2
+"""α < 1 has to be better than AR(1) at this share of the level: at 1 % of one look."""
+LEAST_RESIDUAL_LEVEL = 0.01
+"""Of the test of residuals, which speaks against a claim and not for one."""
 HIGHEST_FRACTIONAL = 0.95
 """From this order on a spectrum is that of a filter or of a resonance."""
+MOSTLY_ONE_STEP = 0.6
+"""Share of the differences that one step has to explain to be called so."""
 LEAST_S = 580.0
 LEAST_SAMPLES = 50_000
 """About ten minutes at 100 Hz."""
@@ -42,6 +53,10 @@ class Evidence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     peaks: tuple[Peak, ...]
     contest: Contest
     """of the clean ordinates"""
+    change: Change | None = None
+    """of the noise during the record"""
+    level: float = LEVEL
+    """at which the null test rejects"""
 
 
 class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -75,17 +90,25 @@ class _Questions:
 def decide(e: Evidence) -> Verdict:
     """Ask the rules of the evidence until one settles it."""
     q = _Questions()
+    if q.ask(
+        "Did the noise change during the record?",
+        e.change is not None,
+        "no"
+        if e.change is None
+        else f"{e.change.low_hz:.3g} … {e.change.high_hz:.3g} Hz, p = {e.change.p:.2g}",
+    ):
+        return q.say("not stationary", _change_text(e))
     peaks = _peaks_text(e.peaks)
     found = q.ask("Are there lines or resonances?", bool(e.peaks), peaks or "none")
     all_white = (
-        q.ask("Does the null test reject white noise?", e.p_all < LEVEL, f"p = {e.p_all:.2g}") is False
+        q.ask("Does the null test reject white noise?", e.p_all < e.level, f"p = {e.p_all:.2g}") is False
     )
     if all_white and not found:
         if (broad := _broad(e, q)) is not None:
             return broad
         return q.say("white", "White noise: no order can be told from it, α and f are undefined.")
     if found and not q.ask(
-        "Does it without them?", e.p_without_peaks < LEVEL, f"p = {e.p_without_peaks:.2g}"
+        "Does it without them?", e.p_without_peaks < e.level, f"p = {e.p_without_peaks:.2g}"
     ):
         if (broad := _broad(e, q, f" There is also {peaks}.")) is not None:
             return broad
@@ -94,7 +117,7 @@ def decide(e: Evidence) -> Verdict:
             f"{_capital(peaks)}; without that the noise is white, α and f are undefined.",
         )
     also = f" There is also {peaks}." if found else ""
-    if not q.ask(f"Does it above {DRIFT_HZ:g} Hz?", e.p_clean < LEVEL, f"p = {e.p_clean:.2g}"):
+    if not q.ask(f"Does it above {DRIFT_HZ:g} Hz?", e.p_clean < e.level, f"p = {e.p_clean:.2g}"):
         if (broad := _broad(e, q, f" There is also drift below {DRIFT_HZ:g} Hz.{also}")) is not None:
             return broad
         return q.say(
@@ -108,7 +131,8 @@ def decide(e: Evidence) -> Verdict:
 def _broad(e: Evidence, q: _Questions, also: str = "") -> Verdict | None:
     """What is too broad for a peak, and nothing that the null test's orders up to 1 could describe."""
     ar2 = e.contest.models["ar2"]
-    if not q.ask("Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < 0, f"{ar2.bic:+.1f}"):
+    better = ar2.bic < -2 * math.log(LEVEL / e.level)
+    if not q.ask("Is AR(2), a broad resonance, better by BIC all the same?", better, f"{ar2.bic:+.1f}"):
         return None
     return _of_second_order(ar2.parameters, q, also)
 
@@ -184,15 +208,17 @@ def _fractional(e: Evidence, q: _Questions, also: str) -> Verdict:
             "filter or resonance",
             f"The best order is {alpha:.2f}: that is a filter or a resonance, not memory.{also}",
         )
+    ar1_critical = chi_square_one(ALPHA_BELOW_ONE * e.level)
+    residual_critical = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL))
     better = q.ask(
-        f"Is α < 1 better than AR(1) by more than {AR1_CRITICAL}?",
-        e.contest.ratio_ar1 > AR1_CRITICAL,
+        f"Is α < 1 better than AR(1) by more than {ar1_critical:.2f}?",
+        e.contest.ratio_ar1 > ar1_critical,
         f"likelihood ratio {e.contest.ratio_ar1:.1f}",
     )
     fits = q.ask(
         "Are the residuals white?",
-        model.residual_ks < RESIDUAL_CRITICAL,
-        f"Kolmogorov-Smirnov {model.residual_ks:.2f}, at most {RESIDUAL_CRITICAL}",
+        model.residual_ks < residual_critical,
+        f"Kolmogorov-Smirnov {model.residual_ks:.2f}, at most {residual_critical:.2f}",
     )
     enough = q.ask(
         "Is the record about ten minutes long?",
@@ -208,6 +234,39 @@ def _fractional(e: Evidence, q: _Questions, also: str) -> Verdict:
             f"relaxations looks the same: record ten minutes or more.{also}",
         )
     return q.say("fractional", f"Noise of fractional order, α = {alpha:.2f}, in white noise.{also}")
+
+
+def _change_text(e: Evidence) -> str:
+    c = e.change
+    assert c is not None
+    band = f"between {c.low_hz:.3g} and {c.high_hz:.3g} Hz"
+    if c.share >= MOSTLY_ONE_STEP:
+        how = "grew" if c.ratio > 1 else "fell"
+        ratio = max(c.ratio, 1 / c.ratio)
+        when = f"around {_time(c.at_s)} of {_time(e.duration_s)}"
+        what = f"its power {band} {how} by a factor of {ratio:.2g} {when}"
+    else:
+        what = f"its power {band} went up and down by a factor of about {c.size:.2g}"
+    return (
+        f"The noise changed during the record: {what}. All figures are averages over different noises: judge "
+        "the parts by themselves, or follow slow changes with a live.memory that is shorter than they are."
+    )
+
+
+def _time(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+def chi_square_one(p: float) -> float:
+    """What χ² with one degree exceeds with probability p."""
+    return NormalDist().inv_cdf(1 - p / 2) ** 2
+
+
+def kolmogorov(p: float) -> float:
+    """What the statistic of Kolmogorov and Smirnov exceeds with the small probability p."""
+    return math.sqrt(-math.log(p / 2) / 2)
 
 
 def _peaks_text(peaks: tuple[Peak, ...]) -> str:

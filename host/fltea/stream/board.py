@@ -101,11 +101,8 @@ class BoardEstimates:
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch."""
         self.forget()
-        wanted = self._config.channels
-        self._places = [
-            i for i, axis in enumerate(AXES[: beginning.gyro_axes]) if wanted is None or axis in wanted
-        ]
-        self._axes = tuple(AXES[i] for i in self._places)
+        gyro, _ = beginning.axes(self._config.channels)
+        self._axes, self._places = tuple(gyro), list(gyro.values())
         self._null = RunningNull(len(self._axes))
         self._told_constant.clear()
 

@@ -1,7 +1,7 @@
 """The stage in which this computer estimates: the axes of both sensors, each sensor's in a bank."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from fltea.estimator.lanes import Reason
 from fltea.estimator.online_state import OnlineState
 from fltea.records.block import AxisColumns, Block
 from fltea.records.events import Event, Ints
-from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, AXES, GYRO_UNIT, AxisStats, EstimatorInfo
+from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, EstimatorInfo
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.config import Config, EstimatorConfig
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
@@ -33,7 +33,7 @@ class Estimated(NamedTuple):
 
 
 class Channels:
-    """Estimates the axes `names`, which are the columns `places` of each block, in the sensor's unit.
+    """Estimates axes in the sensor's unit. axes: names, and the columns of each block that they are.
 
     h: sampling period in s. resolution: one LSB in the sensor's unit, None where unknown. state: what
     `save` returned, to go on from there.
@@ -44,8 +44,7 @@ class Channels:
 
     def __init__(
         self,
-        names: Sequence[str],
-        places: Sequence[int],
+        axes: Mapping[str, int],
         config: EstimatorConfig,
         h: float,
         resolution: float | None,
@@ -53,7 +52,7 @@ class Channels:
         state: OnlineState | None = None,
     ) -> None:
         self.config = config
-        self._names, self._places, self._unit = tuple(names), list(places), unit
+        self._names, self._places, self._unit = tuple(axes), list(axes.values()), unit
         self._bank = Bank(self._names, config, h, resolution, state)
 
     @property
@@ -152,18 +151,16 @@ class HostEstimates:
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch, from what was saved if it fits."""
-        hello, n, has_accel, saved = beginning
-        wanted, h = self._config.channels, 1.0 / hello.rate_hz
-        gyro = [i for i, axis in enumerate(AXES[:n]) if wanted is None or axis in wanted]
-        accel = [i for i, axis in enumerate(ACCEL_AXES) if has_accel and axis in (wanted or ())]
+        hello, saved = beginning.hello, beginning.saved
+        h = 1.0 / hello.rate_hz
+        gyro, accel = beginning.axes(self._config.channels)
         self._gyro = self._accel = None
         if gyro and self._settings is not None:
-            names, state = [AXES[i] for i in gyro], saved.gyro if saved else None
-            self._gyro = Channels(names, gyro, self._settings(), h, resolution_dps(hello), GYRO_UNIT, state)
+            state, resolution = saved.gyro if saved else None, resolution_dps(hello)
+            self._gyro = Channels(gyro, self._settings(), h, resolution, GYRO_UNIT, state)
         if accel:
-            names, state = [ACCEL_AXES[i] for i in accel], saved.accel if saved else None
-            resolution = accel_resolution_ms2(hello)
-            self._accel = Channels(names, accel, self._config.accel, h, resolution, ACCEL_UNIT, state)
+            state, resolution = saved.accel if saved else None, accel_resolution_ms2(hello)
+            self._accel = Channels(accel, self._config.accel, h, resolution, ACCEL_UNIT, state)
 
     def bridge(self, count: int) -> None:
         """Bridge the time for which the program stood still."""

@@ -35,8 +35,9 @@ from fltea.stream.bands import WhiteBands
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
 from fltea.stream.host import HostEstimates
+from fltea.stream.live import LiveFits
 from fltea.stream.snapshot import DeviceState, sensor_of, why_unused
-from fltea.stream.stages import Beginning, Item, Notice, Stage, Standing
+from fltea.stream.stages import Beginning, Item, Notice, SavedFits, Stage, Standing
 
 Output = AnyRecord | Block
 
@@ -63,7 +64,7 @@ class Pipeline:
 
     outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their
     own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
-    refuse: is called if it is not sound.
+    refuse: is called if it is not sound. devices: how many run in this program.
     """
 
     def __init__(
@@ -73,12 +74,15 @@ class Pipeline:
         outputs: Callable[[], dict[str, OutputStats]] = no_outputs,
         state: DeviceState | None = None,
         refuse: Callable[[], None] = lambda: None,
+        devices: int = 1,
     ) -> None:
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
         every = config.output.every
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name, every)
         self._refuse = refuse
-        self._stages: list[Stage] = stages_of(config)
+        self._fits = LiveFits(config, prompt=source.prompt, devices=devices) if config.live.on else None
+        fits: list[Stage] = [] if self._fits is None else [self._fits]
+        self._stages: list[Stage] = [*fits, *stages_of(config)]
         self._board: DeviceStatus | None = None
         self._now_ns = 0
         self._second: int | None = None
@@ -109,10 +113,14 @@ class Pipeline:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
         hello, sample_ns = self._decoder.place.hello, self._sample_ns
         saved = [found for stage in self._stages if (found := stage.save()) is not None]
-        if hello is None or sample_ns is None or not saved:
+        filters = next((found for found in saved if found.gyro or found.accel), None)
+        if hello is None or sample_ns is None or filters is None:
             return None
+        fits = next((found.fits for found in saved if found.fits), SavedFits(None, None))
         unix_ns = sample_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
-        return DeviceState(sensor_of(hello, self._config), unix_ns, saved[0].gyro, saved[0].accel)
+        return DeviceState(
+            sensor_of(hello, self._config), unix_ns, filters.gyro, filters.accel, fits.gyro, fits.accel
+        )
 
     def _on_time(self, event: Event) -> Iterator[Output]:
         """Let the statistics of a second go out before the first event of the next."""
@@ -145,7 +153,7 @@ class Pipeline:
         self._now_ns = int(raw.host_ns[0])
         if reason is not None:
             self._offset_ns = self._source.unix_offset_ns
-            notices, reason, resumed_after_s = self._begin(raw, hello, reason)
+            notices, reason, resumed_after_s = self._begin(decoded, reason)
             yield from self._records(notices)
         first = int(block.seq[0])
         if missing:
@@ -200,8 +208,15 @@ class Pipeline:
             board=self._board,
             outputs=self._outputs() if self._source.prompt else {},
             device_estimator=standing.device,
+            fit_period_s=standing.fit_period_s,
             device=self._config.name,
         )
+
+    def finish(self, *, last_fit: bool = True) -> Iterator[Output]:
+        """What comes at the end: a fit of everything, and the statistics."""
+        if self._fits is not None and last_fit:
+            yield from self._records(self._fits.last())
+        yield self.stats()
 
     def _standing(self) -> Standing:
         """All stages' standings as one; of several that speak of an axis the first one's word counts."""
@@ -214,20 +229,19 @@ class Pipeline:
                 whole.gyro or one.gyro,
                 whole.accel or one.accel,
                 whole.device or one.device,
+                whole.fit_period_s or one.fit_period_s,
             )
         return whole
 
-    def _begin(
-        self, raw: RawBlock, hello: Hello, reason: EpochReason
-    ) -> tuple[list[Item], EpochReason, float | None]:
+    def _begin(self, decoded: Decoded, reason: EpochReason) -> tuple[list[Item], EpochReason, float | None]:
         """Begin an epoch, from the snapshot if there is one that fits.
 
         Returns what there is to tell, why the epoch begins, and how old the snapshot is.
         """
         notices: list[Item] = []
-        beginning = Beginning(
-            hello, raw.gyro.shape[1], raw.accel is not None and bool(hello.accel_lsb_per_g), None
-        )
+        raw, hello = decoded.raw, decoded.hello
+        has_accel = raw.accel is not None and bool(hello.accel_lsb_per_g)
+        beginning = Beginning(hello, raw.gyro.shape[1], has_accel, None, decoded.missing)
         if absent := self._absent(beginning):
             notices.append(Notice("no_axis", absent, self._now_ns))
         state, self._state = self._state, None

@@ -2,7 +2,8 @@
 
 The rule: same device, same sensor and settings, and not older than `max_age_s`. Then bias, R, and the filters
 with their memory go on; the time in between is bridged like a gap, by prediction alone, up to the length of
-the memory, beyond which nothing of it is left anyway. The first epoch has the reason `resumed`. A board that
+the memory, beyond which nothing of it is left anyway. The sums of the live fit go on, too, with a break for
+that time. The first epoch has the reason `resumed`. A board that
 was reset in between (opening its port resets a Due) does not matter: its sensor's noise is the same.
 """
 
@@ -11,21 +12,26 @@ import msgspec
 from fltea.estimator.online_state import OnlineState
 from fltea.records.records import Hello
 from fltea.settings.config import Config, EstimatorConfig
-from fltea.stream.stages import Saved
+from fltea.stream.stages import Saved, SavedFits
 
 
 class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample."""
+    """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample.
+
+    gyro_fit, accel_fit: sums of the live fits; None where nothing was fitted.
+    """
 
     sensor: dict[str, str]
     unix_ns: int
     gyro: OnlineState | None
     accel: OnlineState | None
+    gyro_fit: bytes | None = None
+    accel_fit: bytes | None = None
 
     @property
     def estimators(self) -> Saved:
         """Those of both sensors."""
-        return Saved(self.gyro, self.accel)
+        return Saved(self.gyro, self.accel, SavedFits(self.gyro_fit, self.accel_fit))
 
 
 def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
@@ -37,6 +43,7 @@ def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
         "filter_hz": str(hello.gyro_dlpf_hz),
         "rate_hz": str(hello.rate_hz),
         "channels": str(config.channels),
+        "live.memory": str(config.live.memory_s),
         "settings": msgspec.json.encode([_of_filters(config.estimator), _of_filters(config.accel)]).decode(),
     }
 

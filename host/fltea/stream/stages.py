@@ -1,6 +1,6 @@
 """What a stage of the pipeline is, and what it is told when an epoch begins."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -8,6 +8,8 @@ from fltea.estimator.online_state import OnlineState
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints
 from fltea.records.records import (
+    ACCEL_AXES,
+    AXES,
     AnyRecord,
     AxisStats,
     DeviceEstimatorStats,
@@ -30,19 +32,40 @@ Item = AnyRecord | Block | Notice
 
 
 class Beginning(NamedTuple):
-    """An epoch begins. gyro_axes, accel: what its samples hold. saved: estimators to go on from."""
+    """An epoch begins.
+
+    gyro_axes, accel: what its samples hold. saved: what to go on from. missing: samples lost just before, as
+    far as anybody knows.
+    """
 
     hello: Hello
     gyro_axes: int
     accel: bool
     saved: "Saved | None"
+    missing: int = 0
+
+    def axes(self, wanted: Sequence[str] | None) -> tuple[dict[str, int], dict[str, int]]:
+        """Axes of both sensors and their columns, as `channels` wants them; None: the gyroscope's."""
+        gyro, accel = AXES[: self.gyro_axes], ACCEL_AXES if self.accel else ()
+        return (
+            {axis: i for i, axis in enumerate(gyro) if wanted is None or axis in wanted},
+            {axis: i for i, axis in enumerate(accel) if axis in (wanted or ())},
+        )
+
+
+class SavedFits(NamedTuple):
+    """Sums of the live fits of both sensors; None where there is none."""
+
+    gyro: bytes | None
+    accel: bytes | None
 
 
 class Saved(NamedTuple):
-    """What the estimators of a device need to go on; None where nothing is estimated."""
+    """What the estimators and fits of a device need to go on; None where there is none."""
 
     gyro: OnlineState | None
     accel: OnlineState | None
+    fits: SavedFits | None = None
 
 
 @dataclass
@@ -55,6 +78,7 @@ class Standing:
     gyro: EstimatorInfo | None = None
     accel: EstimatorInfo | None = None
     device: DeviceEstimatorStats | None = None
+    fit_period_s: float | None = None
 
 
 class Stage(Protocol):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.lab.evaluate.frequencies import LAM, mean
+from fltea.noise.information import log_slopes
 
 Array = NDArray[np.float64]
 
@@ -26,32 +27,31 @@ class Bound(NamedTuple):
     alpha: float
     f: float
     """in s^-α"""
+    F: float
+    """g + α"""
+    s2: float
+    R: float
 
 
 def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
     """The information on α, g, log s2 and log R in n samples, (4, 4); without log R, (3, 3), if R = 0."""
-    slopes = _slopes(alpha, g, s2, R)
+    slopes = log_slopes(LAM, alpha, g, s2, R)
     if R == 0:
         slopes = slopes[:3]
     return np.asarray(n / 2 * mean(slopes[:, np.newaxis] * slopes))
 
 
 def bound(alpha: float, g: float, s2: float, R: float, n: int, h: float) -> Bound:
-    """The bound for n samples at a sampling period of h s."""
-    covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))[:2, :2]
+    """The bound for n samples at a sampling period of h s; that of R is 0 if R is."""
+    covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))
+    pair = covariance[:2, :2]
     # f = h^-α g
-    slope = np.array([-math.log(h) * g, 1.0]) * h**-alpha
-    return Bound(math.sqrt(covariance[0, 0]), math.sqrt(slope @ covariance @ slope))
-
-
-def _slopes(alpha: float, g: float, s2: float, R: float) -> Array:
-    """∂ log S by α, g, log s2 and log R, (4, frequencies)."""
-    z = np.exp(-1j * LAM)
-    difference = -np.expm1(-1j * LAM)  # 1 - z, without its rounding near λ = 0
-    order = difference**alpha
-    inverse = 1 / (order - g * z)
-    x = s2 * np.abs(inverse) ** 2
-    share = x / (x + R)
-    by_alpha = -2 * (np.log(difference) * order * inverse).real
-    by_g = 2 * (z * inverse).real
-    return np.stack([share * by_alpha, share * by_g, share, 1 - share])
+    of_f = np.array([-math.log(h) * g, 1.0]) * h**-alpha
+    logs = np.sqrt(np.diag(covariance)[2:])
+    return Bound(
+        math.sqrt(pair[0, 0]),
+        math.sqrt(of_f @ pair @ of_f),
+        math.sqrt(pair.sum()),
+        s2 * float(logs[0]),
+        R * float(logs[1]) if R else 0.0,
+    )

@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from prometheus_client.core import (
-    CounterMetricFamily,
-    GaugeMetricFamily,
     HistogramMetricFamily,
     InfoMetricFamily,
     Metric,
@@ -27,17 +25,17 @@ from fltea.records.records import (
     DeviceEstimatorStats,
     DeviceStatus,
     Estimate,
+    Fit,
     Hello,
     Sample,
     Stats,
 )
+from fltea.sinks.metrics.fits import fit_families
+from fltea.sinks.metrics.rows import Rows, counter_family, gauge_family
 from fltea.wire import layout as wire
 
 FRESH_NS = 5 * 10**9
 """An estimate that is older, by its arrival, is no longer shown: the device is gone, or starts anew."""
-
-Rows = list[tuple[tuple[str, ...], float | None]]
-"""Values of the labels, and the value; None where it is not known."""
 
 _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
@@ -53,6 +51,7 @@ class Newest:
     estimate_ns: int = 0
     device_estimate: DeviceEstimates | None = None
     device_estimate_ns: int = 0
+    fit: Fit | None = None
 
     def take(self, block: Block) -> None:
         """Remember samples and estimates; records are made of them when somebody asks."""
@@ -111,25 +110,10 @@ class Families(Collector):
                 if d.device_estimate and d.device_estimate_ns >= oldest_ns
             ]
         )
+        yield from fit_families([(name, d.fit) for name, d in devices if d.fit is not None])
         errors: Rows = [(labels, n) for labels, n in self._errors.copy().items()]
-        yield _counter("fltea_errors", "Errors told, by kind.", ("device", "kind"), errors)
+        yield counter_family("fltea_errors", "Errors told, by kind.", ("device", "kind"), errors)
         yield from _outputs([(device or "", outlet) for device, outlet in self._outlets()])
-
-
-def _counter(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
-    family = CounterMetricFamily(name, text, labels=labels)
-    for values, value in rows:
-        if value is not None:
-            family.add_metric(values, value)
-    return family
-
-
-def _gauge(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
-    family = GaugeMetricFamily(name, text, labels=labels)
-    for values, value in rows:
-        if value is not None:
-            family.add_metric(values, value)
-    return family
 
 
 def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
@@ -149,12 +133,12 @@ def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
 def _link(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
     def counter(name: str, text: str, key: str) -> Metric:
         rows: Rows = [((device,), getattr(s.link, key)) for device, s in stats]
-        return _counter(f"fltea_link_{name}", text, ("device",), rows)
+        return counter_family(f"fltea_link_{name}", text, ("device",), rows)
 
     yield counter("received_bytes", "Bytes received.", "bytes")
     yield counter("frames", "Good frames.", "frames")
     bad: Rows = [((device, why), n) for device, s in stats for why, n in s.link.bad_frames.items()]
-    yield _counter("fltea_link_bad_frames", "Damaged frames, by reason.", ("device", "reason"), bad)
+    yield counter_family("fltea_link_bad_frames", "Damaged frames, by reason.", ("device", "reason"), bad)
     yield counter("unknown_frames", "Intact frames of an unknown type.", "unknown_type")
     yield counter("refused_frames", "Frames of a device of another protocol version.", "refused")
     yield counter("overflow_bytes", "Bytes thrown away: the program was too slow.", "overflow_bytes")
@@ -164,17 +148,19 @@ def _link(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
 def _samples(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
     def counter(name: str, text: str, key: str) -> Metric:
         rows: Rows = [((device,), getattr(s.samples, key)) for device, s in stats]
-        return _counter(f"fltea_{name}", text, ("device",), rows)
+        return counter_family(f"fltea_{name}", text, ("device",), rows)
 
     def gauge(name: str, text: str, value: Callable[[Stats], float | None]) -> Metric:
-        return _gauge(f"fltea_{name}", text, ("device",), [((device,), value(s)) for device, s in stats])
+        return gauge_family(
+            f"fltea_{name}", text, ("device",), [((device,), value(s)) for device, s in stats]
+        )
 
     yield counter("samples_delivered", "Samples that went on to the estimator.", "delivered")
     yield counter("samples_lost", "Samples missing in gaps.", "lost")
     yield counter("gaps", "Gaps.", "gaps")
     yield counter("samples_duplicate", "Samples that came twice and were dropped.", "duplicates")
     yield counter("samples_before_hello", "Samples that nobody had introduced.", "before_hello")
-    yield _counter(
+    yield counter_family(
         "fltea_epochs", "Epochs begun.", ("device",), [((device,), s.epoch) for device, s in stats]
     )
     yield gauge("sample_rate_hertz", "Sampling rate by the host's clock.", lambda s: s.rate_hz)
@@ -195,18 +181,20 @@ def _axes_stats(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
     axes = [(device, axis, one) for device, s in stats for axis, one in s.axes.items()]
     labels = ("device", "axis")
     restarts: Rows = [((device, axis), one.restarts) for device, axis, one in axes]
-    yield _counter("fltea_axis_restarts", "Times that the axis began anew in this epoch.", labels, restarts)
+    yield counter_family(
+        "fltea_axis_restarts", "Times that the axis began anew in this epoch.", labels, restarts
+    )
     interventions: Rows = [
         ((device, axis, why), n) for device, axis, one in axes for why, n in one.interventions.items()
     ]
     text = "Samples since the axis's last start in which the guard stepped in, by cause."
-    yield _counter("fltea_axis_interventions", text, (*labels, "reason"), interventions)
+    yield counter_family("fltea_axis_interventions", text, (*labels, "reason"), interventions)
     lag1: Rows = [((device, axis), one.innovation_lag1) for device, axis, one in axes]
     text = "Correlation of an innovation with the one before; near 0 if the model fits."
-    yield _gauge("fltea_axis_innovation_lag1", text, labels, lag1)
+    yield gauge_family("fltea_axis_innovation_lag1", text, labels, lag1)
     nis: Rows = [((device, axis), one.innovation_nis) for device, axis, one in axes]
     text = "Mean square of the innovations over their predicted variance; near 1 if the model fits."
-    yield _gauge("fltea_axis_innovation_nis", text, labels, nis)
+    yield gauge_family("fltea_axis_innovation_nis", text, labels, nis)
     yield from _white(axes)
 
 
@@ -222,9 +210,11 @@ def _white(axes: Sequence[tuple[str, str, AxisStats]]) -> Iterator[Metric]:
             for names, white in known
             for share, value in zip(WHITE_QUANTILES, getattr(white, name), strict=True)
         ]
-        yield _gauge(f"fltea_axis_white_{name}", text, (*labels, "quantile"), rows)
+        yield gauge_family(f"fltea_axis_white_{name}", text, (*labels, "quantile"), rows)
     samples: Rows = [(names, white.samples) for names, white in known]
-    yield _gauge("fltea_axis_white_samples", "Samples that this white noise had so far.", labels, samples)
+    yield gauge_family(
+        "fltea_axis_white_samples", "Samples that this white noise had so far.", labels, samples
+    )
 
 
 def _board(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
@@ -237,14 +227,14 @@ def _board(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
         ("dropped_frames", "Frames that the device could not send, since its boot."),
     ):
         rows: Rows = [((device,), getattr(board, name)) for device, board in boards]
-        yield _counter(f"fltea_board_{name}", text, ("device",), rows)
+        yield counter_family(f"fltea_board_{name}", text, ("device",), rows)
 
     shares: Rows = [((device,), _scaled(board.cpu_share_percent, 1e-2)) for device, board in boards]
     text = "Share of the last second that the device's main loop worked."
-    yield _gauge("fltea_board_cpu_ratio", text, ("device",), shares)
+    yield gauge_family("fltea_board_cpu_ratio", text, ("device",), shares)
     steps: Rows = [((device,), _scaled(board.longest_step_us, 1e-6)) for device, board in boards]
     text = "Longest turn of the device's main loop within the last second."
-    yield _gauge("fltea_board_longest_step_seconds", text, ("device",), steps)
+    yield gauge_family("fltea_board_longest_step_seconds", text, ("device",), steps)
 
 
 def _device_estimator(stats: Sequence[tuple[str, DeviceEstimatorStats]]) -> Iterator[Metric]:
@@ -256,14 +246,14 @@ def _device_estimator(stats: Sequence[tuple[str, DeviceEstimatorStats]]) -> Iter
         ("estimates_unplaced", "unplaced", "Estimates of an axis that came and fit no sample."),
     ):
         rows: Rows = [((device,), getattr(one, key)) for device, one in stats]
-        yield _counter(f"fltea_device_{name}", text, ("device",), rows)
+        yield counter_family(f"fltea_device_{name}", text, ("device",), rows)
     queues: Rows = [((device,), one.queue) for device, one in stats]
-    yield _gauge(
+    yield gauge_family(
         "fltea_device_queue_samples", "Samples that wait for the device's estimator.", ("device",), queues
     )
     longest: Rows = [((device,), one.longest_axis_us * 1e-6) for device, one in stats]
     text = "Longest step of one axis on the device, since its boot."
-    yield _gauge("fltea_device_longest_axis_seconds", text, ("device",), longest)
+    yield gauge_family("fltea_device_longest_axis_seconds", text, ("device",), longest)
 
 
 def _device_estimates(estimates: Sequence[tuple[str, DeviceEstimates]]) -> Iterator[Metric]:
@@ -272,7 +262,7 @@ def _device_estimates(estimates: Sequence[tuple[str, DeviceEstimates]]) -> Itera
     ]
     labels = ("device", "axis")
     valid: Rows = [(names, float(one.valid)) for names, one in axes]
-    yield _gauge(
+    yield gauge_family(
         "fltea_device_axis_valid", "1: the device's own estimate holds; 0: it does not.", labels, valid
     )
     for key, text in (
@@ -282,7 +272,7 @@ def _device_estimates(estimates: Sequence[tuple[str, DeviceEstimates]]) -> Itera
         ("f_difference", "Parameter f: the device's estimate minus the host's, in s^-alpha."),
     ):
         rows: Rows = [(names, getattr(one, key)) for names, one in axes]
-        yield _gauge(f"fltea_device_axis_{key}", text, labels, rows)
+        yield gauge_family(f"fltea_device_axis_{key}", text, labels, rows)
 
 
 def _scaled(value: float | None, factor: float) -> float | None:
@@ -291,16 +281,22 @@ def _scaled(value: float | None, factor: float) -> float | None:
 
 def _sample(samples: Sequence[tuple[str, Sample]]) -> Iterator[Metric]:
     temperatures: Rows = [((device,), s.temperature_c) for device, s in samples]
-    yield _gauge("fltea_temperature_celsius", "Die temperature of the sensor.", ("device",), temperatures)
+    yield gauge_family(
+        "fltea_temperature_celsius", "Die temperature of the sensor.", ("device",), temperatures
+    )
     times: Rows = [((device,), s.host_ns * 1e-9) for device, s in samples]
-    yield _gauge("fltea_sample_timestamp_seconds", "Unix time of the newest sample.", ("device",), times)
+    yield gauge_family(
+        "fltea_sample_timestamp_seconds", "Unix time of the newest sample.", ("device",), times
+    )
 
 
 def _estimates(estimates: Sequence[tuple[str, Estimate]]) -> Iterator[Metric]:
     axes = [((device, axis), one) for device, e in estimates for axis, one in e.axes.items()]
     labels = ("device", "axis")
     valid: Rows = [(names, float(one.valid)) for names, one in axes]
-    yield _gauge("fltea_axis_valid", "1: the estimate holds; 0: it ran away, or was held.", labels, valid)
+    yield gauge_family(
+        "fltea_axis_valid", "1: the estimate holds; 0: it ran away, or was held.", labels, valid
+    )
     for key, text in (
         ("alpha", "Order of the noise."),
         ("alpha_std", "The order filter's own standard deviation."),
@@ -309,21 +305,21 @@ def _estimates(estimates: Sequence[tuple[str, Estimate]]) -> Iterator[Metric]:
         ("null_p", "How often white noise would look at least as unlike white as the samples."),
     ):
         rows: Rows = [(names, getattr(one, key)) for names, one in axes]
-        yield _gauge(f"fltea_axis_{key}", text, labels, rows)
+        yield gauge_family(f"fltea_axis_{key}", text, labels, rows)
     white: Rows = [(names, one.whiteness and float(one.whiteness == "rejected")) for names, one in axes]
     text = "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, no order."
-    yield _gauge("fltea_axis_not_white", text, labels, white)
+    yield gauge_family("fltea_axis_not_white", text, labels, white)
 
 
 def _outputs(outlets: Sequence[tuple[str, OutputView]]) -> Iterator[Metric]:
     stats = [((outlet.name, device), outlet.stats()) for device, outlet in outlets]
     labels = ("output", "device")
-    yield _counter(
+    yield counter_family(
         "fltea_output_written", "Records that an output took.", labels, [(o, s.written) for o, s in stats]
     )
     text = "Records that an output lost: too slow, or broken."
-    yield _counter("fltea_output_dropped", text, labels, [(o, s.dropped) for o, s in stats])
-    yield _gauge(
+    yield counter_family("fltea_output_dropped", text, labels, [(o, s.dropped) for o, s in stats])
+    yield gauge_family(
         "fltea_output_queue_records",
         "Records that wait for an output.",
         labels,

@@ -16,7 +16,7 @@ from fltea.records.clock import host_ns
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Item, OutputView, Report, Sink
-from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Hello, Stats
+from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.settings.listen_address import listen_address
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families, Newest
@@ -77,11 +77,15 @@ class MetricsSink(Sink):
             newest.device_estimate, newest.device_estimate_ns = item, host_ns()
         elif isinstance(item, Stats):
             self._of(item.device).stats = item
+        elif isinstance(item, Fit):
+            self._of(item.device).fit = item
         elif isinstance(item, Hello):
             self._of(item.device).hello = self._introduced(item)
         elif isinstance(item, Epoch):
             newest = self._of(item.device)
-            newest.estimate = newest.device_estimate = None  # what the epoch before it gave is no longer so
+            newest.estimate = newest.device_estimate = newest.fit = (
+                None  # what the epoch before it gave is no longer so
+            )
         elif isinstance(item, Error):
             key = item.device or "", item.kind
             self._errors[key] = self._errors.get(key, 0) + 1

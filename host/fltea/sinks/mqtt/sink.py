@@ -12,7 +12,7 @@ from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Item, Report, Sink
-from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, Hello, Record, Stats
+from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, Fit, Hello, Record, Stats
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up
@@ -91,6 +91,7 @@ class MqttSink(Sink):
         self._identities = FewIdentities()
         self._turned_away = False
         self._base = ""
+        self._fit: bytes | None = None
         self._status: Status | None = None
         self._status_due_ns = 0
         self._sample_ns: int | None = None
@@ -130,6 +131,8 @@ class MqttSink(Sink):
                 self._stream("device_estimate", item, self._settings.stream_qos)
         elif isinstance(item, Stats):
             self._stream("stats", item, 1)
+        elif isinstance(item, Fit):
+            self._on_fit(item)
         else:
             self._keep(_Message(self._topic(type(item).__name__.lower()), self._encode(item), again=True))
             self._send_backlog()
@@ -212,7 +215,7 @@ class MqttSink(Sink):
             return
         self._keep(_Message(self._topic("status"), self._offline("replaced", host_ns()), True, again=True))
         self._leave()
-        self._hello = self._status = self._sample_ns = None
+        self._hello = self._status = self._sample_ns = self._fit = None
 
     def _turn_away(self, hello: Hello) -> None:
         """Give a device no topics: what it says is counted as lost until one comes that may have some."""
@@ -228,12 +231,20 @@ class MqttSink(Sink):
 
     def _keep_early(self, record: AnyRecord) -> None:
         """Keep what is worth it until the first HELLO says whose it is."""
-        if isinstance(record, Estimate | DeviceEstimates | Stats):
+        if isinstance(record, Estimate | DeviceEstimates | Fit | Stats):
             return
         self._early.append(record)
         if len(self._early) > BACKLOG:
             self._early.popleft()
             self.lost += 1
+
+    def _on_fit(self, fit: Fit) -> None:
+        """A state: whoever comes later, or after an outage, is told the newest one."""
+        if self._turned_away:
+            self.lost += 1
+            return
+        self._fit = self._encode(fit)
+        self._publish_state("fit", self._fit)
 
     # --- the status ---
 
@@ -382,6 +393,8 @@ class MqttSink(Sink):
         outage, self._outage = self._outage, None
         self._send_backlog()  # may hold an older status, so before the newest
         self._publish_state("hello", self._encode(self._hello))
+        if self._fit is not None:
+            self._publish_state("fit", self._fit)
         self._publish_status()
         if outage is not None:
             away_s, lost = (host_ns() - outage.since_ns) * 1e-9, self.lost - outage.lost_before

@@ -2,12 +2,13 @@
 
 from typing import Any
 
-from fltea.records.records import AXES, Epoch, EstimatorInfo, Hello, Stats
+from fltea.records.records import AXES, AxisEstimate, AxisStats, Epoch, EstimatorInfo, Hello, Stats
 from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts_of_device
+from fltea.sinks.page.answer import answer
+from fltea.sinks.page.data_sheet import coefficients
 from fltea.sinks.page.history import EPOCH_WORDS, DeviceHistory
-from fltea.sinks.page.verdict import HEARD_LATE, RESUMED, judge, judge_whiteness
-from fltea.sinks.page.words import Level, counted, guard_words, quantity, span, with_std
+from fltea.sinks.page.words import Level, counted, duration, guard_words, quantity, with_std
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
@@ -34,10 +35,10 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
     silent_ns = now_ns - heard_ns
     if silent_ns > STALL_NS:
         if error is not None and history.error_heard_ns > heard_ns:
-            return "bad", f"stalled for {duration(silent_ns)}: {visible_lines(error.message)}"
+            return "bad", f"stalled for {duration(silent_ns * 1e-9)}: {visible_lines(error.message)}"
         if hello.sampling_mode == "recording" or hello.source.startswith("synthetic:"):
-            return "wait", f"at its end: no sample for {duration(silent_ns)}"
-        return "bad", f"stalled for {duration(silent_ns)}: no sample arrives"
+            return "wait", f"at its end: no sample for {duration(silent_ns * 1e-9)}"
+        return "bad", f"stalled for {duration(silent_ns * 1e-9)}: no sample arrives"
     begun = f"epoch {epoch.epoch}: {EPOCH_WORDS[epoch.reason]}"
     reconnects = history.stats.link.reconnects if history.stats else 0
     if epoch.epoch > 1:
@@ -51,7 +52,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
     if lost:
         return "bad", f"{', '.join(lost)} not valid ({begun})"
     age_ns = history.sample.host_ns - epoch.host_ns if history.sample else 0
-    return "good", f"running for {duration(age_ns)} ({begun})"
+    return "good", f"running for {duration(age_ns * 1e-9)} ({begun})"
 
 
 def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
@@ -63,7 +64,7 @@ def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
 
 
 def axes(history: DeviceHistory, window: int) -> list[dict[str, Any]]:
-    """Numbers of every axis, with what white noise would give beside them. window: the one that is shown."""
+    """What is known of every axis: the fit first, then the filters. window: the one that is shown."""
     stats = history.stats.axes if history.stats else {}
     beside = facts_of_device.beside(history, window)
     return [
@@ -72,43 +73,50 @@ def axes(history: DeviceHistory, window: int) -> list[dict[str, Any]]:
     ]
 
 
-def _axis(history: DeviceHistory, name: str, estimate: Any, stats: Any) -> dict[str, Any]:
+def _axis(
+    history: DeviceHistory, name: str, estimate: AxisEstimate | None, stats: AxisStats | None
+) -> dict[str, Any]:
     unit = unit_of(name)
-    valid = estimate is not None and estimate.valid
-    alpha, f = (estimate.alpha, estimate.f) if valid else (None, None)
-    white = history.white(name)
-    resumed = history.epoch is not None and history.epoch.reason == "resumed"
-    late = history.heard_late and history.estimator(name) == "device"
-    verdict = judge(alpha, f, white, older=RESUMED if resumed else HEARD_LATE if late else "")
-    state = None
-    if valid:
-        state = estimate.state
+    e = estimate if estimate is not None and estimate.valid else None
     bias, R = (None, None) if stats is None else (stats.bias, stats.R)
+    off = history.stats is not None and history.stats.fit_period_s is None
     rows = [
-        ["state x̂", quantity(state, unit, 4)],
+        ["α ± σ", with_std(e.alpha, e.alpha_std) if e else "–"],
+        ["f ± σ", f"{with_std(e.f, e.f_std)} s^-α" if e else "–"],
+        ["state x̂", quantity(e.state if e else None, unit, 4)],
         ["offset removed", quantity(bias, unit, 4)],
         ["R", quantity(R, f"({unit})²", 3, significant=True)],
-        ["power at start-up", quantity(white.power if white else None, f"({unit})²", 3, significant=True)],
         ["innovations, lag 1", quantity(stats.innovation_lag1 if stats else None, "", 3)],
         ["innovations, NIS", quantity(stats.innovation_nis if stats else None, "", 3)],
-        ["began anew", str(stats.restarts) if stats else "–"],
+        ["started again", str(stats.restarts) if stats else "–"],
     ]
     return {
         "name": name,
         "estimator": history.estimator(name),
-        "alpha": alpha,
-        "f": f,
-        "alpha_text": with_std(alpha, estimate.alpha_std if valid else None),
-        "f_text": with_std(f, estimate.f_std if valid else None),
-        "alpha_white": span(white.alpha) if white else "–",
-        "f_white": span(white.f) if white else "–",
-        "whiteness": (estimate.whiteness if estimate else None) or "unknown",
-        "whiteness_text": judge_whiteness(estimate.whiteness, estimate.null_p) if estimate else "",
-        "side": verdict.side,
-        "verdict": verdict.text,
-        "verdict_short": verdict.short,
+        "answer": answer(history.fits.get(name), off=off).plain(),
+        "running": {"alpha": e.alpha, "f": e.f} if e else {"alpha": None, "f": None},
         "rows": rows,
         "guard": guard_words(stats.interventions if stats else {}),
+    }
+
+
+def fitted(history: DeviceHistory) -> str:
+    """Of how many samples the newest fit is, in a line."""
+    fit, hello = history.fit, history.hello
+    if fit is None:
+        return ""
+    time = f" ({duration(fit.samples / hello.rate_hz)})" if hello else ""
+    return f"fit of {fit.samples:,} samples{time}"
+
+
+def curves(history: DeviceHistory, axis: str) -> dict[str, Any]:
+    """Which curves of an axis there are, and what the Allan deviation says in units of data sheets."""
+    found = history.curves.get(axis)
+    allan = found.allan if found else None
+    return {
+        "spectrum": found is not None and found.spectrum is not None,
+        "allan": allan is not None,
+        "coefficients": coefficients(allan, axis in AXES) if allan else [],
     }
 
 
@@ -198,16 +206,6 @@ def settings(history: DeviceHistory) -> str:
     whose = facts_of_device.whose(history, e.estimate_on)
     who = "" if e.estimate_on == "host" else f"estimates on {e.estimate_on}{whose}, "
     return f"variant {e.variant}, guard {e.guard}, {who}memory {e.memory}, L = {window}"
-
-
-def duration(ns: int) -> str:
-    """A length of time as a person says it."""
-    s = max(ns, 0) // 1_000_000_000
-    if s < 120:
-        return f"{s} s"
-    if s < 7200:
-        return f"{s // 60} min"
-    return f"{s // 3600} h" if s < 48 * 3600 else f"{s // 86400} days"
 
 
 def _number(value: float | None, form: str) -> str | None:

@@ -76,7 +76,7 @@ def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) ->
         "drawn": math.isfinite(farthest[0]),
         "rows": [
             ["state x̂, device − host", _difference(known.state_difference if known else None, "deg/s")],
-            ["began anew, device", str(stats.restarts.get(axis, 0)) if stats else "–"],
+            ["started again, device", str(stats.restarts.get(axis, 0)) if stats else "–"],
         ],
         "guard": guard_words(stats.interventions.get(axis, {}) if stats else {}),
     }

@@ -1,4 +1,4 @@
-"""The figures of the page and the columns that they draw; the page's script gives them their theme."""
+"""The figures over time and the columns that they draw."""
 
 import math
 from collections.abc import Sequence
@@ -7,9 +7,9 @@ import numpy as np
 from bokeh.models import ColumnDataSource, CustomJSTickFormatter, DatetimeTicker, HoverTool, Range1d
 from bokeh.models.annotations import BoxAnnotation, Span
 from bokeh.plotting import figure
+from numpy.typing import NDArray
 
-SAMPLE, STATE, ESTIMATE, WHITE = "#8796ab", "#e07b00", "#2f7de1", "#9aa5b1"
-"""Colours that stand out on a light ground and on a dark one."""
+from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, INKED, SAMPLE, STATE
 
 CHECKED = 1000
 """Innovations over which `stats` judges their whiteness."""
@@ -20,14 +20,11 @@ ROWS = ("time", "temperature", "y_low", "y", "y_high")
 ESTIMATES = ("time", "seq", "state", "alpha", "alpha_low", "alpha_high", "f", "f_low", "f_high")
 """Columns of the source `estimates`; low and high are one standard deviation away."""
 
-WHITE_COLUMNS = ("time", "alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
-"""Columns of the source `white`: 5, 50 and 95 % of what white noise gives."""
+FITS = ("time", "alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
+"""Columns of the source `fits`: what the fit says, with its 95 % interval."""
 
 BESIDE = ("time", "alpha", "f", "apart_low", "apart", "apart_high")
 """Columns of the source `beside`: the device's own estimates beside the host's; apart: their difference."""
-
-OF_DEVICE = "of the device"
-"""Name of lines to which the page's script gives its ink, which stands out from `ESTIMATE` on any ground."""
 
 LOCAL_TIME = """
 const date = new Date(tick)
@@ -35,6 +32,8 @@ const seconds = date.getSeconds() ? ":" + String(date.getSeconds()).padStart(2, 
 return String(date.getHours()).padStart(2, "0") + ":" + String(date.getMinutes()).padStart(2, "0") + seconds
 """
 
+
+Shown = tuple[ColumnDataSource, tuple[str, ...]]
 
 POWER_OF_TEN = "return tick ? tick.toExponential(1).replaceAll('-', '\u2212') : '0'"
 
@@ -44,7 +43,7 @@ class Figures:
 
     def __init__(self) -> None:
         self.rows, self.estimates = _source(ROWS), _source(ESTIMATES)
-        self.white, self.checks = _source(WHITE_COLUMNS), _source(("time", "lag1", "nis"))
+        self.fits, self.checks = _source(FITS), _source(("time", "lag1", "nis"))
         self.beside = _source(BESIDE)
         self.moment = Range1d(start=0, end=1)
         self._heights: list[_Height] = []
@@ -79,13 +78,13 @@ class Figures:
 
     def _estimate(self, name: str, letter: str, label: str) -> figure:
         low, mid, high = f"{name}_low", f"{name}_mid", f"{name}_high"
-        shown = (self.estimates, (low, high)), (self.white, (low, high)), (self.beside, (name,))
-        plot = self._figure(name, label, *shown)
-        plot.varea("time", low, high, source=self.white, color=WHITE, alpha=0.4)
-        plot.line("time", mid, source=self.white, color=WHITE, line_width=1.5, line_dash="dashed")
+        shown = (self.estimates, (low, high)), (self.fits, (mid,)), (self.beside, (name,))
+        plot = self._figure(name, label, *shown, loose=(self.fits, (low, high)))
+        plot.varea("time", low, high, source=self.fits, color=FIT, alpha=0.3)
+        plot.line("time", mid, source=self.fits, color=FIT, line_width=1.5)
         plot.varea("time", low, high, source=self.estimates, color=ESTIMATE, alpha=0.25)
         line = plot.line("time", name, source=self.estimates, color=ESTIMATE, line_width=2)
-        plot.line("time", name, source=self.beside, line_width=2, line_dash=[7, 7], name=OF_DEVICE)
+        plot.line("time", name, source=self.beside, line_width=2, line_dash=[7, 7], name=INKED)
         tips = [
             ("sample", "@seq{0,0}"),
             (letter, f"@{name}{{0.0000}}"),
@@ -99,10 +98,10 @@ class Figures:
             name, label, (self.checks, (name,)), always=(reference - 1.2 * limit, reference + 1.2 * limit)
         )
         band = BoxAnnotation(
-            bottom=reference - limit, top=reference + limit, fill_color=WHITE, fill_alpha=0.4, line_color=None
+            bottom=reference - limit, top=reference + limit, fill_color=BAND, fill_alpha=0.4, line_color=None
         )
         plot.add_layout(band)
-        plot.add_layout(Span(location=reference, dimension="width", line_color=WHITE, line_dash="dashed"))
+        plot.add_layout(Span(location=reference, dimension="width", line_color=BAND, line_dash="dashed"))
         plot.line("time", name, source=self.checks, color=ESTIMATE, line_width=2)
         plot.scatter("time", name, source=self.checks, color=ESTIMATE, size=3)
         return plot
@@ -110,9 +109,9 @@ class Figures:
     def _apart(self) -> figure:
         shown = self.beside, ("apart_low", "apart_high")
         plot = self._figure("apart", "device − host, α", shown, always=(0.0,), least=1e-9)
-        plot.add_layout(Span(location=0.0, dimension="width", line_color=WHITE, line_dash="dashed"))
+        plot.add_layout(Span(location=0.0, dimension="width", line_color=BAND, line_dash="dashed"))
         plot.varea("time", "apart_low", "apart_high", source=self.beside, color=SAMPLE, alpha=0.35)
-        plot.line("time", "apart", source=self.beside, line_width=1.5, name=OF_DEVICE)
+        plot.line("time", "apart", source=self.beside, line_width=1.5, name=INKED)
         plot.yaxis.formatter = CustomJSTickFormatter(code=POWER_OF_TEN)
         return plot
 
@@ -120,11 +119,12 @@ class Figures:
         self,
         name: str,
         label: str,
-        *shown: tuple[ColumnDataSource, tuple[str, ...]],
+        *shown: Shown,
         always: Sequence[float] = (),
         least: float = 1e-6,
+        loose: Shown | None = None,
     ) -> figure:
-        height = _Height(shown, always, least)
+        height = _Height(shown, always, least, loose)
         self._heights.append(height)
         plot = figure(
             name=name,
@@ -132,20 +132,19 @@ class Figures:
             x_range=self.moment,
             y_range=height.range,
             height=230,
-            sizing_mode="stretch_width",
-            toolbar_location=None,
-            tools="",
             y_axis_label=label,
             x_axis_label="local time",
-            background_fill_color=None,
-            border_fill_color=None,
-            outline_line_color=None,
-            output_backend="canvas",
+            **COMMON,
         )
         plot.xaxis.formatter = CustomJSTickFormatter(code=LOCAL_TIME)
         plot.xaxis.ticker = DatetimeTicker(desired_num_ticks=4)  # what a phone has room for
-        plot.min_border_left = 64
         return plot
+
+
+def _finite(source: ColumnDataSource, names: Sequence[str]) -> NDArray[np.float64]:
+    columns = [np.asarray(source.data[name], dtype=np.float64) for name in names]
+    values: NDArray[np.float64] = np.concatenate(columns)
+    return values[np.isfinite(values)]
 
 
 def _source(columns: Sequence[str]) -> ColumnDataSource:
@@ -156,32 +155,34 @@ class _Height:
     """The range of values of a figure: follows the data, but not every twitch of them.
 
     shown: columns of sources that it has to hold; always: values besides; least: its least length.
+    loose: columns that it holds as far as they reach no further beyond the others than these are long.
     """
 
     def __init__(
         self,
-        shown: Sequence[tuple[ColumnDataSource, tuple[str, ...]]],
+        shown: Sequence[Shown],
         always: Sequence[float],
         least: float,
+        loose: Shown | None = None,
     ) -> None:
         self._ends = math.inf, -math.inf
         self.range = Range1d(start=-1, end=1)
         self._shown = shown
         self._always = always
         self._least = least
+        self._loose = loose
 
     def fit(self) -> None:
         """Change the range if the data leave it, or have no more use for a third of it."""
-        columns = [
-            np.asarray(source.data[name], dtype=np.float64) for source, names in self._shown for name in names
-        ]
-        values = np.concatenate([*columns, self._always])
-        values = values[np.isfinite(values)]
+        values = np.concatenate([*(_finite(*one) for one in self._shown), self._always])
         if not values.size:
             return
         low, high = float(values.min()), float(values.max())
         wider = max(0.0, self._least - (high - low)) / 2
         low, high = low - wider, high + wider
+        if self._loose is not None:
+            beyond = np.clip(_finite(*self._loose), 2 * low - high, 2 * high - low)
+            low, high = float(np.min(beyond, initial=low)), float(np.max(beyond, initial=high))
         span = high - low
         start, end = self._ends
         if low < start or high > end or span < 0.6 * (end - start):

@@ -1,5 +1,6 @@
 """What the page knows of one device: its past in rows, its last records, and what happened to it."""
 
+import itertools
 import threading
 from collections import deque
 from typing import Literal, NamedTuple
@@ -7,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fltea.records import clock
+from fltea.records.fit import AxisFit, FitAllan, FitSpectrum
 from fltea.records.records import (
     ACCEL_AXES,
     AXES,
@@ -18,11 +20,11 @@ from fltea.records.records import (
     Epoch,
     Error,
     Estimate,
+    Fit,
     Gap,
     Hello,
     Sample,
     Stats,
-    WhiteBandStats,
 )
 from fltea.settings.config import EstimateOn
 from fltea.sinks.page import row_layout
@@ -31,6 +33,8 @@ from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers
 
 SILENCE_MS = 1000.0
 EVENTS = 60
+
+_numbers = itertools.count(1)
 
 
 class Happening(NamedTuple):
@@ -41,11 +45,20 @@ class Happening(NamedTuple):
     text: str
 
 
+class Curves(NamedTuple):
+    """The newest curves of an axis. number: another one for every change."""
+
+    number: int
+    spectrum: FitSpectrum | None = None
+    allan: FitAllan | None = None
+
+
 class DeviceHistory:
     """Takes the records of one device in one thread, and is read in others, under `lock`.
 
     estimate_on: who estimates the gyroscope's axes. newest: of every axis, the last estimate of the epoch;
-    newest_beside: the device's. heard_late: the device estimated already when the epoch began.
+    newest_beside: the device's. fit: the last fit, which goes on through epochs of the same sensor; fits: of
+    every axis; curves: likewise.
     """
 
     def __init__(self, name: str, estimate_on: EstimateOn) -> None:
@@ -58,7 +71,9 @@ class DeviceHistory:
         self.estimate: Estimate | None = None
         self.newest: dict[str, AxisEstimate] = {}
         self.newest_beside: dict[str, DeviceAxisEstimate] = {}
-        self.heard_late = False
+        self.fit: Fit | None = None
+        self.fits: dict[str, AxisFit] = {}
+        self.curves: dict[str, Curves] = {}
         self.error: Error | None = None
         self.error_heard_ns = 0
         self.heard_ns: int | None = None
@@ -84,6 +99,8 @@ class DeviceHistory:
                     self._on_estimate(record)
                 case DeviceEstimates():
                     self._on_device_estimates(record)
+                case Fit():
+                    self._on_fit(record)
                 case Stats():
                     self._on_stats(record)
                 case Hello():
@@ -108,11 +125,6 @@ class DeviceHistory:
         if self.sample is None or self.epoch is None or self.sample.epoch != self.epoch.epoch:
             return 0
         return self.sample.seq - self.epoch.seq + 1 - self._lost
-
-    def white(self, axis: str) -> WhiteBandStats | None:
-        """What white noise would give in place of an axis, as far as this epoch's statistics say it."""
-        stats = self._stats_of_epoch(axis)
-        return stats.white if stats else None
 
     def estimator(self, axis: str) -> EstimateOn:
         """Who estimates an axis."""
@@ -159,7 +171,7 @@ class DeviceHistory:
         self._commit(None)
         self.epoch, self.estimate = record, None
         self.newest, self.newest_beside, self._means = {}, {}, {}
-        self.heard_late, self._lost = False, 0
+        self._lost = 0
         now_ms = record.host_ns * 1e-6
         if now_ms < self._last_ms:  # the date was set back
             self._clear()
@@ -188,9 +200,6 @@ class DeviceHistory:
 
     def _keep_own(self, record: Estimate) -> None:
         """Take the device's own estimates, which come at a pace of their own."""
-        epoch = self.epoch
-        startup = epoch.estimator.startup_samples if epoch and epoch.estimator else 0
-        self.heard_late |= epoch is not None and record.seq - epoch.seq < startup
         if not self.axes:
             return
         row: list[float | None] = [record.host_ns * 1e-6, record.seq]
@@ -207,6 +216,22 @@ class DeviceHistory:
             row += row_layout.beside(record.axes.get(axis))
         self._tables["beside"].append(np.array(row, dtype=np.float64))
 
+    def _on_fit(self, record: Fit) -> None:
+        if self.fit is not None and record.samples < self.fit.samples:  # of another sensor
+            self.fits, self.curves = {}, {}
+        self.fit = record
+        self.fits |= record.axes
+        for axis, found in record.axes.items():
+            if found.spectrum is not None or found.allan is not None:
+                before = self.curves.get(axis, Curves(0))
+                spectrum, allan = found.spectrum or before.spectrum, found.allan or before.allan
+                self.curves[axis] = Curves(next(_numbers), spectrum, allan)
+        if self.axes:
+            row: list[float | None] = [record.host_ns * 1e-6]
+            for axis in self.axes:
+                row += row_layout.fit(record.axes.get(axis))
+            self._tables["fits"].append(np.array(row, dtype=np.float64))
+
     def _on_stats(self, record: Stats) -> None:
         self.stats = record
         every = record.device_estimator.every if record.device_estimator else self._every
@@ -221,13 +246,10 @@ class DeviceHistory:
         if self.axes and self.sample is not None:
             time_ms = self.sample.host_ns * 1e-6
             checks: list[float | None] = [time_ms]
-            white: list[float | None] = [time_ms]
             for axis in self.axes:
                 found = both.get(axis)
                 checks += [found.innovation_lag1, found.innovation_nis] if found else [None, None]
-                white += row_layout.white(found.white if found else None)
             self._tables["checks"].append(np.array(checks, dtype=np.float64))
-            self._tables["white"].append(np.array(white, dtype=np.float64))
 
     def _on_gap(self, record: Gap) -> None:
         if self.epoch is not None and record.epoch == self.epoch.epoch:
@@ -272,7 +294,7 @@ class DeviceHistory:
         axes = len(self.axes)
         self._tables: dict[Table, Tiers] = {
             "rows": row_layout.make("rows", axes, rate_hz),
-            "white": row_layout.make("white", axes, 1.0),
+            "fits": row_layout.make("fits", axes, 1.0),
             "checks": row_layout.make("checks", axes, 1.0),
         }
         self._make_table_of_device()

@@ -3,7 +3,7 @@ window.fltea = (() => {
   "use strict"
   const byId = id => document.getElementById(id)
   const RETRY_MS = 2000
-  const OF_DEVICE = "of the device"  // what figures.py calls it
+  const OF_DEVICE = "of the device"  // what plot_style.py calls it
   let facts, control, plots
   let choice = {device: "", axis: "", window: null}
   let shown = null
@@ -89,8 +89,16 @@ window.fltea = (() => {
     byId("own-part").hidden = !f.own.length
     rows("own", f.own)
     events(f.events)
+    window.fltea.actions.show(f)
+    byId("fitted").textContent = f.fit
+    for (const name of ["spectrum", "allan"]) {
+      for (const part of document.querySelectorAll(`#${name} .drawn`)) part.hidden = !f.curves[name]
+      for (const part of document.querySelectorAll(`#${name} .not-drawn`)) part.hidden = f.curves[name]
+    }
+    rows("coefficients", f.curves.coefficients)
     const label = f.unit ? `${f.axis} [${f.unit}]` : ""
-    if (plots[0].left[0].axis_label !== label) plots[0].left[0].setv({axis_label: label}, {sync: false})
+    const noise = plots.find(plot => plot.name === "noise").left[0]
+    if (noise.axis_label !== label) noise.setv({axis_label: label}, {sync: false})
   }
 
   function devices(f) {
@@ -122,14 +130,6 @@ window.fltea = (() => {
     }
     f.axes.forEach((axis, number) => fill(place.children[number], axis, axis.name === f.axis))
     const chosen = f.axes.find(axis => axis.name === f.axis)
-    for (const whiteness of document.querySelectorAll("figure .whiteness")) {
-      whiteness.textContent = chosen ? chosen.whiteness_text : ""
-      whiteness.dataset.whiteness = chosen ? chosen.whiteness : "unknown"
-    }
-    for (const verdict of document.querySelectorAll("figure .verdict")) {
-      verdict.textContent = chosen ? chosen.verdict_short : ""
-      verdict.dataset.side = chosen ? chosen.side : "unknown"
-    }
     const beside = chosen ? chosen.beside : null
     for (const apart of document.querySelectorAll("figure .apart")) compare(apart, beside, apart.dataset.of)
     for (const part of document.querySelectorAll("#apart .drawn")) part.hidden = !(beside && beside.drawn)
@@ -142,49 +142,50 @@ window.fltea = (() => {
   }
 
   function card(axis) {
-    const made = element("div", {class: "card", role: "button", tabindex: "0", "data-axis": axis.name})
-    made.innerHTML = `<h2></h2>
-      <div class="pair"><b>α</b><span class="big alpha"></span><span class="beside alpha-white"></span>
-        <span class="beside alpha-device"></span></div>
-      <div class="pair"><b>f</b><span class="big"><span class="f"></span> <small>s<sup>-α</sup></small></span><span class="beside f-white"></span>
-        <span class="beside f-device"></span></div>
-      <p class="whiteness"></p><p class="verdict"></p><p class="why-not"></p><p class="guard"></p><p class="guard guard-of-device"></p><details><summary>more</summary><dl></dl></details>`
-    made.querySelector("h2").textContent = axis.name
-    const pick = () => choose({axis: axis.name})
-    made.addEventListener("click", event => { if (!event.target.closest("details")) pick() })
-    made.addEventListener("keydown", event => {
-      if (event.target === made && (event.key === "Enter" || event.key === " ")) { event.preventDefault(); pick() }
-    })
+    const made = element("section", {class: "card", "data-axis": axis.name, "aria-label": axis.name})
+    made.innerHTML = `<h2><button type="button" class="pick"></button></h2>
+      <p class="head"></p>
+      <dl class="order"><div><dt>α</dt><dd class="alpha"></dd></div>
+        <div><dt>f</dt><dd class="f"></dd></div></dl>
+      <p class="condition"></p><p class="text"></p><p class="until"></p><p class="left-out"></p>
+      <p class="why-not"></p><p class="guard"></p><p class="guard guard-of-device"></p>
+      <details><summary>FLTEA, the running filter</summary><dl class="rows"></dl></details>`
+    made.querySelector(".pick").textContent = axis.name
+    made.addEventListener("click", event => { if (!event.target.closest("details")) choose({axis: axis.name}) })
     return made
   }
 
   function fill(made, axis, pressed) {
-    const set = (selector, text) => { made.querySelector(selector).textContent = text }
-    made.setAttribute("aria-pressed", pressed)
-    made.dataset.alpha = axis.alpha ?? ""
-    made.dataset.f = axis.f ?? ""
-    set(".alpha", axis.alpha_text)
-    set(".f", axis.f_text)
-    set(".alpha-white", `white noise: ${axis.alpha_white}`)
-    set(".f-white", `white noise: ${axis.f_white}`)
-    set(".whiteness", axis.whiteness_text)
-    made.querySelector(".whiteness").dataset.whiteness = axis.whiteness
-    set(".verdict", axis.verdict)
-    made.querySelector(".verdict").dataset.side = axis.side
-    set(".guard", guard("guard", axis.guard))
-    const beside = axis.beside
+    const set = (selector, text) => {
+      const place = made.querySelector(selector)
+      if (place.textContent !== text) place.textContent = text  // else what is selected would be lost
+    }
+    const found = axis.answer, beside = axis.beside
+    made.querySelector(".pick").setAttribute("aria-pressed", pressed)
+    made.classList.toggle("picked", pressed)
+    made.dataset.verdict = found.kind
+    made.dataset.alpha = axis.running.alpha ?? ""
+    made.dataset.f = axis.running.f ?? ""
+    for (const text of ["head", "text", "condition", "until", "left_out"]) set("." + text.replace("_", "-"), found[text])
+    made.querySelector(".order").hidden = !found.kind
+    parameter(made.querySelector("dd.alpha"), found.alpha, [])
+    parameter(made.querySelector("dd.f"), found.f, [" s", element("sup", {}, "−α")])
+    set(".guard", guard("FLTEA's guard", axis.guard))
     made.dataset.apart = beside ? beside.apart ?? "" : ""
-    set(".alpha-device", ofDevice(beside, "alpha"))
-    set(".f-device", ofDevice(beside, "f"))
     set(".why-not", beside ? beside.why_not : "")
     set(".guard-of-device", beside ? guard("the device's guard", beside.guard) : "")
-    fillRows(made.querySelector("dl"), beside ? [...axis.rows, ...beside.rows] : axis.rows)
+    fillRows(made.querySelector("dl.rows"), beside ? [...axis.rows, ...beside.rows] : axis.rows)
   }
 
-  function ofDevice(beside, name) {
-    if (!beside) return ""
-    const apart = beside.why_not ? "" : `; minus host: ${beside[`${name}_apart`]}`
-    return `device: ${beside[`${name}_text`]}${apart}`
+  // A figure is large only where the data support it.
+  function parameter(place, found, unit) {
+    const text = JSON.stringify(found)
+    if (place.dataset.text === text) return
+    place.dataset.text = text
+    if (!found) { place.replaceChildren(element("span", {class: "undefined"}, "undefined")); return }
+    const [value, interval, large] = found
+    place.replaceChildren(element("span", {class: large ? "big" : "small"}, value), " ",
+      element("span", {class: "interval"}, interval, ...unit))
   }
 
   function guard(whose, found) {

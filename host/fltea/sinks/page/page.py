@@ -5,15 +5,20 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
+import msgspec
+import numpy as np
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.models import ColumnDataSource, CustomJS
 from jinja2 import Environment
 
 from fltea.records import clock
-from fltea.sinks.page import facts, facts_of_device
+from fltea.records.ports import Recorder
+from fltea.sinks.page import facts, facts_of_device, recording
+from fltea.sinks.page.areas import closed
+from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
-from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.history import Curves, DeviceHistory
 from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor
 
@@ -26,17 +31,29 @@ class Page:
 
     The browser answers every update (`control.ack`), and there is no further update until it has: what a slow
     browser, or one that stopped reading, has not fetched stays in the history, which does not grow.
+
+    recorder: tells how the recordings are. token: what the page's requests have to bring (`actions`).
     """
 
-    def __init__(self, document: Document, histories: Mapping[str, DeviceHistory]) -> None:
+    def __init__(
+        self,
+        document: Document,
+        histories: Mapping[str, DeviceHistory],
+        recorder: Recorder | None = None,
+        token: str = "",
+        may_record: bool = False,
+    ) -> None:
         self._histories = histories
+        self._recorder, self._token, self._may_record = recorder, token, may_record
         self._device = next(iter(histories))
         self._axis = ""
         self._window = FIRST_WINDOW
         self._tick = 0
         self._acknowledged = 0
         self._cursors: dict[Table, Cursor] = {}
-        self._figures = Figures()
+        self._middles: dict[tuple[Table, str], float] = {}
+        self._figures, self._curves = Figures(), CurveFigures()
+        self._drawn: tuple[str, str, Curves | None] = "", "", None
         self._facts = ColumnDataSource({"json": [""]}, name="facts")
         self._control = ColumnDataSource(_choice("", "", FIRST_WINDOW, 0), name="control")
         self._control.on_change("data", self._on_control)
@@ -58,6 +75,7 @@ class Page:
             if self._axis:
                 for table, sources in self._shown(history).items():
                     self._send(history, table, sources)
+                self._show_curves(history)
                 self._show_moment(history)
                 self._figures.fit()
             told = self._tell(history, states)
@@ -66,7 +84,7 @@ class Page:
     def _shown(self, history: DeviceHistory) -> dict[Table, list[ColumnDataSource]]:
         """Which tables the figures draw; what they do not draw is emptied."""
         f, estimator = self._figures, history.estimator(self._axis)
-        shown: dict[Table, list[ColumnDataSource]] = {"white": [f.white], "checks": [f.checks]}
+        shown: dict[Table, list[ColumnDataSource]] = {"fits": [f.fits], "checks": [f.checks]}
         if estimator == "device":
             shown |= {"rows": [f.rows], "own": [f.estimates]}
         else:
@@ -86,12 +104,30 @@ class Page:
             if f"{name}_std" in columns:
                 std = columns[f"{name}_std"]
                 columns[f"{name}_low"], columns[f"{name}_high"] = columns[name] - std, columns[name] + std
+        for name in ("alpha", "f"):
+            low, high = f"{name}_low", f"{name}_high"
+            if low in columns:
+                before = np.nan if new.fresh else self._middles.get((table, name), np.nan)
+                columns[low], columns[high], end = closed(columns[low], columns[high], before)
+                self._middles[table, name] = end
         for source in sources:
             wanted = {name: columns[name] for name in source.column_names}
             if new.fresh:
                 source.data = wanted
             elif len(new.values):
                 source.stream(wanted, rollover=new.capacity)
+
+    def _show_curves(self, history: DeviceHistory) -> None:
+        """Send the curves of the axis only if they are other ones."""
+        curves = history.curves.get(self._axis)
+        wanted = history.name, self._axis, curves
+        if wanted[:2] == self._drawn[:2] and curves is self._drawn[2]:
+            return
+        self._drawn = wanted
+        fit = history.fits.get(self._axis)
+        if fit is not None and curves is not None:
+            fit = msgspec.structs.replace(fit, spectrum=curves.spectrum, allan=curves.allan)
+        self._curves.show(self._axis, facts.unit_of(self._axis), fit)
 
     def _show_moment(self, history: DeviceHistory) -> None:
         if history.sample is not None:
@@ -114,13 +150,21 @@ class Page:
             "seq": estimate.seq if estimate else None,
             "epoch": history.epoch.epoch if history.epoch else None,
             "time_ms": sample.host_ns // 1_000_000 if sample else None,
+            "fit": facts.fitted(history),
             "axes": facts.axes(history, self._window),
+            "curves": facts.curves(history, self._axis),
             "own": facts_of_device.own(history),
             "link": facts.link(history.stats),
             "hardware": facts.device(history.hello, sample.temperature_c if sample else None),
             "events": facts.events(history),
             "settings": facts.settings(history),
+            "recording": self._recording(),
         }
+
+    def _recording(self) -> dict[str, Any]:
+        if self._recorder is None:
+            return recording.nothing()
+        return recording.words(self._recorder.view(self._device), self._may_record)
 
     def _on_control(self, attribute: str, old: Any, new: Any) -> None:
         """Follow what the browser chooses; what makes no sense is ignored."""
@@ -143,14 +187,16 @@ class Page:
         document.config.reconnect_session = False  # the page's script loads it anew
         document.config.notify_connection_status = False
         self._figures.noise.tags = [self._facts, self._control]  # so they belong to the document
+        plots = [*self._curves.all, *self._figures.all]
         with document.models.freeze():  # else bokeh looks through all of them after each
-            for plot in self._figures.all:
+            for plot in plots:
                 document.add_root(plot)
-        shown = {"facts": self._facts, "control": self._control, "plots": self._figures.all}
+        shown = {"facts": self._facts, "control": self._control, "plots": plots}
         document.js_on_event(DocumentReady, CustomJS(args=shown, code=START))
         self._facts.js_on_change("data", CustomJS(code="window.fltea.show(cb_obj)"))
         document.template = TEMPLATE
-        document.template_variables.update(css=_text("page.css"), script=_text("page.js"))
+        document.template_variables.update(css=_text("page.css"), token=self._token)
+        document.template_variables.update(script=_text("page.js") + _text("actions.js"))
 
 
 def _choice(device: str, axis: str, window: int, acknowledged: int) -> dict[str, list[Any]]:

@@ -3,24 +3,27 @@
 from collections.abc import Sequence
 from typing import Literal
 
-from fltea.records.records import AxisEstimate, DeviceAxisEstimate, WhiteBandStats
+from fltea.records.fit import AxisFit
+from fltea.records.records import AxisEstimate, DeviceAxisEstimate
+from fltea.sinks.page.answer import order
 from fltea.sinks.page.tiers import Kind, Tiers
 
-Table = Literal["rows", "white", "checks", "own", "beside"]
-"""own: estimates of the device in place of the host's; beside: those beside the host's, at its own pace."""
+Table = Literal["rows", "fits", "checks", "own", "beside"]
+"""fits: α and f of the fit with their intervals, NaN where undefined; own: estimates of the device in place
+of the host's; beside: those beside the host's, at its own pace."""
 
 ESTIMATE: dict[str, Kind] = dict.fromkeys(("state", "alpha", "alpha_std", "f", "f_std"), "mean")
 
 COMMON: dict[Table, dict[str, Kind]] = {
     "rows": {"time": "mean", "seq": "max", "temperature": "mean"},
-    "white": {"time": "mean"},
+    "fits": {"time": "mean"},
     "checks": {"time": "mean"},
     "own": {"time": "mean", "seq": "max"},
     "beside": {"time": "mean"},
 }
 OF_AXIS: dict[Table, dict[str, Kind]] = {
     "rows": {"y_low": "min", "y": "mean", "y_high": "max", **ESTIMATE},
-    "white": dict.fromkeys(("alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high"), "mean"),
+    "fits": dict.fromkeys(("alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high"), "mean"),
     "checks": dict.fromkeys(("lag1", "nis"), "mean"),
     "own": ESTIMATE,
     "beside": {
@@ -55,9 +58,14 @@ def estimate(e: AxisEstimate | None) -> list[float | None]:
     return [e.state, e.alpha, e.alpha_std, e.f, e.f_std]
 
 
-def white(band: WhiteBandStats | None) -> list[float | None]:
-    """What white noise would give, in the order of the table's columns."""
-    return [None] * len(OF_AXIS["white"]) if band is None else [*band.alpha, *band.f]
+def fit(found: AxisFit | None) -> list[float | None]:
+    """α and f of a fit with their intervals, in the order of the table's columns."""
+    if found is None:
+        return [None] * len(OF_AXIS["fits"])
+    row: list[float | None] = []
+    for p in order(found):
+        row += [p.low, p.value, p.high] if p else [None] * 3
+    return row
 
 
 def beside(e: DeviceAxisEstimate | None) -> list[float | None]:

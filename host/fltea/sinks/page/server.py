@@ -5,7 +5,7 @@ import errno
 import gc
 import socket
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from urllib.parse import urlsplit
 
 from bokeh.application import Application
@@ -58,7 +58,7 @@ class PageServer:
     """Bokeh's server on a loop in a thread of its own.
 
     make: fills the document of each page. names: further names under which the page may be asked for.
-    visitors: pages that may be open at a time; `report` is told of others.
+    visitors: pages that may be open at a time; `report` is told of others. rules: what else is answered.
 
     Raises:
         FlteaError: the port is taken, or the address is not ours.
@@ -72,6 +72,7 @@ class PageServer:
         make: Callable[[Document], None],
         visitors: int,
         report: Report,
+        rules: Sequence[Rule] = (),
     ) -> None:
         try:
             sockets = bind_sockets(port, host)
@@ -81,6 +82,7 @@ class PageServer:
         self._sockets = sockets
         self._names = own_names(host, names)
         self._make, self._visitors, self._report = make, visitors, report
+        self._rules = list(rules)
         self._application = Application(FunctionHandler(self._fill))
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live page", daemon=True)
@@ -117,8 +119,8 @@ class PageServer:
         )
         full = Rule(OneTooMany(self._visitors, self._ids, self._report), Full)
         inside = WebApplication([], log_function=lambda handler: None)  # it takes a 503 for a fault
-        inside.wildcard_router.add_rules([full, Rule(AnyMatches(), tornado)])
-        http = HTTPServer(RuleRouter([Rule(OwnName(self._names), inside)]))
+        inside.wildcard_router.add_rules([full, *self._rules, Rule(AnyMatches(), tornado)])
+        http = HTTPServer(RuleRouter([Rule(OwnName(self._names), inside)]), max_body_size=LARGEST_MESSAGE)
         http.add_sockets(self._sockets)
         self._server = BaseServer(self._loop, tornado, http)
         self._server.start()

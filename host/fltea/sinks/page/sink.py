@@ -1,14 +1,15 @@
-"""The live page: a web server that shows every device's noise, α and f beside what white noise would give."""
+"""The live page: a web server that leads with what every device's noise is, and shows it."""
 
 from collections.abc import Mapping
 
 from bokeh.document import Document
 
 from fltea.records.block import Block
-from fltea.records.ports import Item, Report, Sink
+from fltea.records.ports import Item, Recorder, Report, Sink
 from fltea.records.records import Record
 from fltea.settings.config import EstimateOn
 from fltea.settings.outputs import DashboardConfig
+from fltea.sinks.page.actions import Actions
 from fltea.sinks.page.complaints import Complaints
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
@@ -18,7 +19,8 @@ from fltea.sinks.page.server import PageServer
 class DashboardSink(Sink):
     """Remembers what the page shows; browsers fetch it at their own pace, so none can hold anything up.
 
-    devices: who estimates the gyroscope of each device, by its name.
+    devices: who estimates the gyroscope of each device, by its name. recorder: what the page's button works
+    on, if pages may record.
 
     Raises:
         FlteaError: the port is taken, or the address is not ours.
@@ -31,11 +33,17 @@ class DashboardSink(Sink):
         settings: DashboardConfig,
         devices: Mapping[str, EstimateOn],
         report: Report,
+        recorder: Recorder | None = None,
     ) -> None:
         self._histories = {name: DeviceHistory(name, estimate_on) for name, estimate_on in devices.items()}
         Complaints(report)
         self._host, port = settings.listen()
-        self._server = PageServer(self._host, port, settings.names, self._make, settings.visitors, report)
+        self._recorder = recorder
+        actions = Actions(self._histories, recorder if settings.may_record else None)
+        self._token, self._may_record = actions.token, settings.may_record
+        self._server = PageServer(
+            self._host, port, settings.names, self._make, settings.visitors, report, actions.rules()
+        )
 
     @property
     def url(self) -> str:
@@ -62,4 +70,4 @@ class DashboardSink(Sink):
         self._server.close()
 
     def _make(self, document: Document) -> None:
-        Page(document, self._histories)
+        Page(document, self._histories, self._recorder, self._token, self._may_record)

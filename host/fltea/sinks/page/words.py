@@ -1,7 +1,7 @@
 """Numbers as the page writes them (pure)."""
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 Level = Literal["good", "wait", "bad", "plain"]
 
@@ -37,11 +37,6 @@ def with_std(value: float | None, std: float | None) -> str:
     return figure(value, 3) + ("" if std is None else f" ± {figure(std, 3)}")
 
 
-def span(quantiles: Any) -> str:
-    """The outer two of three quantiles."""
-    return f"{figure(float(quantiles[0]), 3)} … {figure(float(quantiles[2]), 3)}"
-
-
 def apart(value: float) -> str:
     """A small difference, with its sign and a power of ten."""
     if not value:
@@ -59,3 +54,13 @@ def counted(label: str, count: int, remark: str = "") -> list[str]:
     """A count of what should not be, as label, value, level."""
     value = f"{count:,}" + (f" ({remark})" if remark else "")
     return [label, value, "bad" if count else "plain"]
+
+
+def duration(seconds: float) -> str:
+    """A length of time as a person says it."""
+    s = int(max(seconds, 0))
+    if s < 120:
+        return f"{s} s"
+    if s < 7200:
+        return f"{s // 60} min"
+    return f"{s // 3600} h" if s < 48 * 3600 else f"{s // 86400} days"

@@ -1,0 +1,70 @@
+"""Kalibr's imu.yaml from what the Allan deviations of the axes show (pure)."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from fltea import __version__
+
+
+class Shown(NamedTuple):
+    """N or K of one axis: None where the curve does not show it, and `reason` says why."""
+
+    value: float | None
+    reason: str = ""
+
+
+class AxisNoise(NamedTuple):
+    """N and K of one axis: in deg/√s and (deg/s)/√s, of an accelerometer with m/s² for deg/s."""
+
+    N: Shown
+    K: Shown
+
+
+NOT_ANALYSED = "the accelerometer was not analysed"
+
+
+def imu_yaml(
+    gyro: Mapping[str, AxisNoise],
+    rate_hz: float,
+    source: str,
+    *,
+    accel: Mapping[str, AxisNoise] | None = None,
+    rostopic: str = "/imu0",
+) -> str:
+    """The text of the file, for axes by name; source: what they were identified from.
+
+    Kalibr has one figure for all axes: it gets that of the worst. What is not known is a comment.
+    """
+    forces = accel or {}
+    without = NOT_ANALYSED if not forces else ""
+    what = "Noise" if forces else "Gyroscope noise"
+    lines = [
+        f"# {what} by fltea {__version__} from {' '.join(source.split())}",
+        "# (Allan deviation; of the axes the worst). The model is white noise and a random walk of the rate.",
+        "# Kalibr wants all six entries: fill in what is not known from the data sheet, or record longer.",
+        *_entry(
+            "accelerometer_noise_density", {a: n.N for a, n in forces.items()}, "m/s^2/sqrt(Hz)", without
+        ),
+        *_entry("accelerometer_random_walk", {a: n.K for a, n in forces.items()}, "m/s^3/sqrt(Hz)", without),
+        *_entry("gyroscope_noise_density", {a: n.N for a, n in gyro.items()}, "rad/s/sqrt(Hz)"),
+        *_entry("gyroscope_random_walk", {a: n.K for a, n in gyro.items()}, "rad/s^2/sqrt(Hz)"),
+        f"{'update_rate:':<29}{rate_hz:.6g}  # Hz",
+        f"{'rostopic:':<29}{rostopic}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _entry(
+    key: str, found: Mapping[str, Shown], unit: str, without: str = "no axis was analysed"
+) -> list[str]:
+    """The largest of the axes, in rad where the unit has it, and whose it is."""
+    known = {axis: one.value for axis, one in found.items() if one.value is not None}
+    if not known:
+        reasons = dict.fromkeys(one.reason for one in found.values())
+        return [f"# {key}:  # {unit}; not known: {'; '.join(reasons) or without}"]
+    worst = max(known, key=lambda axis: known[axis])
+    unknown = [axis for axis in found if axis not in known]
+    remark = f"of {worst}" + (f"; not known of {', '.join(unknown)}" if unknown else "")
+    value = math.radians(known[worst]) if unit.startswith("rad") else known[worst]
+    return [f"{key + ':':<29}{value:.6e}  # {unit}, {remark}"]

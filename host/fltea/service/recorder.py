@@ -1,0 +1,129 @@
+"""Recordings that begin and end while the program runs, as those of `--record` do with it."""
+
+import shutil
+import threading
+import time
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from fltea.records import clock
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.ports import RecordingView
+from fltea.records.records import Hello
+from fltea.service.hub import Hub
+from fltea.service.outlet import Outlet
+from fltea.settings.extras import load
+from fltea.settings.outputs import RecordConfig
+from fltea.sources.as_wire import AsWire
+
+FINISH_S = 5.0
+FREE_EVERY_S = 5.0
+"""How often the disk is asked for its room."""
+
+REPLAYED = "A recording is one already."
+FAULT = "The recording ended by a fault of its own; the list of what happened says which."
+
+
+class RecorderOfHub:
+    """Adds recordings to the hub and takes them out again.
+
+    settings: as of `--record`; without a folder there, `folder` is used.
+    replays: devices that are recordings.
+    """
+
+    def __init__(self, hub: Hub, settings: RecordConfig, folder: str, replays: Collection[str]) -> None:
+        self._hub, self._replays = hub, replays
+        self._settings = msgspec.structs.replace(settings, folder=settings.folder or folder)
+        self._folder = Path(self._settings.folder or folder).absolute()
+        self._lock = threading.Lock()
+        self._fixed: dict[str, Outlet] = {}
+        self._running: dict[str, Outlet] = {}
+        self._began_s: dict[str, float] = {}
+        self._done: dict[str, tuple[str | None, int]] = {}
+        self._free: tuple[float, int | None] = (-FREE_EVERY_S, None)
+
+    def adopt(self, device: str, outlet: Outlet) -> None:
+        """Take note of a recording that runs as long as the program."""
+        self._fixed[device] = outlet
+        self._began_s[device] = time.monotonic()
+
+    def view(self, device: str) -> RecordingView:
+        """How the recording of a device is."""
+        outlet = self._fixed.get(device) or self._running.get(device)
+        folder, free = str(self._folder), self._free_bytes()
+        if outlet is None:
+            file, size = self._done.get(device, (None, 0))
+            why_not = REPLAYED if device in self._replays else ""
+            return RecordingView(False, False, folder, file, size, free_bytes=free, why_not=why_not)
+        sink: Any = outlet.sink
+        return RecordingView(
+            on=True,
+            fixed=device in self._fixed,
+            folder=folder,
+            file=None if sink.path is None else sink.path.name,
+            size_bytes=sink.size_bytes,
+            seconds=time.monotonic() - self._began_s[device],
+            lost=sink.lost,
+            trouble=FAULT if outlet.join(0) else sink.trouble,
+            free_bytes=free,
+        )
+
+    def start(self, device: str, hello: Hello | None) -> None:
+        """Begin to record, if nobody did.
+
+        Raises:
+            UsageError: the device cannot be recorded, the folder not be written to, or a library is missing.
+        """
+        with self._lock:
+            if device in self._fixed or device in self._running:
+                return
+            if device in self._replays:
+                raise UsageError(REPLAYED)
+            if hello is None:
+                raise UsageError("Nothing was heard of the device yet; try again when its samples arrive.")
+            AsWire(clock.unix_offset_ns).encode(hello)  # refuses what no recording can state
+            module = load("fltea.sinks.record", "mcap", "record", "recording needs")
+            hello = msgspec.structs.replace(hello, device=None)
+            sink = module.RecordSink(self._settings, device, self._hub.report(device), hello)
+            self._began_s[device] = time.monotonic()
+            self._running[device] = self._hub.add(sink, device)
+
+    def stop(self, device: str) -> None:
+        """End a recording that `start` began, and finish its file.
+
+        Raises:
+            FlteaError: it runs as long as the program, or its file cannot be finished in time.
+        """
+        with self._lock:
+            if device in self._fixed:
+                raise FlteaError("This recording was started with --record and ends with the program.")
+            outlet = self._running.pop(device, None)
+            if outlet is None:
+                return
+            self._hub.remove(outlet, device)
+            finished = outlet.join(FINISH_S)
+            sink: Any = outlet.sink
+            self._done[device] = None if sink.path is None else sink.path.name, sink.size_bytes
+            if not finished:
+                raise FlteaError(
+                    f"The recording has not been finished within {FINISH_S:g} s: is the disk slow? "
+                    "It goes on writing what it has."
+                )
+
+    def _free_bytes(self) -> int | None:
+        """Room in the folder, or in the nearest one above that is there."""
+        asked_s, free = self._free
+        if time.monotonic() - asked_s < FREE_EVERY_S:
+            return free
+        place = self._folder
+        while not place.exists() and place != place.parent:
+            place = place.parent
+        try:
+            free = shutil.disk_usage(place).free
+        except OSError:
+            free = None
+        self._free = time.monotonic(), free
+        return free

@@ -1,0 +1,26 @@
+"""Families of metrics out of rows of labels and values."""
+
+from collections.abc import Sequence
+
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+
+Rows = list[tuple[tuple[str, ...], float | None]]
+"""Values of the labels, and the value; None where it is not known."""
+
+
+def counter_family(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
+    """What only grows."""
+    family = CounterMetricFamily(name, text, labels=labels)
+    for values, value in rows:
+        if value is not None:
+            family.add_metric(values, value)
+    return family
+
+
+def gauge_family(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
+    """What goes up and down."""
+    family = GaugeMetricFamily(name, text, labels=labels)
+    for values, value in rows:
+        if value is not None:
+            family.add_metric(values, value)
+    return family

@@ -1,0 +1,132 @@
+"""What the page says of an axis's fit: in words, and in no figure that the data do not support (pure)."""
+
+import math
+from typing import Any, NamedTuple
+
+from fltea.records.fit import AxisFit, Interval, VerdictKind
+from fltea.sinks.page.words import duration
+
+HEADS: dict[VerdictKind, str] = {
+    "white": "White noise: order undefined",
+    "drift": "Drift",
+    "filter or resonance": "Filter or resonance",
+    "AR(1)": "Relaxation, AR(1)",
+    "fractional": "Fractional",
+    "undecided": "Undecided",
+    "not stationary": "Not stationary",
+    "constant": "Constant",
+    "too few samples": "Still too short",
+}
+
+WITH_ORDER = ("fractional", "undecided")
+"""Verdicts that leave room for an order; all others say that there is none to speak of."""
+
+NO_FIT = "It comes within seconds of the first samples."
+OFF = "Nothing is fitted: live.on is false."
+
+LEFT_OUT = {
+    "lost": "lost",
+    "knocked": "in knocks",
+    "bridged": "bridged",
+}
+"""What became of samples, by cause."""
+
+
+NARROW = 1.25
+"""An interval is as narrow as asked for if it is no more than so many times as wide."""
+
+
+class Figure(NamedTuple):
+    """A parameter with its interval. large: the data support it so well that it may be shown large."""
+
+    value: str
+    interval: str
+    large: bool
+
+
+class Answer(NamedTuple):
+    """The words for one axis. kind: of the verdict, empty without a fit; alpha, f: None where undefined."""
+
+    kind: str
+    head: str
+    text: str
+    alpha: Figure | None
+    f: Figure | None
+    condition: str
+    until: str
+    left_out: str
+
+    def plain(self) -> dict[str, Any]:
+        """As plain data."""
+        return self._asdict()
+
+
+def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
+    """Put a fit into words. off: nothing is fitted."""
+    if fit is None:
+        return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
+    alpha, f = order(fit)
+    return Answer(
+        fit.verdict,
+        HEADS[fit.verdict],
+        fit.text,
+        _figure(alpha, 2, 0.3),
+        _figure(f, 1, max(0.5, abs(f.value or 0.0) / 2) if f else 0.0),
+        "if the noise is of fractional order" if fit.verdict == "undecided" and alpha else "",
+        _until(fit),
+        _left_out(fit),
+    )
+
+
+def order(fit: AxisFit) -> tuple[Interval | None, Interval | None]:
+    """α and f, each only if the verdict leaves room for an order and the data define it."""
+    if fit.verdict not in WITH_ORDER:
+        return None, None
+    alpha, f = (p if _defined(p) else None for p in (fit.alpha, fit.f))
+    return alpha, f
+
+
+def _defined(p: Interval) -> bool:
+    return all(v is not None and math.isfinite(v) for v in (p.value, p.low, p.high))
+
+
+def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
+    """With as many digits as the interval is worth; digits: at least; widest: half of what may be large."""
+    if p is None or p.value is None or p.low is None or p.high is None:
+        return None
+    half = (p.high - p.low) / 2
+    digits = min(max(math.ceil(-math.log10(half / 2)), digits), 4) if half > 0 else 4
+    value, low, high = (f"{v:.{digits}f}".replace("-", "\u2212") for v in (p.value, p.low, p.high))
+    return Figure(value, f"{low} … {high}", half <= widest)
+
+
+def _until(fit: AxisFit) -> str:
+    """How long it takes until the order is known well enough."""
+    until = fit.until_s
+    if until is None or fit.verdict in ("constant", "too few samples"):
+        return ""
+    target = f"α ± {until.target:g}"
+    if until.seconds is None:
+        return f"{target}: more data do not define it"
+    if fit.verdict not in WITH_ORDER:
+        return ""
+    if until.seconds > 0:
+        return f"{target} in {duration(until.seconds)}"
+    a = fit.alpha
+    if a.low is None or a.high is None or a.high - a.low > 2 * NARROW * until.target:
+        return f"{target}: nobody can say when yet"  # the information at the fit promises more than there is
+    return f"{target}: reached"
+
+
+def _left_out(fit: AxisFit) -> str:
+    """What the fit does without."""
+    bands = [f"{low:.3g} to {high:.3g} Hz" for low, high in fit.rate_left_out]
+    counts = [
+        f"{count:,} {'sample' if count == 1 else 'samples'} {LEFT_OUT.get(cause, cause)}"
+        for cause, count in fit.left_out.items()
+        if count
+    ]
+    if not bands and not counts:
+        return ""
+    more = f" and {len(bands) - 3} bands more" if len(bands) > 3 else ""
+    return "Left out: " + "; ".join([", ".join(bands[:3]) + more] * bool(bands) + counts)

@@ -1,0 +1,191 @@
+"""The two figures of a fit: the spectrum and the Allan deviation of an axis, each with the model's curve."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from bokeh.models import ColumnDataSource, CustomJSTickFormatter, FixedTicker, HoverTool, Range1d
+from bokeh.plotting import figure
+from numpy.typing import NDArray
+
+from fltea.records.fit import AxisFit, FitAllan, FitSpectrum
+from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, MARK, SAMPLE, STATE
+
+Array = NDArray[np.float64]
+
+FLICKER = 0.664
+"""Floor of the Allan deviation over B: √(2 ln 2 / π)."""
+
+MANY = 300.0
+"""Ends of an axis are so far apart that decades suffice."""
+MOST_TICKS = 6
+
+ROOM, NARROW = 1.5, 1.05
+"""Of a figure, beyond what it shows: upwards, and to the side."""
+
+
+class CurveFigures:
+    """Both figures and their sources; `show` fills them."""
+
+    def __init__(self) -> None:
+        self.density = _source("hz", "density", "model")
+        self.left_out = _source("low", "high")
+        self.deviation = _source("tau", "low", "adev", "high", "model")
+        self.marks = _source("xs", "ys", "at", "level", "name", "colour")
+        self._hz, self._densities, self._tau, self._deviations = _Frame(), _Frame(), _Frame(), _Frame()
+        self.spectrum = self._spectrum()
+        self.allan = self._allan()
+
+    @property
+    def all(self) -> list[figure]:
+        """In the order of the page."""
+        return [self.spectrum, self.allan]
+
+    def show(self, axis: str, unit: str, fit: AxisFit | None) -> None:
+        """Draw the curves of a fit; what it does not have is emptied. unit: as people write it."""
+        spectrum, allan = (fit.spectrum, fit.allan) if fit else (None, None)
+        self.density.data, self.left_out.data = _density(spectrum), _left_out(fit, spectrum)
+        if spectrum is not None:
+            self._hz.show(spectrum.hz, NARROW)
+            self._densities.show([*spectrum.density, *spectrum.model], ROOM)
+        self.deviation.data, self.marks.data = _deviation(allan), _marks(allan)
+        if allan is not None:
+            self._tau.show(allan.tau_s, NARROW)
+            self._deviations.show([*allan.low, *allan.adev, *allan.high], ROOM)
+        for plot, label in (
+            (self.spectrum, f"{axis} [({unit})/√Hz]"),
+            (self.allan, f"{axis} [{unit}]"),
+        ):
+            if plot.yaxis[0].axis_label != label:
+                plot.yaxis[0].axis_label = label
+
+    def _spectrum(self) -> figure:
+        plot = _log_log("spectrum", "frequency [Hz]", self._hz, self._densities)
+        plot.vstrip("low", "high", source=self.left_out, fill_color=BAND, fill_alpha=0.35, line_color=None)
+        points = plot.scatter("hz", "density", source=self.density, color=SAMPLE, size=4)
+        plot.line("hz", "model", source=self.density, color=FIT, line_width=2.5)
+        tips = [("Hz", "@hz{0.000}"), ("density", "@density{0.000e+0}"), ("model", "@model{0.000e+0}")]
+        plot.add_tools(HoverTool(renderers=[points], tooltips=tips))
+        return plot
+
+    def _allan(self) -> figure:
+        plot = _log_log("allan", "averaging time τ [s]", self._tau, self._deviations)
+        plot.varea("tau", "low", "high", source=self.deviation, color=ESTIMATE, alpha=0.25)
+        plot.multi_line("xs", "ys", source=self.marks, color="colour", line_width=1.5, line_dash="dashed")
+        plot.line("tau", "adev", source=self.deviation, color=ESTIMATE, line_width=1.5)
+        points = plot.scatter("tau", "adev", source=self.deviation, color=ESTIMATE, size=5)
+        plot.line("tau", "model", source=self.deviation, color=FIT, line_width=2.5)
+        plot.text(
+            "at", "level", text="name", source=self.marks, text_color="colour", text_font_style="bold",
+            text_baseline="bottom", text_align="center", text_font_size="15px", y_offset=-2,
+        )  # fmt: skip
+        tips = [
+            ("τ", "@tau{0.000} s"),
+            ("deviation", "@adev{0.000e+0}"),
+            ("95 %", "@low{0.000e+0} … @high{0.000e+0}"),
+        ]
+        plot.add_tools(HoverTool(renderers=[points], tooltips=tips))
+        return plot
+
+
+def _log_log(name: str, label: str, x: "_Frame", y: "_Frame") -> figure:
+    plot = figure(
+        name=name,
+        x_axis_type="log",
+        y_axis_type="log",
+        x_range=x.range,
+        y_range=y.range,
+        height=300,
+        x_axis_label=label,
+        **COMMON,
+    )
+    plot.xaxis.ticker = plot.xgrid.ticker = x.ticker
+    plot.yaxis.ticker = plot.ygrid.ticker = y.ticker
+    plot.axis.formatter = CustomJSTickFormatter(code="return Number(tick.toPrecision(1)).toString()")
+    return plot
+
+
+def _source(*columns: str) -> ColumnDataSource:
+    return ColumnDataSource({name: [] for name in columns})
+
+
+def _positive(values: Sequence[float], length: int) -> Array:
+    """Values for a logarithmic axis: NaN for what cannot be drawn, also where there are too few."""
+    found = np.full(length, np.nan)
+    given = np.asarray(values[:length], dtype=np.float64)
+    found[: len(given)] = np.where(np.isfinite(given) & (given > 0), given, np.nan)
+    return found
+
+
+class _Frame:
+    """The range of a logarithmic axis: shows all data with some room, and moves only if it has to."""
+
+    def __init__(self) -> None:
+        self.range = Range1d(start=0.1, end=10)
+        self.ticker = FixedTicker(ticks=[0.1, 1, 10])
+        self._ends = 0.1, 10.0
+
+    def show(self, values: Sequence[float], room: float) -> None:
+        """Take in all values that can be drawn."""
+        good = _positive(values, len(values))
+        if not np.isfinite(good).any():
+            return
+        low, high = float(np.nanmin(good)), float(np.nanmax(good))
+        start, end = self._ends
+        if low < start or high > end or (high / low) ** 1.4 * room**2 < end / start:
+            self._ends = low / room, high * room
+            self.range.update(start=low / room, end=high * room)
+            self.ticker.update(ticks=_ticks(*self._ends))
+
+
+def _ticks(start: float, end: float) -> list[float]:
+    """Decades, and 2 and 5 between them where few fit in."""
+    steps = (1.0,) if end / start > MANY else (1.0, 2.0, 5.0)
+    first, last = math.floor(math.log10(start)), math.ceil(math.log10(end))
+    every = math.ceil((last - first) / MOST_TICKS)
+    powers = range(first, last + 1, every)
+    return [float(f"{step}e{power}") for power in powers for step in steps]
+
+
+def _density(s: FitSpectrum | None) -> dict[str, Array]:
+    if s is None:
+        return {name: np.empty(0) for name in ("hz", "density", "model")}
+    n = len(s.hz)
+    return {"hz": _positive(s.hz, n), "density": _positive(s.density, n), "model": _positive(s.model, n)}
+
+
+def _left_out(fit: AxisFit | None, s: FitSpectrum | None) -> dict[str, list[float]]:
+    """Bands, as far as a logarithmic axis goes."""
+    bands = fit.rate_left_out if fit and s and s.hz else []
+    least = s.hz[0] / 10 if s and s.hz else 1.0
+    return {"low": [max(low, least) for low, _ in bands], "high": [max(high, least) for _, high in bands]}
+
+
+def _deviation(a: FitAllan | None) -> dict[str, Array]:
+    if a is None:
+        return {name: np.empty(0) for name in ("tau", "low", "adev", "high", "model")}
+    n = len(a.tau_s)
+    columns = {"tau": a.tau_s, "low": a.low, "adev": a.adev, "high": a.high, "model": a.model}
+    return {name: _positive(values, n) for name, values in columns.items()}
+
+
+def _marks(a: FitAllan | None) -> dict[str, list[object]]:
+    """The lines that N, B and K stand for, and where their names stand."""
+    found: dict[str, list[object]] = {name: [] for name in ("xs", "ys", "at", "level", "name", "colour")}
+    if a is None or not a.tau_s:
+        return found
+    ends = np.array([a.tau_s[0], a.tau_s[-1]])
+    middle = float(np.sqrt(ends.prod()))
+    lines = (
+        ("N", a.N, -0.5, 1.0, float(ends[0] * 2), STATE),
+        ("B", None if a.B is None else FLICKER * a.B, 0.0, 1.0, middle, MARK),
+        ("K", a.K, 0.5, 3.0, float(ends[1] / 2), SAMPLE),
+    )
+    for name, value, slope, read_at, at, colour in lines:
+        if value is None:
+            continue
+        y = [value * (tau / read_at) ** slope for tau in (*ends.tolist(), at)]
+        new = {"xs": ends.tolist(), "ys": y[:2], "at": at, "level": y[2], "name": name, "colour": colour}
+        for key, one in new.items():
+            found[key].append(one)
+    return found

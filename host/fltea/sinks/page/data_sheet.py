@@ -1,0 +1,40 @@
+"""N, B and K of an Allan deviation in the units of data sheets (pure)."""
+
+from fltea.records.fit import FitAllan
+
+G_MS2 = 9.80665
+SQRT_HOUR, HOUR = 60.0, 3600.0
+
+NOT_SEEN = "not seen in the curve"
+
+NAMES = {
+    True: {"N": "angle random walk", "B": "bias instability", "K": "rate random walk"},
+    False: {"N": "velocity random walk", "B": "bias instability", "K": "acceleration random walk"},
+}
+"""Of a gyroscope, and of an accelerometer."""
+
+Unit = tuple[float, str]
+UNITS: dict[bool, dict[str, tuple[Unit, Unit]]] = {
+    True: {
+        "N": ((1.0, "(deg/s)/√Hz"), (SQRT_HOUR, "deg/√h")),
+        "B": ((1.0, "deg/s"), (HOUR, "deg/h")),
+        "K": ((1.0, "(deg/s)/√s"), (HOUR * SQRT_HOUR, "(deg/h)/√h")),
+    },
+    False: {
+        "N": ((1e6 / G_MS2, "µg/√Hz"), (SQRT_HOUR, "(m/s)/√h")),
+        "B": ((1.0, "m/s²"), (1e6 / G_MS2, "µg")),
+        "K": ((1.0, "(m/s²)/√s"), (SQRT_HOUR * 1e6 / G_MS2, "µg/√h")),
+    },
+}
+
+
+def coefficients(a: FitAllan, gyroscope: bool) -> list[list[str]]:
+    """Letter with its name, and the value in two units or that it is not seen."""
+    rows = []
+    for letter, value in (("N", a.N), ("B", a.B), ("K", a.K)):
+        (first, first_unit), (second, second_unit) = UNITS[gyroscope][letter]
+        text = NOT_SEEN
+        if value is not None:
+            text = f"{value * first:.3g} {first_unit} = {value * second:.3g} {second_unit}"
+        rows.append([f"{letter}, {NAMES[gyroscope][letter]}", text])
+    return rows

@@ -1,0 +1,207 @@
+"""What a page gives to take home: a report of what was seen so far, and Kalibr's imu.yaml."""
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from html import escape
+from typing import NamedTuple
+
+import msgspec
+from bokeh.embed import components
+from bokeh.model import Model
+from bokeh.resources import Resources
+
+from fltea.identify.html_page import html_page, wide_table
+from fltea.identify.imu_yaml import AxisNoise, Shown, imu_yaml
+from fltea.records.errors import UsageError
+from fltea.records.fit import AxisFit, Interval
+from fltea.records.records import ACCEL_AXES, AXES, Fit
+from fltea.records.visible import visible, visible_lines
+from fltea.sinks.page import facts
+from fltea.sinks.page.answer import answer, order
+from fltea.sinks.page.curve_figures import CurveFigures
+from fltea.sinks.page.data_sheet import coefficients
+from fltea.sinks.page.history import DeviceHistory
+
+UNDEFINED = "undefined"
+NOT_SHOWN = "the Allan deviation does not show it yet: record longer"
+
+
+class Seen(NamedTuple):
+    """What both are made of, taken out of a history at one moment."""
+
+    name: str
+    when: datetime
+    fit: Fit
+    axes: dict[str, AxisFit]
+    rate_hz: float
+    heading: str
+    settings: str
+    tables: dict[str, list[list[str]]]
+    events: list[tuple[str, str]]
+
+    @property
+    def stem(self) -> str:
+        """Beginning of a file's name."""
+        return f"fltea_{re.sub(r'[^A-Za-z0-9_.-]+', '_', self.name)}_{self.when:%Y%m%dT%H%M%SZ}"
+
+
+def seen(history: DeviceHistory) -> Seen:
+    """Take out what is known of a device; call it under the history's lock.
+
+    Raises:
+        UsageError: there is no fit yet.
+    """
+    fit, hello = history.fit, history.hello
+    if fit is None or hello is None:
+        raise UsageError("There is no fit yet: it comes within seconds of the first samples.")
+    axes = {}
+    for axis in history.axes or fit.axes:
+        found = history.fits.get(axis)
+        if found is not None:
+            curves = history.curves.get(axis)
+            spectrum, allan = (curves.spectrum, curves.allan) if curves else (None, None)
+            axes[axis] = msgspec.structs.replace(found, spectrum=spectrum, allan=allan)
+    parts = [visible(hello.sensor or hello.source), f"{hello.rate_hz:.6g} Hz", facts.fitted(history)]
+    when = datetime.fromtimestamp(fit.host_ns * 1e-9, UTC)
+    events = [(_clock(e.host_ns), visible_lines(e.text)) for e in history.happenings]
+    temperature_c = history.sample.temperature_c if history.sample else None
+    return Seen(
+        history.name,
+        when,
+        fit,
+        axes,
+        hello.rate_hz,
+        ", ".join([*parts, f"until {when:%Y-%m-%d %H:%M:%S} UTC"]),
+        facts.settings(history),
+        {"Link": facts.link(history.stats), "Device": facts.device(hello, temperature_c)},
+        events,
+    )
+
+
+def yaml_of(found: Seen) -> str:
+    """Kalibr's imu.yaml, from N and K of the live Allan deviations.
+
+    Raises:
+        UsageError: there is no Allan deviation of a gyroscope's axis yet.
+    """
+    gyro, accel = (
+        {
+            axis: AxisNoise(_shown(fit.allan.N), _shown(fit.allan.K))
+            for axis, fit in found.axes.items()
+            if axis in names and fit.allan is not None
+        }
+        for names in (AXES, ACCEL_AXES)
+    )
+    if not gyro:
+        raise UsageError("There is no Allan deviation of a gyroscope's axis yet: wait for its figure.")
+    source = f"{found.name}, live: {found.heading}"
+    return imu_yaml(gyro, found.rate_hz, source, accel=accel)
+
+
+def report_of(found: Seen) -> str:
+    """The report: one HTML page, complete in itself, with the last fit as JSON in it."""
+    plots = _plots(found.axes)
+    script, places = components(plots) if plots else ("", {})
+    library = Resources(mode="inline", components=["bokeh"]).render_js() if plots else ""
+    body = [f'<section><h2>{escape(found.name)}</h2><p class="faint">{escape(found.heading)}</p>']
+    body += [_verdict(axis, fit) for axis, fit in found.axes.items()]
+    body.append(_parameters(found.axes))
+    for axis, fit in found.axes.items():
+        body.append(f'<h3 class="axis">{axis}</h3>')
+        if fit.allan is not None:
+            body.append(_pairs(coefficients(fit.allan, axis in AXES)))
+        drawn = [(kind, places[f"{axis} {kind}"]) for kind in FIGURES if f"{axis} {kind}" in places]
+        body.append(f'<div class="figures">{"".join(_figure(*one) for one in drawn)}</div>')
+    for title, rows in found.tables.items():
+        body.append(f"<h3>{title}</h3>{_pairs(rows)}")
+    body.append(f"<h3>What happened</h3>{_pairs(found.events)}")
+    body.append(f'<p class="faint">FLTEA: {escape(found.settings)}</p></section>')
+    of_all = msgspec.structs.replace(found.fit, axes=found.axes)
+    data = msgspec.json.encode(of_all).decode().replace("<", "\\u003c")
+    body.append(f'<script type="application/json" id="fit">{data}</script>{script}')
+    title, made_by = f"Noise of {found.name}, live", "the live page of <code>fltea run</code>"
+    return html_page(title, "".join(body), made_by, f"{STYLE}{library}")
+
+
+STYLE = "<style>.plot { background: #fff; border: 1px solid var(--line); border-radius: 6px }</style>"
+
+FIGURES = {
+    "spectrum": (
+        "Spectrum",
+        "Points: the density of the noise. Line: the fitted model. Grey: bands that were left out.",
+    ),
+    "allan": (
+        "Allan deviation",
+        "Blue, with its 95 %: of the samples. Green: of the fitted model. Dashed: the lines of N, B and K.",
+    ),
+}
+
+
+def _plots(axes: dict[str, AxisFit]) -> dict[str, Model]:
+    """Those figures of all axes in which there is something, by axis and kind."""
+    plots: dict[str, Model] = {}
+    for axis, fit in axes.items():
+        curves = CurveFigures()
+        curves.show(axis, facts.unit_of(axis), fit)
+        if fit.spectrum is not None:
+            plots[f"{axis} spectrum"] = curves.spectrum
+        if fit.allan is not None:
+            plots[f"{axis} allan"] = curves.allan
+    return plots
+
+
+def _figure(kind: str, place: str) -> str:
+    title, meaning = FIGURES[kind]
+    return (
+        f'<figure><div class="plot">{place}</div><figcaption><b>{title}.</b> {meaning}</figcaption></figure>'
+    )
+
+
+def _verdict(axis: str, fit: AxisFit) -> str:
+    said = answer(fit)
+    rest = " ".join(f"{part}." for part in (said.until, said.left_out) if part)
+    return f'<p class="verdict"><b>{axis}: {escape(said.head)}.</b> {escape(fit.text)} {escape(rest)}</p>'
+
+
+def _pairs(rows: Sequence[Sequence[str]]) -> str:
+    lines = [f'<tr><th>{escape(row[0])}</th><td class="text">{escape(row[1])}</td></tr>' for row in rows]
+    return wide_table("", lines)
+
+
+def _parameters(axes: dict[str, AxisFit]) -> str:
+    """α, f and the rest of all axes next to each other."""
+    rows: dict[str, list[str]] = {}
+    for fit in axes.values():
+        alpha, f = order(fit)
+        values = {
+            "verdict": fit.verdict,
+            "null test p": "–" if fit.null_p is None else f"{fit.null_p:.2g}",
+            "α": _interval(alpha),
+            "f [s^-α]": _interval(f),
+            "F = g + α": _interval(fit.F if alpha else None),
+            f"s² [({fit.unit})²]": _interval(fit.s2),
+            f"R [({fit.unit})²]": _interval(fit.R),
+        }
+        for label, value in values.items():
+            rows.setdefault(label, []).append(value)
+    head = "".join(f"<th>{axis}</th>" for axis in axes)
+    lines = [
+        f"<tr><th>{escape(label)}</th>{''.join(f'<td>{escape(value)}</td>' for value in values)}</tr>"
+        for label, values in rows.items()
+    ]
+    return wide_table(f"<thead><tr><th></th>{head}</tr></thead>", lines)
+
+
+def _interval(p: Interval | None) -> str:
+    if p is None or p.value is None or p.low is None or p.high is None:
+        return UNDEFINED
+    return f"{p.value:.4g} ({p.low:.4g} … {p.high:.4g})"
+
+
+def _shown(value: float | None) -> Shown:
+    return Shown(value, "" if value is not None else NOT_SHOWN)
+
+
+def _clock(host_ns: int) -> str:
+    return f"{datetime.fromtimestamp(host_ns * 1e-9, UTC):%Y-%m-%d %H:%M:%S}"

@@ -1,0 +1,164 @@
+"""N, B and K of IEEE Std 952, read from an Allan deviation σ(τ) where it has their slope (pure).
+
+    N  angle random walk   σ = N / √τ               slope -1/2, read at τ = 1 s
+    B  bias instability    σ = B √(2 ln 2 / π)      slope 0, or the lowest point
+    K  rate random walk    σ = K √(τ / 3)           slope +1/2, read at τ = 3 s
+
+A coefficient whose slope the curve does not have is None, with the reason.
+"""
+
+import math
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FEWEST_DOF = 6.0
+"""Degrees of freedom below which nothing is read from a point: it is uncertain by half its value."""
+SPAN = 3.0
+"""A stretch has to be at least this long: its last τ over its first."""
+TOLERANCE = 0.1
+K_TOLERANCE = 0.25
+"""Of local slopes; K is read where the curve is uncertain, and the next slopes, 0 and 1, are twice as far."""
+FEWEST_AVERAGED = 5
+"""Samples, for K: below, the sum of steps is more than 1 % above the line of a continuous random walk."""
+FLICKER = math.sqrt(2 * math.log(2) / math.pi)
+"""σ / B at the floor, 0.664."""
+HOUR = 3600.0
+
+
+class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One of N, B and K: None where the curve does not show it, and `reason` says why.
+
+    low and high are the ends of the 95 % interval of the point that counts most.
+    """
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+    tau_from_s: float | None = None
+    """where it was read"""
+    tau_to_s: float | None = None
+    reason: str = ""
+
+
+class Coefficients(NamedTuple):
+    """In the unit of the curve: N per √s, B as it is, K per s and √s."""
+
+    N: Coefficient
+    B: Coefficient
+    K: Coefficient
+
+
+class Points(NamedTuple):
+    """A curve, rising in τ."""
+
+    tau_s: Array
+    deviation: Array
+    low: Array
+    """95 % interval"""
+    high: Array
+    degrees_of_freedom: Array
+    slope: Array
+    """of log σ against log τ"""
+
+
+def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
+    """Read N, B and K of a curve in `unit`, at a sampling period of h s."""
+    curve = _Curve(points, h, unit)
+    if not len(curve.tau):
+        none = Coefficient(None, reason="no point of the curve is known well enough: record longer")
+        return Coefficients(none, none, none)
+    n = _angle_random_walk(curve)
+    return Coefficients(n, _bias_instability(curve, n.value), _rate_random_walk(curve))
+
+
+def times(value: float | None, factor: float) -> float | None:
+    """The product, None of None."""
+    return None if value is None else value * factor
+
+
+class _Curve:
+    """Points in use, and where the slope is what."""
+
+    def __init__(self, points: Points, h: float, unit: str) -> None:
+        self.h, self.unit = h, unit
+        # The degrees of freedom fall with τ but for the jumps where the kind of noise changes.
+        poor = np.flatnonzero(points.degrees_of_freedom < FEWEST_DOF)
+        use = slice(0, int(poor[0]) if poor.size else len(points.tau_s))
+        self.tau, self.deviation, self.low, self.high, self.dof, self.slope = (one[use] for one in points)
+
+    def stretch(self, slope: float, tolerance: float, from_s: float = 0.0) -> slice | None:
+        """The longest stretch with this slope that is long enough, of those from a τ on."""
+        inside = (np.abs(self.slope - slope) <= tolerance) & (self.tau >= from_s * (1 - 1e-9))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
+        best, longest = None, SPAN
+        for start, stop in edges.reshape(-1, 2).tolist():
+            if (length := self.tau[stop - 1] / self.tau[start]) >= longest:
+                best, longest = slice(start, stop), length
+        return best
+
+    def line(self, part: slice, slope: float, at_s: float) -> Coefficient:
+        """The line of this slope through a stretch, weighted by degrees of freedom, read at a τ."""
+        log_line = np.log(self.deviation[part]) - slope * np.log(self.tau[part] / at_s)
+        value = float(np.exp(np.average(log_line, weights=self.dof[part])))
+        heaviest = self.point(part.start + int(self.dof[part].argmax()))
+        scaled = _divided(heaviest, (heaviest.value or 1.0) / value)
+        return msgspec.structs.replace(
+            scaled, tau_from_s=float(self.tau[part.start]), tau_to_s=float(self.tau[part.stop - 1])
+        )
+
+    def point(self, i: int) -> Coefficient:
+        """One point as it is."""
+        tau = float(self.tau[i])
+        return Coefficient(float(self.deviation[i]), float(self.low[i]), float(self.high[i]), tau, tau)
+
+
+def _angle_random_walk(c: _Curve) -> Coefficient:
+    part = c.stretch(-0.5, TOLERANCE)
+    if part is None:
+        return Coefficient(None, reason="the curve has no stretch of slope -1/2: the noise is nowhere white")
+    return c.line(part, -0.5, 1.0)
+
+
+def _bias_instability(c: _Curve, n: float | None) -> Coefficient:
+    i = int(c.deviation.argmin())
+    tau = float(c.tau[i])
+    flat = c.stretch(0.0, TOLERANCE, FEWEST_AVERAGED * c.h)
+    if flat is not None:
+        floor = c.line(flat, 0.0, 1.0)
+        # There are higher flats too: the crest of a slow relaxation.
+        if floor.value is not None and floor.value <= c.high[i]:
+            return _divided(floor, FLICKER)
+    most = c.high[i] / FLICKER
+    shown = f"{most * HOUR:.3g} deg/h" if c.unit == "deg/s" else f"{most:.3g} {c.unit}"
+    at_most = f"B is at most {shown}"
+    if i == len(c.tau) - 1:
+        return Coefficient(
+            None, reason=f"the curve still falls at its end, τ = {tau:.3g} s; {at_most}: record longer"
+        )
+    if n is None or c.low[i] <= n / math.sqrt(tau):
+        return Coefficient(
+            None, reason=f"at its lowest, τ = {tau:.3g} s, the curve is still that of white noise; {at_most}"
+        )
+    return _divided(c.point(i), FLICKER)
+
+
+def _rate_random_walk(c: _Curve) -> Coefficient:
+    part = c.stretch(0.5, K_TOLERANCE, FEWEST_AVERAGED * c.h)
+    if part is None:
+        return Coefficient(
+            None,
+            reason=f"the curve does not rise with slope +1/2 up to τ = {c.tau[-1]:.3g} s; a rate random walk "
+            "shows in records of hours",
+        )
+    return c.line(part, 0.5, 3.0)
+
+
+def _divided(c: Coefficient, by: float) -> Coefficient:
+    return msgspec.structs.replace(
+        c, value=times(c.value, 1 / by), low=times(c.low, 1 / by), high=times(c.high, 1 / by)
+    )

@@ -1,0 +1,75 @@
+"""Degrees of freedom of overlapping Allan variances, by the kind of noise (pure).
+
+C. A. Greenhall and W. J. Riley, "Uncertainty of stability variances based on finite differences", PTTI 2003,
+equations 7 to 10 and 13; also in W. J. Riley, NIST SP 1065 (2008), 5.4.1. The sum is exact for an estimate in
+which a block begins every m / S samples.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+PARTS = 8
+"""S: blocks that begin within one block, of running sums (host/native/allan_sums.hpp)."""
+FULL_PARTS = 64
+"""So many stand for full overlap."""
+FINITE = 33
+"""Averaging factors up to here are taken as they are; above, as if sampling were continuous."""
+
+
+def degrees_of_freedom(
+    power: ArrayLike, factors: ArrayLike, terms: ArrayLike, most_parts: int = PARTS
+) -> Array:
+    """Degrees of freedom of each variance, 1 or more.
+
+    power: of the frequency, of the spectrum around 1/τ: 0 (white), -1 (flicker) or -2 (random walk).
+    factors: samples a block, m. terms: differences of neighbouring blocks that were averaged. A block begins
+    min(m, most_parts) times within the length of one.
+    """
+    parts = np.broadcast_arrays(
+        np.asarray(power, dtype=np.int64),
+        np.asarray(factors, dtype=np.float64),
+        np.asarray(terms, dtype=np.float64),
+    )
+    found = [
+        _one(int(p), m, max(n, 1.0), min(m, most_parts))
+        for p, m, n in zip(*(one.tolist() for one in parts), strict=True)
+    ]
+    return np.maximum(found, 1.0)
+
+
+def full_overlap(power: ArrayLike, factors: ArrayLike, samples: int) -> Array:
+    """Degrees of freedom of each variance of a record, in which a block begins with every sample."""
+    m = np.asarray(factors, dtype=np.float64)
+    terms = 1 + np.floor(np.minimum(m, FULL_PARTS) * (samples - 2 * m) / m)
+    return degrees_of_freedom(power, m, terms, FULL_PARTS)
+
+
+def _one(power: int, m: float, terms: float, parts: float) -> float:
+    reach = min(terms, 3 * parts)
+    j = np.arange(0.0, np.ceil(reach))
+    squares = _covariance(power, m, np.append(j, reach) / parts) ** 2
+    weights = np.append(2 * (1 - j / terms), 1 - reach / terms)
+    weights[0] = 1.0
+    return float(terms * squares[0] / (weights @ squares))
+
+
+def _covariance(power: int, m: float, t: Array) -> Array:
+    """Of two differences of neighbouring blocks that are t blocks apart, up to a factor."""
+    apart = t[:, np.newaxis] + np.arange(-2.0, 3.0)
+    if m > FINITE:
+        x = _generalised(power + 2, apart)
+    else:
+        x = 2 * _generalised(power, apart)
+        x -= _generalised(power, apart - 1 / m) + _generalised(power, apart + 1 / m)
+    return np.asarray(x @ np.array([1.0, -4.0, 6.0, -4.0, 1.0]))
+
+
+def _generalised(power: int, t: Array) -> Array:
+    """Generalised autocovariance of the phase of power-law noise."""
+    size = np.abs(t)
+    exponent = 3 - power
+    if power % 2 == 0:
+        return np.asarray(-size if power == 2 else size**exponent)
+    return np.asarray(size**exponent * np.log(np.where(size > 0, size, 1.0)))

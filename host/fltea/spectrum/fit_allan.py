@@ -1,0 +1,41 @@
+"""The Allan deviation of an axis as the record `fit` has it: of its samples, and of the fitted model."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.noise.allan_deviation import model_adev
+from fltea.records.fit import FitAllan
+from fltea.spectrum.allan_curve import live_allan
+
+Array = NDArray[np.float64]
+
+
+def fit_allan(
+    sums: tuple[Sequence[float] | Array, ...],
+    samples: float,
+    h: float,
+    unit: str,
+    spectrum: Callable[[Array], Array],
+) -> FitAllan | None:
+    """Both curves; None while there are too few samples or the axis is constant.
+
+    sums: averaging times in samples, Allan variances, terms, as of `live_allan`; of so many samples, with a
+    sampling period of h s. spectrum: of the model, normalised like `periodogram`, in the square of `unit`.
+    """
+    factors, avar, terms = sums
+    try:
+        curve = live_allan(factors, avar, terms, samples, h, unit)
+    except ValueError:
+        return None
+    return FitAllan(
+        curve.tau_s.tolist(),
+        curve.adev.tolist(),
+        curve.low.tolist(),
+        curve.high.tolist(),
+        model_adev(spectrum, curve.factors).tolist(),
+        curve.N.value,
+        curve.B.value,
+        curve.K.value,
+    )

@@ -1,0 +1,206 @@
+"""Lines and resonances among the lines of octaves, which stand for different numbers of ordinates (pure).
+
+As in `lines`, a peak is a stretch whose mean is too far above the means of the flanks on both sides. But most
+lines are averages over blocks under Hann's window: they have more than two degrees of freedom each, and
+neighbours are correlated, so that a stretch of a few has more for its width than a long one.
+"""
+
+import math
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.spectrum.f_tail import f_deviate
+from fltea.spectrum.lines import FALSE_ALARM, FLANK, LINE_ORDINATES, MOST, WIDEST_SHARE, Peak
+from fltea.spectrum.periodogram import Periodogram
+
+Array = NDArray[np.float64]
+
+NEIGHBOURS = (4 / 9, 1 / 36)
+"""Correlation of the power of Hann's lines with that of the next and of the one after."""
+LOBE = 2
+"""Lines on each side that a sharp line spreads to."""
+SHORTEST_FLANK = 12
+"""Lines in a flank, however many ordinates each of them stands for."""
+LEAST_FLANK = 4
+LEAST_IN_FLANK = 16.0
+"""Lines and ordinates that a flank must have at the edge of the spectrum."""
+WIDEST = 8
+"""Averaged lines in a stretch: a fifth of an octave's."""
+NARROW = 3
+"""A peak that is not wider than so many averaged lines may be a line or a resonance."""
+HOPELESS = 0.6
+"""Share of the gain of a known level that a stretch has to have to be looked at."""
+SKIRT = 0.05
+"""What is less above the level around it is no part of a peak."""
+
+
+class _Lines(NamedTuple):
+    lam: Array
+    power: Array
+    weight: Array
+    averaged: NDArray[np.bool_]
+    """under Hann's window"""
+
+    def without(self, left: int, right: int) -> "_Lines":
+        keep = np.r_[0:left, right : len(self.lam)]
+        return _Lines(self.lam[keep], self.power[keep], self.weight[keep], self.averaged[keep])
+
+
+class _Found(NamedTuple):
+    start: int
+    stop: int
+    level: float
+
+
+def find_octave_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
+    """Find the peaks of one series, strongest first; each is taken out before the next is searched for."""
+    weight = np.ones_like(p.lam) if p.weight is None else p.weight
+    lines = _Lines(p.lam, p.power, weight, _averaged(weight))
+    spread = np.gradient(lines.lam)
+    total = float(lines.power @ spread)
+    peaks: list[Peak] = []
+    while len(peaks) < MOST:
+        found = _strongest(lines, false_alarm)
+        if found is None:
+            break
+        left, right = _extent(lines, found)
+        peaks.append(_describe(lines, spread, found, (left, right), total, p.h))
+        lines, spread = lines.without(left, right), np.delete(spread, np.s_[left:right])
+    return tuple(peaks)
+
+
+def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """The bands (low, high) in Hz, wide enough to be rid of sharp lines within them in p."""
+    if p.weight is None:
+        return bands
+    hz = p.lam / (2 * np.pi * p.h)
+    reach = np.where(_averaged(p.weight), (LOBE - 0.5) * np.gradient(hz), 0.0)
+    wider = []
+    for low, high in bands:
+        first, last = np.searchsorted(hz, [low, high]).clip(max=len(hz) - 1)
+        wider.append((low - float(reach[first]), high + float(reach[last])))
+    return tuple(wider)
+
+
+def _averaged(weight: Array) -> NDArray[np.bool_]:
+    """Whether lines are averages over blocks; the others are ordinates, or averages of a few alike."""
+    return np.asarray(weight != np.rint(weight))
+
+
+def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
+    """The most striking stretch, and the level around it; None if none is."""
+    m = len(lines.lam)
+    weights = np.concatenate([[0.0], lines.weight.cumsum()])
+    sums = np.concatenate([[0.0], (lines.weight * lines.power).cumsum()])
+    averaged = np.concatenate([[0], lines.averaged.cumsum()])
+    # The shortest flank that begins at each line, upwards and downwards.
+    up = np.searchsorted(weights, weights + FLANK, side="left")
+    down = np.searchsorted(weights, weights - FLANK, side="right") - 1
+    tries = []
+    for width in (1 << i for i in range(int(math.log2(max(WIDEST_SHARE * m, 1))) + 1)):
+        flank = max(SHORTEST_FLANK, 2 * width)
+        at = np.arange(0, m - width, max(1, width // 4))
+        if width > WIDEST:
+            at = at[averaged[at + width] == averaged[at]]
+        at = at[(at >= width) & (at + 2 * width <= m)]
+        after, before = at + 2 * width, at - width
+        after_end = np.minimum(np.maximum(up[after], after + flank), m)
+        before_end = np.maximum(np.minimum(down[before], before - flank), 0)
+        least = max(LEAST_FLANK, width)
+        whole = np.minimum(after_end - after, before - before_end) >= least
+        whole &= weights[after_end] - weights[after] >= LEAST_IN_FLANK
+        whole &= weights[before] - weights[before_end] >= LEAST_IN_FLANK
+        at, after, before = at[whole], after[whole], before[whole]
+        after_end, before_end = after_end[whole], before_end[whole]
+        if len(at):
+            tries.append((width, at, before_end, before, after, after_end))
+    tested = sum(len(one[1]) for one in tries)
+    if not tested:
+        return None
+    critical = -NormalDist().inv_cdf(false_alarm / tested)
+    best, most = None, 0.0
+    for width, at, before_end, before, after, after_end in tries:
+        own = weights[at + width] - weights[at]
+        mean = (sums[at + width] - sums[at]) / own
+        low_weight, high_weight = weights[before] - weights[before_end], weights[after_end] - weights[after]
+        low = (sums[before] - sums[before_end]) / low_weight
+        high = (sums[after_end] - sums[after]) / high_weight
+        level = np.maximum(low, high)
+        ratio = mean / np.maximum(level, 1e-12 * sums[-1] / weights[-1])
+        own = own * np.where(lines.averaged[at], _gathered(width), 1.0)
+        other = np.where(low > high, low_weight, high_weight)
+        # Of those that pass, the likeliest: deviates would favour wide stretches, whose flanks are longer.
+        gain = np.where(ratio > 1, own * (ratio - 1 - np.log(np.maximum(ratio, 1.0))), 0.0)
+        # If the level were known, the deviate would be about √(2 gain): most stretches need no closer look.
+        near = np.flatnonzero(gain > HOPELESS * critical**2 / 2)
+        if not len(near):
+            continue
+        deviate = f_deviate(ratio[near], 2 * own[near], 2 * other[near])
+        near = near[deviate > critical]
+        gain = gain[near]
+        if not len(near):
+            continue
+        i, highest = int(near[gain.argmax()]), float(gain.max())
+        if highest > most:
+            most, best = highest, _Found(int(at[i]), int(at[i]) + width, float(level[i]))
+    return best
+
+
+def _gathered(width: int) -> float:
+    """Effective ordinates of so many averaged lines, over the sum of their weights (those in a long row)."""
+
+    def correlated(lines: float) -> float:
+        return 1 + 2 * sum(r * max(1 - (i + 1) / lines, 0.0) for i, r in enumerate(NEIGHBOURS))
+
+    return correlated(math.inf) / correlated(width)
+
+
+def _extent(lines: _Lines, found: _Found) -> tuple[int, int]:
+    """The stretch with its skirts: as far as pieces of half its width are above the level."""
+    piece = max(LOBE if lines.averaged[found.start] else 3, (found.stop - found.start) // 2)
+
+    def above(begin: int, end: int) -> bool:
+        weight = lines.weight[begin:end]
+        total = float(weight.sum())
+        return float(weight @ lines.power[begin:end]) / total > found.level * (
+            1 + max(2 / math.sqrt(total), SKIRT)
+        )
+
+    left, right = max(found.start - 1, 0), min(found.stop + 1, len(lines.lam))
+    while left > piece and above(left - piece, left):
+        left -= piece
+    while right < len(lines.lam) - piece and above(right, right + piece):
+        right += piece
+    return left, right
+
+
+def _describe(
+    lines: _Lines, spread: Array, found: _Found, extent: tuple[int, int], total: float, h: float
+) -> Peak:
+    left, right = extent
+    to_hz = 1 / (2 * math.pi * h)
+    part, steps = lines.power[left:right], spread[left:right]
+    averaged = bool(lines.averaged[found.start])
+    smooth = 1 if averaged else max(1, (found.stop - found.start) // 4)
+    smoothed = np.convolve(part, np.ones(smooth) / smooth, mode="same")
+    top = int(smoothed.argmax())
+    wide = smoothed > found.level + (smoothed[top] - found.level) / 2
+    narrow = int(wide.sum()) <= (NARROW if averaged else LINE_ORDINATES)
+    if narrow:
+        top = int(part.argmax())
+    core = slice(found.start, found.stop)
+    return Peak(
+        kind="resonance" if not narrow else "peak" if averaged else "line",
+        frequency_hz=float(lines.lam[left + top] * to_hz),
+        width_hz=float(steps[wide].sum() * to_hz),
+        power_share=float((part - found.level) @ steps / total),
+        height=float(np.average(lines.power[core], weights=lines.weight[core]) / found.level),
+        # A little more: the ends must not be kept for rounding.
+        notch_hz=(
+            float((lines.lam[left] - steps[0] / 4) * to_hz),
+            float((lines.lam[right - 1] + steps[-1] / 4) * to_hz),
+        ),
+    )

@@ -1,0 +1,267 @@
+"""The spectrum of samples that come one after the other, for ever: constant memory, no loss of resolution.
+
+Octave after octave of the spectrum is Welch's (blocks of 256, Hann, half overlapping), each at half the rate
+of the one before; below them the whole record is kept at a rate at which it has no more than 3,072 samples
+(host/native/octave_ladder.hpp). Up to 3,072 samples the spectrum is therefore the periodogram of the record,
+and of longer ones the lowest frequencies have the resolution of the whole. Sums of two stretches add up.
+
+What is no noise is left out and counted: knocks, steps of the offset, gaps (host/native/gate.hpp).
+
+With a memory of M samples nothing older than two M is in the figures, and between one and two M it fades.
+"""
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea import _native
+from fltea.spectrum.periodogram import LOWEST, Periodogram, check_enough
+
+Array = NDArray[np.float64]
+
+WHOLE: int = _native.OCTAVES_WHOLE
+"""Samples up to which the spectrum is the periodogram of the whole."""
+BLOCK: int = _native.OCTAVES_BLOCK
+LANE_BYTES: int = _native.OCTAVES_LANE_BYTES
+"""Memory of a lane, whatever the length."""
+SHORTEST = 64
+"""Samples: shorter stretches of the whole level have nothing to say."""
+
+_FIRST_LINE: int = _native.OCTAVES_LOWEST
+_LINES = _native.OCTAVES_LINES
+_JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
+"""Rad a sample of its own rate: the whole level serves below, the level above it from there on."""
+_HANN_POWER = 0.375 * BLOCK
+_HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
+"""Neighbouring lines of Hann's window are correlated: so many count as one."""
+_HALF_OVERLAP = 2 / 36
+"""And so are neighbouring blocks."""
+
+
+class Counts(NamedTuple):
+    """What became of the samples of a lane."""
+
+    used: int
+    """samples in the spectrum, or waiting for a chunk to be full"""
+    bridged: int
+    """lost samples that a straight line stands for"""
+    lost: int
+    """all lost samples, bridged ones included"""
+    gaps: int
+    """breaks because of lost samples"""
+    knocks: int
+    """chunks of 128 samples left out as knocks"""
+    knocked: int
+    """samples left out, with knocks and with steps"""
+    steps: int
+    """of the offset"""
+    changes: int
+    """of the level of the noise, by more than ten times in power"""
+    constant: bool
+    """no sample was other than the first"""
+
+
+class BandCells(NamedTuple):
+    """How the power of one band went on in time: logarithms of blocks' powers, in at most 16 cells."""
+
+    low_hz: float
+    high_hz: float
+    counts: Array
+    """(c,) blocks of each cell; they overlap by half"""
+    mean_log: Array
+    """(c,) mean logarithm of their power, in the squared unit of the samples"""
+    variance_log: Array
+    """(c,) variance of these logarithms in the cell; NaN for a single one"""
+    first: NDArray[np.int64]
+    """(c,) number of the first sample, lost ones counted"""
+
+
+class AllanPoints(NamedTuple):
+    """Overlapping Allan variances at averaging times of 2^j samples."""
+
+    factors: list[float]
+    """(k,) averaging times in samples"""
+    avar: list[float]
+    """(k,) in the squared unit of the samples"""
+    terms: list[float]
+    """(k,) effective numbers of terms"""
+    samples: float
+    """that they are of"""
+
+
+class Octaves:
+    """Running spectra of several lanes that are sampled together."""
+
+    def __init__(self, lanes: int, memory_samples: float = 0.0) -> None:
+        """Begin.
+
+        Raises:
+            ValueError: no lanes, or a memory that is neither 0 (nothing is forgotten) nor 256 to 10^12
+                samples.
+        """
+        self._native = _native.Octaves(lanes, memory_samples)
+
+    def add(self, y: Array) -> None:
+        """Take samples, (n, lanes). How many come at a time changes nothing.
+
+        Raises:
+            ValueError: another shape, or numbers that are not finite or beyond 5e99.
+        """
+        self._native.add(np.ascontiguousarray(y, dtype=np.float64))
+
+    def skip(self, count: int) -> None:
+        """Take note that so many samples of all lanes were lost before the next one."""
+        self._native.skip(count)
+
+    def merge(self, other: "Octaves") -> None:
+        """Take all that another one has seen, as a later stretch behind a break.
+
+        Raises:
+            ValueError: it has other lanes or another memory.
+        """
+        self._native.merge(other._native)
+
+    def save(self) -> bytes:
+        """All of it, for `restore`."""
+        return self._native.save()
+
+    @classmethod
+    def restore(cls, lanes: int, memory_samples: float, data: bytes) -> "Octaves":
+        """Go on from what `save` returned.
+
+        Raises:
+            ValueError: that is not sound, or had other lanes or another memory.
+        """
+        result = cls(lanes, memory_samples)
+        result._native.load(data)
+        return result
+
+    @property
+    def samples(self) -> int:
+        """Samples of a lane that were taken, whatever became of them."""
+        return self._native.counts(0)[0][0]
+
+    def counts(self, lane: int) -> Counts:
+        """Return what became of the samples of a lane so far."""
+        (taken, _, bridged, lost, gaps, knocks, knocked, steps, changes), constant = self._native.counts(lane)
+        return Counts(taken - knocked, bridged, lost, gaps, knocks, knocked, steps, changes, constant)
+
+    def periodogram(self, lane: int, h: float) -> Periodogram:
+        """Return the spectrum of a lane sampled every h seconds, with weights.
+
+        Its n is that of the longest stretch that is kept whole, in samples of the lane.
+
+        Raises:
+            ValueError: the lane is constant, h is not positive, or there is too little yet.
+        """
+        if not (math.isfinite(h) and h > 0):
+            raise ValueError(f"h is a sampling period in s and must be > 0, got {h}")
+        if self.counts(lane).constant:
+            raise ValueError("y is constant: there is no noise in it")
+        welch, values, lengths = self._native.spectrum(lane)
+        depth = len(welch)
+        parts = [
+            _welch_lines(level, np.frombuffer(power), blocks, effective)
+            for level, (power, blocks, effective) in enumerate(welch)
+            if blocks > 0
+        ]
+        stretches = _stretches(np.frombuffer(values, np.float32), np.frombuffer(lengths, np.int32))
+        parts += [_whole_lines(depth, y) for y in stretches]
+        longest = max((len(y) for y in stretches), default=0)
+        n = (longest << depth) if longest else BLOCK << max(depth - 1, 0)
+        if not parts:
+            check_enough(0, self.samples)
+        lam, power, weight = _in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        check_enough(len(lam), n)
+        return Periodogram(lam, power, h, n, weight)
+
+    def cells(self, lane: int, h: float) -> list[BandCells]:
+        """Return how the power of each octave went on, highest band first; h as of `periodogram`."""
+        _, levels = self._native.cells(lane)
+        result = []
+        for level, data in enumerate(levels):
+            first, counts, mean, squares = np.frombuffer(data).reshape(-1, 4).T
+            if len(first) == 0:
+                continue
+            lines = np.array([_FIRST_LINE - 0.5, _FIRST_LINE + _LINES[level > 0] - 0.5])
+            low, high = (lines / (BLOCK * h * 2**level)).tolist()
+            with np.errstate(invalid="ignore", divide="ignore"):
+                variance = np.where(counts > 1, squares / (counts - 1), np.nan)
+            scale = math.log(2.0**level)
+            result.append(BandCells(low, high, counts, mean + scale, variance, first.astype(np.int64)))
+        return result
+
+    def allan(self, lane: int) -> AllanPoints:
+        """Return the Allan variances of a lane."""
+        return AllanPoints(*self._native.allan(lane))
+
+
+def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> tuple[Array, Array, Array]:
+    own = np.asarray(2 * np.pi / BLOCK * (_FIRST_LINE + np.arange(len(power))), dtype=np.float64)
+    scale = 2.0**level / (_HANN_POWER * blocks) / _passed(own, level)
+    weight = effective / (1 + _HALF_OVERLAP * (1 - 1 / max(effective, 1))) / _HANN_LINES
+    return own / 2**level, power * scale, np.full(len(power), weight)
+
+
+def _drift(values: Array) -> Array:
+    """The cubic through values (m,) of mean 0.
+
+    Drift that ends elsewhere than it began leaks into all frequencies, as 1/λ², far above those that it has.
+    Of noise the cubic takes what is in the ordinates below LOWEST, and a few percent of that one.
+    """
+    x = np.linspace(-1, 1, len(values))
+    squares = x * x
+    curve = squares - squares.mean()
+    bend = x * (squares - (squares @ squares) / squares.sum())
+    return np.asarray(sum(one * (one @ values / (one @ one)) for one in (x, curve, bend)))
+
+
+def _whole_lines(level: int, y: NDArray[np.float32]) -> tuple[Array, Array, Array]:
+    m = len(y)
+    last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(_JOIN * m / (2 * np.pi)) - 1)
+    j = np.arange(LOWEST, last + 1)
+    values = y.astype(np.float64)
+    values -= values.mean()
+    if level:
+        values -= _drift(values)
+    spectrum = np.fft.rfft(values)[j]
+    own = np.asarray(2 * np.pi * j / m, dtype=np.float64)
+    power = (spectrum.real**2 + spectrum.imag**2) / m * 2.0**level
+    return own / 2**level, power / _passed(own, level), np.ones(len(j))
+
+
+def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[NDArray[np.float32]]:
+    parts = np.split(values, np.cumsum(lengths)[:-1]) if len(lengths) else []
+    return [part for part in parts if len(part) >= SHORTEST]
+
+
+def _passed(own: Array, level: int) -> Array:
+    """Power gain of the filters before a level, at rad a sample of its own rate, up to 0.7 π."""
+    if level == 0:
+        return np.ones_like(own)
+    return np.interp(own, _GRID, _passed_on_grid(level))
+
+
+_GRID = np.linspace(0, 0.71 * np.pi, 2001)
+"""Between two of these a line is good for seven digits."""
+
+
+@functools.cache
+def _passed_on_grid(level: int) -> Array:
+    angles = _GRID / 2**level
+    gain = np.array([_native.half_band_gain(angle) for angle in _GRID / 2]) ** 2
+    deeper = [np.array([_native.half_band_gain(a) for a in angles * 2**k]) ** 2 for k in range(level - 1)]
+    return np.asarray(math.prod(deeper, start=gain))
+
+
+def _in_order(lam: Array, power: Array, weight: Array) -> tuple[Array, Array, Array]:
+    """Rising in frequency; lines at the same one (of stretches of one length) become their average."""
+    unique, place = np.unique(lam, return_inverse=True)
+    if len(unique) == len(lam):
+        order = np.argsort(lam)
+        return lam[order], power[order], weight[order]
+    total = np.bincount(place, weight).astype(np.float64)
+    return unique, np.bincount(place, weight * power) / total, total

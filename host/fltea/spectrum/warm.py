@@ -1,0 +1,56 @@
+"""Fits that begin at the last answers, for one axis that is fitted again and again."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.spectrum.periodogram import Binned
+from fltea.spectrum.whittle import Fit, Model, fit
+
+Array = NDArray[np.float64]
+
+AGAIN = 2.0
+"""Growth of the record after which the grid of starts is searched again."""
+AGAIN_ON_BOUND = 1.1
+"""The same for an answer at the edge of what is possible."""
+EDGE = 13.0
+"""Coordinates beyond: a share of 2e-6, and the likelihood is flat."""
+
+
+class Search(Protocol):
+    """How a model is fitted: `whittle.fit`, or one that remembers."""
+
+    def __call__(self, data: Binned, model: Model, extra_starts: Array | None = None) -> Fit:
+        """Fit `model` to every series of `data`; extra_starts: (series, k, p)."""
+        ...
+
+
+class Warm:
+    """The last answers of one axis, by set of ordinates and model."""
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[str, str, float], tuple[Array, float]] = {}
+
+    def forget(self) -> None:
+        """Begin on the grid again."""
+        self._last.clear()
+
+    def of(self, name: str) -> Search:
+        """Fits to the ordinates that are called `name`."""
+
+        def search(data: Binned, model: Model, extra_starts: Array | None = None) -> Fit:
+            key = name, model.name, model.highest_order
+            theta, fitted_at = self._last.get(key, (None, 0.0))
+            ordinates = float(data.counts.sum())
+            if theta is not None:
+                on_bound = bool((np.abs(theta) > EDGE).any())
+                if ordinates > fitted_at * (AGAIN_ON_BOUND if on_bound else AGAIN):
+                    theta = None
+            if theta is None:
+                fitted_at = ordinates
+            found = fit(data, model, extra_starts, warm=theta)
+            self._last[key] = found.theta, fitted_at
+            return found
+
+        return search

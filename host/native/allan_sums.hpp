@@ -1,0 +1,306 @@
+// Allan variance of one axis in constant memory: overlapping estimates at τ = 2^j samples, from running sums.
+//
+// With B_k the sum of m = 2^j samples that ends at k, σ²(m) = mean of (B_k - B_{k-m})² / (2 m²). Up to m = 8
+// every k is used; above, every (m/8)-th, which loses next to nothing: neighbours are nearly the same. So
+// octave 3 + i needs the last 16 sums of 2^i samples, and each level of sums is made of pairs of the one
+// before.
+//
+// Values are taken in chunks of kChunk of each level, counted from the last break, so that figures do not
+// depend on how the samples are cut into calls.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+namespace fltea {
+
+namespace allan {
+
+constexpr std::size_t kChunk = 16, kHistory = 15;
+// Octaves 0 to 3 come from level 0, each further one from a level of its own.
+constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
+// What is older than so many time constants is not shown.
+constexpr double kOldest = 3;
+constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
+
+// Weighted sum of squared differences; a term's weight is 1 when it comes.
+struct Octave {
+    double squares = 0, weight = 0, weight_squared = 0;
+    // When the last term came, in samples since the beginning.
+    double last = 0;
+};
+
+struct Level {
+    // kHistory values of earlier chunks, 0 where the stretch has fewer, and what waits for a whole chunk.
+    double values[kHistory + kChunk] = {};
+    std::size_t waiting = 0;
+    // Values of this stretch before those that wait.
+    double taken = 0;
+};
+
+struct Point {
+    double factor, avar;
+    // Effective number of overlapping terms; their number if nothing is forgotten.
+    double terms;
+};
+
+}  // namespace allan
+
+class AllanSums {
+  public:
+    // memory_samples: time constant of forgetting; 0: nothing is forgotten.
+    explicit AllanSums(double memory_samples = 0) : memory_(memory_samples) {
+        for (std::size_t i = 0; i < allan::kLevels; ++i) {
+            step_decay_[i] = memory_ > 0 ? std::exp(-std::ldexp(1.0, static_cast<int>(i)) / memory_) : 1;
+        }
+    }
+
+    // Samples that were taken.
+    double samples() const { return samples_; }
+    // As many of them as the figures are of.
+    double span() const {
+        const double oldest = allan::kOldest * memory_;
+        return memory_ > 0 && oldest < samples_ ? oldest : samples_;
+    }
+
+    // Finite numbers of at most kLargestValue.
+    void add(const double* y, std::size_t n) {
+        if (n == 0) return;
+        if (!begun_) {
+            // Differences do not depend on it; sums are then not rounded for an offset's sake.
+            origin_ = y[0];
+            begun_ = true;
+        }
+        allan::Level& level = levels_[0];
+        for (std::size_t i = 0; i < n; ++i) {
+            level.values[allan::kHistory + level.waiting++] = y[i] - origin_;
+            if (level.waiting == allan::kChunk) take(0);
+        }
+        samples_ += static_cast<double>(n);
+        now_ += static_cast<double>(n);
+    }
+
+    // A break, of so many lost samples: no term reaches across it.
+    void cut(double lost = 0) {
+        for (std::size_t i = 0; i < allan::kLevels; ++i) {
+            if (levels_[i].waiting > 0) take(i);
+            levels_[i] = allan::Level();
+        }
+        begun_ = false;
+        now_ += lost;
+        stretch_begin_ = now_;
+    }
+
+    // Adds what another one has seen, as if both ended now; a break for this one.
+    void merge(const AllanSums& other) {
+        if (other.samples_ <= 0) return;
+        AllanSums ended(other);
+        ended.cut();
+        cut();
+        samples_ += ended.samples_;
+        now_ += ended.now_;
+        stretch_begin_ = now_;
+        for (std::size_t j = 0; j < allan::kOctaves; ++j) {
+            allan::Octave &mine = octaves_[j], &theirs = ended.octaves_[j];
+            fade(mine, now_ - ended.now_);
+            fade(theirs, ended.now_);
+            mine.squares += theirs.squares;
+            mine.weight += theirs.weight;
+            mine.weight_squared += theirs.weight_squared;
+            mine.last = now_;
+        }
+    }
+
+    // Of all octaves that have a term.
+    std::vector<allan::Point> points() const {
+        AllanSums ended(*this);
+        ended.cut();
+        std::vector<allan::Point> result;
+        for (std::size_t j = 0; j < allan::kOctaves; ++j) {
+            const allan::Octave& octave = ended.octaves_[j];
+            const double m = std::ldexp(1.0, static_cast<int>(j)), oldest = allan::kOldest * memory_;
+            if (!(octave.weight > 0)) continue;
+            if (memory_ > 0 && (2 * m > oldest || ended.now_ - octave.last > oldest)) continue;
+            const double avar = octave.squares / octave.weight / (2 * m * m);
+            result.push_back({m, avar, octave.weight * octave.weight / octave.weight_squared});
+        }
+        return result;
+    }
+
+    // Samples, time, length of the stretch, origin; the values of the levels; four numbers an octave.
+    std::vector<double> save() const {
+        const double length = begun_ ? now_ - stretch_begin_ : 0;
+        std::vector<double> numbers = {samples_, now_, length, begun_ ? origin_ : 0};
+        for (const allan::Level& level : levels_) {
+            numbers.insert(numbers.end(), level.values + allan::kHistory - history(level),
+                           level.values + allan::kHistory + level.waiting);
+        }
+        for (const allan::Octave& octave : octaves_) {
+            numbers.insert(numbers.end(),
+                           {octave.squares, octave.weight, octave.weight_squared, octave.last});
+        }
+        return numbers;
+    }
+
+    // False, and nothing has changed, if these numbers cannot come from save().
+    bool load(const double* numbers, std::size_t size) {
+        AllanSums found(memory_);
+        if (!found.read(numbers, numbers + size)) return false;
+        *this = found;
+        return true;
+    }
+
+  private:
+    static std::size_t history(const allan::Level& level) {
+        return level.taken < static_cast<double>(allan::kHistory) ? static_cast<std::size_t>(level.taken)
+                                                                  : allan::kHistory;
+    }
+
+    // What waits at a level becomes terms, and pairs for the next.
+    void take(std::size_t i) {
+        allan::Level& level = levels_[i];
+        const std::size_t n = level.waiting, old = history(level);
+        constexpr std::size_t kAll = allan::kHistory + allan::kChunk;
+        double of2[kAll] = {}, of4[kAll] = {}, of8[kAll] = {};
+        const double* const v = level.values;
+        for (std::size_t k = 1; k < kAll; ++k) of2[k] = v[k] + v[k - 1];
+        for (std::size_t k = 3; k < kAll; ++k) of4[k] = of2[k] + of2[k - 2];
+        for (std::size_t k = 7; k < kAll; ++k) of8[k] = of4[k] + of4[k - 4];
+        if (i == 0) {
+            count(0, i, v, 1, old, n);
+            count(1, i, of2, 2, old, n);
+            count(2, i, of4, 4, old, n);
+        }
+        count(i + 3, i, of8, 8, old, n);
+        level.waiting = 0;
+        level.taken += static_cast<double>(n);
+        if (i + 1 < allan::kLevels) {
+            allan::Level& above = levels_[i + 1];
+            for (std::size_t k = 0; k + 1 < n; k += 2) {
+                above.values[allan::kHistory + above.waiting++] = of2[allan::kHistory + k + 1];
+            }
+            if (above.waiting == allan::kChunk) take(i + 1);
+        }
+        for (std::size_t k = 0; k < allan::kHistory; ++k) level.values[k] = level.values[k + n];
+    }
+
+    // The terms of one octave: differences of block sums a block of `width` values apart.
+    void count(std::size_t j, std::size_t i, const double* sums, std::size_t width, std::size_t old,
+               std::size_t n) {
+        const std::size_t needed = 2 * width - 1, first = old < needed ? needed - old : 0;
+        if (first >= n) return;
+        const double* const newer = sums + allan::kHistory;
+        const double* const older = newer - width;
+        allan::Octave& octave = octaves_[j];
+        const double step = std::ldexp(1.0, static_cast<int>(i)), taken = levels_[i].taken;
+        if (memory_ > 0) {
+            const double decay = step_decay_[i], decay2 = decay * decay;
+            // The first one may come long after the last: a break lay between them.
+            fade(octave, stretch_begin_ + (taken + static_cast<double>(first + 1)) * step - octave.last);
+            double squares = octave.squares, weight = octave.weight, both = octave.weight_squared;
+            for (std::size_t k = first; k < n; ++k) {
+                const double apart = newer[k] - older[k];
+                if (k > first) {
+                    squares *= decay;
+                    weight *= decay;
+                    both *= decay2;
+                }
+                squares += apart * apart;
+                weight += 1;
+                both += 1;
+            }
+            octave.squares = squares;
+            octave.weight = weight;
+            octave.weight_squared = both;
+        } else if (first == 0 && n == allan::kChunk) {
+            double part[4] = {};
+            for (std::size_t k = 0; k < allan::kChunk; k += 4) {
+                for (std::size_t l = 0; l < 4; ++l) {
+                    const double apart = newer[k + l] - older[k + l];
+                    part[l] += apart * apart;
+                }
+            }
+            octave.squares += (part[0] + part[2]) + (part[1] + part[3]);
+            octave.weight += static_cast<double>(allan::kChunk);
+            octave.weight_squared = octave.weight;
+        } else {
+            for (std::size_t k = first; k < n; ++k) {
+                const double apart = newer[k] - older[k];
+                octave.squares += apart * apart;
+            }
+            octave.weight += static_cast<double>(n - first);
+            octave.weight_squared += static_cast<double>(n - first);
+        }
+        octave.last = stretch_begin_ + (taken + static_cast<double>(n)) * step;
+    }
+
+    void fade(allan::Octave& octave, double age) const {
+        if (!(memory_ > 0)) return;
+        const double decay = std::exp(-age / memory_);
+        octave.squares *= decay;
+        octave.weight *= decay;
+        octave.weight_squared *= decay * decay;
+        // Before squares of weights leave the range of doubles.
+        if (octave.weight < 1e-100) octave = allan::Octave();
+    }
+
+    static bool is_count(double number) {
+        return number >= 0 && number <= allan::kLargestCount && std::floor(number) == number;
+    }
+
+    bool read(const double* from, const double* end) {
+        if (end - from < 4) return false;
+        samples_ = from[0];
+        now_ = from[1];
+        const double length = from[2];
+        origin_ = from[3];
+        if (!is_count(samples_) || !is_count(now_) || !is_count(length)) return false;
+        if (length > samples_ || samples_ > now_ || !(std::fabs(origin_) <= allan::kLargestValue))
+            return false;
+        from += 4;
+        begun_ = length > 0;
+        stretch_begin_ = now_ - length;
+        double values = length, largest = 2 * allan::kLargestValue;
+        for (allan::Level& level : levels_) {
+            const double chunks = std::floor(values / static_cast<double>(allan::kChunk));
+            level.taken = chunks * static_cast<double>(allan::kChunk);
+            level.waiting = static_cast<std::size_t>(values - level.taken);
+            const std::size_t old = history(level), n = old + level.waiting;
+            if (static_cast<std::size_t>(end - from) < n) return false;
+            for (std::size_t k = 0; k < n; ++k) {
+                if (!(std::fabs(from[k]) <= largest)) return false;
+                level.values[allan::kHistory - old + k] = from[k];
+            }
+            from += n;
+            values = level.taken / 2;
+            largest *= 2;
+        }
+        if (end - from != static_cast<std::ptrdiff_t>(4 * allan::kOctaves)) return false;
+        for (allan::Octave& octave : octaves_) {
+            octave.squares = from[0];
+            octave.weight = from[1];
+            octave.weight_squared = from[2];
+            octave.last = from[3];
+            if (!sound(octave)) return false;
+            from += 4;
+        }
+        return true;
+    }
+
+    bool sound(const allan::Octave& octave) const {
+        return octave.squares >= 0 && octave.squares <= 1e300 && octave.weight >= 0 &&
+               octave.weight <= samples_ && octave.weight_squared >= 0 &&
+               octave.weight_squared <= octave.weight && octave.last >= 0 && octave.last <= now_ &&
+               (octave.weight > 0 ? octave.weight_squared > 0 : octave.squares <= 0);
+    }
+
+    double memory_;
+    double step_decay_[allan::kLevels];
+    double samples_ = 0, now_ = 0, stretch_begin_ = 0, origin_ = 0;
+    bool begun_ = false;
+    allan::Level levels_[allan::kLevels];
+    allan::Octave octaves_[allan::kOctaves];
+};
+
+}  // namespace fltea

@@ -1,0 +1,327 @@
+// Which samples of an axis say something of its noise, and where their stream has breaks.
+//
+// Samples are judged in chunks of 128 that follow each other.
+//
+// A chunk is a knock, and left out, if its power about its own mean, the largest sample not counted, is
+// sixteen times the running level, or if that sample alone is a hundred deviations away. That is beyond what
+// noise does by itself: Student's t with four degrees of freedom (one sample in 10^8), a random walk (one
+// chunk in 10^6). After eight knocks in a row the new level is the level.
+//
+// A chunk is left out, too, and is a step of the offset, if its mean has jumped against the one before as no
+// jump of the running level does: the step may lie within it.
+//
+// Up to eight lost samples are bridged by a straight line, at most one in a thousand; more are a break.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+
+namespace fltea {
+
+struct GateCounts {
+    std::uint64_t taken;    // samples that came
+    std::uint64_t used;     // of them, handed on
+    std::uint64_t bridged;  // lost samples that a line stands for
+    std::uint64_t lost;     // all that were lost
+    std::uint64_t gaps;     // breaks because of lost samples
+    std::uint64_t knocks;   // chunks
+    std::uint64_t knocked;  // samples left out, with knocks and with steps
+    std::uint64_t steps;
+    std::uint64_t changes;  // of the level
+};
+
+class Gate {
+  public:
+    enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
+    // In power, of the running level: a chunk's, and a sample's.
+    enum { kKnock = 16, kSpike = 10000 };
+
+    Gate()
+        : fill_(0),
+          number_(0),
+          missing_(0),
+          bridged_(0),
+          has_last_(0),
+          has_mean_(0),
+          credit_(0),
+          last_(0),
+          mean_(0),
+          level_(0),
+          chunks_(0),
+          knocks_(0),
+          knocks_level_(0),
+          jumps_(0),
+          jumps_level_(0),
+          resolution_(std::numeric_limits<double>::infinity()),
+          value_(0),
+          changed_(0) {
+        std::memset(&counts_, 0, sizeof counts_);
+        std::memset(made_up_, 0, sizeof made_up_);
+    }
+
+    const GateCounts& counts() const { return counts_; }
+    // Number of the sample that comes next; lost ones are counted.
+    std::uint64_t number() const { return number_ + std::uint64_t(fill_) + missing_; }
+    // All samples that came were the same.
+    bool constant() const { return counts_.taken > 0 && !changed_; }
+
+    // Calls sink.accept(values, n, number of the first, made_up[n]) and sink.cut() as it goes; y[i * stride]
+    // are finite and within 1e100.
+    template <typename Sink>
+    void add(const double* y, std::size_t n, std::size_t stride, Sink& sink) {
+        while (n > 0) {
+            if (missing_ > 0) end_gap(*y, sink);
+            const std::size_t room = std::size_t(kChunk - fill_), part = n < room ? n : room;
+            for (std::size_t i = 0; i < part; ++i) chunk_[std::size_t(fill_) + i] = y[i * stride];
+            note_change(chunk_ + fill_, int(part));
+            fill_ += int(part);
+            counts_.taken += part;
+            credit_ = credit_ + int(part) < kMostCredit ? credit_ + int(part) : int(kMostCredit);
+            last_ = chunk_[fill_ - 1];
+            has_last_ = 1;
+            y += part * stride;
+            n -= part;
+            if (fill_ == kChunk) hand_on(sink);
+        }
+    }
+
+    // What comes next is so many samples later.
+    void skip(std::uint64_t count) {
+        missing_ += count;
+        counts_.lost += count;
+    }
+
+    // Hands on what waits for a whole chunk, and ends the stretch: what comes is behind a break.
+    template <typename Sink>
+    void finish(Sink& sink) {
+        if (fill_ > 0) hand_on(sink);
+        end_stretch(sink);
+    }
+
+    // Of a later one, that was finished like this one.
+    void merge(const Gate& other) {
+        number_ = number() + other.number();
+        missing_ = 0;
+        if (other.chunks_ > 0 && chunks_ > 0) {
+            const double weight = double(other.chunks_) / double(chunks_ + other.chunks_);
+            level_ += (other.level_ - level_) * weight;
+        } else if (other.chunks_ > 0) {
+            level_ = other.level_;
+        }
+        chunks_ = least(chunks_ + other.chunks_, kRunning);
+        if (other.jumps_ > 0) {
+            const double weight = double(other.jumps_) / double(jumps_ + other.jumps_);
+            jumps_level_ += (other.jumps_level_ - jumps_level_) * weight;
+        }
+        jumps_ = least(jumps_ + other.jumps_, kRunning);
+        knocks_ = other.knocks_;
+        knocks_level_ = other.knocks_level_;
+        if (other.resolution_ < resolution_) resolution_ = other.resolution_;
+        if (other.counts_.taken > 0) {
+            if (counts_.taken == 0) {
+                value_ = other.value_;
+            } else if (value_ != other.value_) {
+                changed_ = 1;
+            }
+        }
+        if (other.changed_) changed_ = 1;
+        std::uint64_t* const to = fields(counts_);
+        const std::uint64_t* const more = fields(const_cast<GateCounts&>(other.counts_));
+        for (int i = 0; i < kFields; ++i) to[i] += more[i];
+    }
+
+    template <typename Io>
+    void visit(Io& io) {
+        io.number(fill_, 0, kChunk - 1);
+        io.number(number_, 0, 1e15);
+        io.number(missing_, 0, 1e15);
+        io.number(bridged_, 0, fill_);
+        io.number(has_last_, 0, 1);
+        io.number(has_mean_, 0, 1);
+        io.number(credit_, 0, kMostCredit);
+        io.real(last_, -1e100, 1e100);
+        io.real(mean_, -1e100, 1e100);
+        io.real(level_, 0, 1e203);
+        io.number(chunks_, 0, kRunning);
+        io.number(knocks_, 0, kKnocksToChange - 1);
+        io.real(knocks_level_, 0, 1e203);
+        io.number(jumps_, 0, kRunning);
+        io.real(jumps_level_, 0, 1e203);
+        // Infinite numbers are not in a snapshot.
+        double resolution = std::isinf(resolution_) ? 0 : resolution_;
+        io.real(resolution, 0, 1e101);
+        resolution_ = resolution > 0 ? resolution : std::numeric_limits<double>::infinity();
+        io.real(value_, -1e100, 1e100);
+        io.number(changed_, 0, 1);
+        for (int i = 0; i < kFields; ++i) io.number(fields(counts_)[i], 0, 1e15);
+        int made_up = 0;
+        for (int i = 0; i < fill_ && io.sound(); ++i) {
+            io.real(chunk_[i], -1e100, 1e100);
+            io.number(made_up_[i], 0, 1);
+            made_up += made_up_[i];
+        }
+        io.require(made_up == bridged_);
+    }
+
+  private:
+    enum { kFields = sizeof(GateCounts) / sizeof(std::uint64_t), kPerBridged = 1000 };
+    enum { kMostCredit = kLongestBridge * kPerBridged };
+
+    static std::uint64_t* fields(GateCounts& counts) { return &counts.taken; }
+    static int least(int a, int b) { return a < b ? a : b; }
+
+    void note_change(const double* y, int n) {
+        if (changed_) return;
+        if (counts_.taken == 0) value_ = y[0];
+        for (int i = 0; i < n; ++i) {
+            if (y[i] != value_) changed_ = 1;
+        }
+    }
+
+    // Samples were lost before `next`.
+    template <typename Sink>
+    void end_gap(double next, Sink& sink) {
+        const std::uint64_t missing = missing_;
+        missing_ = 0;
+        if (!has_last_) {
+            number_ += missing;
+            return;
+        }
+        if (missing > kLongestBridge || credit_ < int(missing) * kPerBridged) {
+            if (fill_ > 0) hand_on(sink);
+            end_stretch(sink);
+            ++counts_.gaps;
+            number_ += missing;
+            return;
+        }
+        credit_ -= int(missing) * kPerBridged;
+        const double from = last_, slope = (next - last_) / double(missing + 1);
+        for (std::uint64_t i = 1; i <= missing; ++i) {
+            chunk_[fill_] = from + slope * double(i);
+            made_up_[fill_++] = 1;
+            ++bridged_;
+            ++counts_.bridged;
+            if (fill_ == kChunk) hand_on(sink);
+            if (!has_last_) {  // its first part was left out
+                number_ += missing - i;
+                return;
+            }
+        }
+    }
+
+    template <typename Sink>
+    void end_stretch(Sink& sink) {
+        if (has_last_) sink.cut();
+        has_last_ = has_mean_ = credit_ = 0;
+    }
+
+    template <typename Sink>
+    void hand_on(Sink& sink) {
+        const std::uint64_t first = number_, measured = std::uint64_t(fill_ - bridged_);
+        number_ += std::uint64_t(fill_);
+        if (belongs()) {
+            counts_.used += measured;
+            sink.accept(static_cast<const double*>(chunk_), fill_, first,
+                        static_cast<const unsigned char*>(made_up_));
+        } else {
+            counts_.knocked += measured;
+            end_stretch(sink);
+        }
+        if (bridged_ > 0) std::memset(made_up_, 0, sizeof made_up_);
+        fill_ = bridged_ = 0;
+    }
+
+    // Judges the chunk. A short one is judged as if it went on without noise.
+    bool belongs() {
+        double sums[4] = {0, 0, 0, 0}, powers[4] = {0, 0, 0, 0};
+        const double origin = chunk_[0];
+        for (int i = 0; i < fill_; ++i) sums[i % 4] += chunk_[i] - origin;
+        const double mean = origin + ((sums[0] + sums[1]) + (sums[2] + sums[3])) / fill_;
+        double largest = 0;
+        for (int i = 0; i < fill_; ++i) {
+            const double apart = chunk_[i] - mean, power = apart * apart;
+            powers[i % 4] += power;
+            if (power > largest) largest = power;
+        }
+        const double power = (powers[0] + powers[1]) + (powers[2] + powers[3]);
+        if (bridged_ == 0) note_resolution();
+        // Of rounding to the resolution there is at least that much, even while hardly any sample changes.
+        const double rounding = std::isinf(resolution_) ? 0 : resolution_ * resolution_ / 12;
+        const bool whole = fill_ == kChunk;
+        const double variance = fill_ > 1 ? power / (fill_ - 1) : 0;
+        if (chunks_ > 0) {
+            const double level = level_ > rounding ? level_ : rounding;
+            if (power - largest > kKnock * level * (kChunk - 1) || largest > kSpike * level) {
+                note_knock(variance);
+                return false;
+            }
+        }
+        knocks_ = 0;
+        if (!whole) return true;
+        if (has_mean_ && is_step(mean - mean_, 2 * rounding / kChunk)) return false;
+        mean_ = mean;
+        has_mean_ = 1;
+        chunks_ = least(chunks_ + 1, kRunning);
+        level_ += (variance - level_) / chunks_;
+        return true;
+    }
+
+    void note_resolution() {
+        double least_change = resolution_;
+        for (int i = 1; i < fill_; ++i) {
+            const double change = std::fabs(chunk_[i] - chunk_[i - 1]);
+            const double one = change > 0 ? change : resolution_;
+            if (one < least_change) least_change = one;
+        }
+        resolution_ = least_change;
+    }
+
+    void note_knock(double variance) {
+        ++counts_.knocks;
+        ++knocks_;
+        knocks_level_ = knocks_ == 1 ? variance : knocks_level_ + (variance - knocks_level_) / knocks_;
+        if (knocks_ < kKnocksToChange) return;
+        level_ = knocks_level_;
+        chunks_ = kKnocksToChange;
+        knocks_ = jumps_ = 0;
+        jumps_level_ = 0;
+        ++counts_.changes;
+    }
+
+    // Jumps of the mean from chunk to chunk beside their running power; while it is known from few only, more
+    // is asked. A step adds no more to it than the largest jump that is none, so that it follows noise that
+    // changes.
+    bool is_step(double jump, double rounding) {
+        const double level = jumps_level_ > rounding ? jumps_level_ : rounding;
+        const double deviations = jumps_ > 0 ? 5.5 * (1 + 8.0 / jumps_) : 0;
+        const double largest = deviations * deviations * level;
+        const bool step = jumps_ >= kFewestJumps && jump * jump > largest;
+        const double power = step ? largest : jump * jump;
+        jumps_ = least(jumps_ + 1, kRunning);
+        jumps_level_ += (power - jumps_level_) / jumps_;
+        if (step) ++counts_.steps;
+        return step;
+    }
+
+    double chunk_[kChunk];
+    unsigned char made_up_[kChunk];
+    int fill_;
+    std::uint64_t number_, missing_;  // sample number of chunk_[0]; lost ones that were not dealt with
+    int bridged_, has_last_, has_mean_, credit_;
+    double last_, mean_;  // the newest sample of the stretch, the mean of its newest chunk
+    double level_;        // variance of a chunk, and of how many
+    int chunks_;
+    int knocks_;  // in a row, and their level
+    double knocks_level_;
+    int jumps_;
+    double jumps_level_;
+    double resolution_;  // least change from sample to sample
+    double value_;       // the first one
+    int changed_;
+    GateCounts counts_;
+};
+
+}  // namespace fltea

@@ -1,0 +1,110 @@
+// All that is kept of the noise of one axis for its spectrum: constant memory, whatever the length.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "allan_sums.hpp"
+#include "gate.hpp"
+#include "octave_ladder.hpp"
+
+namespace fltea {
+
+// Everything that takes the accepted samples. Each has accept(values, n, number of the first, made_up[n]),
+// cut(), age(now), merge(other, shift, now) and visit(io).
+template <typename Number>
+struct AcceptedStream {
+    explicit AcceptedStream(double memory) : ladder(memory), allan(memory), next_(0) {}
+
+    void accept(const double* y, int n, std::uint64_t first, const unsigned char* made_up) {
+        ladder.accept(y, n, first, made_up);
+        if (first != next_) allan.cut(double(first - next_));
+        allan.add(y, std::size_t(n));
+        next_ = first + std::uint64_t(n);
+    }
+    void cut() {
+        ladder.cut();
+        allan.cut();
+    }
+    void age(std::uint64_t now) { ladder.age(now); }
+    void merge(const AcceptedStream& other, std::uint64_t shift, std::uint64_t now) {
+        ladder.merge(other.ladder, shift, now);
+        allan.merge(other.allan);
+        next_ = now;
+    }
+    template <typename Io>
+    void visit(Io& io) {
+        ladder.visit(io);
+        io.number(next_, 0, 1e15);
+        std::vector<double> numbers = allan.save();
+        std::size_t size = numbers.size();
+        io.number(size, 0, kMostNumbers);
+        if (!io.sound()) return;
+        numbers.resize(size);
+        for (double& one : numbers) io.real(one, -1e300, 1e300);
+        if (io.sound()) io.require(allan.load(numbers.data(), size));
+    }
+
+    OctaveLadder<Number> ladder;
+    AllanSums allan;
+
+  private:
+    enum { kMostNumbers = 4 + allan::kLevels * (allan::kHistory + allan::kChunk) + 4 * allan::kOctaves };
+    std::uint64_t next_;  // number of the sample that the next one is expected to be
+};
+
+// One lane. `memory` in samples, 0 to forget nothing.
+template <typename Number>
+class Octaves {
+  public:
+    explicit Octaves(double memory = 0) : accepted_(memory) {}
+
+    const GateCounts& counts() const { return gate_.counts(); }
+    bool constant() const { return gate_.constant(); }
+    std::uint64_t now() const { return gate_.number(); }
+    const OctaveLadder<Number>& ladder() const { return accepted_.ladder; }
+    const AllanSums& allan() const { return accepted_.allan; }
+
+    void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
+    void skip(std::uint64_t count) { gate_.skip(count); }
+
+    // With what waits for a whole chunk, and without what is to be forgotten by now; then a break.
+    void finish() {
+        gate_.finish(accepted_);
+        accepted_.age(now());
+    }
+
+    // The same as finished, to read; this one goes on.
+    Octaves finished() const {
+        Octaves copy(*this);
+        copy.finish();
+        return copy;
+    }
+
+    // What is in the level that is whole becomes sums too, for their record in time.
+    void deepen() {
+        if (accepted_.ladder.depth() < OctaveLadder<Number>::kLevels - 1) accepted_.ladder.deepen();
+    }
+
+    // Of a later stretch with the same memory. Both have a break at their end then.
+    void merge(const Octaves& other) {
+        finish();
+        const Octaves later = other.finished();
+        const std::uint64_t shift = now();
+        gate_.merge(later.gate_);
+        accepted_.merge(later.accepted_, shift, now());
+    }
+
+    template <typename Io>
+    void visit(Io& io) {
+        gate_.visit(io);
+        if (io.sound()) accepted_.visit(io);
+    }
+
+  private:
+    Gate gate_;
+    AcceptedStream<Number> accepted_;
+};
+
+}  // namespace fltea

@@ -1,0 +1,191 @@
+// fltea._native.Octaves: the running spectra of several lanes for Python (host/fltea/spectrum/octaves.py).
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <cstring>
+#include <mutex>
+#include <tuple>
+#include <vector>
+
+#include "engine_binding.hpp"
+#include "number_io.hpp"
+#include "octaves.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+using Lane = fltea::Octaves<double>;
+using Ladder = fltea::OctaveLadder<double>;
+
+constexpr double kLargestSample = kLargestInput / 2;
+constexpr double kLeastMemory = 256, kMostMemory = 1e12;
+constexpr double kMostSamples = 1e15;
+
+template <typename T>
+nb::bytes bytes_of(const T* values, size_t n) {
+    return nb::bytes(values, n * sizeof(T));
+}
+
+class Octaves {
+  public:
+    Octaves(size_t lanes, double memory) : memory_(memory) {
+        if (lanes == 0) throw nb::value_error("there must be at least one lane");
+        if (!(memory == 0 || (memory >= kLeastMemory && memory <= kMostMemory))) {
+            throw nb::value_error("the memory must be 0 (nothing is forgotten) or 256 samples to 10^12");
+        }
+        lanes_.assign(lanes, Lane(memory));
+    }
+
+    void add(Rows y) {
+        const size_t rows = y.shape(0), lanes = lanes_.size();
+        if (y.shape(1) != lanes) throw nb::value_error("y must have shape (rows, lanes)");
+        check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
+        nb::gil_scoped_release release;
+        const std::lock_guard<std::mutex> alone(mutex_);
+        for (size_t i = 0; i < lanes; ++i) lanes_[i].add(y.data() + i, rows, lanes);
+    }
+
+    void skip(double count) {
+        if (!(count >= 0 && count <= kMostSamples))
+            throw nb::value_error("no such number of samples can be lost");
+        const std::lock_guard<std::mutex> alone(mutex_);
+        for (Lane& lane : lanes_) lane.skip(static_cast<uint64_t>(count));
+    }
+
+    void merge(const Octaves& other) {
+        if (other.lanes_.size() != lanes_.size() || other.memory_ != memory_) {
+            throw nb::value_error("the other one has other lanes or another memory");
+        }
+        const Octaves* const self = this;
+        const std::vector<Lane> theirs = self == &other ? lanes_ : other.copy();
+        nb::gil_scoped_release release;
+        const std::lock_guard<std::mutex> alone(mutex_);
+        for (size_t i = 0; i < lanes_.size(); ++i) lanes_[i].merge(theirs[i]);
+    }
+
+    // In the order of GateCounts, and whether all samples that came were the same.
+    std::tuple<std::vector<uint64_t>, bool> counts(size_t lane) const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        const fltea::GateCounts& c = at(lane).counts();
+        return {{c.taken, c.used, c.bridged, c.lost, c.gaps, c.knocks, c.knocked, c.steps, c.changes},
+                at(lane).constant()};
+    }
+
+    // Of each level that is Welch's: sums of |FFT|^2, blocks, effective blocks. Then the values of the whole
+    // level (float32) and the lengths of its stretches (int32).
+    nb::tuple spectrum(size_t lane) const {
+        const Lane finished = finished_lane(lane);
+        const Ladder& ladder = finished.ladder();
+        nb::list levels;
+        for (int l = 0; l < ladder.depth(); ++l) {
+            double power[Ladder::kTopLines], blocks, effective;
+            ladder.sums(l, finished.now(), power, &blocks, &effective);
+            levels.append(
+                nb::make_tuple(bytes_of(power, static_cast<size_t>(Ladder::lines(l))), blocks, effective));
+        }
+        std::vector<int32_t> lengths;
+        for (int i = 0; i < ladder.whole().stretches(); ++i)
+            lengths.push_back(ladder.whole().stretch(i).length);
+        return nb::make_tuple(levels,
+                              bytes_of(ladder.whole().values(), static_cast<size_t>(ladder.whole().size())),
+                              bytes_of(lengths.data(), lengths.size()));
+    }
+
+    // Number of the next sample; of each level: first sample numbers, counts, means and sums of squared
+    // deviations.
+    nb::tuple cells(size_t lane) const {
+        Lane finished = finished_lane(lane);
+        finished.deepen();
+        nb::list levels;
+        for (int l = 0; l < finished.ladder().depth(); ++l) {
+            const fltea::TimeCells& cells = finished.ladder().cells(l);
+            std::vector<double> numbers;
+            for (int i = 0; i < cells.size(); ++i) {
+                for (const double one :
+                     {static_cast<double>(cells[i].first), static_cast<double>(cells[i].count),
+                      static_cast<double>(cells[i].mean), static_cast<double>(cells[i].squares)}) {
+                    numbers.push_back(one);
+                }
+            }
+            levels.append(bytes_of(numbers.data(), numbers.size()));
+        }
+        return nb::make_tuple(finished.now(), levels);
+    }
+
+    // Averaging factors, Allan variances, terms; and of how many samples they are.
+    std::tuple<std::vector<double>, std::vector<double>, std::vector<double>, double> allan(
+        size_t lane) const {
+        const Lane finished = finished_lane(lane);
+        std::vector<double> factors, avar, terms;
+        for (const fltea::allan::Point& one : finished.allan().points()) {
+            factors.push_back(one.factor);
+            avar.push_back(one.avar);
+            terms.push_back(one.terms);
+        }
+        return {factors, avar, terms, finished.allan().span()};
+    }
+
+    nb::bytes save() const {
+        std::vector<double> numbers;
+        fltea::NumberSaver saver(numbers);
+        for (Lane& lane : copy()) lane.visit(saver);
+        return bytes_of(numbers.data(), numbers.size());
+    }
+
+    void load(nb::bytes bytes) {
+        std::vector<double> numbers(bytes.size() / sizeof(double));
+        if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(double));
+        std::vector<Lane> lanes(lanes_.size(), Lane(memory_));
+        fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
+        for (Lane& lane : lanes) lane.visit(loader);
+        if (!loader.sound() || !loader.at_end() || bytes.size() % sizeof(double) != 0) {
+            throw nb::value_error("what its spectrum has seen cannot be read");
+        }
+        const std::lock_guard<std::mutex> alone(mutex_);
+        lanes_ = lanes;
+    }
+
+  private:
+    const Lane& at(size_t lane) const {
+        if (lane >= lanes_.size()) throw nb::index_error("no such lane");
+        return lanes_[lane];
+    }
+    Lane finished_lane(size_t lane) const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return at(lane).finished();
+    }
+    std::vector<Lane> copy() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return lanes_;
+    }
+
+    double memory_;
+    std::vector<Lane> lanes_;
+    mutable std::mutex mutex_;
+};
+
+}  // namespace
+
+void bind_octaves(nb::module_& m) {
+    m.attr("OCTAVES_LANE_BYTES") = sizeof(Lane);
+    m.attr("OCTAVES_LEVELS") = static_cast<int>(Ladder::kLevels);
+    m.attr("OCTAVES_WHOLE") = static_cast<int>(fltea::WholeStream::kCapacity);
+    m.attr("OCTAVES_BLOCK") = static_cast<int>(Ladder::Top::kBlock);
+    m.attr("OCTAVES_LOWEST") = static_cast<int>(Ladder::Top::kLowest);
+    m.attr("OCTAVES_LINES") =
+        nb::make_tuple(static_cast<int>(Ladder::kTopLines), static_cast<int>(Ladder::kLines));
+    m.def("half_band_gain", &fltea::HalfBand<double>::gain, nb::arg("angle"));
+    nb::class_<Octaves>(m, "Octaves")
+        .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))
+        .def("add", &Octaves::add, nb::arg("y"))
+        .def("skip", &Octaves::skip, nb::arg("count"))
+        .def("merge", &Octaves::merge, nb::arg("other"))
+        .def("counts", &Octaves::counts, nb::arg("lane"))
+        .def("spectrum", &Octaves::spectrum, nb::arg("lane"))
+        .def("cells", &Octaves::cells, nb::arg("lane"))
+        .def("allan", &Octaves::allan, nb::arg("lane"))
+        .def("save", &Octaves::save)
+        .def("load", &Octaves::load, nb::arg("bytes"));
+}

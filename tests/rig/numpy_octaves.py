@@ -1,0 +1,67 @@
+"""The octaves of a spectrum in numpy and scipy, all samples at hand: the oracle of the native ones."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+Array = NDArray[np.float64]
+
+TAPS = signal.firwin(31, 0.5, window=("kaiser", 8.0))
+WINDOW = signal.get_window("hann", 256)
+
+
+class Lines(NamedTuple):
+    """In rising order; several at one frequency stand one by one."""
+
+    lam: Array
+    power: Array
+    weight: Array
+    depth: int
+    blocks: tuple[int, ...]
+
+
+def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
+    """The spectrum of stretches without a break; made_up: True where a sample was not measured."""
+    lam, power, weight, all_blocks, level = [], [], [], [], 0
+    while sum(len(x) for x in stretches if len(x) >= 64) > 3072:
+        blocks = [
+            x[begin : begin + 256]
+            for k, x in enumerate(stretches)
+            for begin in range(0, len(x) - 255, 128)
+            if level > 0 or made_up is None or not made_up[k][begin : begin + 256].any()
+        ]
+        bins = np.arange(45, 90 if level else 128)
+        if blocks:
+            found = np.abs(np.fft.rfft(np.array(blocks) * WINDOW)[:, bins]) ** 2 / (WINDOW**2).sum()
+            lam.append(2 * np.pi * bins / 256 / 2**level)
+            power.append(found.mean(axis=0) * 2**level / passed(lam[-1], level))
+            k = len(blocks)
+            weight.append(np.full(len(bins), k / (1 + 2 / 36 * (1 - 1 / k)) / (1 + 8 / 9 + 2 / 36)))
+        all_blocks.append(len(blocks))
+        stretches = [np.convolve(x, TAPS, "valid")[::2] for x in stretches if len(x) >= len(TAPS)]
+        level += 1
+    for x in stretches:
+        if len(x) < 64:
+            continue
+        own = 2 * np.pi * np.arange(4, (len(x) - 1) // 2 + 1) / len(x)
+        if level:
+            own = own[own < 2 * np.pi * 89 / 256]
+        lam.append(own / 2**level)
+        drift = np.polynomial.Polynomial.fit(np.arange(len(x)), x, 3 if level else 0)
+        found = np.abs(np.fft.rfft(x - drift(np.arange(len(x))))[4 : 4 + len(own)]) ** 2 / len(x)
+        power.append(found * 2**level / passed(lam[-1], level))
+        weight.append(np.ones(len(own)))
+    at, order = np.concatenate(lam), np.argsort(np.concatenate(lam), kind="stable")
+    return Lines(
+        at[order], np.concatenate(power)[order], np.concatenate(weight)[order], level, tuple(all_blocks)
+    )
+
+
+def passed(lam: Array, level: int) -> Array:
+    """Power gain of all filters before a level, at rad a sample of the whole."""
+    result = np.ones_like(lam)
+    for halvings in range(level):
+        result *= np.abs(signal.freqz(TAPS, worN=lam * 2**halvings)[1]) ** 2
+    return result

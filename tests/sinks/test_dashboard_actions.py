@@ -1,0 +1,325 @@
+"""The page's buttons: only our own page may press them, and what they do is real."""
+
+import html
+import http.client
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+import yaml
+from dashboard_support import records
+from fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
+from fltea.records.errors import UsageError
+from fltea.records.ports import RecordingView
+from fltea.records.records import Fit, Hello
+from fltea.settings.outputs import DashboardConfig
+from fltea.sinks.page import recording
+from fltea.sinks.page.actions import NOT_ALLOWED, TOKEN
+from fltea.sinks.page.sink import DashboardSink
+
+AXES = {"gyro_x": with_curves(FRACTIONAL), "gyro_y": with_curves(WHITE, 2.0), "gyro_z": UNDECIDED}
+
+
+class Fake:
+    """A recorder that notes what it is asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, str, bool]] = []
+        self.fail = ""
+
+    def view(self, device: str) -> RecordingView:
+        return RecordingView(False, False, "/somewhere")
+
+    def start(self, device: str, hello: Hello | None) -> None:
+        if self.fail:
+            raise UsageError(self.fail)
+        self.asked.append(("on", device, hello is not None))
+
+    def stop(self, device: str) -> None:
+        self.asked.append(("off", device, False))
+
+
+class Served:
+    """A page's server with a fake recorder, and requests to it."""
+
+    def __init__(self, **settings: object) -> None:
+        self.fake = Fake()
+        config = DashboardConfig(address=0, **settings)  # type: ignore[arg-type]
+        self.sink = DashboardSink(config, {"due": "host"}, lambda *a: None, self.fake)
+        self.port = int(self.sink.url.rstrip("/").rpartition(":")[2])
+
+    @property
+    def token(self) -> str:
+        found = re.search(r'name="fltea-token" content="([^"]+)"', self.ask("GET", "/")[1])
+        assert found is not None
+        return found[1]
+
+    def ask(self, method: str, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        try:
+            connection.request(method, path, headers={k.replace("_", "-"): v for k, v in headers.items()})
+            answer = connection.getresponse()
+            return answer.status, answer.read().decode(), dict(answer.getheaders())
+        finally:
+            connection.close()
+
+    def with_token(self, method: str, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+        return self.ask(method, path, **{TOKEN: self.token, **headers})
+
+    def hear(self, with_fit: bool = True) -> list[Fit]:
+        found = with_fits(records("n=600"), AXES) if with_fit else records("n=600")
+        for record in found:
+            self.sink.write(msgspec.structs.replace(record, device="due"))
+        return [r for r in found if isinstance(r, Fit)]
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    made = Served()
+    yield made
+    made.sink.close()
+
+
+# --- who may ---
+
+
+@pytest.mark.parametrize(
+    "path", ["/recording?device=due&want=on", "/report.html?device=due", "/imu.yaml?device=due"]
+)
+def test_without_the_token_of_our_own_page_nothing_is_done(served: Served, path: str) -> None:
+    method = "POST" if "recording" in path else "GET"
+    served.hear()
+    for headers in ({}, {TOKEN: ""}, {TOKEN: "x" * 32}, {"Cookie": f"{TOKEN}={served.token}"}):
+        assert served.ask(method, path, **headers)[0] == 403
+    assert served.ask(method, f"{path}&{TOKEN}={served.token}")[0] == 403
+    for origin in ("http://evil.example", f"http://evil.example:{served.port}", "null"):
+        assert served.with_token(method, path, Origin=origin)[0] == 404
+    assert served.with_token(method, path, Host=f"evil.example:{served.port}")[0] == 404
+    assert served.fake.asked == []
+    own = f"http://127.0.0.1:{served.port}"
+    assert served.with_token(method, path, Origin=own)[0] in (200, 204)
+
+
+def test_no_get_changes_anything_and_no_nonsense_does(served: Served) -> None:
+    assert served.with_token("GET", "/recording?device=due&want=on")[0] == 405
+    for query, status in (
+        ("device=due", 400),
+        ("device=due&want=x", 400),
+        ("device=no&want=on", 404),
+        ("", 404),
+    ):
+        assert served.with_token("POST", f"/recording?{query}")[0] == status
+    assert served.fake.asked == []
+
+
+def test_token_is_another_one_at_every_start(served: Served) -> None:
+    other = Served()
+    try:
+        assert other.token != served.token
+        assert other.token == other.token
+    finally:
+        other.sink.close()
+
+
+@pytest.mark.parametrize(
+    ("settings", "may"),
+    [
+        ({"address": 5006}, True),
+        ({"address": "[::1]:5006"}, True),
+        ({"address": "localhost:5006"}, True),
+        ({"address": "0.0.0.0:5006"}, False),
+        ({"address": "192.168.1.7:5006"}, False),
+        ({"address": 5006, "names": ("lab.example.org",)}, False),
+        ({"address": "0.0.0.0:5006", "record": True}, True),
+        ({"address": 5006, "record": False}, False),
+    ],
+)
+def test_pages_that_others_reach_may_record_only_if_somebody_says_so(
+    settings: dict[str, object], may: bool
+) -> None:
+    assert DashboardConfig(**settings).may_record is may  # type: ignore[arg-type]
+
+
+def test_where_pages_may_not_record_they_are_told(served: Served) -> None:
+    closed = Served(record=False)
+    try:
+        status, text, _ = closed.with_token("POST", "/recording?device=due&want=on")
+        assert (status, text) == (403, NOT_ALLOWED)
+        assert closed.fake.asked == []
+    finally:
+        closed.sink.close()
+
+
+# --- recording ---
+
+
+def test_button_starts_and_stops_with_what_the_device_said(served: Served) -> None:
+    served.hear()
+    assert served.with_token("POST", "/recording?device=due&want=on")[0] == 204
+    assert served.with_token("POST", "/recording?device=due&want=off")[0] == 204
+    assert served.fake.asked == [("on", "due", True), ("off", "due", False)]
+
+
+def test_what_cannot_be_recorded_is_said_in_words(served: Served) -> None:
+    served.fake.fail = "--record /x: no permission to write into this folder."
+    status, text, headers = served.with_token("POST", "/recording?device=due&want=on")
+    assert (status, text) == (409, served.fake.fail)
+    assert headers["Content-Type"].startswith("text/plain")
+
+
+VIEW = RecordingView(True, False, "/data", "due_1.mcap", 1_234_567, 60.0, free_bytes=12_300_000_000)
+
+
+@pytest.mark.parametrize(
+    ("view", "may", "level", "can", "text"),
+    [
+        (
+            VIEW,
+            True,
+            "good",
+            True,
+            "Recording to /data/due_1.mcap: 1.23 MB so far, 74.1 MB an hour, 12.3 GB free.",
+        ),
+        (RecordingView(False, False, "/data"), True, "plain", True, "Recordings go to /data."),
+        (
+            RecordingView(False, False, "/data", "a.mcap", 12_345, free_bytes=999_600_000_000),
+            True,
+            "good",
+            True,
+            "Recorded 12.3 kB in /data/a.mcap. Recordings go to /data, 1.0 TB free.",
+        ),
+        (
+            VIEW._replace(trouble="recording to /data stopped: No space left on device.", lost=1234),
+            True,
+            "bad",
+            True,
+            "NOT recording: recording to /data stopped: No space left on device. 1,234 items were not recor",
+        ),
+        (
+            VIEW._replace(lost=3, seconds=5.0, free_bytes=None),
+            True,
+            "bad",
+            True,
+            "3 items were not recorded.",
+        ),
+        (VIEW._replace(fixed=True), True, "good", False, "It ends with the program (--record)."),
+        (
+            RecordingView(False, False, "/data", why_not="A recording is one already."),
+            True,
+            "plain",
+            False,
+            "already.",
+        ),
+        (RecordingView(False, False, "/data"), False, "plain", False, "--set dashboard.record=true"),
+        (VIEW, False, "good", False, "Recording to /data/due_1.mcap"),
+    ],
+)
+def test_recording_in_words(view: RecordingView, may: bool, level: str, can: bool, text: str) -> None:
+    said = recording.words(view, may)
+    assert (said["level"], said["can"], said["on"]) == (level, can, view.on)
+    assert text in said["text"]
+
+
+# --- to take home ---
+
+
+def test_report_holds_fit_curves_counts_settings_and_times(served: Served) -> None:
+    last = served.hear()[-1]
+    status, text, headers = served.with_token("GET", "/report.html?device=due")
+    assert status == 200
+    name = re.fullmatch(
+        r'attachment; filename="(fltea_due_\d{8}T\d{6}Z\.html)"', headers["Content-Disposition"]
+    )
+    assert name is not None
+    data = re.search(r'<script type="application/json" id="fit">(.*?)</script>', text, re.DOTALL)
+    assert data is not None
+    found = msgspec.json.decode(data[1], type=Fit)
+    assert found.axes == AXES
+    assert (found.seq, found.samples) == (last.seq, last.samples)
+    plain = html.unescape(
+        re.sub(r"<[^>]+>", " ", re.sub(r"<(script|style).*?</\1>", "", text, flags=re.DOTALL))
+    )
+    for fit in AXES.values():
+        assert fit.text in plain
+    assert "0.803 (0.762 … 0.847)" in plain
+    assert "0.132 deg/√h" in plain
+    assert "α ± 0.05 in 7 min" in plain
+    assert "256 samples in knocks" in plain
+    assert "lost samples" in plain
+    assert "variant" in plain
+    assert "epoch 1 begins" in plain
+    assert text.count('class="plot"') == 4, "spectrum and Allan deviation of two axes"
+    without_scripts = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
+    links = re.findall(r'(?:src|href)="([^"]*)"', without_scripts)
+    assert links == [], "complete in itself"
+    assert not re.search(r"<script[^>]*\ssrc=", text)
+
+
+def test_white_noise_has_no_order_in_the_report_either(served: Served) -> None:
+    served.hear()
+    text = served.with_token("GET", "/report.html?device=due")[1]
+    row = re.search(r"<tr><th>α</th>(.*?)</tr>", text)
+    assert row is not None
+    assert re.findall(r"<td>(.*?)</td>", row[1]) == [
+        "0.803 (0.762 … 0.847)",
+        "undefined",
+        "0.66 (0.41 … 0.97)",
+    ]
+
+
+def test_texts_of_a_device_are_text_in_the_report(served: Served) -> None:
+    for record in with_fits(
+        records("n=600"), {"gyro_x": msgspec.structs.replace(WHITE, text="<img src=x></script>")}
+    ):
+        if isinstance(record, Hello):
+            record = msgspec.structs.replace(record, sensor="<img src=x onerror=alert(1)>")
+        served.sink.write(msgspec.structs.replace(record, device="due"))
+    text = served.with_token("GET", "/report.html?device=due")[1]
+    assert "<img" not in text
+    assert "&lt;img" in text
+
+
+def test_imu_yaml_is_as_identify_writes_it(served: Served) -> None:
+    served.hear()
+    status, text, headers = served.with_token("GET", "/imu.yaml?device=due")
+    assert status == 200
+    assert headers["Content-Disposition"].endswith('_imu.yaml"')
+    found = yaml.safe_load(text)
+    assert set(found) == {"gyroscope_noise_density", "update_rate", "rostopic"}
+    assert found["gyroscope_noise_density"] == pytest.approx(2 * 2.2e-3 * 3.141592653589793 / 180)
+    assert found["update_rate"] == 100
+    assert "of gyro_y" in text
+    assert (
+        "# gyroscope_random_walk:  # rad/s^2/sqrt(Hz); not known: the Allan deviation does not show it"
+        in text
+    )
+    assert "fit of 599 samples" in text
+
+
+def test_without_a_fit_there_is_nothing_to_take_home(served: Served) -> None:
+    served.hear(with_fit=False)
+    for path in ("/report.html?device=due", "/imu.yaml?device=due"):
+        status, text, _ = served.with_token("GET", path)
+        assert status == 409
+        assert "no fit yet" in text
+
+
+def test_without_an_allan_deviation_there_is_a_report_and_no_yaml(served: Served) -> None:
+    for record in with_fits(records("n=600"), {"gyro_x": WHITE}):
+        served.sink.write(msgspec.structs.replace(record, device="due"))
+    assert served.with_token("GET", "/report.html?device=due")[0] == 200
+    status, text, _ = served.with_token("GET", "/imu.yaml?device=due")
+    assert (status, "no Allan deviation" in text) == (409, True)
+
+
+def test_facts_tell_of_the_recording_as_json() -> None:
+    json.dumps([recording.nothing(), recording.words(VIEW, True)], allow_nan=False)
+
+
+def test_folder_of_the_button_is_checked() -> None:
+    with pytest.raises(ValueError, match="record_to"):
+        DashboardConfig(address=5006, record_to="")
+    assert Path(DashboardConfig(address=5006).record_to) == Path("recordings")

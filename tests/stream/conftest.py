@@ -1,0 +1,14 @@
+"""Walks fit quickly here; what a true fit says is tested in tests/spectrum, and once in test_live_fits.py."""
+
+from collections.abc import Iterator
+
+import pytest
+from fltea.stream import live
+from quick_fit import QuickAxes
+
+
+@pytest.fixture(scope="package", autouse=True)
+def quick_fits() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(live, "LiveAxes", QuickAxes)
+        yield

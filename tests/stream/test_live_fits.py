@@ -1,0 +1,266 @@
+"""The live fit in the walk: when it is due, what it is of, and what it goes on over."""
+
+import itertools
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pytest
+from blocks import cuts, in_blocks, ndjson
+from estimating_board import Board, events, noise
+from fltea.records.block import Block
+from fltea.records.events import Break, Event, LinkDown, RawBlock, RawSample, block_of
+from fltea.records.records import AnyRecord, Epoch, Error, Fit, Hello, LinkStats, Stats
+from fltea.settings.config import load_config
+from fltea.spectrum.live_axes import LiveAxes
+from fltea.stream import live
+from fltea.stream.fit_times import FitTimes
+from fltea.stream.pipeline import Pipeline
+from fltea.stream.snapshot import DeviceState
+from host_support import hello
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+SMALL = {"estimator.window": 50, "estimator.startup": 20, "link.max_gap": 60}
+COUNTS = np.rint(np.random.default_rng(5).normal((3, -40, 0), 8, (1300, 3))).astype(int).tolist()
+
+
+class Source:
+    live = False
+    unix_offset_ns = 0
+
+    def __init__(self, prompt: bool) -> None:
+        self.prompt = prompt
+
+    def link_stats(self) -> LinkStats:
+        return LinkStats()
+
+
+def raw(numbers: Iterable[int]) -> RawBlock:
+    return block_of(
+        [RawSample(k, k * 10_000, k * 10_000_000, tuple(COUNTS[k]), (k % 9, 5, 16384), 0.0) for k in numbers]
+    )
+
+
+def walk(
+    found: Iterable[Event],
+    state: DeviceState | None = None,
+    *,
+    prompt: bool = True,
+    devices: int = 1,
+    **set_: object,
+) -> tuple[list[AnyRecord | Block], Pipeline]:
+    config = load_config(None, SMALL | {name.replace("__", "."): value for name, value in set_.items()})
+    pipeline = Pipeline(Source(prompt), config, state=state, devices=devices)  # type: ignore[arg-type]
+    return [item for event in found for item in pipeline.feed(event)], pipeline
+
+
+def fits(items: Sequence[AnyRecord | Block]) -> list[Fit]:
+    return [item for item in items if isinstance(item, Fit)]
+
+
+def left_out(fit: Fit) -> int:
+    return fit.axes["gyro_x"].left_out["lost"]
+
+
+def test_a_fit_follows_the_last_sample_of_every_second_and_knows_all_until_then() -> None:
+    items, _ = walk([hello(), raw(range(350))])
+    assert [(f.seq, f.samples, f.device_us, f.host_ns) for f in fits(items)] == [
+        (k, k + 1, k * 10_000, k * 10_000_000) for k in (99, 199, 299)
+    ]
+    for place, item in enumerate(items):
+        if isinstance(item, Fit):
+            before = items[place - 1]
+            assert isinstance(before, Block)
+            assert before.seq[-1] == item.seq
+    assert list(fits(items)[0].axes) == ["gyro_x", "gyro_y", "gyro_z"]
+    assert fits(items)[0].device == "due"
+
+
+@pytest.mark.parametrize(("period_s", "seqs"), [(0.5, [49, 99, 149]), (1.2, [119])])
+def test_the_period_is_a_setting(period_s: float, seqs: list[int]) -> None:
+    items, pipeline = walk([hello(), raw(range(170))], live__period_s=period_s)
+    assert [f.seq for f in fits(items)] == seqs
+    assert pipeline.stats().fit_period_s == period_s
+
+
+def test_it_can_be_switched_off() -> None:
+    items, pipeline = walk([hello(), raw(range(350))], live__on=False)
+    assert not fits(items)
+    assert [type(item) for item in pipeline.finish()] == [Stats]
+    assert pipeline.stats().fit_period_s is None
+
+
+def test_fits_do_not_depend_on_how_many_samples_are_written() -> None:
+    whole, _ = walk([hello(), raw(range(350))])
+    thin, _ = walk([hello(), raw(range(350))], output__every=70)
+    assert fits(thin) == fits(whole)
+
+
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_the_axes_of_a_board_that_estimates_are_fitted_here(who: str) -> None:
+    items, _ = walk(events(Board().run(noise(330))), estimator__estimate_on=who)
+    assert [f.samples for f in fits(items)] == [100, 200, 300]
+
+
+def test_named_axes_of_both_sensors_are_fitted() -> None:
+    items, _ = walk([hello(), raw(range(120))], channels=["gyro_z", "accel_x"])
+    (fit,) = fits(items)
+    assert {axis: one.unit for axis, one in fit.axes.items()} == {"gyro_z": "deg/s", "accel_x": "m/s^2"}
+
+
+def test_with_many_devices_the_default_period_is_longer() -> None:
+    for devices, period_s, seqs in ((20, 1.0, [99, 199, 299]), (50, 2.5, [249])):
+        items, pipeline = walk([hello(), raw(range(350))], devices=devices)
+        assert pipeline.stats().fit_period_s == period_s
+        assert [f.seq for f in fits(items)] == seqs
+    items, _ = walk([hello(), raw(range(350))], devices=50, live__period_s=1)
+    assert [f.seq for f in fits(items)] == [99, 199, 299]
+
+
+def test_at_full_speed_the_record_grows_by_a_fiftieth_from_fit_to_fit() -> None:
+    times, numbers = FitTimes(100, 1000, grows=True, every=False), []
+    while times.due <= 360_000:
+        numbers.append(times.due)
+        times.done(times.due, times.due)
+    assert numbers[:51] == list(range(100, 5200, 100))
+    assert all(b - a >= 100 and a / 50 <= b - a <= a / 50 + 100 for a, b in itertools.pairwise(numbers))
+    assert 240 <= len(numbers) <= 250
+
+
+@given(st.sets(st.integers(1, 40_000), max_size=20), st.integers(1, 150), st.integers(0, 100_000))
+def test_the_fits_that_settle_are_the_same_live_and_at_full_speed(
+    breaks: set[int], period: int, before: int
+) -> None:
+    """Some samples are lost, each time 70; the record may have begun long before the epoch."""
+
+    def settled(*, every: bool) -> list[int]:
+        times, found = FitTimes(period, 1000, grows=True, every=every), []
+        taken = before
+        for number in range(1, 40_001):
+            if any(number - 70 <= at < number for at in breaks):
+                continue
+            taken += 1
+            if number >= times.due and times.done(number, taken).settles:
+                found.append(number)
+        return found
+
+    live, fast = settled(every=True), settled(every=False)
+    assert live == fast
+
+
+def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
+    items, pipeline = walk([hello(), raw(range(1234))])
+    drawn = [f.seq for f in fits(items) if f.axes["gyro_x"].spectrum is not None]
+    assert drawn == [99, 1099]
+    last, stats = pipeline.finish()
+    assert isinstance(last, Fit)
+    assert isinstance(stats, Stats)
+    assert (last.seq, last.samples) == (1233, 1234)
+    assert last.axes["gyro_x"].spectrum is not None
+    assert [type(item) for item in pipeline.finish()] == [Stats]
+
+
+def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
+    items, pipeline = walk([hello(), raw(range(100))])
+    assert len(fits(items)) == 1
+    assert [type(item) for item in pipeline.finish()] == [Stats]
+
+
+def test_without_a_sample_there_is_no_last_fit() -> None:
+    _, pipeline = walk([hello()])
+    assert [type(item) for item in pipeline.finish()] == [Stats]
+
+
+def test_lost_samples_are_told_and_a_fit_that_was_due_among_them_comes_after_them() -> None:
+    items, _ = walk([hello(), raw([*range(95), *range(105, 260)])])
+    assert [(f.seq, f.samples, left_out(f)) for f in fits(items)] == [(105, 96, 10), (199, 190, 10)]
+
+
+def test_the_sums_go_on_over_a_long_gap_and_a_restart_of_the_same_sensor() -> None:
+    again = hello()._replace(boot_id=9) if hasattr(hello(), "_replace") else replace(hello(), boot_id=9)
+    items, _ = walk([hello(), raw(range(150)), raw(range(250, 400)), again, raw(range(400, 520))])
+    epochs = [item for item in items if isinstance(item, Epoch)]
+    assert [e.reason for e in epochs] == ["start", "gap", "restart"]
+    assert [(f.epoch, f.seq, f.samples, left_out(f)) for f in fits(items)] == [
+        (1, 99, 100, 0),
+        (2, 349, 250, 100),
+        (3, 499, 400, 100 + live.BREAK),
+    ]
+
+
+@pytest.mark.parametrize(
+    "changes", [{"device_id": "ff"}, {"gyro_lsb_per_dps": 131.0}, {"gyro_dlpf_hz": 20.0}, {"who_am_i": 0x73}]
+)
+def test_another_sensor_begins_again(changes: dict[str, object]) -> None:
+    other: Hello = replace(hello(), boot_id=9, **changes)
+    items, _ = walk([hello(), raw(range(150)), LinkDown(1), other, raw(range(200, 320))])
+    assert [(f.epoch, f.samples, left_out(f)) for f in fits(items)] == [(1, 100, 0), (2, 100, 0)]
+
+
+def test_a_break_in_a_recording_breaks_the_stretch() -> None:
+    items, _ = walk([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 260))])
+    assert [(f.samples, left_out(f)) for f in fits(items)] == [(100, 0), (250, live.BREAK)]
+
+
+# --- snapshots ---
+
+
+def saved() -> DeviceState:
+    _, pipeline = walk([hello(), raw(range(150))])
+    state = pipeline.save()
+    assert state is not None
+    assert state.gyro_fit is not None
+    assert state.accel_fit is None
+    return state
+
+
+def test_a_saved_fit_goes_on_with_a_break_for_the_time_between() -> None:
+    items, _ = walk([hello(), raw(range(400, 550))], saved())
+    assert [item.reason for item in items if isinstance(item, Epoch)] == ["resumed"]
+    (fit,) = fits(items)
+    assert (fit.samples, left_out(fit)) == (250, 250)
+
+
+def test_a_saved_fit_that_is_not_sound_is_refused_with_all_the_rest() -> None:
+    items, _ = walk([hello(), raw(range(400, 550))], replace(saved(), gyro_fit=b"nonsense"))
+    (error,) = [item for item in items if isinstance(item, Error)]
+    assert error.kind == "state_unused"
+    assert "no sums of a live fit" in error.message
+    assert fits(items)[0].samples == 100
+
+
+def test_filters_that_are_refused_take_the_saved_fit_with_them() -> None:
+    state = saved()
+    assert state.gyro is not None
+    items, _ = walk(
+        [hello(), raw(range(400, 550))], replace(state, gyro=replace(state.gyro, engine=b"nonsense"))
+    )
+    assert [item.kind for item in items if isinstance(item, Error)] == ["state_unused"]
+    assert (fits(items)[0].samples, left_out(fits(items)[0])) == (100, 0)
+
+
+def test_another_memory_begins_again() -> None:
+    items, _ = walk([hello(), raw(range(400, 550))], saved(), live__memory="10min")
+    (error,) = [item for item in items if isinstance(item, Error)]
+    assert "live.memory" in error.message
+    assert fits(items)[0].samples == 100
+
+
+# --- true fits ---
+
+
+@given(cuts(400), st.sets(st.integers(1, 398), max_size=5))
+@settings(max_examples=5)
+def test_true_fits_are_the_same_in_any_cut(places: list[int], lost: set[int]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(live, "LiveAxes", LiveAxes)
+        block = raw(k for k in range(400) if k not in lost)
+
+        def all_of(blocks: Iterable[Event]) -> list[bytes]:
+            items, pipeline = walk([hello(), *blocks], channels=["gyro_x"], live__period_s=1.5)
+            return ndjson([*fits(items), *pipeline.finish()])
+
+        whole = all_of([block])
+        assert len(whole) == 4
+        assert all_of(in_blocks(block, places)) == whole
