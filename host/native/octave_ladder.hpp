@@ -14,11 +14,11 @@
 
 namespace fltea {
 
-template <typename Number>
+// kMostLevels: 20 are half a year at 100 Hz; after that the oldest samples of the last level go.
+template <typename Number, int kMostLevels = 20>
 class OctaveLadder {
   public:
-    // A quarter of a year at 100 Hz; after that the oldest samples of the last level go.
-    enum { kLevels = 19, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
+    enum { kLevels = kMostLevels, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
     typedef WelchLevel<Number, kTopLines> Top;  // up to Nyquist's frequency
     typedef WelchLevel<Number, kLines> Deep;
 

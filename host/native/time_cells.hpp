@@ -22,7 +22,10 @@ class TimeCells {
 
     int size() const { return size_; }
     std::uint32_t each() const { return each_; }
-    const TimeCell& operator[](int i) const { return cells_[i]; }
+    TimeCell operator[](int i) const {
+        const TimeCell cell = {first_[i], count_[i], mean_[i], squares_[i]};
+        return cell;
+    }
 
     void add(std::uint64_t first, float figure) {
         const TimeCell one = {first, 1, figure, 0};
@@ -31,8 +34,8 @@ class TimeCells {
 
     // `cell` is later than all others.
     void add(const TimeCell& cell) {
-        if (size_ > 0 && cells_[size_ - 1].count + cell.count <= each_) {
-            cells_[size_ - 1] = joined(cells_[size_ - 1], cell);
+        if (size_ > 0 && count_[size_ - 1] + cell.count <= each_) {
+            put(size_ - 1, joined((*this)[size_ - 1], cell));
             return;
         }
         if (size_ == kMost) {
@@ -42,30 +45,30 @@ class TimeCells {
                 join_neighbours();
             }
         }
-        cells_[size_++] = cell;
+        put(size_++, cell);
     }
 
     // Of a later stretch, whose sample 0 is our sample `shift`.
     void merge(const TimeCells& other, std::uint64_t shift) {
         while (!forgets_ && each_ < other.each_ && each_ < kWidest) join_neighbours();
         for (int i = 0; i < other.size_; ++i) {
-            TimeCell cell = other.cells_[i];
+            TimeCell cell = other[i];
             cell.first += shift;
             add(cell);
         }
     }
 
-    // Calls io.number(value, low, high, whole) of each of its numbers, to save or to load them. Sound if the
-    // io is.
+    // Calls io.number or io.real(value, low, high) of each of its numbers, to save or to load them: sound if
+    // the io is.
     template <typename Io>
     void visit(Io& io) {
         io.number(size_, 0, kMost);
         io.number(each_, forgets_ ? each_ : 1, forgets_ ? each_ : kWidest);
         for (int i = 0; i < size_ && io.sound(); ++i) {
-            io.number(cells_[i].first, 0, 1e15);
-            io.number(cells_[i].count, 1, kWidest);
-            io.real(cells_[i].mean, -2e3, 2e3);
-            io.real(cells_[i].squares, 0, 1e16);
+            io.number(first_[i], 0, 1e15);
+            io.number(count_[i], 1, kWidest);
+            io.real(mean_[i], -2e3, 2e3);
+            io.real(squares_[i], 0, 1e16);
         }
     }
 
@@ -81,21 +84,31 @@ class TimeCells {
         return result;
     }
 
+    void put(int i, const TimeCell& cell) {
+        first_[i] = cell.first;
+        count_[i] = cell.count;
+        mean_[i] = cell.mean;
+        squares_[i] = cell.squares;
+    }
+
     void drop_oldest() {
-        for (int i = 1; i < size_; ++i) cells_[i - 1] = cells_[i];
+        for (int i = 1; i < size_; ++i) put(i - 1, (*this)[i]);
         --size_;
     }
 
     void join_neighbours() {
         int to = 0;
         for (int i = 0; i < size_; i += 2, ++to) {
-            cells_[to] = i + 1 < size_ ? joined(cells_[i], cells_[i + 1]) : cells_[i];
+            put(to, i + 1 < size_ ? joined((*this)[i], (*this)[i + 1]) : (*this)[i]);
         }
         size_ = to;
         each_ *= 2;
     }
 
-    TimeCell cells_[kMost];
+    // Columns: rows would be a sixth larger.
+    std::uint64_t first_[kMost];
+    std::uint32_t count_[kMost];
+    float mean_[kMost], squares_[kMost];
     std::uint32_t each_;
     bool forgets_;
     int size_;

@@ -63,8 +63,8 @@ class Spectra {
     double ordinates_ = 0;
 };
 
-// -log L of every series for one spectrum after another; quickest if many follow each other that differ in
-// their variances only.
+// -log L of every series for one spectrum of the best scale after another; quickest if many follow each other
+// that differ in their variances only.
 class Ranking {
   public:
     Ranking(const Kernel& kernel, const Spectra& spectra)
@@ -73,19 +73,23 @@ class Ranking {
           parts_(kMostParts * spectra.bins().size),
           ratio_(spectra.series()) {}
 
-    // scaled: of the best scale; else of the spectrum as it is.
-    void rank(Family family, const Natural& at, bool scaled, double* nll, std::size_t stride) {
+    void rank(Family family, const Natural& at, double* nll, std::size_t stride) {
+        const double log_spectrum = sums(family, at), m = spectra_.ordinates();
+        for (std::size_t s = 0; s < spectra_.series(); ++s)
+            nll[s * stride] = log_spectrum + m * std::log(ratio_[s] / m) + m;
+    }
+
+    // Σ c log S; ratio(series) is Σ c I/S.
+    double sums(Family family, const Natural& at) {
         const bool same =
             any_ && family == family_ && std::equal(at.shape, at.shape + kMostShapes, last_.shape);
-        const double log_spectrum = kernel_.ratios(family, spectra_.bins(), spectra_.power(),
-                                                   spectra_.series(), at, same, parts_.data(), ratio_.data());
         any_ = true;
         family_ = family;
         last_ = at;
-        const double m = spectra_.ordinates();
-        for (std::size_t s = 0; s < spectra_.series(); ++s)
-            nll[s * stride] = log_spectrum + (scaled ? m * std::log(ratio_[s] / m) + m : ratio_[s]);
+        return kernel_.ratios(family, spectra_.bins(), spectra_.power(), spectra_.series(), at, same,
+                              parts_.data(), ratio_.data());
     }
+    double ratio(std::size_t series) const { return ratio_[series]; }
 
   private:
     const Kernel& kernel_;
@@ -113,7 +117,7 @@ inline std::vector<std::size_t> best_starts(const Kernel& kernel, const Spectra&
     for (std::size_t i = 0; i < grid.size; ++i) {
         Mapped<double> at;
         if (map(model, grid.points + i * free, at))
-            ranking.rank(model.family, at.natural, scaled(model), &nll[i], grid.size);
+            ranking.rank(model.family, at.natural, &nll[i], grid.size);
     }
     std::vector<std::size_t> found;
     std::vector<std::size_t> best(grid.groups), order(grid.groups);

@@ -6,26 +6,13 @@
 // is outside only if neither the search from its neighbour nor that from a grid leads inside.
 #pragma once
 
-#include "whittle_fit.hpp"
+#include "whittle_held.hpp"
 
 namespace fltea {
 namespace whittle {
 
-// What is profiled: a number t of the model, or -t of g and f, as it is or in its logarithm.
-struct Profiled {
-    Hold hold;
-    bool logarithm;
-    double here;       // the best value, in the unit in which is searched
-    double low, high;  // what is possible, in the same
-};
-
 struct Ends {
     double low, high;
-};
-
-// A spectrum of the fractional model.
-struct Numbers {
-    double alpha, g, log_state, log_noise;
 };
 
 const int kHalvings = 7;
@@ -37,21 +24,13 @@ class Profile {
     // `spectra`.
     Profile(const Kernel& kernel, const Spectra& spectra, const double* best, double scale, double nll,
             double critical, double h)
-        : kernel_(kernel),
-          spectra_(spectra),
-          target_(spectra.target(kernel, 0)),
-          ranking_(kernel, spectra),
-          log_power_(std::log(spectra.mean_power(0))),
-          log_h_(std::log(h)),
-          nll_(nll),
-          critical_(critical),
-          best_() {
-        Model<double> whole = {kFractional, 2.0, kNothing, 0, 0, 0};
+        : fits_(kernel, spectra, h), nll_(nll), critical_(critical), best_() {
+        const Model<double> whole = {kFractional, 2.0, kNothing, 0, 0, 0};
         Point<double> point = Point<double>();
         std::copy(best, best + kNumbersFree, point.theta);
         canonical(whole, point.theta);
         point.scale = scale;
-        best_ = numbers(whole, point);
+        best_ = fits_.numbers(whole, point);
     }
     Profile(const Profile&) = delete;
     Profile& operator=(const Profile&) = delete;
@@ -68,8 +47,8 @@ class Profile {
         }
         for (std::size_t i = 0; i < count; ++i) {
             const double margin = 0.02 * (found[i].high - found[i].low);
-            if (value(what[i], known_[i].low) < found[i].low - margin ||
-                value(what[i], known_[i].high) > found[i].high + margin)
+            if (fits_.value(what[i], known_[i].low) < found[i].low - margin ||
+                fits_.value(what[i], known_[i].high) > found[i].high + margin)
                 found[i] = ends(what[i], scans[i]);
         }
     }
@@ -94,8 +73,8 @@ class Profile {
         const int here =
             static_cast<int>(std::lower_bound(out.values, out.values + out.count, what.here) - out.values);
         out.first = out.last = here;
-        out.points[here] = from(what, out.values[here], best_);
-        search(model(what, out.values[here]), until(), out.points[here]);
+        out.points[here] = fits_.from(what, out.values[here], best_);
+        fits_.search(fits_.model(what, out.values[here]), until(), out.points[here]);
         for (int i = here - 1; i >= 0; --i)
             if (look(what, out.values[i], out.points[i + 1], out.points[i])) out.first = i;
         for (int i = here + 1; i < out.count; ++i)
@@ -112,50 +91,37 @@ class Profile {
         const int last = step < 0 ? 0 : scan.count - 1;
         double inner = scan.values[at];
         Point<double> in = scan.points[at];
-        const double farther = value(what, known);
+        const double farther = fits_.value(what, known);
         if ((farther - inner) * step > 1e-9) {
             inner = std::min(std::max(farther, what.low), what.high);
-            in = from(what, inner, known);
+            in = fits_.from(what, inner, known);
             while (at != last && (scan.values[at + step] - inner) * step <= 0) at += step;
         }
-        if (at == last) return scan.values[last];
-        return crossing(what, inner, in, scan.values[at + step], scan.points[at + step]);
-    }
-
-    Numbers numbers(const Model<double>& held, const Point<double>& point) const {
-        Mapped<double> at;
-        if (!map(held, point.theta, at)) return best_;
-        return Numbers{at.natural.shape[0], at.natural.shape[1],
-                       std::log(at.natural.variance[0] * point.scale),
-                       std::log(at.natural.white * point.scale)};
-    }
-
-    // The number that is profiled, as it is searched for.
-    double value(const Profiled& what, const Numbers& of) const {
-        switch (what.hold) {
-            case kHoldOrder:
-                return of.alpha;
-            case kHoldFeedback:
-                return std::log(-of.g);
-            case kHoldParameter:
-                return std::log(-of.g) - of.alpha * log_h_;
-            case kHoldWeight:
-                return of.alpha + of.g;
-            case kHoldState:
-                return of.log_state;
-            default:
-                return of.log_noise;
+        for (; at != last; at += step) {
+            Bracket bracket = {inner, scan.values[at + step], in, scan.points[at + step]};
+            if (!finished(what, bracket.outer, bracket.out)) return crossing(what, bracket);
+            inner = bracket.outer;
+            in = bracket.out;
         }
+        return inner;
+    }
+
+    // The search at a value that was given up once it was known to be inside, or seemed to be outside.
+    // Returns whether it is inside.
+    bool finished(const Profiled& what, double value, Point<double>& point) {
+        const Model<double> held = fits_.model(what, value);
+        if (point.nll < kImpossible) fits_.score_on(held, until(), point);
+        return inside(held, point);
     }
 
     // Every spectrum inside that is met is remembered, if it has a number farther out than the others.
     bool inside(const Model<double>& held, const Point<double>& point) {
         if (!(point.nll <= limit())) return false;
-        const Numbers now = numbers(held, point);
+        const Numbers now = fits_.numbers(held, point);
         for (std::size_t i = 0; i < known_.size(); ++i) {
-            const double here = value(what_[i], now);
-            if (here < value(what_[i], known_[i].low)) known_[i].low = now;
-            if (here > value(what_[i], known_[i].high)) known_[i].high = now;
+            const double here = fits_.value(what_[i], now);
+            if (here < fits_.value(what_[i], known_[i].low)) known_[i].low = now;
+            if (here > fits_.value(what_[i], known_[i].high)) known_[i].high = now;
         }
         return true;
     }
@@ -174,90 +140,28 @@ class Profile {
         return static_cast<int>(std::unique(values, values + count) - values);
     }
 
-    Model<double> model(const Profiled& what, double value) const {
-        const double t = what.logarithm ? std::exp(value) : value;
-        const bool negative = what.hold == kHoldFeedback || what.hold == kHoldParameter;
-        return Model<double>{kFractional, 2.0, what.hold, negative ? -t : t, log_h_, log_power_};
-    }
-
     Patience<double> until() const {
         Patience<double> all = patience<double>(40);
-        all.tolerance = 1e-4;
+        all.tolerance = 1e-3;
         return all;
+    }
+    // Enough to know whether a value is inside.
+    Patience<double> brief() const {
+        Patience<double> until = Profile::until();
+        until.inside = until.outside = limit();
+        return until;
     }
     double limit() const { return nll_ + critical_ / 2; }
 
-    // A spectrum, moved as little as it must be to have the value.
-    Point<double> from(const Profiled& what, double value, const Numbers& start) const {
-        const Model<double> held = model(what, value);
-        Point<double> point = Point<double>();
-        const double weight = start.log_state - start.log_noise;
-        const double share = std::min(std::max(-start.g / std::exp2(start.alpha), kSmallest), 1 - kSmallest);
-        point.theta[0] = what.hold == kHoldOrder    ? logit(share)
-                         : what.hold == kHoldWeight ? std::log(-start.g)
-                                                    : start.alpha;
-        point.theta[1] = scaled(held) ? weight : logit(share);
-        point.theta[2] = what.hold == kHoldState ? start.log_noise : start.log_state;
-        canonical(held, point.theta);
-        evaluate(target_, held, point);
-        return point;
-    }
-
-    // From point.theta to a minimum.
-    void search(const Model<double>& held, const Patience<double>& until, Point<double>& point) const {
-        canonical(held, point.theta);
-        evaluate(target_, held, point);
-        score(target_, held, until, point);
-    }
-
     // Whether a value is inside; `point` is then any spectrum that shows it, else about the best one.
     bool look(const Profiled& what, double value, const Point<double>& neighbour, Point<double>& point) {
-        const Model<double> held = model(what, value);
-        Patience<double> brief = until();
-        brief.inside = limit();
+        const Model<double> held = fits_.model(what, value);
         point = neighbour;
-        search(held, brief, point);
+        fits_.search(held, brief(), point);
         if (inside(held, point)) return true;
-        Point<double> other = from_grid(held);
-        score(target_, held, brief, other);
+        const Point<double> other = fits_.from_grid(held, brief(), 1);
         if (other.nll < point.nll) point = other;
         return inside(held, point);
-    }
-
-    // The best point of a grid.
-    Point<double> from_grid(const Model<double>& held) {
-        static const double kOrders[] = {0.05, 0.3, 0.6, 0.95, 1.3, 1.8};
-        static const double kFeedbacks[] = {-9, -6, -4, -2, 0, 3};
-        static const double kWeights[] = {-7, -3, -1, 1, 4};
-        static const double kShares[] = {5e-4, 0.01, 0.06, 0.2, 0.45, 0.8};
-        double low[kFree], high[kFree];
-        bounds(held, low, high);
-        const double least = std::exp(low[0]), most = std::exp(high[0]);  // of -g, if F is held
-        const bool variance = !scaled(held);
-        Point<double> best = Point<double>(), now = best;
-        best.nll = kImpossible;
-        for (int i = 0; i < 6; i += variance ? 2 : 1) {
-            for (int j = 0; j < (variance ? 6 : 1); j += 2) {
-                for (int k = 0; k < 5; ++k) {
-                    now.theta[0] = held.hold == kHoldOrder    ? kFeedbacks[i]
-                                   : held.hold == kHoldWeight ? std::log(least + kShares[i] * (most - least))
-                                                              : kOrders[i];
-                    now.theta[1] = variance ? kFeedbacks[j + 1] : kWeights[k];
-                    now.theta[2] = variance ? log_power_ - 0.7 - 2.5 * (4 - k) : 0;
-                    Mapped<double> at;
-                    double nll;
-                    if (!map(held, now.theta, at)) continue;
-                    ranking_.rank(held.family, at.natural, !variance, &nll, 1);
-                    now.nll = nll;
-                    if (now.nll < best.nll) best = now;
-                }
-            }
-        }
-        if (best.nll < kImpossible) {
-            canonical(held, best.theta);
-            evaluate(target_, held, best);
-        }
-        return best;
     }
 
     // The signed root of the deviance above the critical one: nearly straight.
@@ -265,57 +169,93 @@ class Profile {
         return std::sqrt(std::min(std::max(2 * (point.nll - nll_), 0.0), 1e8)) - std::sqrt(critical_);
     }
 
-    // Between a value inside and one outside.
-    double crossing(const Profiled& what, double inner, Point<double> in, double outer, Point<double> out) {
-        score(target_, model(what, inner), until(), in);
-        if (out.nll < kImpossible) score(target_, model(what, outer), until(), out);
-        const double farthest = outer;
-        const Point<double> beyond = out;
+    // A value inside and one outside, and the best spectra there.
+    struct Bracket {
+        double inner, outer;
+        Point<double> in, out;
+    };
+
+    double crossing(const Profiled& what, Bracket bracket) {
+        // The best value itself may be outside, where it had to be moved to what is possible.
+        if (!finished(what, bracket.inner, bracket.in)) return bracket.inner;
+        const Bracket all = bracket;
         for (int turn = 0; turn < kTurns; ++turn) {
-            bool checked = false;
-            double a = excess(in), b = excess(out);
-            for (int i = 0; i < kSteps && !checked; ++i) {
-                // The regula falsi, away from the ends; every third step halves.
-                double share = i % 3 == 2 ? 0.5 : -a / (b - a);
-                share = std::min(std::max(share, 0.02), 0.98);
-                const double value = inner + share * (outer - inner);
-                const Model<double> held = model(what, value);
-                Point<double> point = in;
-                const bool between = close(in, out);
-                if (between)
-                    for (int k = 0; k < kNumbersFree; ++k)
-                        point.theta[k] += share * (out.theta[k] - in.theta[k]);
-                search(held, until(), point);
-                if (between && excess(point) > kNear) {  // which may be another minimum than that inside
-                    Point<double> other = in;
-                    search(held, until(), other);
-                    if (other.nll < point.nll) point = other;
-                }
-                inside(held, point);
-                const double found = excess(point);
-                checked = std::fabs(found) < kNear;
-                if (found <= 0) {
-                    inner = value;
-                    in = point;
-                    a = found;
-                } else {
-                    outer = value;
-                    out = point;
-                    b = found;
-                }
+            const bool found = narrow(what, bracket);
+            // It is an end only if the likelihood does not jump there, as it does where a search has lost its
+            // minimum to another, and if the grid does not lead inside.
+            const Model<double> held = fits_.model(what, bracket.outer);
+            const Point<double> other = fits_.from_grid(held, brief(), 2);
+            if (inside(held, other)) {
+                bracket = Bracket{bracket.outer, all.outer, other, all.out};
+            } else if (found) {
+                break;
+            } else {
+                bracket.outer = all.outer;
+                bracket.out = all.out;
             }
-            // It is an end only if the grid does not lead to something better there.
-            const double end = inner + (b > a ? -a / (b - a) : 0.5) * (outer - inner);
-            const Model<double> held = model(what, outer);
-            Point<double> other = from_grid(held);
-            score(target_, held, until(), other);
-            if (!(excess(other) < -kNear) || outer == farthest) return end;
-            inner = outer;
-            in = other;
-            outer = farthest;
-            out = beyond;
+            walk(what, bracket);
         }
-        return inner;
+        const double a = excess(bracket.in), b = excess(bracket.out);
+        const double share = a < 0 && b > 0 ? a / (a - b) : 0;
+        return bracket.inner + share * (bracket.outer - bracket.inner);
+    }
+
+    // Draws the bracket together around the end, by the regula falsi in the Illinois way: neither side stays
+    // for long. False if the end cannot be met.
+    bool narrow(const Profiled& what, Bracket& bracket) {
+        int side = 0;
+        double a = excess(bracket.in), b = excess(bracket.out);
+        for (int i = 0; i < kSteps; ++i) {
+            const double share = std::min(std::max(-a / (b - a), 0.02), 0.98);
+            const double value = bracket.inner + share * (bracket.outer - bracket.inner);
+            const Model<double> held = fits_.model(what, value);
+            Point<double> point = bracket.in;
+            const bool between = close(bracket.in, bracket.out);
+            if (between)
+                for (int k = 0; k < kNumbersFree; ++k)
+                    point.theta[k] += share * (bracket.out.theta[k] - bracket.in.theta[k]);
+            fits_.search(held, until(), point);
+            if (between && excess(point) > kNear) {  // which may be another minimum than that inside
+                Point<double> other = bracket.in;
+                fits_.search(held, until(), other);
+                if (other.nll < point.nll) point = other;
+            }
+            const double found = excess(point);
+            if (inside(held, point)) {
+                bracket.inner = value;
+                bracket.in = point;
+                a = found;
+                if (side == -1) b /= 2;
+                side = -1;
+            } else {
+                bracket.outer = value;
+                bracket.out = point;
+                b = found;
+                if (side == 1) a /= 2;
+                side = 1;
+            }
+            if (std::fabs(found) < kNear) return true;
+        }
+        return false;
+    }
+
+    // From the value inside outwards, so slowly that the search keeps its minimum, to the first outside.
+    void walk(const Profiled& what, Bracket& bracket) {
+        const double whole = bracket.outer - bracket.inner;
+        for (double step = whole / 128; std::fabs(bracket.outer - bracket.inner) > std::fabs(step);
+             step *= 2) {
+            const double value = bracket.inner + step;
+            Point<double> point = bracket.in;
+            const Model<double> held = fits_.model(what, value);
+            fits_.search(held, until(), point);
+            if (!inside(held, point)) {
+                bracket.outer = value;
+                bracket.out = point;
+                return;
+            }
+            bracket.inner = value;
+            bracket.in = point;
+        }
     }
 
     static bool close(const Point<double>& one, const Point<double>& other) {
@@ -326,13 +266,10 @@ class Profile {
     }
 
     static const int kTurns = 3, kSteps = 12;
-    static constexpr double kNear = 0.01;
+    static constexpr double kNear = 0.02;
 
-    const Kernel& kernel_;
-    const Spectra& spectra_;
-    Target target_;
-    Ranking ranking_;
-    double log_power_, log_h_, nll_, critical_;
+    HeldFits fits_;
+    double nll_, critical_;
     Numbers best_;
     const Profiled* what_ = nullptr;
     std::vector<Known> known_;

@@ -114,9 +114,17 @@ R applied(const Model<R>& model, int i, R theta, R step) {
     return step > 0 ? std::log1p(step) : -std::log1p(-step);
 }
 
-// A step within what the coordinates may move; the decrease of -log L that it promises.
+// A step within what the coordinates may move: the decrease of -log L that it promises, and whether it is
+// what the slopes asked for.
 template <class R>
-R damped_step(const Model<R>& model, const Point<R>& at, const R* low, const R* high, R damping, R* step) {
+struct Promise {
+    R decrease;
+    bool whole;
+};
+
+template <class R>
+Promise<R> damped_step(const Model<R>& model, const Point<R>& at, const R* low, const R* high, R damping,
+                       R* step) {
     const int free = free_of(model);
     bool given[kFree];
     for (int i = 0; i < free; ++i) {
@@ -124,6 +132,7 @@ R damped_step(const Model<R>& model, const Point<R>& at, const R* low, const R* 
             (at.theta[i] <= low[i] && at.gradient[i] > 0) || (at.theta[i] >= high[i] && at.gradient[i] < 0);
         step[i] = 0;
     }
+    Promise<R> promise = {0, true};
     for (int pass = 0; pass <= free; ++pass) {
         solve(at, given, free, damping, step);
         int worst = -1;
@@ -140,13 +149,13 @@ R damped_step(const Model<R>& model, const Point<R>& at, const R* low, const R* 
             }
         }
         if (worst < 0) break;
+        promise.whole = false;
         given[worst] = true;
         step[worst] = end;
     }
-    R promise = 0;
     for (int i = 0; i < free; ++i) {
-        promise -= step[i] * at.gradient[i];
-        for (int j = 0; j < free; ++j) promise -= R(0.5) * step[i] * at.fisher[i][j] * step[j];
+        promise.decrease -= step[i] * at.gradient[i];
+        for (int j = 0; j < free; ++j) promise.decrease -= R(0.5) * step[i] * at.fisher[i][j] * step[j];
     }
     return promise;
 }
@@ -157,11 +166,13 @@ struct Patience {
     int steps;    // evaluations at most
     R tolerance;  // of -log L: a step that promises less is not taken
     R inside;     // -log L below which nothing more is wanted
+    R outside;    // -log L above which the search is given up, where whole steps promise far less than is
+                  // missing
 };
 
 template <class R>
 Patience<R> patience(int steps) {
-    return Patience<R>{steps, R(1e-6), R(-kImpossible)};
+    return Patience<R>{steps, R(1e-6), R(-kImpossible), R(kImpossible)};
 }
 
 // Moves a point that has been evaluated towards the minimum; returns the evaluations it took.
@@ -171,11 +182,13 @@ int score(const Target& target, const Model<R>& model, const Patience<R>& until,
     R low[kFree], high[kFree];
     bounds(model, low, high);
     R damping = R(1e-3);
-    int used = 0;
+    int used = 0, hopeless = 0;
     while (used < until.steps && at.nll > until.inside && at.nll < R(kImpossible)) {
         R step[kFree];
-        const R promise = damped_step(model, at, low, high, damping, step);
-        if (!(promise > until.tolerance) && damping <= R(1e-3)) break;
+        const Promise<R> promise = damped_step(model, at, low, high, damping, step);
+        if (!(promise.decrease > until.tolerance) && damping <= R(1e-3)) break;
+        hopeless = promise.whole && at.nll - 20 * promise.decrease > until.outside ? hopeless + 1 : 0;
+        if (hopeless == 2) break;
         Point<R> next;
         for (int i = 0; i < free; ++i) {
             const R moved = at.theta[i] + applied(model, i, at.theta[i], step[i]);

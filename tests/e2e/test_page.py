@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from browser_support import Watched
+from browser_support import SEQ, Watched
 from playwright.sync_api import Browser, Page
 from support import QUICK, Daemon, Processes, wait_until
 
@@ -241,7 +241,7 @@ def test_record_button_records_what_can_be_replayed(
     one.wait(f"{text}.startsWith('Recordings go to {folder}')")
     one.page.get_by_role("button", name="Record", exact=True).click()
     one.wait(f"/^Recording to .*_000.mcap: [1-9].* so far/.test({text})")
-    one.wait_for_seq(400)
+    one.wait_for_seq(int(one.page.evaluate(SEQ)) + 150)
     one.page.get_by_role("button", name="Stop recording").click()
     one.wait(f"{text}.startsWith('Recorded ')")
     (path,) = folder.iterdir()

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
 from fltea.identify.shuffled import estimate
+from fltea.identify.sums import examined
 from fltea.settings.config import EstimatorConfig
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import FEWEST
 from fltea.spectrum.verdict import decide
-from identify_support import H, ar, examined, long_recursion, white
+from identify_support import H, ar, long_recursion, white
 
 QUICK = IdentifyOptions(shuffles=20)
 
@@ -102,8 +103,9 @@ def test_notch_and_from_hz_leave_out() -> None:
     seen = examined(y, H, from_hz=1.0, notch=((19.0, 21.0),))
     assert not seen.evidence.peaks
     assert seen.band.from_hz == 1.0
-    assert seen.band.notch_hz == ((19.0, 21.0),)
-    assert seen.ordinates == pytest.approx(47 * 60, abs=3)
+    ((low, high),) = seen.band.notch_hz
+    assert (low, high) == (pytest.approx(18.4, abs=0.02), pytest.approx(21.6, abs=0.02))  # Hann's lobes
+    assert seen.ordinates == pytest.approx(46 * 60, rel=0.06)
     assert examined(y, H).evidence.peaks
 
 
@@ -117,7 +119,7 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
     """The weakest stay in, and no more of them than need be."""
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
-    monkeypatch.setattr("fltea.spectrum.spectral.find_peaks", lambda p, rate: found)
+    monkeypatch.setattr("fltea.identify.sums.find_peaks", lambda p: found)
     seen = examined(y, H)
     assert seen.evidence.peaks == found[:3]
     assert seen.band.notch_hz == tuple(peak.notch_hz for peak in found[:3])
@@ -126,7 +128,7 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
 
 def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     """More than half of them would be left, but fewer than a periodogram may have."""
-    monkeypatch.setattr("fltea.spectrum.spectral.find_peaks", lambda p, rate: peaks((10, 25)))
+    monkeypatch.setattr("fltea.identify.sums.find_peaks", lambda p: peaks((10, 25)))
     seen = examined(white(180, 1, 2)[0], H)
     assert FEWEST <= seen.band.ordinates == seen.ordinates
     assert seen.evidence.peaks == ()

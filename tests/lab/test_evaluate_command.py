@@ -15,7 +15,7 @@ from fltea.lab.evaluate.run import Result
 from fltea.lab.evaluate.summaries import to_csv, to_json
 
 Call = Callable[..., tuple[int, str, str]]
-PNGS = ("coverage", "error", "settings")
+PNGS = ("coverage", "error", "live", "settings")
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_table_and_files(
     folder = tmp_path / "build/evaluate"
     names = ["evaluation.csv", "evaluation.json", *(f"evaluation_{name}.png" for name in PNGS)]
     assert code == 0
-    assert err == "fltea: 5 files in build/evaluate\n"
+    assert err == "fltea: 6 files in build/evaluate\n"
     assert sorted(path.name for path in folder.iterdir()) == names
     assert (folder / "evaluation.json").read_bytes() == to_json(tiny)
     assert (folder / "evaluation.csv").read_text() == to_csv(tiny)

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from evaluate_support import STRONG, TINY
 from fltea.identify.workers import Here
-from fltea.lab.evaluate import figures, run, summaries
+from fltea.lab.evaluate import alarms, figures, fit_summaries, fits, run, summaries
 from fltea.lab.evaluate.cases import POWER, samples
 from fltea.lab.evaluate.online import Reading
-from fltea.lab.evaluate.run import WHITTLE, Result, evaluate, evaluate_case, full_plan, quick_plan
+from fltea.lab.evaluate.run import LIVE, WHITTLE, Result, changed_case, evaluate, full_plan, quick_plan
 from fltea.lab.evaluate.score import Score, score
-from fltea.lab.evaluate.settings import CHANGES, MAIN
+from fltea.lab.evaluate.settings import CHANGES, MAIN, TUNED
 from fltea.records.errors import FlteaError
 
 
@@ -32,21 +32,22 @@ def test_a_process_that_died_is_told() -> None:
 
 
 def test_rows(tiny: Result) -> None:
-    """Every estimator on every noise after every length, for α and f."""
-    names = [one.name for one in MAIN] + [WHITTLE]
+    """Every estimator on every noise after every length: filters for α and f, fits for all they have."""
+    filters = [one.name for one in MAIN] + list(TUNED)
     keys = {(r.case, r.samples, r.estimator, r.quantity) for r in tiny.rows}
-    assert len(keys) == len(tiny.rows) == 2 * 2 * len(names) * 2
+    assert len(keys) == len(tiny.rows) == 2 * 2 * (2 * len(filters) + 2 * len(fits.QUANTITIES))
     assert len(tiny.changes) == 2 * 1 * len(CHANGES) * 2
-    assert {r.score.seeds for r in tiny.rows + tiny.changes} == {3}
+    assert {r.score.seeds for r in tiny.rows + tiny.changes if r.estimator not in (LIVE, WHITTLE)} == {3}
+    assert {r.score.seeds for r in tiny.rows if r.estimator in (LIVE, WHITTLE)} == {4}
     for row in tiny.rows:
         of_an_order = row.case.alpha is not None
         assert (row.score.cramer_rao_sd is not None) == of_an_order
         assert (row.score.bias is not None) == (of_an_order and row.score.without < 3)
         if of_an_order and row.score.mean is not None:
-            truth = row.case.alpha if row.quantity == "alpha" else row.case.f
+            truth = fits.truths(row.case)[row.quantity]
             assert row.score.mean - row.score.bias == pytest.approx(truth, abs=1e-4)
-            if row.estimator == WHITTLE:
-                assert row.score.mean < 0 if row.quantity == "f" else 0.5 < row.score.mean < 1.5
+            if row.estimator in (LIVE, WHITTLE):
+                assert row.score.mean < 0 if row.quantity == "f" else 0 < row.score.mean < 1.5
     strong = [
         r.score for r in tiny.rows if r.case == STRONG and (r.estimator, r.quantity) == ("joint", "alpha")
     ]
@@ -68,8 +69,8 @@ def test_where_Q_and_R_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
         return np.array([3.0, 4.0]), np.array([5.0, 6.0])
 
     monkeypatch.setattr(run, "read", read)
-    monkeypatch.setattr(run, "fitted_variances", fitted_variances)
-    evaluate_case(STRONG, 2, (1_000,), CHANGES, False, 1_500)
+    monkeypatch.setattr(fits, "fitted_variances", fitted_variances)
+    changed_case(STRONG, 2, (1_000,), CHANGES, 1_500)
     s2, R = STRONG.noise.s2, STRONG.noise.R
     expected = {
         "joint, as it is": (None, None),
@@ -122,7 +123,7 @@ def test_what_is_right() -> None:
 
 def test_tables_and_conclusion(tiny: Result) -> None:
     summary, white, changes = summaries.summary(tiny), summaries.white(tiny), summaries.changes(tiny)
-    assert len(summary) == len(white) == (len(MAIN) + 1) * 2
+    assert len(summary) == len(white) == (len(MAIN) + len(TUNED) + 2) * 2
     assert len(changes) == len(CHANGES)
     for headings, rows in (
         (summaries.SUMMARY_HEADINGS, summary),
@@ -142,8 +143,25 @@ def test_tables_and_conclusion(tiny: Result) -> None:
     assert "less than" not in words  # there is no such noise in the plan
 
 
+def test_tables_of_the_fits(tiny: Result) -> None:
+    headings, errors = fit_summaries.errors(tiny)
+    tables = {
+        fit_summaries.RATIO_HEADINGS: fit_summaries.ratios(tiny),
+        fit_summaries.COVERAGE_HEADINGS: fit_summaries.coverages(tiny),
+        fit_summaries.ALARM_HEADINGS: fit_summaries.alarms(tiny),
+        headings: errors,
+    }
+    for names, rows in tables.items():
+        assert rows
+        assert {len(row) for row in rows} == {len(names)}
+        assert all(cell for row in rows for cell in row)
+    assert [row[0] for row in errors[::2]] == [one.name for one in MAIN] + [*TUNED, LIVE, WHITTLE, "bound"]
+    assert fit_summaries.ratios(tiny)[0][2] == "0 of 1"  # four series are too few for a ratio
+    assert [(one.noise, one.series) for one in tiny.alarms[::4]] == [(name, 100) for name in alarms.MAKERS]
+
+
 def test_figures(drawn: dict[str, bytes]) -> None:
-    assert set(drawn) == {"error", "coverage", "settings"}
+    assert set(drawn) == {"error", "coverage", "settings", "live"}
     assert all(data.startswith(b"\x89PNG") for data in drawn.values())
     assert len(set(drawn.values())) == len(drawn)
 

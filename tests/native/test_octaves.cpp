@@ -251,7 +251,36 @@ TEST_CASE("octaves: a merge of any two stays within its room") {
     }
 }
 
-TEST_CASE("octaves: what comes after the last level is full") {
+TEST_CASE("octaves: when the last level is full its oldest samples go") {
+    typedef OctaveLadder<double, 3> Ladder;
+    const unsigned char measured[128] = {};
+    std::unique_ptr<Ladder> ladder(new Ladder);
+    const std::vector<double> y = noise(128 * 400);
+    std::uint64_t now = 0;
+    for (int k = 0; k < 400; ++k, now += 128) {
+        ladder->accept(y.data() + 128 * k, 128, now, measured);
+        if (k == 150) ladder->cut();
+        const WholeStream& whole = ladder->whole();
+        REQUIRE(whole.size() <= WholeStream::kCapacity);
+        REQUIRE(whole.stretches() > 0);
+        const Stretch& last = whole.stretch(whole.stretches() - 1);
+        // Every fourth sample, and the filters' reach is all that is behind.
+        if (k > 160) CHECK(last.first + 4 * static_cast<std::uint64_t>(last.length) + 128 > now);
+    }
+    CHECK(ladder->depth() == 2);
+    CHECK(ladder->whole().size() > WholeStream::kCapacity - 64);
+    double power[Ladder::kTopLines], blocks, effective;
+    ladder->sums(0, now, power, &blocks, &effective);
+    CHECK(blocks == 150 + 248);  // of the sums nothing is lost
+    std::unique_ptr<Ladder> other(new Ladder(*ladder));
+    other->cut();
+    ladder->cut();
+    ladder->merge(*other, now, 2 * now);
+    CHECK(ladder->whole().size() <= WholeStream::kCapacity);
+    CHECK(ladder->whole().stretch(ladder->whole().stretches() - 1).first > now);
+}
+
+TEST_CASE("octaves: what is dropped of a whole stream") {
     WholeStream whole;
     const std::vector<double> y = noise(3072);
     whole.add(y.data(), 3000, 0);

@@ -1,4 +1,4 @@
-"""Records as a running pipeline gives them, for the tests of the page."""
+"""Records as a running pipeline gives them, for the tests of the page; fits are made up (fit_support)."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -22,12 +22,14 @@ from fltea.records.records import (
     WhyNot,
 )
 from fltea.settings.config import Config, EstimateOn, EstimatorConfig
+from fltea.settings.live import LiveConfig
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
 
 QUICK = EstimatorConfig(startup=50, window=200)
+WITHOUT = LiveConfig(on=False)
 BOARD = DeviceStatus(0, 0, 0, 0, 0, "user", cpu_share_percent=16.75, longest_step_us=8210)
 OWN = DeviceEstimatorStats(
     begun=1,
@@ -76,7 +78,7 @@ _made: dict[tuple[str, str], list[AnyRecord]] = {}
 
 def _records(query: str, config: EstimatorConfig) -> list[AnyRecord]:
     source = SyntheticSource(query, realtime=False)
-    pipeline = Pipeline(source, Config(name="due", estimator=config))
+    pipeline = Pipeline(source, Config(name="due", estimator=config, live=WITHOUT))
     found = records_of(item for event in source.events() for item in pipeline.feed(event))
     return [*found, pipeline.stats()]
 
@@ -96,7 +98,7 @@ def with_breaks(
             k += 1
         events.append(Break(reason, k * 10_000_000))  # type: ignore[arg-type]
     channels = ["gyro_x", "accel_x", "accel_y"] if accel else None
-    pipeline = Pipeline(Events(events), Config(name="due", estimator=config, channels=channels))  # type: ignore[arg-type]
+    pipeline = Pipeline(Events(events), Config(name="due", estimator=config, live=WITHOUT, channels=channels))  # type: ignore[arg-type]
     found = records_of(item for event in events for item in pipeline.feed(event))
     return [*found, pipeline.stats()]
 

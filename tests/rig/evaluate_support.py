@@ -10,7 +10,18 @@ from fltea.lab.evaluate.cases import Case
 from fltea.lab.evaluate.run import Plan
 
 STRONG = Case(0.8, -1.0, 30.0)
-TINY = Plan(3, (Case(), STRONG), (1_000, 1_500), (Case(), STRONG), (2_100,), 1_000)
+TINY = Plan(
+    seeds=3,
+    fit_seeds=4,
+    grid=(Case(), STRONG),
+    lengths=(1_000, 1_500),
+    changed_on=(Case(), STRONG),
+    changed_lengths=(2_100,),
+    fitted_samples=1_000,
+    refereed=(),
+    alarm_series=100,
+    shifts=(),
+)
 
 
 class Backwards(Here):

@@ -2,8 +2,7 @@
 
 import numpy as np
 from fltea.lab.reproduce.simulate import fractional_states
-from fltea.spectrum.periodogram import Periodogram, periodogram
-from fltea.spectrum.spectral import Spectral, examine
+from fltea.spectrum.periodogram import Periodogram
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -44,11 +43,3 @@ def drawn(spectrum: Array, lam: Array, n: int, seed: int, series: int = 1) -> Pe
     """A periodogram as theory has it: independent exponentials with the spectrum for their means."""
     power = np.random.default_rng(seed).exponential(size=(series, len(lam))) * spectrum
     return Periodogram(lam, power[0] if series == 1 else power, H, n)
-
-
-def examined(
-    y: Array, h: float = H, from_hz: float = 0.0, notch: tuple[tuple[float, float], ...] = ()
-) -> Spectral:
-    """The periodogram of all of y, examined."""
-    whole = periodogram(y, h, from_hz=from_hz, notch=notch)
-    return examine(whole, len(y) * h, len(y), from_hz=from_hz, notch=notch)

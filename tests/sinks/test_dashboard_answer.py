@@ -3,12 +3,14 @@
 import json
 from typing import get_args
 
+import msgspec
 import pytest
 from dashboard_support import records, told
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
 from fltea.records.fit import AxisFit, FitAllan, Interval, Until, VerdictKind
+from fltea.records.records import Stats
 from fltea.sinks.page import facts
-from fltea.sinks.page.answer import HEADS, WITH_ORDER, answer
+from fltea.sinks.page.answer import HEADS, OFF, WITH_ORDER, answer
 from fltea.sinks.page.data_sheet import NOT_SEEN, coefficients
 from hypothesis import given
 from hypothesis import strategies as st
@@ -48,20 +50,23 @@ def test_no_figure_without_both_ends_of_its_interval(
     [
         (Interval(0.803, 0.762, 0.847), ("0.80", "0.76 … 0.85")),
         (Interval(0.8034, 0.7992, 0.8077), ("0.803", "0.799 … 0.808")),
-        (Interval(0.66, 0.2, 1.4), ("0.7", "0.2 … 1.4")),
-        (Interval(-1.02, -1.31, -0.77), ("−1.0", "−1.3 … −0.8")),
+        (Interval(0.66, 0.2, 1.4), ("0.66", "0.20 … 1.40")),
+        (Interval(-1.02, -1.31, -0.77), ("−1.02", "−1.31 … −0.77")),
         (Interval(-1.02, -1.12, -0.92), ("−1.02", "−1.12 … −0.92")),
         (Interval(1.0, 1.0, 1.0), ("1.0000", "1.0000 … 1.0000")),
     ],
 )
 def test_digits_are_what_the_interval_is_worth(p: Interval, shown: tuple[str, str]) -> None:
-    assert answer(replace(FRACTIONAL, alpha=p)).alpha == shown
+    found = answer(replace(FRACTIONAL, alpha=p)).alpha
+    assert found is not None
+    assert found[:2] == shown
 
 
 @pytest.mark.parametrize(
     ("fit", "words"),
     [
         (FRACTIONAL, "α ± 0.05: reached"),
+        (replace(FRACTIONAL, alpha=Interval(0.1, 0.07, 0.6)), "α ± 0.05: nobody can say when yet"),
         (UNDECIDED, "α ± 0.05 in 7 min"),
         (replace(UNDECIDED, until_s=Until(0.02, 40.9)), "α ± 0.02 in 40 s"),
         (WHITE, "α ± 0.05: more data do not define it"),
@@ -72,6 +77,15 @@ def test_digits_are_what_the_interval_is_worth(p: Interval, shown: tuple[str, st
 )
 def test_how_long_yet(fit: AxisFit, words: str) -> None:
     assert answer(fit).until == words
+
+
+def test_large_is_only_what_the_data_support_well() -> None:
+    wide = replace(FRACTIONAL, alpha=Interval(0.32, 0.05, 0.8), f=Interval(-1.7, -33.2, -0.1))
+    for fit, large in ((FRACTIONAL, True), (wide, False)):
+        said = answer(fit)
+        assert said.alpha is not None
+        assert said.f is not None
+        assert (said.alpha.large, said.f.large) == (large, large)
 
 
 def test_what_is_left_out_is_said_in_a_line() -> None:
@@ -92,17 +106,21 @@ def test_an_order_that_is_not_yet_claimed_stands_under_its_condition() -> None:
 
 
 def test_without_a_fit_nothing_is_claimed() -> None:
-    for axis in facts.axes(told(records("n=200")), 0):
-        found = axis["answer"]
-        assert (found["kind"], found["head"], found["alpha"], found["f"]) == ("", "No fit yet", None, None)
+    found = records("n=200")
+    fitting = [msgspec.structs.replace(r, fit_period_s=1.0) if isinstance(r, Stats) else r for r in found]
+    for axis in facts.axes(told(fitting), 0):
+        said = axis["answer"]
+        assert (said["kind"], said["head"], said["alpha"], said["f"]) == ("", "No fit yet", None, None)
+    for axis in facts.axes(told(found), 0):
+        assert (axis["answer"]["head"], axis["answer"]["text"]) == ("No fit", OFF)
 
 
 def test_facts_of_a_history_hold_the_answer_and_of_how_many_samples_it_is() -> None:
     history = told(with_fits(records("n=600"), {"gyro_x": with_curves(FRACTIONAL), "gyro_y": WHITE}))
     x, y, z = facts.axes(history, 0)
-    assert (x["answer"]["head"], x["answer"]["alpha"]) == ("Fractional", ("0.80", "0.76 … 0.85"))
+    assert (x["answer"]["head"], x["answer"]["alpha"]) == ("Fractional", ("0.80", "0.76 … 0.85", True))
     assert y["answer"]["head"] == "White noise: order undefined"
-    assert z["answer"]["head"] == "No fit yet"
+    assert z["answer"]["head"] == "No fit"
     assert facts.fitted(history) == "fit of 599 samples (5 s)"
     assert facts.curves(history, "gyro_y") == {"spectrum": False, "allan": False, "coefficients": []}
     shown = facts.curves(history, "gyro_x")

@@ -77,7 +77,7 @@ def test_fits_are_rows_with_their_intervals_where_there_is_an_order() -> None:
     assert all(np.isnan(y[name]).all() for name in names), "of white noise there is no order to draw"
 
 
-def test_curves_stay_until_there_are_newer_ones_and_end_with_the_epoch() -> None:
+def test_curves_stay_until_there_are_newer_ones_or_another_sensor() -> None:
     found = records(NOISE)
     samples = of(Sample, found)
     history = told(found)
@@ -92,10 +92,12 @@ def test_curves_stay_until_there_are_newer_ones_and_end_with_the_epoch() -> None
     assert (newer.spectrum, newer.allan) == (spectrum.spectrum, first.allan)
     epoch = next(r for r in found if isinstance(r, Epoch))
     history.write(msgspec.structs.replace(epoch, epoch=2, seq=600, host_ns=samples[-1].host_ns + 1))
-    assert (history.fit, history.fits, history.curves) == (None, {}, {})
+    assert history.curves["gyro_x"] is newer, "the fit goes on through epochs"
     mid = columns(history, "fits", "gyro_x")["alpha_mid"]
     assert np.isnan(mid[-1]), "no line joins two epochs"
     assert mid[-2] == FRACTIONAL.alpha.value
+    history.write(fit_after(samples[-1], {"gyro_x": WHITE}, samples=100))
+    assert (history.fits, history.curves) == ({"gyro_x": WHITE}, {})
 
 
 @pytest.mark.parametrize("every", [1, 4, 7])

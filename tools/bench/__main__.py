@@ -29,6 +29,11 @@ def main() -> None:
         action="store_true",
         help="with --chain: 24 hours, and the largest number of devices: half an hour",
     )
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="only what the live fit costs: accumulators, fits, an hour's replay",
+    )
     parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
     if arguments.identify:
@@ -43,6 +48,12 @@ def main() -> None:
             print(json.dumps({"cost": cost, "differences": differences}, ensure_ascii=False))
         else:
             print(f"{device_cost.text(cost)}\n\n{device_difference.text(differences)}")
+        return
+    if arguments.live:
+        from tools.bench import bench_live
+
+        costs = bench_live.measure()
+        print(json.dumps(costs, ensure_ascii=False) if arguments.json else bench_live.text(costs))
         return
     if arguments.chain:
         from tools.bench import bench_chain  # the recorder's library is an extra

@@ -98,16 +98,16 @@ def _hour(folder: Path) -> dict[str, Any]:
     day_files.write_mcap(mcap, gyro)
     rows: dict[str, Callable[[], Cost]] = {
         "engine alone": lambda: _engine(gyro),
-        "replay of one hour, --format none": lambda: _fltea(_replay(npz)),
-        "replay of one hour, NDJSON to a file": lambda: _fltea(_replay(npz, "ndjson"), folder / "lines"),
-        "the same from CSV, --format none": lambda: _fltea(_replay(csv)),
-        "the same from MCAP, --format none": lambda: _fltea(_replay(mcap)),
+        "replay of one hour, --format none": lambda: run_fltea(_replay(npz)),
+        "replay of one hour, NDJSON to a file": lambda: run_fltea(_replay(npz, "ndjson"), folder / "lines"),
+        "the same from CSV, --format none": lambda: run_fltea(_replay(csv)),
+        "the same from MCAP, --format none": lambda: run_fltea(_replay(mcap)),
         "peer: pandas.read_csv of that CSV": lambda: _python(f"import pandas; pandas.read_csv({str(csv)!r})"),
         "peer: mcap's reader over that MCAP": lambda: _python(_MCAP_PEER.format(str(mcap))),
         "peer: numpy.load of that npz": lambda: _python(
             f"import numpy; numpy.load({str(npz)!r})['gyro_raw']"
         ),
-        "the program's start alone": lambda: _fltea(["run", "--help"]),
+        "the program's start alone": lambda: run_fltea(["run", "--help"]),
     }
     return _in_turns(rows, ROUNDS)
 
@@ -120,16 +120,16 @@ def _day(folder: Path) -> dict[str, Any]:
     day_files.write_mcap(mcap, gyro)
     rows: dict[str, Callable[[], Cost]] = {
         "engine alone": lambda: _engine(gyro),
-        "24 h from npz, --format none": lambda: _fltea(_replay(npz)),
-        "24 h from MCAP, --format none": lambda: _fltea(_replay(mcap)),
-        "24 h, export of MCAP to npz": lambda: _fltea(["export", mcap, "--to", folder / "out.npz"]),
-        "24 h, export of MCAP to CSV": lambda: _fltea(["export", mcap, "--to", folder / "out.csv"]),
-        "24 h from that CSV, --format none": lambda: _fltea(_replay(folder / "out.csv")),
+        "24 h from npz, --format none": lambda: run_fltea(_replay(npz)),
+        "24 h from MCAP, --format none": lambda: run_fltea(_replay(mcap)),
+        "24 h, export of MCAP to npz": lambda: run_fltea(["export", mcap, "--to", folder / "out.npz"]),
+        "24 h, export of MCAP to CSV": lambda: run_fltea(["export", mcap, "--to", folder / "out.csv"]),
+        "24 h from that CSV, --format none": lambda: run_fltea(_replay(folder / "out.csv")),
         "peer: pandas.read_csv of that CSV, 24 h": lambda: _python(
             f"import pandas; pandas.read_csv({str(folder / 'out.csv')!r})"
         ),
         "peer: mcap's reader over 24 h": lambda: _python(_MCAP_PEER.format(str(mcap))),
-        "24 h, identify": lambda: _fltea(["identify", npz, "--json"]),
+        "24 h, identify": lambda: run_fltea(["identify", npz, "--json"]),
     }
     return _in_turns(rows, 1)
 
@@ -170,7 +170,8 @@ def _engine(gyro: Any) -> Cost:
     return Cost(time.monotonic() - begin_s, time.process_time() - begin_cpu_s, 0.0)
 
 
-def _fltea(arguments: Sequence[Any], out: Path | None = None) -> Cost:
+def run_fltea(arguments: Sequence[Any], out: Path | None = None) -> Cost:
+    """What the command `fltea` costs with these arguments; its output goes to `out`."""
     return _run([sys.executable, "-m", "fltea", *map(str, arguments)], out)
 
 

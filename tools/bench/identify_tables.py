@@ -23,13 +23,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fltea.identify.sums import examined, lines_of, octaves_of
 from fltea.noise.weights import weights
 from fltea.spectrum.likelihood_ratio import null_fits, p_value
 from fltea.spectrum.lines import find_peaks
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.rivals import fit_all
-from fltea.spectrum.spectral import Spectral, examine
 from fltea.spectrum.verdict import decide
 from numpy.typing import NDArray
 
@@ -168,16 +168,10 @@ TRUTHS = ((0.4, -1.0, 0.0), (0.6, -3.0, 0.5), (0.8, -1.0, 0.2), (0.8, -10.0, 1.0
 def rejections(make: Make, n: int, series: int, rng: np.random.Generator) -> dict[str, float]:
     """Share of series that the null test rejects at 5 % and 1 %."""
     found = []
-    for first in range(0, series, BATCH):
-        y = np.array([make(n, rng) for _ in range(min(BATCH, series - first))])
-        data = binned(periodogram(y, H))
-        found += [p_value(ratio, data.ordinates) for ratio in null_fits(data).likelihood_ratio.tolist()]
+    for _ in range(series):
+        data = binned(lines_of(octaves_of(make(n, rng)), H))
+        found.append(p_value(float(null_fits(data).likelihood_ratio[0]), data.ordinates))
     return {"5 %": float(np.mean(np.array(found) < 0.05)), "1 %": float(np.mean(np.array(found) < 0.01))}
-
-
-def examined(y: Array, h: float) -> Spectral:
-    """What `fltea identify` sees in one axis."""
-    return examine(periodogram(y, h), len(y) * h, len(y))
 
 
 def verdicts(make: Make, n: int, series: int, rng: np.random.Generator) -> dict[str, int]:
@@ -196,7 +190,7 @@ def coverage(
     values: dict[str, list[float]] = {name: [] for name in true}
     make = in_noise(alpha, f, noise)
     for _ in range(series):
-        fits = fit_all(periodogram(make(n, rng), H))
+        fits = fit_all(lines_of(octaves_of(make(n, rng)), H))
         fit = fractional_fit(fits.data, fits.full, H)
         for name, value in true.items():
             p = getattr(fit, name)

@@ -23,7 +23,8 @@ def evaluate(
         typer.Option(
             metavar="N",
             min=2,
-            help=f"Series of each noise: {DEFAULT_SEEDS}, with --quick {QUICK_SEEDS}, if not given.",
+            help=f"Series of each noise, four times as many for the fits: {DEFAULT_SEEDS}, with --quick "
+            f"{QUICK_SEEDS}, if not given.",
             show_default=False,
         ),
     ] = None,
@@ -46,18 +47,21 @@ def evaluate(
         bool, typer.Option("--json", help="Print evaluation.json, and nothing else, on stdout.")
     ] = False,
 ) -> None:
-    """Judge the online filters on noises whose α and f are known.
+    """Judge the live figures, fit and filters, on noises whose α and f are known.
 
     Every noise is y = x + v with D^α x = f x + ω, stationary, with unlimited memory, at 100 Hz and with the
-    variance of the paper's gyroscope. `triple` and `joint` run as the daemon runs them: start-up window, its
-    bias and R, Q = 0.15, guard consistent; and again with what is true. Beside them are the Whittle fit of
-    `fltea identify` and the Cramér–Rao bound, the least spread of any estimator without bias. White noise is
-    one of the noises. A second, smaller table has one setting changed at a time.
+    variance of the paper's gyroscope. `live` is the maximum-likelihood fit of what the daemon keeps, Whittle
+    the same of the whole record, and the Cramér–Rao bound the least spread of any estimator without bias. On
+    a few noises the exact Gaussian likelihood is the referee of both. `triple` and `joint` run as the daemon
+    runs them: start-up window, its bias and R, Q = 0.15, guard consistent; then tuned by the live fit; and
+    with what is true. White noise is one of the noises; false alarms of the null test are counted on three
+    kinds of it. Noises that change in mid-run, knocks and drift follow, then a smaller table with one setting
+    changed at a time.
 
     Of each: bias, spread, root mean square error, the estimator's own σ, the share of its 95 % intervals that
     hold the truth, and how often there is no value. A figure is *right* where the error of α is up to 0.1,
-    90 % of the intervals hold it (then σ is *honest*), and 90 % of the series have a value. Whittle's α has
-    none where the null test does not reject white noise. In a heat map grey is none in half of them or more.
+    90 % of the intervals hold it (then σ is *honest*), and 90 % of the series have a value. A fit has none
+    where its null test does not reject white noise. In a heat map grey is none in half of them or more.
 
     The same arguments give the same files. All of it takes some four minutes on two processors, twice the
     seeds twice as long. What came out, and what to make of it: host/evaluation.md.
@@ -125,11 +129,17 @@ def _show(result: "Result") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from fltea.lab.evaluate import summaries
+    from fltea.lab.evaluate import fit_summaries, summaries
 
     console = Console()
     with console.capture() as shown:  # rich itself ends the program if the reader has left
         for headings, rows in (
+            fit_summaries.errors(result),
+            (fit_summaries.RATIO_HEADINGS, fit_summaries.ratios(result)),
+            (fit_summaries.COVERAGE_HEADINGS, fit_summaries.coverages(result)),
+            (fit_summaries.REFEREE_HEADINGS, fit_summaries.referee(result)),
+            (fit_summaries.ALARM_HEADINGS, fit_summaries.alarms(result)),
+            (fit_summaries.SHIFT_HEADINGS, fit_summaries.shifts(result)),
             (summaries.SUMMARY_HEADINGS, summaries.summary(result)),
             (summaries.WHITE_HEADINGS, summaries.white(result)),
             (summaries.CHANGE_HEADINGS, summaries.changes(result)),

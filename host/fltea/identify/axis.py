@@ -10,15 +10,15 @@ from numpy.typing import ArrayLike
 
 from fltea.identify.fltea_fit import FlteaFit, fltea_fit
 from fltea.identify.shuffled import Copies, ShuffledBand, shuffled_band
+from fltea.identify.sums import examined
 from fltea.settings.config import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import Innovations
 from fltea.spectrum.likelihood_ratio import critical_values
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.null_constants import PROBABILITIES
-from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.profile import FractionalFit, fractional_fit
 from fltea.spectrum.rivals import Contest
-from fltea.spectrum.spectral import Band, examine
+from fltea.spectrum.spectral import Band
 from fltea.spectrum.verdict import LEVEL, Verdict, decide
 
 Variant = Literal["triple", "joint"]
@@ -103,9 +103,7 @@ def identify_axis(
     samples = np.ascontiguousarray(y, dtype=np.float64)
     if samples.ndim != 1:
         raise ValueError(f"y is one axis, (n,), got shape {samples.shape}")
-    whole = periodogram(samples, h, from_hz=o.from_hz, notch=o.notch_hz)
-    seen = examine(whole, len(samples) * h, len(samples), from_hz=o.from_hz, notch=o.notch_hz)
-    del whole
+    seen = examined(samples, h, o.from_hz, o.notch_hz)
     own, own_innovations = fltea_fit(samples, h, o.estimator, lsb)
     other_variant = OTHER[o.estimator.variant]
     other, other_innovations = fltea_fit(

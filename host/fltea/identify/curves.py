@@ -11,10 +11,11 @@ from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
 from fltea.identify.axis import AxisResult, IdentifyOptions
 from fltea.identify.shuffled import ACCURACY, BLOCK, PROBABILITIES
+from fltea.identify.sums import lines_of, octaves_of
 from fltea.noise.spectra import HIGHEST_ORDER
 from fltea.settings.config import EstimatorConfig
 from fltea.spectrum.models import FULL, held
-from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.periodogram import binned
 from fltea.spectrum.whittle import fit
 
 Array = NDArray[np.float64]
@@ -63,8 +64,9 @@ class Curves(NamedTuple):
 
 def curves(y: Array, h: float, lsb: float | None, options: IdentifyOptions, result: AxisResult) -> Curves:
     """Make them for an axis that has been identified; arguments as for `axis.identify_axis`."""
-    whole = binned(periodogram(y, h, from_hz=options.from_hz, notch=options.notch_hz))
-    clean = binned(periodogram(y, h, from_hz=result.band.from_hz, notch=result.band.notch_hz))
+    sums = octaves_of(y)
+    whole = binned(lines_of(sums, h, options.from_hz, options.notch_hz))
+    clean = binned(lines_of(sums, h, result.band.from_hz, result.band.notch_hz))
     nll = np.array([float(fit(clean, held("alpha", alpha)).nll[0]) for alpha in ORDERS.tolist()])
     lowest = min(float(nll.min()), float(fit(clean, FULL).nll[0]))
     path, innovation = _path(y, h, lsb, options)

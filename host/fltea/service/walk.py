@@ -8,7 +8,7 @@ from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Event, Trouble, host_ns_of
 from fltea.records.ports import Source
-from fltea.records.records import AnyRecord, Error, Hello
+from fltea.records.records import AnyRecord, Error
 from fltea.service.hub import Hub
 from fltea.service.state import StateFile
 from fltea.settings.config import Config
@@ -42,7 +42,6 @@ class Walk:
         )
         self._tap = hub.tap(self.name, wait=not source.prompt)
         self._as_wire: AsWire | None = None
-        self._hello: Hello | None = None
         self._has_wire = isinstance(source, SerialSource)
         if isinstance(source, SerialSource):
             source.tap = self._tap
@@ -81,20 +80,14 @@ class Walk:
             self._deposit(self._state)
 
     def _make_wire(self, event: Event) -> None:
-        """Let a source without a wire have one while somebody records it; it begins with the last HELLO."""
-        if isinstance(event, Hello):
-            self._hello = event
+        """Let a source without a wire have one while somebody records it."""
         if not self._tap.wanted:
             self._as_wire = None
             return
-        events = [event]
         if self._as_wire is None:
             self._as_wire = AsWire(lambda: self.source.unix_offset_ns)
-            if self._hello is not None and event is not self._hello:
-                events.insert(0, self._hello)
-        for one in events:
-            for item in self._as_wire.encode(one):
-                self._tap(item)
+        for item in self._as_wire.encode(event):
+            self._tap(item)
 
     def _deposit(self, state: StateFile) -> None:
         snapshot = self._pipeline.save()

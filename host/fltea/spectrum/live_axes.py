@@ -16,7 +16,7 @@ from fltea.spectrum.octaves import Counts, Octaves
 from fltea.spectrum.periodogram import Periodogram, binned
 from fltea.spectrum.profile import Parameter, fractional_fit
 from fltea.spectrum.spectral import Spectral, examine
-from fltea.spectrum.verdict import ANYTIME_LEVEL, decide
+from fltea.spectrum.verdict import ANYTIME_LEVEL, LEVEL, decide
 from fltea.spectrum.warm import Warm
 
 Array = NDArray[np.float64]
@@ -33,6 +33,7 @@ class _Saved(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
     axes: tuple[str, ...]
     h: float
     unit: str
+    memory: float
     octaves: bytes
 
 
@@ -67,27 +68,32 @@ class LiveAxes:
         """Take note of lost samples of all axes."""
         self._octaves.skip(count)
 
-    def fit(self, *, curves: bool) -> dict[str, AxisFit]:
+    def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
         """Fit every axis.
 
-        curves: with spectrum and Allan deviation, and from all starts in place of the last fit.
+        curves: with spectrum and Allan deviation, and from all starts, not from the last fit. last: of a
+        record that is at its end, and so is judged at the level of one look, as `fltea identify` does it.
         """
-        return {axis: self._fit(lane, curves) for lane, axis in enumerate(self.axes)}
+        level = LEVEL if last else ANYTIME_LEVEL
+        return {axis: self._fit(lane, curves, level) for lane, axis in enumerate(self.axes)}
 
     def save(self) -> bytes:
         """All of it, for a later run."""
-        return msgspec.msgpack.encode(_Saved(self.axes, self.h, self.unit, self._octaves.save()))
+        return msgspec.msgpack.encode(
+            _Saved(self.axes, self.h, self.unit, self._memory, self._octaves.save())
+        )
 
     def _restored(self, saved: bytes) -> Octaves:
         try:
             found = msgspec.msgpack.decode(saved, type=_Saved)
         except msgspec.MsgspecError as error:
             raise ValueError(f"the saved sums are not sound: {error}") from error
-        if (found.axes, found.h, found.unit) != (self.axes, self.h, self.unit):
-            raise ValueError("the saved sums are of other axes, another rate or another unit")
+        ours = self.axes, self.h, self.unit, self._memory
+        if (found.axes, found.h, found.unit, found.memory) != ours:
+            raise ValueError("the saved sums are of other axes, another rate, unit or memory")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
-    def _fit(self, lane: int, curves: bool) -> AxisFit:
+    def _fit(self, lane: int, curves: bool, level: float) -> AxisFit:
         counts = self._octaves.counts(lane)
         left_out = _left_out(counts)
         if counts.constant and counts.used >= SHORTEST_MEMORY:
@@ -103,7 +109,7 @@ class LiveAxes:
                 used * self.h,
                 used,
                 cells=self._octaves.cells(lane, self.h),
-                level=ANYTIME_LEVEL,
+                level=level,
                 warm=self._warm[lane],
             )
         except ValueError as error:

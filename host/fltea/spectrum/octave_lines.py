@@ -22,12 +22,17 @@ NEIGHBOURS = (4 / 9, 1 / 36)
 """Correlation of the power of Hann's lines with that of the next and of the one after."""
 LOBE = 2
 """Lines on each side that a sharp line spreads to."""
-SHORTEST_FLANK = 6
+SHORTEST_FLANK = 12
 """Lines in a flank, however many ordinates each of them stands for."""
+LEAST_FLANK = 4
+LEAST_IN_FLANK = 16.0
+"""Lines and ordinates that a flank must have at the edge of the spectrum."""
 WIDEST = 8
 """Averaged lines in a stretch: a fifth of an octave's."""
 NARROW = 3
 """A peak that is not wider than so many averaged lines may be a line or a resonance."""
+HOPELESS = 0.6
+"""Share of the gain of a known level that a stretch has to have to be looked at."""
 SKIRT = 0.05
 """What is less above the level around it is no part of a peak."""
 
@@ -102,9 +107,12 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
             at = at[averaged[at + width] == averaged[at]]
         at = at[(at >= width) & (at + 2 * width <= m)]
         after, before = at + 2 * width, at - width
-        after_end = np.maximum(up[after], after + flank)
-        before_end = np.minimum(down[before], before - flank)
-        whole = (after_end <= m) & (before_end >= 0)
+        after_end = np.minimum(np.maximum(up[after], after + flank), m)
+        before_end = np.maximum(np.minimum(down[before], before - flank), 0)
+        least = max(LEAST_FLANK, width)
+        whole = np.minimum(after_end - after, before - before_end) >= least
+        whole &= weights[after_end] - weights[after] >= LEAST_IN_FLANK
+        whole &= weights[before] - weights[before_end] >= LEAST_IN_FLANK
         at, after, before = at[whole], after[whole], before[whole]
         after_end, before_end = after_end[whole], before_end[whole]
         if len(at):
@@ -112,7 +120,7 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
     tested = sum(len(one[1]) for one in tries)
     if not tested:
         return None
-    least = -NormalDist().inv_cdf(false_alarm / tested)
+    critical = -NormalDist().inv_cdf(false_alarm / tested)
     best, most = None, 0.0
     for width, at, before_end, before, after, after_end in tries:
         own = weights[at + width] - weights[at]
@@ -124,11 +132,20 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
         ratio = mean / np.maximum(level, 1e-12 * sums[-1] / weights[-1])
         own = own * np.where(lines.averaged[at], _gathered(width), 1.0)
         other = np.where(low > high, low_weight, high_weight)
-        # No more than ordinates of Gaussian noise have, so far out nothing is known of the tail.
-        gain = np.where(f_deviate(ratio, 2 * own, 2 * other) > least, own * (ratio - 1 - np.log(ratio)), 0.0)
-        i = int(gain.argmax())
-        if gain[i] > most:
-            most, best = float(gain[i]), _Found(int(at[i]), int(at[i]) + width, float(level[i]))
+        # Of those that pass, the likeliest: deviates would favour wide stretches, whose flanks are longer.
+        gain = np.where(ratio > 1, own * (ratio - 1 - np.log(np.maximum(ratio, 1.0))), 0.0)
+        # If the level were known, the deviate would be about √(2 gain): most stretches need no closer look.
+        near = np.flatnonzero(gain > HOPELESS * critical**2 / 2)
+        if not len(near):
+            continue
+        deviate = f_deviate(ratio[near], 2 * own[near], 2 * other[near])
+        near = near[deviate > critical]
+        gain = gain[near]
+        if not len(near):
+            continue
+        i, highest = int(near[gain.argmax()]), float(gain.max())
+        if highest > most:
+            most, best = highest, _Found(int(at[i]), int(at[i]) + width, float(level[i]))
     return best
 
 
@@ -181,5 +198,9 @@ def _describe(
         width_hz=float(steps[wide].sum() * to_hz),
         power_share=float((part - found.level) @ steps / total),
         height=float(np.average(lines.power[core], weights=lines.weight[core]) / found.level),
-        notch_hz=(float(lines.lam[left] * to_hz), float(lines.lam[right - 1] * to_hz)),
+        # A little more: the ends must not be kept for rounding.
+        notch_hz=(
+            float((lines.lam[left] - steps[0] / 4) * to_hz),
+            float((lines.lam[right - 1] + steps[-1] / 4) * to_hz),
+        ),
     )

@@ -87,9 +87,10 @@ def examine(
     clean, kept = _clean(whole, clean_from_hz, found)
     peaks, found = peaks[:kept], found[:kept]
     p_without_peaks = _null_p(whole.without(from_hz, found), warm) if peaks else p_all
-    left_out = len(clean.lam) < len(whole.lam)
-    del whole  # of a day's periodogram 70 MB
-    fits = fit_all(clean, warm.of("clean"), data, null) if not left_out else fit_all(clean, warm.of("clean"))
+    if len(clean.lam) == len(whole.lam):
+        fits = fit_all(clean, warm.of("all"), data, null)
+    else:
+        fits = fit_all(clean, warm.of("clean"))
     rivals = contest(clean, fits)
     evidence = Evidence(
         duration_s=duration_s,

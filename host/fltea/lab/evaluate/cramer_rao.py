@@ -27,6 +27,10 @@ class Bound(NamedTuple):
     alpha: float
     f: float
     """in s^-α"""
+    F: float
+    """g + α"""
+    s2: float
+    R: float
 
 
 def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
@@ -38,8 +42,16 @@ def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
 
 
 def bound(alpha: float, g: float, s2: float, R: float, n: int, h: float) -> Bound:
-    """The bound for n samples at a sampling period of h s."""
-    covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))[:2, :2]
+    """The bound for n samples at a sampling period of h s; that of R is 0 if R is."""
+    covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))
+    pair = covariance[:2, :2]
     # f = h^-α g
-    slope = np.array([-math.log(h) * g, 1.0]) * h**-alpha
-    return Bound(math.sqrt(covariance[0, 0]), math.sqrt(slope @ covariance @ slope))
+    of_f = np.array([-math.log(h) * g, 1.0]) * h**-alpha
+    logs = np.sqrt(np.diag(covariance)[2:])
+    return Bound(
+        math.sqrt(pair[0, 0]),
+        math.sqrt(of_f @ pair @ of_f),
+        math.sqrt(pair.sum()),
+        s2 * float(logs[0]),
+        R * float(logs[1]) if R else 0.0,
+    )

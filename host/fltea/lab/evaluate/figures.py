@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.lab.evaluate import fit_summaries
 from fltea.lab.evaluate.cases import Case
-from fltea.lab.evaluate.run import WHITTLE, Result, Row
+from fltea.lab.evaluate.run import LIVE, WHITTLE, Result, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,7 +18,16 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SHOWN = ("triple", "joint", "joint, Q and R known", WHITTLE)
+SHOWN = ("triple", "joint", "joint, tuned live", LIVE, WHITTLE)
+LINES = {
+    "triple": "C1o--",
+    "joint": "C0s--",
+    "joint, tuned live": "C9^-",
+    LIVE: "C3D-",
+    WHITTLE: "C7x:",
+    "bound": "k-",
+}
+"""Of the picture of what the live fit is worth, and their styles."""
 GREY = "#d9d9d9"
 DOTS_PER_INCH = 90
 COLOURS = 128
@@ -80,8 +90,9 @@ MAPS = {
 
 
 def draw(result: Result) -> dict[str, bytes]:
-    """PNGs by name: one of each of `MAPS`, and the changed settings."""
-    return {name: _grid_map(result, one) for name, one in MAPS.items()} | {"settings": _settings_map(result)}
+    """PNGs by name: one of each of `MAPS`, the changed settings, and errors before and after the live fit."""
+    maps = {name: _grid_map(result, one) for name, one in MAPS.items()}
+    return maps | {"settings": _settings_map(result), "live": _live_lines(result)}
 
 
 def _grid_map(result: Result, one: Map) -> bytes:
@@ -94,7 +105,8 @@ def _grid_map(result: Result, one: Map) -> bytes:
     found = {(r.case, r.samples, r.estimator): r for r in result.rows if r.quantity == one.quantity}
     height = 1.4 + len(SHOWN) * (0.7 + 0.24 * len(dynamics))
     figure = Figure(figsize=(2.0 + 2.7 * len(lengths), height), dpi=DOTS_PER_INCH, layout="constrained")
-    figure.suptitle(f"{one.title}\n{result.plan.seeds} seeds", fontsize=11, x=0.01, ha="left")
+    seeds = f"{result.plan.seeds} seeds, the fits {result.plan.fit_seeds}"
+    figure.suptitle(f"{one.title}\n{seeds}", fontsize=11, x=0.01, ha="left")
     panels = figure.subplots(len(SHOWN), len(lengths), sharex=True, sharey=True, squeeze=False)
     for line, estimator in zip(panels, SHOWN, strict=True):
         for axes, n in zip(line, lengths, strict=True):
@@ -111,6 +123,32 @@ def _grid_map(result: Result, one: Map) -> bytes:
     for axes in panels[:, 0]:
         axes.set_ylabel("α, f", fontsize=9)
     figure.colorbar(image, ax=panels, shrink=0.3, extend="max" if one.form != ".0%" else "neither")
+    return _png(figure)
+
+
+def _live_lines(result: Result) -> bytes:
+    """The median error of α over the noises of each s2/R, a panel a length."""
+    from matplotlib.figure import Figure
+
+    headings, rows = fit_summaries.errors(result)
+    ratios = [float(heading) for heading in headings[2:]]
+    found = {(row[0], row[1]): [np.nan if c == "–" else float(c) for c in row[2:]] for row in rows}
+    figure = Figure(
+        figsize=(2.6 + 2.7 * len(result.plan.lengths), 3.6), dpi=DOTS_PER_INCH, layout="constrained"
+    )
+    panels = figure.subplots(1, len(result.plan.lengths), sharey=True, squeeze=False)[0]
+    for axes, n in zip(panels, result.plan.lengths, strict=True):
+        for name, style in LINES.items():
+            axes.loglog(ratios, found[name, f"{n:,}"], style, label=name, markersize=4, linewidth=1.4)
+        axes.set_title(f"{n:,} samples", fontsize=9)
+        axes.set_xticks(ratios, [f"{ratio:g}" for ratio in ratios], fontsize=8)
+        axes.minorticks_off()
+        axes.grid(alpha=0.3)
+        axes.set_xlabel("s2/R", fontsize=9)
+    ticks = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5]
+    panels[0].set_yticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=8)
+    panels[0].set_ylabel("error of α (rms), median of the noises", fontsize=9)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
     return _png(figure)
 
 

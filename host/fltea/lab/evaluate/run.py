@@ -1,28 +1,34 @@
-"""The whole evaluation: each noise is a task, done by this process or by others."""
+"""The whole evaluation: many tasks, done by this process or by others."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea.identify.workers import Workers
-from fltea.lab.evaluate import cases, cramer_rao, settings
+from fltea.lab.evaluate import alarms, cases, cramer_rao, fits, referee, settings, shifts
+from fltea.lab.evaluate.alarms import Alarms
 from fltea.lab.evaluate.cases import Case, H
-from fltea.lab.evaluate.offline import fitted_variances, whittle_reading
 from fltea.lab.evaluate.online import Reading, read
+from fltea.lab.evaluate.referee import Referee
 from fltea.lab.evaluate.score import Score, score
 from fltea.lab.evaluate.settings import Setting
+from fltea.lab.evaluate.shifts import Shift, ShiftScore
+from fltea.lab.evaluate.tuned import read_tuned, tunings
 from fltea.records.errors import FlteaError
 
 Array = NDArray[np.float64]
 
 WHITTLE = "Whittle"
+"""The fit of the whole record."""
+LIVE = "live"
+"""The same of what the daemon keeps of it."""
 
 Progress = Callable[[str], None]
-"""Is told the noise that has just been done."""
+"""Is told what has just been done."""
 
 
 class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -32,14 +38,33 @@ class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     samples: int
     """the start-up window included"""
     estimator: str
-    quantity: Literal["alpha", "f"]
+    quantity: Literal["alpha", "f", "F", "s2", "R"]
+    """the filters have the first two"""
     score: Score
+
+
+class Pair(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Errors of α of the live fit and of the whole record's, on series in which both reject white noise."""
+
+    case: Case
+    samples: int
+    series: int
+    live_rmse: float | None
+    whole_rmse: float | None
+
+    @property
+    def ratio(self) -> float | None:
+        """Live over whole."""
+        return None if not self.live_rmse or not self.whole_rmse else self.live_rmse / self.whole_rmse
 
 
 class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What to evaluate."""
 
     seeds: int
+    """series of each noise that the filters get"""
+    fit_seeds: int
+    """that are fitted"""
     grid: tuple[Case, ...]
     lengths: tuple[int, ...]
     changed_on: tuple[Case, ...]
@@ -47,6 +72,12 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     changed_lengths: tuple[int, ...]
     fitted_samples: int
     """of the other record, from which "fitted" Q and R are"""
+    refereed: tuple[Case, ...]
+    """noises for the exact likelihood"""
+    alarm_series: int
+    """of each kind of white noise"""
+    shifts: tuple[Shift, ...]
+    """noises that change"""
 
 
 class Result(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -56,7 +87,11 @@ class Result(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     power_dps2: float
     plan: Plan
     rows: tuple[Row, ...]
-    """`settings.MAIN` and the Whittle fit on the grid"""
+    """`settings.MAIN` and the fits on the grid"""
+    pairs: tuple[Pair, ...]
+    referee: tuple[Referee, ...]
+    alarms: tuple[Alarms, ...]
+    shifts: tuple[ShiftScore, ...]
     changes: tuple[Row, ...]
     """`settings.CHANGES` on a few noises"""
 
@@ -65,11 +100,15 @@ def full_plan(seeds: int) -> Plan:
     """The default: 53 noises, and the changed settings on six."""
     return Plan(
         seeds,
+        FITS_TO_FILTERS * seeds,
         cases.grid(cases.ORDERS, cases.PARAMETERS, cases.STEP_RATIOS),
         cases.LENGTHS,
         tuple(settings.CHANGED_ON),
         cases.LENGTHS[:2],
         cases.LENGTHS[2],
+        referee.CASES,
+        ALARMS_TO_FILTERS * seeds,
+        tuple(shifts.SHIFTS),
     )
 
 
@@ -78,17 +117,59 @@ def quick_plan(seeds: int) -> Plan:
     changed = settings.CHANGED_ON[0], settings.CHANGED_ON[3]
     return Plan(
         seeds,
+        FITS_TO_FILTERS * seeds,
         cases.grid((0.4, 0.8), (-1.0,), (0.3, 30.0)),
         cases.LENGTHS[:2],
         changed,
         cases.LENGTHS[:1],
         cases.LENGTHS[1],
+        referee.CASES[:1],
+        ALARMS_TO_FILTERS * seeds // 5,
+        tuple(shifts.SHIFTS),
     )
+
+
+FITS_TO_FILTERS = 4
+"""A fit costs less than a filter, and a ratio of errors needs more series than an error."""
+ALARMS_TO_FILTERS = 100
+"""A share of 5 % needs most."""
+
+
+class Task(msgspec.Struct, frozen=True):
+    """A part of the work: a function that other processes know, too."""
+
+    name: str
+    work: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+
+def tasks(plan: Plan) -> dict[str, list[Task]]:
+    """All of the work, by the field of `Result` that it is for; the longest first."""
+    seeds, lengths = plan.seeds, plan.lengths
+    return {
+        "referee": [Task(one.name, referee.judge, (one, seeds)) for one in plan.refereed],
+        "rows": [Task(one.name, filters_case, (one, seeds, lengths)) for one in plan.grid],
+        "fits": [Task(one.name, fits_case, (one, plan.fit_seeds, lengths)) for one in plan.grid],
+        "shifts": [Task(one.name, shifts.score_shift, (one, seeds)) for one in plan.shifts],
+        "alarms": [
+            Task(f"white noise, {name}", alarms.count_alarms, (name, alarms.AT_ONCE, lengths, number))
+            for name in alarms.MAKERS
+            for number in range(max(1, plan.alarm_series // alarms.AT_ONCE))
+        ],
+        "changes": [
+            Task(
+                one.name,
+                changed_case,
+                (one, seeds, plan.changed_lengths, settings.CHANGES, plan.fitted_samples),
+            )
+            for one in plan.changed_on
+        ],
+    }
 
 
 def steps(plan: Plan) -> int:
     """Calls of `progress` that `evaluate` makes."""
-    return len(plan.grid) + len(plan.changed_on)
+    return sum(map(len, tasks(plan).values()))
 
 
 def evaluate(plan: Plan, workers: Workers, progress: Progress = lambda text: None) -> Result:
@@ -97,77 +178,103 @@ def evaluate(plan: Plan, workers: Workers, progress: Progress = lambda text: Non
     Raises:
         FlteaError: a worker died.
     """
-    grid = [(case, plan.seeds, plan.lengths, settings.MAIN, True, 0) for case in plan.grid]
-    changed = [
-        (case, plan.seeds, plan.changed_lengths, settings.CHANGES, False, plan.fitted_samples)
-        for case in plan.changed_on
-    ]
-    rows: list[list[Row]] = _all(grid + changed, workers, progress)
+    parts = tasks(plan)
+    done = iter(_all([task for part in parts.values() for task in part], workers, progress))
+    found = {name: [next(done) for _ in part] for name, part in parts.items()}
+    fitted = [rows for rows, _ in found["fits"]]
     return Result(
         1 / H,
         cases.POWER,
         plan,
-        tuple(row for part in rows[: len(grid)] for row in part),
-        tuple(row for part in rows[len(grid) :] for row in part),
+        tuple(row for part in zip(found["rows"], fitted, strict=True) for rows in part for row in rows),
+        tuple(pair for _, pairs in found["fits"] for pair in pairs),
+        tuple(one for part in found["referee"] for one in part),
+        alarms.together(found["alarms"]),
+        tuple(one for part in found["shifts"] for one in part),
+        tuple(row for part in found["changes"] for row in part),
     )
 
 
-Task = tuple[Case, int, Sequence[int], Sequence[Setting], bool, int]
-"""The arguments of `evaluate_case`."""
-
-
-def _all(tasks: Sequence[Task], workers: Workers, progress: Progress) -> list[list[Row]]:
+def _all(work: Sequence[Task], workers: Workers, progress: Progress) -> list[Any]:
     """Results in the order of the tasks."""
-    results: dict[int, list[Row]] = {}
-    pending: dict[Future[list[Row]], int] = {}
-    waiting = list(range(len(tasks)))[::-1]
+    results: dict[int, Any] = {}
+    pending: dict[Future[Any], int] = {}
+    waiting = list(range(len(work)))[::-1]
     while waiting or pending:
         try:
             while waiting and len(pending) < workers.slots:
                 number = waiting.pop()
-                pending[workers.submit(evaluate_case, *tasks[number])] = number
+                pending[workers.submit(work[number].work, *work[number].arguments)] = number
             for future in wait(pending, return_when=FIRST_COMPLETED).done:
                 number = pending.pop(future)
                 results[number] = future.result()
-                progress(tasks[number][0].name)
+                progress(work[number].name)
         except BrokenExecutor as error:
             raise FlteaError(
                 "a process that worked on it was killed; did memory run out? Try --jobs 1."
             ) from error
-    return [results[number] for number in range(len(tasks))]
+    return [results[number] for number in range(len(work))]
 
 
-def evaluate_case(
-    case: Case,
-    seeds: int,
-    lengths: Sequence[int],
-    filters: Sequence[Setting],
-    whittle: bool,
-    fitted_samples: int,
-) -> list[Row]:
-    """Score all estimators on one noise; the shorter records are the beginnings of the longest.
-
-    whittle: fit the records too. fitted_samples: as in `Plan`, for the filters that want it.
-    """
-    noise = case.noise
+def filters_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
+    """Score the online filters on one noise; the shorter records are the beginnings of the longest."""
     y = cases.samples(case, seeds, lengths[-1])
-    readings = _readings(case, y, filters, lengths, fitted_samples)
+    readings = _readings(case, y, settings.MAIN, lengths, 0)
+    tuned = tunings(y, H, lengths[-1])
+    for name, config in settings.TUNED.items():
+        readings[name] = read_tuned(y, H, config, lengths, tuned)
+    return _filter_rows(case, readings, lengths)
+
+
+def changed_case(
+    case: Case, seeds: int, lengths: Sequence[int], filters: Sequence[Setting], fitted_samples: int
+) -> list[Row]:
+    """Score filters with changed settings; fitted_samples: as in `Plan`, for those that want it."""
+    y = cases.samples(case, seeds, lengths[-1])
+    return _filter_rows(case, _readings(case, y, filters, lengths, fitted_samples), lengths)
+
+
+def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> tuple[list[Row], list[Pair]]:
+    """Score the fits of one noise, of the whole records and live."""
+    y, truth = cases.samples(case, seeds, lengths[-1]), fits.truths(case)
+    rows, pairs = [], []
+    for n, live in zip(lengths, fits.live_readings(y, H, lengths, truth), strict=True):
+        whole, limits = fits.whole_reading(y[:n], H, truth), _bound(case, n)
+        for name, one in ((LIVE, live), (WHITTLE, whole)):
+            for quantity in fits.QUANTITIES:
+                scored = score(
+                    one.estimates[quantity],
+                    one.rejected,
+                    truth=truth.get(quantity),
+                    covered=one.covered.get(quantity),
+                    bound=limits.get(quantity),
+                )
+                rows.append(Row(case, n, name, quantity, scored))  # type: ignore[arg-type]
+        if truth:
+            both = live.rejected & whole.rejected
+            errors = (one.estimates["alpha"][both] - truth["alpha"] for one in (live, whole))
+            pairs.append(Pair(case, n, int(both.sum()), *map(referee.rms, errors)))
+    return rows, pairs
+
+
+def _bound(case: Case, n: int) -> dict[str, float]:
+    if case.alpha is None:
+        return {}
+    noise = case.noise
+    return cramer_rao.bound(case.alpha, noise.g, noise.s2, noise.R, n, H)._asdict()
+
+
+def _filter_rows(case: Case, readings: dict[str, list[Reading]], lengths: Sequence[int]) -> list[Row]:
     rows = []
     for place, n in enumerate(lengths):
-        limit = None
-        if case.alpha is not None:
-            limit = cramer_rao.bound(case.alpha, noise.g, noise.s2, noise.R, n, H)
-        bound_alpha, bound_f = limit or (None, None)
+        limits = _bound(case, n)
         for name, found in readings.items():
             one = found[place]
-            alpha = score(one.alpha, one.valid, truth=case.alpha, reported=one.alpha_std, bound=bound_alpha)
-            f = score(one.f, one.valid, truth=case.f, reported=one.f_std, bound=bound_f)
+            alpha = score(
+                one.alpha, one.valid, truth=case.alpha, reported=one.alpha_std, bound=limits.get("alpha")
+            )
+            f = score(one.f, one.valid, truth=case.f, reported=one.f_std, bound=limits.get("f"))
             rows += [Row(case, n, name, "alpha", alpha), Row(case, n, name, "f", f)]
-        if whittle:
-            w = whittle_reading(y[:n], H, case.alpha, case.f)
-            alpha = score(w.alpha, w.rejected, truth=case.alpha, covered=w.alpha_covered, bound=bound_alpha)
-            f = score(w.f, w.rejected, truth=case.f, covered=w.f_covered, bound=bound_f)
-            rows += [Row(case, n, WHITTLE, "alpha", alpha), Row(case, n, WHITTLE, "f", f)]
     return rows
 
 
@@ -182,5 +289,5 @@ def _readings(
     R: dict[str, Array | None] = {"config": None, "true": np.full(seeds, noise.R)}
     if any("fitted" in (one.Q, one.R) for one in filters):
         other = cases.samples(case, seeds, fitted_samples, record=1)
-        Q["fitted"], R["fitted"] = fitted_variances(other, H, default_Q, cases.POWER)
+        Q["fitted"], R["fitted"] = fits.fitted_variances(other, H, default_Q, cases.POWER)
     return {one.name: read(y, H, one.config, lengths, Q=Q[one.Q], R=R[one.R]) for one in filters}

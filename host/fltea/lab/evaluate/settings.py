@@ -40,6 +40,9 @@ MAIN: tuple[Setting, ...] = (
 )
 """On the whole grid."""
 
+TUNED: dict[str, EstimatorConfig] = {"triple, tuned live": _TRIPLE, "joint, tuned live": _JOINT}
+"""On the whole grid too, with Q and R of the live fit (`tuned.py`)."""
+
 CHANGES: tuple[Setting, ...] = (
     Setting("joint, as it is", _JOINT),
     Setting("joint, R known", _JOINT, R="true"),

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fltea.lab.evaluate.run import WHITTLE, Result, Row
+from fltea.lab.evaluate.run import LIVE, WHITTLE, Result, Row
 from fltea.lab.evaluate.score import Score
 
 ERROR = 0.1
@@ -85,7 +85,7 @@ def white(result: Result) -> list[tuple[str, ...]]:
             for alpha, f in zip(alphas, fs, strict=True):
                 claims = (
                     _percent(1 - alpha.without / alpha.seeds)
-                    if estimator == WHITTLE
+                    if estimator in (LIVE, WHITTLE)
                     else _percent(alpha.beyond_zero)
                 )
                 rows.append(
@@ -126,7 +126,7 @@ def conclusion(result: Result) -> str:
     """In plain words."""
     n = result.plan.lengths[-1]
     sentences = []
-    for estimator in ("triple", "joint", WHITTLE):
+    for estimator in ("triple", "joint", LIVE, WHITTLE):
         good = [r for r in _of(result.rows, estimator, "alpha", n) if r.case.alpha]
         count = sum(right(row.score) for row in good)
         sentences.append(f"{estimator} in {count} of {len(good)}")
@@ -139,7 +139,7 @@ def conclusion(result: Result) -> str:
         if rows:
             count = sum(right(r.score) for r in rows)
             text += f"Where x has {what} {STRONG:.0%} of the power joint is right in {count} of {len(rows)}. "
-    return text + "No filter knows white noise from noise with an order: look at the null test first."
+    return text + "No filter knows white noise from noise with an order: the live fit's null test does."
 
 
 STRONG = 0.9

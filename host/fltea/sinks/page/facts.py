@@ -79,6 +79,7 @@ def _axis(
     unit = unit_of(name)
     e = estimate if estimate is not None and estimate.valid else None
     bias, R = (None, None) if stats is None else (stats.bias, stats.R)
+    off = history.stats is not None and history.stats.fit_period_s is None
     rows = [
         ["α ± σ", with_std(e.alpha, e.alpha_std) if e else "–"],
         ["f ± σ", f"{with_std(e.f, e.f_std)} s^-α" if e else "–"],
@@ -92,7 +93,7 @@ def _axis(
     return {
         "name": name,
         "estimator": history.estimator(name),
-        "answer": answer(history.fits.get(name)).plain(),
+        "answer": answer(history.fits.get(name), off=off).plain(),
         "running": {"alpha": e.alpha, "f": e.f} if e else {"alpha": None, "f": None},
         "rows": rows,
         "guard": guard_words(stats.interventions if stats else {}),

@@ -57,7 +57,8 @@ class DeviceHistory:
     """Takes the records of one device in one thread, and is read in others, under `lock`.
 
     estimate_on: who estimates the gyroscope's axes. newest: of every axis, the last estimate of the epoch;
-    newest_beside: the device's. fit: the last fit of the epoch; fits: of every axis; curves: likewise.
+    newest_beside: the device's. fit: the last fit, which goes on through epochs of the same sensor; fits: of
+    every axis; curves: likewise.
     """
 
     def __init__(self, name: str, estimate_on: EstimateOn) -> None:
@@ -170,7 +171,6 @@ class DeviceHistory:
         self._commit(None)
         self.epoch, self.estimate = record, None
         self.newest, self.newest_beside, self._means = {}, {}, {}
-        self.fit, self.fits, self.curves = None, {}, {}
         self._lost = 0
         now_ms = record.host_ns * 1e-6
         if now_ms < self._last_ms:  # the date was set back
@@ -217,6 +217,8 @@ class DeviceHistory:
         self._tables["beside"].append(np.array(row, dtype=np.float64))
 
     def _on_fit(self, record: Fit) -> None:
+        if self.fit is not None and record.samples < self.fit.samples:  # of another sensor
+            self.fits, self.curves = {}, {}
         self.fit = record
         self.fits |= record.axes
         for axis, found in record.axes.items():

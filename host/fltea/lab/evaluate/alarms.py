@@ -1,0 +1,77 @@
+"""How often the null test rejects white noise, whose share of false alarms is to be 5 %."""
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.lab.evaluate.cases import H
+from fltea.lab.evaluate.fits import live_data, rejects
+from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.periodogram import binned, periodogram
+
+Array = NDArray[np.float64]
+
+AT_ONCE = 100
+"""Series of one task."""
+MAKERS: dict[str, Callable[[np.random.Generator, tuple[int, int]], Array]] = {
+    "Gaussian": lambda rng, shape: rng.standard_normal(shape),
+    "Gaussian, σ = 1 LSB": lambda rng, shape: np.rint(rng.standard_normal(shape)),
+    "t with 4 degrees": lambda rng, shape: rng.standard_t(4, shape),
+}
+"""White noise by name: (n, series)."""
+
+
+class Alarms(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Of one kind of white noise after so many samples."""
+
+    noise: str
+    samples: int
+    estimator: Literal["live", "Whittle"]
+    series: int
+    rejected: int
+    """at 5 %"""
+    rejected_1: int
+    """at 1 %"""
+
+    @property
+    def share(self) -> float:
+        """Of false alarms at 5 %."""
+        return self.rejected / self.series
+
+
+def count_alarms(noise: str, series: int, lengths: Sequence[int], seed: int) -> list[Alarms]:
+    """Count those of some series; seed: another one is another set of series."""
+    rng = np.random.default_rng([seed, *noise.encode()])
+    y = MAKERS[noise](rng, (lengths[-1], series))
+    octaves, at, found = Octaves(series), 0, []
+    for n in lengths:
+        octaves.add(y[at:n])
+        at = n
+        whole = binned(periodogram(y[:n].T, H))
+        alone = [whole._replace(power=whole.power[[i]]) for i in range(series)]
+        for name, data in (("live", live_data(octaves, series, H)), ("Whittle", alone)):
+            five, one = np.sum([rejects(each, 0.05, 0.01) for each in data], axis=0).tolist()
+            found.append(Alarms(noise, n, name, series, five, one))  # type: ignore[arg-type]
+    return found
+
+
+def together(parts: Sequence[Sequence[Alarms]]) -> tuple[Alarms, ...]:
+    """The sums of several tasks, in the order in which they first appear."""
+    sums: dict[tuple[str, int, str], Alarms] = {}
+    for one in (one for part in parts for one in part):
+        key = one.noise, one.samples, one.estimator
+        before = sums.get(key)
+        sums[key] = one if before is None else _sum(before, one)
+    return tuple(sums.values())
+
+
+def _sum(a: Alarms, b: Alarms) -> Alarms:
+    return msgspec.structs.replace(
+        a,
+        series=a.series + b.series,
+        rejected=a.rejected + b.rejected,
+        rejected_1=a.rejected_1 + b.rejected_1,
+    )

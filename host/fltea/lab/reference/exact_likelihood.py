@@ -1,0 +1,126 @@
+"""The exact Gaussian likelihood of a stationary series, so that nobody has to believe Whittle's (pure).
+
+Autocovariances come from the spectrum by quadrature, the likelihood from them by Levinson and Durbin
+(Brockwell & Davis, *Time Series: Theory and Methods*, section 5.2): what each sample adds to those before it.
+The mean of the series is not known and is estimated with the rest, as generalised least squares has it. The
+cost grows with the square of the length: a twentieth of a second for 3,000 samples.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CIRCLE = 1 << 17
+"""Frequencies on the whole circle; the shortest memory that they take for none is that of so many samples."""
+AVERAGED = 64
+"""Of the lowest of them the spectrum is averaged over its surroundings: it has a cusp at 0."""
+POINTS, POWER = 48, 6
+"""Of Gauss's rule for these averages; in the lowest one in u with λ proportional to u^POWER."""
+
+
+class Innovations(NamedTuple):
+    """One-step prediction errors."""
+
+    error: Array
+    """(n, columns)"""
+    variance: Array
+    """(n,)"""
+
+
+class Likelihood(NamedTuple):
+    """Of one series, at the best mean and scale."""
+
+    nll: float
+    """-log L, with all its constants"""
+    mean: float
+    scale: float
+    """by which the autocovariances have to be multiplied"""
+
+
+def frequencies() -> Array:
+    """Where a spectrum has to be known for `autocovariance`, rad a sample."""
+    return np.concatenate([_averaged()[0].ravel(), _middles()[AVERAGED:]])
+
+
+def autocovariance(values: Array, n: int) -> Array:
+    """Return γ(0) ... γ(n - 1) of a spectrum whose values at `frequencies()` are given.
+
+    Raises:
+        ValueError: n is more than an eighth of CIRCLE, where quadrature is no longer fine.
+    """
+    if not 0 < n <= CIRCLE // 8:
+        raise ValueError(f"n must be 1 to {CIRCLE // 8} samples, got {n}")
+    weight = _averaged()[1]
+    low = (values[: weight.size].reshape(weight.shape) * weight).sum(axis=1)
+    half = np.zeros(CIRCLE)
+    half[: CIRCLE // 2] = np.concatenate([low, values[weight.size :]])
+    turn = np.exp(-1j * np.pi / CIRCLE * np.arange(n))
+    return np.asarray((np.fft.rfft(half)[:n] * turn).real * (2 / CIRCLE))
+
+
+def innovations(gamma: Array, y: Array) -> Innovations:
+    """Predict every sample of y (n, columns) from those before it; gamma (n,): its autocovariances.
+
+    Raises:
+        ValueError: these are no autocovariances.
+    """
+    n = len(y)
+    variance, weights = np.empty(n), np.zeros(n)
+    error = np.array(y, dtype=np.float64)
+    lags, before = np.ascontiguousarray(gamma[::-1]), np.ascontiguousarray(y[::-1])
+    left = float(gamma[0])
+    for k in range(n):
+        if k:
+            known = weights[: k - 1]
+            partial = (float(gamma[k]) - float(known @ lags[n - k : n - 1])) / left
+            known -= partial * known[::-1].copy()
+            weights[k - 1] = partial
+            left *= 1 - partial * partial
+            error[k] -= weights[:k] @ before[n - k :]
+        if not left > 0:
+            raise ValueError("these are not the autocovariances of a stationary series")
+        variance[k] = left
+    return Innovations(error, variance)
+
+
+def likelihood(gamma: Array, y: Array) -> Likelihood:
+    """The likelihood of one series y (n,) with autocovariances proportional to gamma (n,).
+
+    Raises:
+        ValueError: these are no autocovariances.
+    """
+    n = len(y)
+    error, variance = innovations(gamma, np.column_stack([y, np.ones(n)]))
+    of_y, of_one = (error / np.sqrt(variance)[:, np.newaxis]).T
+    mean = float(of_y @ of_one / (of_one @ of_one))
+    rest = of_y - mean * of_one
+    scale = float(rest @ rest) / n
+    nll = 0.5 * (n * (math.log(2 * math.pi * scale) + 1) + float(np.log(variance).sum()))
+    return Likelihood(nll, mean, scale)
+
+
+def of_spectrum(spectrum: Callable[[Array], Array], y: Array) -> Likelihood:
+    """The likelihood of one series y (n,) whose spectrum is proportional to `spectrum`, λ (m,) to S (m,)."""
+    return likelihood(autocovariance(spectrum(FREQUENCIES), len(y)), y)
+
+
+def _middles() -> Array:
+    return np.asarray(2 * np.pi / CIRCLE * (np.arange(CIRCLE // 2) + 0.5))
+
+
+def _averaged() -> tuple[Array, Array]:
+    """Points in each of the lowest AVERAGED bins, and their weights in its average."""
+    u, weight = np.polynomial.legendre.leggauss(POINTS)
+    u, weight = (u + 1) / 2, weight / 2
+    inside, weights = np.tile(u, (AVERAGED, 1)), np.tile(weight, (AVERAGED, 1))
+    inside[0], weights[0] = u**POWER, weight * POWER * u ** (POWER - 1)
+    points: Array = 2 * np.pi / CIRCLE * (np.arange(AVERAGED)[:, np.newaxis] + inside)
+    return points, weights
+
+
+FREQUENCIES = frequencies()

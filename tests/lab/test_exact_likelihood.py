@@ -1,0 +1,129 @@
+"""The exact likelihood against the density it is the logarithm of, and against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from fltea.lab.evaluate.cases import Case, H, samples
+from fltea.lab.reference import exact_likelihood
+from fltea.lab.reference.exact_fit import ExactSeries, curvature, minimise_smooth
+from fltea.lab.reference.exact_likelihood import FREQUENCIES, autocovariance, innovations, likelihood
+from fltea.noise import spectra
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+Array = np.ndarray
+
+
+def toeplitz(gamma: Array) -> Array:
+    lags = np.arange(len(gamma))
+    return gamma[np.abs(lags[:, np.newaxis] - lags)]
+
+
+def multivariate(gamma: Array, y: Array) -> float:
+    """-log of the normal density of y, at the best mean and scale, from the whole matrix."""
+    n, ones = len(y), np.ones(len(y))
+    matrix = toeplitz(gamma)
+    mean = ones @ np.linalg.solve(matrix, y) / (ones @ np.linalg.solve(matrix, ones))
+    scale = (y - mean) @ np.linalg.solve(matrix, y - mean) / n
+    _, log_det = np.linalg.slogdet(2 * np.pi * scale * matrix)
+    return float(0.5 * (log_det + n))
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    alpha=st.floats(0.05, 1.8),
+    share=st.floats(0.001, 0.95),
+    weight=st.floats(0.01, 0.99),
+    seed=st.integers(0, 1000),
+)
+def test_sixty_samples_against_the_whole_matrix(alpha: float, share: float, weight: float, seed: int) -> None:
+    y = 3 + 2 * np.random.default_rng(seed).standard_normal(60)
+    spectrum = weight * spectra.fractional(FREQUENCIES, alpha, -share * 2**alpha) + (1 - weight)
+    gamma = autocovariance(spectrum, 60)
+    assert likelihood(gamma, y).nll == pytest.approx(multivariate(gamma, y), abs=1e-6)
+
+
+@pytest.mark.parametrize("phi", [-0.9, 0.3, 0.95, 0.999])
+def test_ar1(phi: float) -> None:
+    """γ(k) = φ^k / (1 - φ²); of each sample only what its neighbour does not say."""
+    gamma = autocovariance(spectra.ar1(FREQUENCIES, phi), 3000)
+    np.testing.assert_allclose(gamma * (1 - phi**2), phi ** np.arange(3000.0), atol=1e-4)
+    y = np.random.default_rng(5).standard_normal((3000, 1))
+    error, variance = innovations(phi ** np.arange(3000.0) / (1 - phi**2), y)
+    np.testing.assert_allclose(error[1:, 0], y[1:, 0] - phi * y[:-1, 0], atol=1e-9)
+    np.testing.assert_allclose(variance, [1 / (1 - phi**2), *np.ones(2999)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("d", [0.1, 0.3, 0.45])
+def test_fractional_noise(d: float) -> None:
+    """g = 0: γ(0) = Γ(1 - 2d)/Γ(1 - d)² and γ(k)/γ(k - 1) = (k - 1 + d)/(k - d), from a pole at λ = 0."""
+    gamma = autocovariance(spectra.fractional(FREQUENCIES, d, 0.0), 2000)
+    k = np.arange(1.0, 2000)
+    expected = (
+        math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2 * np.cumprod(np.append(1, (k - 1 + d) / (k - d)))
+    )
+    # Beyond the circle its memory goes on, as a constant over so few lags.
+    np.testing.assert_allclose(gamma - gamma[0], expected - expected[0], atol=2e-3 * expected[0])
+
+
+def test_mean_and_scale() -> None:
+    """Offset and unit of the series change mean and scale, and nothing else."""
+    gamma = 0.9 ** np.arange(200.0)
+    y = np.random.default_rng(3).standard_normal(200)
+    one, other = likelihood(gamma, y), likelihood(gamma, 5 + 3 * y)
+    assert other.mean == pytest.approx(5 + 3 * one.mean)
+    assert other.scale == pytest.approx(9 * one.scale)
+    assert other.nll == pytest.approx(one.nll + 200 * math.log(3))
+    assert likelihood(7 * gamma, y).nll == pytest.approx(one.nll)
+
+
+@pytest.mark.parametrize("gamma", [[0.0, 0.0], [1.0, 1.1], [1.0, -1.0, 1.0], [-1.0, 0.0]])
+def test_what_is_no_autocovariance(gamma: list[float]) -> None:
+    with pytest.raises(ValueError, match="not the autocovariances"):
+        likelihood(np.array(gamma), np.arange(len(gamma), dtype=float))
+
+
+@pytest.mark.parametrize("n", [0, exact_likelihood.CIRCLE // 8 + 1])
+def test_lengths(n: int) -> None:
+    with pytest.raises(ValueError, match="n must be"):
+        autocovariance(np.ones_like(FREQUENCIES), n)
+
+
+def test_search_on_a_bent_valley() -> None:
+    """Rosenbrock's, gently: the first curvature is only about right."""
+
+    def cost(x: Array) -> float:
+        return float((1 - x[0]) ** 2 + (x[1] - x[0] ** 2) ** 2)
+
+    start = np.array([0.2, 0.3])
+    found, least = minimise_smooth(cost, start, curvature(cost, start))
+    assert least < 0.002
+    np.testing.assert_allclose(found, 1, atol=0.2)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_fit_is_a_maximum_and_its_interval_is_where_it_ends(seed: int) -> None:
+    """Of 600 samples: no neighbour is better; a little inside and outside of the interval are told apart."""
+    case = Case(0.8, -10.0, 30.0)
+    series = ExactSeries(samples(case, 2, 600)[:, seed], H)
+    _, found = series.covers(case.alpha, series.fit())
+    assert found.s2 + found.R == pytest.approx(case.noise.s2 + case.noise.R, rel=0.3)
+    for step in 0.2 * np.vstack([np.eye(3), -np.eye(3)]):
+        assert series._exact(found.theta + step) > found.nll - 0.02
+    low, high = series.interval(found)
+    assert low < found.alpha < high
+    margin = 0.1 * (high - low)
+    inside = (low + margin, high - margin) if high < 1.99 else (low + margin,)
+    for alpha in inside:
+        assert series.covers(alpha, found)[0]
+    assert not series.covers(low - margin, found)[0]
+
+
+def test_exact_and_whittle_agree_where_whittle_is_right() -> None:
+    """Weak memory, 1,500 samples: the two answers are nearer to each other than to anything else."""
+    case = Case(0.8, -10.0, 30.0)
+    y = samples(case, 3, 1_500)
+    for seed in range(3):
+        series = ExactSeries(y[:, seed], H)
+        assert series.fit().nll <= series._exact(series._whittle)

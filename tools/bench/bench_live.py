@@ -1,0 +1,152 @@
+"""What the live fit costs: accumulators, fits, and an hour's replay with and without them, in turns."""
+
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lanes import Lanes
+from fltea.lab.evaluate.cases import Case, H, samples
+from fltea.settings.config import EstimatorConfig
+from fltea.settings.live import LiveConfig
+from fltea.spectrum.live_axes import LiveAxes
+from fltea.spectrum.octaves import Octaves
+from numpy.typing import NDArray
+
+from tools.bench import bench_chain, day_files
+
+Array = NDArray[np.float64]
+
+AXES = ("gyro_x", "gyro_y", "gyro_z")
+NOISE = Case(0.8, -1.0, 3.0)
+SAMPLES = 60_000
+AT_ONCE = {"10 rows a call": 10, "1,000 rows a call": 1_000}
+NEXT = 100
+"""Samples between a fit and the next."""
+ROUNDS, REPLAYS = 5, 3
+GOALS = {"accumulators_ns": 100.0, "fit_ms": 2.0}
+
+
+def measure() -> dict[str, Any]:
+    """Processor time; medians of the rounds, and ratios within a round."""
+    y = samples(NOISE, len(AXES), SAMPLES)
+    found: dict[str, Any] = {"rounds": ROUNDS, "accumulators": _accumulators(y), "fit": _fits(y)}
+    found["replay"] = _replay()
+    return found | {"not_reached": not_reached(found)}
+
+
+def not_reached(found: dict[str, Any]) -> list[str]:
+    """Goals that these figures miss."""
+    ns = found["accumulators"]["1,000 rows a call"]["ns"]
+    ms = found["fit"]["the next, a second later"]["ms"]
+    missed = []
+    if ns > GOALS["accumulators_ns"]:
+        missed.append(f"{ns:.0f} ns a sample and axis, goal {GOALS['accumulators_ns']:g}")
+    if ms > GOALS["fit_ms"]:
+        missed.append(f"{ms:.2f} ms a fit and axis, goal {GOALS['fit_ms']:g}")
+    return missed
+
+
+def text(found: dict[str, Any]) -> str:
+    """The figures as lines for people."""
+    lines = [f"The live fit: processor time, medians of {found['rounds']} rounds in turns", ""]
+    lines += ["| accumulators, three axes | ns a sample and axis | times the filters |", "|---|---|---|"]
+    for name, f in found["accumulators"].items():
+        lines.append(f"| {name} | {f['ns']:.0f} | {f['over_filters']:.2f} |")
+    lines += [
+        "",
+        f"| a fit after {SAMPLES:,} samples | ms an axis | of a core, once a second |",
+        "|---|---|---|",
+    ]
+    for name, f in found["fit"].items():
+        lines.append(f"| {name} | {f['ms']:.2f} | {f['ms'] / 10:.2f} % |")
+    lines += [
+        "",
+        "| replay of one hour, three axes | wall s | processor s | times that without |",
+        "|---|---|---|---|",
+    ]
+    for name, f in found["replay"].items():
+        lines.append(f"| {name} | {f['wall_s']:.2f} | {f['cpu_s']:.2f} | {f['over_without']:.2f} |")
+    missed = found["not_reached"]
+    lines += [
+        "",
+        "Not reached: " + "; ".join(missed) + "." if missed else "All goals measured here are reached.",
+    ]
+    return "\n".join(lines)
+
+
+def _accumulators(y: Array) -> dict[str, Any]:
+    """Beside the filters on the same blocks."""
+    settings = lane_settings(EstimatorConfig(), H, y[:1000].var(axis=0).tolist())
+    found = {}
+    for name, rows in AT_ONCE.items():
+        blocks = [y[begin : begin + rows] for begin in range(0, SAMPLES, rows)]
+
+        def octaves(blocks: list[Array] = blocks) -> None:
+            sums = Octaves(len(AXES))
+            for block in blocks:
+                sums.add(block)
+
+        def filters(blocks: list[Array] = blocks) -> None:
+            lanes = Lanes(len(AXES), settings)
+            for block in blocks:
+                lanes.run(block)
+
+        pairs = [(_seconds(octaves), _seconds(filters)) for _ in range(ROUNDS)]
+        found[name] = {
+            "ns": statistics.median(1e9 * one / y.size for one, _ in pairs),
+            "over_filters": statistics.median(one / other for one, other in pairs),
+        }
+    return found
+
+
+def _fits(y: Array) -> dict[str, Any]:
+    """The first fit of all, the next one, and one with curves, by the axis."""
+    times: dict[str, list[float]] = {}
+    for _ in range(ROUNDS):
+        live = LiveAxes(AXES, H, LiveConfig(), "deg/s")
+        live.add(y[: -2 * NEXT])
+        for name, more, curves in (
+            ("the first", y[:0], False),
+            ("the next, a second later", y[-2 * NEXT : -NEXT], False),
+            ("with curves", y[-NEXT:], True),
+        ):
+            if len(more):
+                live.add(more)
+
+            def fit(live: LiveAxes = live, curves: bool = curves) -> None:
+                live.fit(curves=curves)
+
+            times.setdefault(name, []).append(_seconds(fit) / len(AXES))
+    return {name: {"ms": 1e3 * statistics.median(each)} for name, each in times.items()}
+
+
+def _replay() -> dict[str, Any]:
+    """The whole program, once with fits and once without, in turns."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rest.npz"
+        day_files.write_npz(path, day_files.counts(3600 * day_files.RATE_HZ))
+        command = ["run", "-s", f"replay:{path}", "--once", "--format", "none"]
+        rows: dict[str, Callable[[], bench_chain.Cost]] = {
+            "with fits": lambda: bench_chain.run_fltea(command),
+            "without": lambda: bench_chain.run_fltea([*command, "--set", "live.on=false"]),
+        }
+        rounds = [{name: run() for name, run in rows.items()} for _ in range(REPLAYS)]
+    return {
+        name: {
+            "wall_s": statistics.median(one[name].wall_s for one in rounds),
+            "cpu_s": statistics.median(one[name].cpu_s for one in rounds),
+            "over_without": statistics.median(one[name].cpu_s / one["without"].cpu_s for one in rounds),
+        }
+        for name in rows
+    }
+
+
+def _seconds(work: Callable[[], None]) -> float:
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
