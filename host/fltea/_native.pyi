@@ -211,6 +211,23 @@ def whittle_fit(
     nll: NDArray[np.float64],
 ) -> None: ...
 
+# -log L at theta and its slopes: nll (series,), gradient (series, p), information (series, p, p) are filled
+# in. ValueError as for whittle_fit.
+def whittle_slopes(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    family: int,
+    highest_order: float,
+    hold: int,
+    held: float,
+    h: float,
+    theta: NDArray[np.float64],
+    nll: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    information: NDArray[np.float64],
+) -> None: ...
+
 # Sums of the overlapping Allan variance of one axis (host/native/allan_sums.hpp).
 class AllanSums:
     # memory_samples: time constant of forgetting, 0 for none.

@@ -66,4 +66,4 @@ def test_fit_points() -> None:
     points = fit_points(600, 60_000)
     assert points[0] == 600
     assert all(not n % 100 and a < n < 60_000 for a, n in pairwise(points))
-    assert max(b / a for a, b in pairwise(points)) < 1.3
+    assert max(b / a for a, b in pairwise(points)) < 1.4

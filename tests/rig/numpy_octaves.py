@@ -49,7 +49,8 @@ def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
         if level:
             own = own[own < 2 * np.pi * 89 / 256]
         lam.append(own / 2**level)
-        found = np.abs(np.fft.rfft(x - x.mean())[4 : 4 + len(own)]) ** 2 / len(x)
+        drift = np.polynomial.Polynomial.fit(np.arange(len(x)), x, 3 if level else 0)
+        found = np.abs(np.fft.rfft(x - drift(np.arange(len(x))))[4 : 4 + len(own)]) ** 2 / len(x)
         power.append(found * 2**level / passed(lam[-1], level))
         weight.append(np.ones(len(own)))
     at, order = np.concatenate(lam), np.argsort(np.concatenate(lam), kind="stable")

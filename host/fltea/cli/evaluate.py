@@ -23,7 +23,7 @@ def evaluate(
         typer.Option(
             metavar="N",
             min=2,
-            help=f"Series of each noise, five times as many for the fits: {DEFAULT_SEEDS}, with --quick "
+            help=f"Series of each noise, four times as many for the fits: {DEFAULT_SEEDS}, with --quick "
             f"{QUICK_SEEDS}, if not given.",
             show_default=False,
         ),

@@ -5,6 +5,7 @@ lines are averages over blocks under Hann's window: they have more than two degr
 neighbours are correlated, so that a stretch of a few has more for its width than a long one.
 """
 
+import functools
 import math
 from statistics import NormalDist
 from typing import NamedTuple
@@ -31,6 +32,8 @@ WIDEST = 8
 """Averaged lines in a stretch: a fifth of an octave's."""
 NARROW = 3
 """A peak that is not wider than so many averaged lines may be a line or a resonance."""
+HOPELESS = 0.6
+"""Share of the gain of a known level that a stretch has to have to be looked at."""
 SKIRT = 0.05
 """What is less above the level around it is no part of a peak."""
 
@@ -131,14 +134,23 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
         own = own * np.where(lines.averaged[at], _gathered(width), 1.0)
         other = np.where(low > high, low_weight, high_weight)
         # Of those that pass, the likeliest: deviates would favour wide stretches, whose flanks are longer.
-        deviate = f_deviate(ratio, 2 * own, 2 * other)
-        gain = np.where(deviate > critical, own * (ratio - 1 - np.log(ratio)), 0.0)
-        i = int(gain.argmax())
-        if gain[i] > most:
-            most, best = float(gain[i]), _Found(int(at[i]), int(at[i]) + width, float(level[i]))
+        gain = np.where(ratio > 1, own * (ratio - 1 - np.log(np.maximum(ratio, 1.0))), 0.0)
+        # If the level were known, the deviate would be about √(2 gain): most stretches need no closer look.
+        near = np.flatnonzero(gain > HOPELESS * critical**2 / 2)
+        if not len(near):
+            continue
+        deviate = f_deviate(ratio[near], 2 * own[near], 2 * other[near])
+        near = near[deviate > critical]
+        gain = gain[near]
+        if not len(near):
+            continue
+        i, highest = int(near[gain.argmax()]), float(gain.max())
+        if highest > most:
+            most, best = highest, _Found(int(at[i]), int(at[i]) + width, float(level[i]))
     return best
 
 
+@functools.cache
 def _gathered(width: int) -> float:
     """Effective ordinates of so many averaged lines, over the sum of their weights (those in a long row)."""
 
@@ -181,12 +193,19 @@ def _describe(
     narrow = int(wide.sum()) <= (NARROW if averaged else LINE_ORDINATES)
     if narrow:
         top = int(part.argmax())
+    at = slice(max(top - 1, 0), top + 2) if narrow and averaged else slice(top, top + 1)
+    above = np.maximum(part[at] - found.level, 0.0) + 1e-300
+    frequency = float(np.average(lines.lam[left:right][at], weights=above))
     core = slice(found.start, found.stop)
     return Peak(
         kind="resonance" if not narrow else "peak" if averaged else "line",
-        frequency_hz=float(lines.lam[left + top] * to_hz),
+        frequency_hz=frequency * to_hz,
         width_hz=float(steps[wide].sum() * to_hz),
         power_share=float((part - found.level) @ steps / total),
         height=float(np.average(lines.power[core], weights=lines.weight[core]) / found.level),
-        notch_hz=(float(lines.lam[left] * to_hz), float(lines.lam[right - 1] * to_hz)),
+        # A little more: the ends must not be kept for rounding.
+        notch_hz=(
+            float((lines.lam[left] - steps[0] / 4) * to_hz),
+            float((lines.lam[right - 1] + steps[-1] / 4) * to_hz),
+        ),
     )

@@ -206,12 +206,28 @@ def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> t
     return own / 2**level, power * scale, np.full(len(power), weight)
 
 
+def _drift(values: Array) -> Array:
+    """The cubic through values (m,) of mean 0.
+
+    Drift that ends elsewhere than it began leaks into all frequencies, as 1/λ², far above those that it has.
+    Of noise the cubic takes what is in the ordinates below LOWEST, and a few percent of that one.
+    """
+    x = np.linspace(-1, 1, len(values))
+    squares = x * x
+    curve = squares - squares.mean()
+    bend = x * (squares - (squares @ squares) / squares.sum())
+    return np.asarray(sum(one * (one @ values / (one @ one)) for one in (x, curve, bend)))
+
+
 def _whole_lines(level: int, y: NDArray[np.float32]) -> tuple[Array, Array, Array]:
     m = len(y)
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(_JOIN * m / (2 * np.pi)) - 1)
     j = np.arange(LOWEST, last + 1)
     values = y.astype(np.float64)
-    spectrum = np.fft.rfft(values - values.mean())[j]
+    values -= values.mean()
+    if level:
+        values -= _drift(values)
+    spectrum = np.fft.rfft(values)[j]
     own = np.asarray(2 * np.pi * j / m, dtype=np.float64)
     power = (spectrum.real**2 + spectrum.imag**2) / m * 2.0**level
     return own / 2**level, power / _passed(own, level), np.ones(len(j))

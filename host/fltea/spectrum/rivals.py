@@ -113,16 +113,17 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
     )
 
 
-def residual_ks(power: Array, spectrum: Array) -> float:
+def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:
     """√m times the largest distance between the cumulative sum of I/S, scaled to 1, and a straight line.
 
     Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
+    weight: effective ordinates of each line, of which there are then m in all.
     """
-    return _farthest(np.asarray(power / spectrum))
+    return _farthest(np.asarray(power / spectrum), weight)
 
 
 def _farthest(ratio: Array, weight: Array | None = None) -> float:
-    """`residual_ks` of I/S, (m,), which is overwritten; weight: effective ordinates of each line."""
+    """`residual_ks` of I/S, (m,), which is overwritten."""
     if weight is not None:
         # A line of weight w adds w I/S, with the variance w: the bridge has W = sum of w in place of m.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()
@@ -163,13 +164,13 @@ def _described(name: str, f: Fit, h: float) -> dict[str, float]:
     if name == "ar2":
         phi1, phi2, weight = (float(v) for v in ar2_parameters(theta))
         described = {"phi1": phi1, "phi2": phi2, "s2": weight * scale, "R": (1 - weight) * scale}
-        poles = np.roots([1.0, -phi1, -phi2])
-        if abs(poles[0].imag) > 0:
+        under = phi1 * phi1 + 4 * phi2
+        if under < 0:
             return described | {
-                "resonance_hz": float(abs(np.angle(poles[0])) / (2 * math.pi * h)),
-                "damping": float(-math.log(abs(poles[0]))),
+                "resonance_hz": math.atan2(math.sqrt(-under), phi1) / (2 * math.pi * h),
+                "damping": -math.log(-phi2) / 2,
             }
-        return described | {"bend_hz": bend_hz(float(poles.real.max()), h)}
+        return described | {"bend_hz": bend_hz((phi1 + math.sqrt(under)) / 2, h)}
     if name == "two_ar1":
         phi1, phi2, first, second = (float(v) for v in two_ar1_parameters(theta))
         slow, fast = sorted([(phi1, first), (phi2, second)], reverse=True)

@@ -70,11 +70,13 @@ def find_change(
         around = means - counts @ means / total
         between = float(counts @ around**2)
         free = len(counts) - 1
-        deviate = float(f_deviate(between / free / within, max(free, 2), degrees))
         # What the cells differ by beyond chance.
         spread = max(between - free * within, 0.0) / total
         size = math.exp(2 * math.sqrt(spread))
-        if deviate <= least or size < LEAST_SIZE or (best is not None and deviate <= best[0]):
+        if size < LEAST_SIZE:
+            continue
+        deviate = float(f_deviate(between / free / within, max(free, 2), degrees))
+        if deviate <= least or (best is not None and deviate <= best[0]):
             continue
         before, sums = counts.cumsum()[:-1], (counts * around).cumsum()[:-1]
         explained = sums**2 / before + sums**2 / (total - before)

@@ -129,7 +129,7 @@ def quick_plan(seeds: int) -> Plan:
     )
 
 
-FITS_TO_FILTERS = 5
+FITS_TO_FILTERS = 4
 """A fit costs less than a filter, and a ratio of errors needs more series than an error."""
 ALARMS_TO_FILTERS = 100
 """A share of 5 % needs most."""

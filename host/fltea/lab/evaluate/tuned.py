@@ -1,6 +1,6 @@
 """The online filters with the Q and R that the live fit hands to them: `estimator.tuning = "live"`.
 
-A fit of what has come so far is made whenever the record has grown by a fifth. Where white noise is rejected,
+A fit of what has come so far is made whenever the record has grown by 30 %. Where white noise is rejected,
 and s2 and R are known well enough, they take the place of the filters' Q and R, and the filters go on with
 all that they remember. Early fits must not do so: an s2 of a few hundred samples may be off by a factor of
 ten, and a filter that has believed it for a while does not come back.
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 FIRST = 600
 """Samples before the first fit."""
-GROWTH = 1.2
+GROWTH = 1.3
 """Of the record, between fits."""
 
 

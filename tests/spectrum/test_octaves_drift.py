@@ -1,0 +1,24 @@
+"""A drift that goes up and stays there is in the lowest frequencies only."""
+
+import numpy as np
+import pytest
+from fltea.spectrum.octaves import Octaves
+
+H, N = 0.01, 60_000
+
+
+@pytest.mark.parametrize("drift", ["ramp", "exponential"])
+def test_drift_does_not_leak(drift: str) -> None:
+    """20 σ in ten minutes under white noise: from 0.02 Hz on, where drift ends by name, white is left."""
+    t = np.arange(N) / N
+    offset = 20 * (t if drift == "ramp" else -np.expm1(-3 * t))
+    lanes = 8
+    octaves = Octaves(lanes)
+    octaves.add(np.random.default_rng(3).standard_normal((N, lanes)) + offset[:, np.newaxis])
+    spectra = [octaves.periodogram(lane, H) for lane in range(lanes)]
+    hz = spectra[0].lam / (2 * np.pi * H)
+    power = np.mean([one.power for one in spectra], axis=0)
+    for low, high in ((0.02, 0.05), (0.05, 0.2), (0.2, 1.0)):
+        band = (hz >= low) & (hz < high)
+        error = 1 / np.sqrt(lanes * band.sum())
+        assert power[band].mean() == pytest.approx(1, abs=5 * error), (low, high)
