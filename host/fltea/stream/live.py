@@ -6,7 +6,7 @@ Another device, scale, filter, rate or set of axes begins again. So `samples` of
 epochs, where the filters begin with each.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -15,14 +15,25 @@ from numpy.typing import NDArray
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints
 from fltea.records.fit import AxisFit
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello
+from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.live_axes import LiveAxes
+from fltea.spectrum.verdict import ANYTIME_LEVEL
 from fltea.stream.fit_times import CURVES_S, FitTimes, period_s
 from fltea.stream.stages import Beginning, Item, Saved, SavedFits, Standing
 
 BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
+
+
+class Said(NamedTuple):
+    """What estimates of an axis say of its fit; null_p to three digits, None before the first fit.
+
+    A fit that is begun elsewhere, as that of a replay is, may differ in the last digits of its figures.
+    """
+
+    null_p: float | None = None
+    whiteness: Whiteness | None = None
 
 
 class _Sensor(NamedTuple):
@@ -141,6 +152,14 @@ class LiveFits:
         """The fit of an axis that its next estimates go by; None before the first."""
         return self._settled.get(axis)
 
+    def said(self, axis: str) -> Said:
+        """What the next estimates of an axis say of its noise."""
+        fit = self._settled.get(axis)
+        if fit is None or fit.null_p is None:
+            return Said()
+        p = float(f"{fit.null_p:.3g}")
+        return Said(p, "rejected" if p < ANYTIME_LEVEL else "not rejected")
+
     def standing(self) -> Standing:
         """How often it fits."""
         return Standing(fit_period_s=self._period_s if self._sensors else None)
@@ -171,6 +190,11 @@ class LiveFits:
         if curves:
             self._drawn_samples = self._samples
         return Fit(*self._at, self._samples, found, device=self._config.name)
+
+
+def said_by(fits: LiveFits | None) -> Callable[[str], Said]:
+    """What is said of each axis; nothing where nothing is fitted."""
+    return (lambda axis: Said()) if fits is None else fits.said
 
 
 def _sensor_of(hello: Hello) -> tuple[object, ...]:
