@@ -104,9 +104,8 @@ def yaml_of(found: Seen) -> str:
 def report_of(found: Seen) -> str:
     """The report: one HTML page, complete in itself, with the last fit as JSON in it."""
     plots = _plots(found.axes)
-    with patch_curdoc(
-        Document()
-    ):  # else bokeh puts in what the page that is being served does when it is ready
+    empty = Document()  # bokeh keeps but a weak reference
+    with patch_curdoc(empty):  # else bokeh puts in what a page does when it is ready
         script, places = components(plots) if plots else ("", {})
     library = Resources(mode="inline", components=["bokeh"]).render_js() if plots else ""
     body = [f'<section><h2>{escape(found.name)}</h2><p class="faint">{escape(found.heading)}</p>']
