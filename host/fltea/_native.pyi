@@ -1,6 +1,6 @@
 """Native parts of fltea.
 
-The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine.
+The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine; Whittle fits.
 """
 
 from typing import Any, Literal
@@ -136,10 +136,10 @@ def moments(y: NDArray[np.float64], resolution: float) -> list[tuple[float, floa
 class Bank:
     def __init__(self, axes: int) -> None: ...
 
-    # y (rows, axes) float64; fills out (8, rows, axes) float64, the columns of Lanes and null_p, and flags
-    # (2, rows, axes) uint8, valid and not_white.
+    # y (rows, axes) float64; fills out (7, rows, axes) float64, the columns of Lanes, and valid
+    # (rows, axes) uint8.
     def run(
-        self, y: NDArray[np.float64], out: NDArray[np.float64], flags: NDArray[np.uint8]
+        self, y: NDArray[np.float64], out: NDArray[np.float64], valid: NDArray[np.uint8]
     ) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
     def skip(self, count: int) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
 
@@ -165,31 +165,11 @@ class Bank:
     # (lag 1, NIS) of each axis, NaN while not known.
     def whiteness(self) -> list[tuple[float, float]]: ...
 
-    # Engine, supervisors, running null.
-    def save(self) -> tuple[bytes, bytes, bytes]: ...
+    # Engine, supervisors.
+    def save(self) -> tuple[bytes, bytes]: ...
 
     # ValueError for bytes that cannot come from `save`.
     def load(self, engine: bytes, supervisors: bytes | None, restarts: list[int]) -> None: ...
-    def load_null(self, bytes: bytes) -> None: ...
-
-# The constants of the running test of whiteness (host/native/running_null.hpp).
-NULL_FEWEST: int
-NULL_LEVEL: float
-NULL_EFFECTIVE: int
-NULL_CHUNK: int
-
-# The running test of whiteness alone; see fltea.estimator.running_null.
-class RunningNull:
-    def __init__(self, axes: int) -> None: ...
-
-    # y (rows, axes) float64, NaN in rows that were lost.
-    def add(self, y: NDArray[np.float64]) -> None: ...
-    def skip(self, count: int) -> None: ...
-    def p(self) -> list[float]: ...
-    def largest(self) -> list[float]: ...
-    def depth(self) -> int: ...
-    def save(self) -> bytes: ...
-    def load(self, bytes: bytes) -> None: ...
 
 # Fits a model of spectrum.whittle to every series; theta (series, p), scale and nll (series,) are filled in.
 # ValueError if the arrays do not fit together or no spectrum can be fitted.
@@ -209,6 +189,23 @@ def whittle_fit(
     theta: NDArray[np.float64],
     scale: NDArray[np.float64],
     nll: NDArray[np.float64],
+) -> None: ...
+
+# -log L at theta and its slopes: nll (series,), gradient (series, p), information (series, p, p) are filled
+# in. ValueError as for whittle_fit.
+def whittle_slopes(
+    lam: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    power: NDArray[np.float64],
+    family: int,
+    highest_order: float,
+    hold: int,
+    held: float,
+    h: float,
+    theta: NDArray[np.float64],
+    nll: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    information: NDArray[np.float64],
 ) -> None: ...
 
 # Sums of the overlapping Allan variance of one axis (host/native/allan_sums.hpp).

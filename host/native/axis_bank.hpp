@@ -1,5 +1,5 @@
-// All axes of one sensor: start-up window, filters under the supervisor, and the running tests that stand
-// beside them, for any number of rows at a time.
+// All axes of one sensor: start-up window, filters under the supervisor, and the whiteness of their
+// innovations, for any number of rows at a time.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,6 @@
 
 #include "baseline.hpp"
 #include "lanes.hpp"
-#include "running_null.hpp"
 #include "whiteness.hpp"
 
 namespace fltea {
@@ -18,16 +17,14 @@ namespace fltea {
 // Where a block of estimates goes: each (rows, axes).
 struct BankBlock {
     double* columns[kLaneColumns];  // NaN where not valid
-    double* null_p;                 // NaN while not known
     std::uint8_t* valid;            // 0 or 1
-    std::uint8_t* not_white;
 };
 
 class AxisBank {
   public:
     // axes: one or more.
     explicit AxisBank(std::size_t axes)
-        : axes_(axes), window_(axes), null_(axes), white_(axes), bias_(axes, 0), live_(axes, 0) {}
+        : axes_(axes), window_(axes), white_(axes), bias_(axes, 0), live_(axes, 0) {}
 
     std::size_t axes() const { return axes_; }
     bool started() const { return lanes_ != nullptr; }
@@ -44,7 +41,6 @@ class AxisBank {
     }
 
     LaneRunner* lanes() { return lanes_.get(); }
-    RunningNull& null() { return null_; }
     const Whiteness& whiteness(std::size_t axis) const { return white_[axis]; }
 
     // Takes rows of y (rows, axes), all finite; what became invalid with one of them is added to `lost`.
@@ -60,20 +56,12 @@ class AxisBank {
             } else {
                 collect(y + place, n, shifted(out, place));
             }
-            for (std::size_t k = place; k < place + n * axes_; k += axes_) {
-                null_.add(y + k);
-                for (std::size_t axis = 0; axis < axes_; ++axis) {
-                    out.null_p[k + axis] = null_.p(axis);
-                    out.not_white[k + axis] = null_.not_white(axis);
-                }
-            }
         }
     }
 
-    // Bridges lost rows by prediction alone; in the start-up window only the running null is told. Rows in
-    // `lost` count from the first of those that are missing.
+    // Bridges lost rows by prediction alone; in the start-up window they do not matter. Rows in `lost` count
+    // from the first of those that are missing.
     void skip(std::size_t count, std::vector<Lost>& lost) {
-        for (std::size_t i = 0; i < count; ++i) null_.skip();
         if (count > 0) {
             for (Whiteness& one : white_) one.skip();
         }
@@ -81,7 +69,7 @@ class AxisBank {
         const std::vector<std::uint8_t> missing(kSlab * axes_, 1);
         std::vector<double> unread(kLaneColumns * kSlab * axes_);
         std::vector<std::uint8_t> valid(kSlab * axes_);
-        BankBlock out = {{}, nullptr, valid.data(), nullptr};
+        BankBlock out = {{}, valid.data()};
         for (std::size_t i = 0; i < kLaneColumns; ++i) out.columns[i] = unread.data() + i * kSlab * axes_;
         for (std::size_t first = 0; first < count; first += kSlab) {
             run_lanes(missing.data(), std::min(std::size_t(kSlab), count - first), out, first, lost);
@@ -138,7 +126,6 @@ class AxisBank {
 
     std::size_t axes_;
     std::vector<engine::Baseline<double>> window_;
-    RunningNull null_;
     std::vector<Whiteness> white_;
     std::vector<double> bias_;
     std::vector<std::uint8_t> live_;

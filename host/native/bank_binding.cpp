@@ -1,4 +1,4 @@
-// fltea._native.Bank and RunningNull: all axes of a sensor for Python, on plain arrays
+// fltea._native.Bank: all axes of a sensor for Python, on plain arrays
 // (host/fltea/estimator/bank.py).
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
@@ -22,25 +22,12 @@ using fltea::AxisBank;
 using fltea::LaneRunner;
 using fltea::Lost;
 using fltea::engine::LaneSettings;
-using Places = nb::ndarray<uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Places = nb::ndarray<uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 // Half, so that it stays within what the engine takes when the bias is taken off.
 constexpr double kLargestOffset = kLargestInput / 2;
-
-nb::bytes null_bytes(const fltea::RunningNull& null) {
-    const std::vector<double> numbers = null.save();
-    return nb::bytes(numbers.data(), numbers.size() * sizeof(double));
-}
-
-void load_null(fltea::RunningNull& null, const nb::bytes& bytes) {
-    std::vector<double> numbers(bytes.size() / sizeof(double));
-    if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(double));
-    if (bytes.size() % sizeof(double) != 0 || !null.load(numbers.data(), numbers.size())) {
-        throw nb::value_error("its running test of whiteness cannot be read");
-    }
-}
 
 // Mean, variance (at least that of the resolution's rounding), and whether it never changed.
 using Moments = std::tuple<double, double, bool>;
@@ -63,20 +50,18 @@ class Bank {
   public:
     explicit Bank(size_t axes) : bank_(checked(axes)) {}
 
-    // out: (columns of the lanes and null_p, rows, axes); flags: (2, rows, axes), valid and not_white.
-    nb::list run(Rows y, Results out, Places flags) {
+    // out: (columns of the lanes, rows, axes); valid: (rows, axes).
+    nb::list run(Rows y, Results out, Places valid) {
         const size_t rows = y.shape(0), axes = bank_.axes();
         const size_t columns = fltea::kLaneColumns;
-        if (y.shape(1) != axes || out.shape(0) != columns + 1 || out.shape(1) != rows ||
-            out.shape(2) != axes || flags.shape(0) != 2 || flags.shape(1) != rows || flags.shape(2) != axes) {
-            throw nb::value_error("y must have shape (rows, axes), out and flags (columns, rows, axes)");
+        if (y.shape(1) != axes || out.shape(0) != columns || out.shape(1) != rows || out.shape(2) != axes ||
+            valid.shape(0) != rows || valid.shape(1) != axes) {
+            throw nb::value_error("y and valid must have shape (rows, axes), out (columns, rows, axes)");
         }
         check_numbers("y", y.data(), rows, axes, nullptr, kLargestOffset);
         fltea::BankBlock block;
         for (size_t i = 0; i < columns; ++i) block.columns[i] = out.data() + i * rows * axes;
-        block.null_p = out.data() + columns * rows * axes;
-        block.valid = flags.data();
-        block.not_white = flags.data() + rows * axes;
+        block.valid = valid.data();
         std::vector<Lost> lost;
         {
             nb::gil_scoped_release release;
@@ -146,10 +131,10 @@ class Bank {
         return result;
     }
 
-    // Engine, supervisors, running null.
-    std::tuple<nb::bytes, nb::bytes, nb::bytes> save() const {
+    // Engine, supervisors.
+    std::pair<nb::bytes, nb::bytes> save() const {
         const std::lock_guard<std::mutex> alone(mutex_);
-        return {as_bytes(lanes().save()), as_bytes(lanes().save_supervisors()), null_bytes(bank_.null())};
+        return {as_bytes(lanes().save()), as_bytes(lanes().save_supervisors())};
     }
 
     void load(nb::bytes engine, std::optional<nb::bytes> supervisors, const std::vector<uint64_t>& restarts) {
@@ -162,11 +147,6 @@ class Bank {
             throw nb::value_error("what its supervisors have seen cannot be read");
         }
         lanes().set_restarts(restarts);
-    }
-
-    void load_null(nb::bytes bytes) {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        ::load_null(bank_.null(), bytes);
     }
 
   private:
@@ -184,68 +164,14 @@ class Bank {
     mutable std::mutex mutex_;
 };
 
-// The running test alone.
-class Null {
-  public:
-    explicit Null(size_t axes) : null_(axes) {
-        if (axes == 0) throw nb::value_error("a test has at least one axis");
-    }
-
-    // y: NaN in the rows that were lost.
-    void add(Rows y) {
-        if (y.shape(1) != null_.axes()) throw nb::value_error("y must have shape (rows, axes)");
-        nb::gil_scoped_release release;
-        const std::lock_guard<std::mutex> alone(mutex_);
-        for (size_t k = 0; k < y.shape(0); ++k) null_.add(y.data() + k * null_.axes());
-    }
-
-    void skip(size_t count) {
-        nb::gil_scoped_release release;
-        const std::lock_guard<std::mutex> alone(mutex_);
-        for (size_t i = 0; i < count; ++i) null_.skip();
-    }
-
-    // Figures of each axis.
-    std::vector<double> p() const { return of_axes(&fltea::RunningNull::p); }
-    std::vector<double> largest() const { return of_axes(&fltea::RunningNull::largest); }
-    int depth() const {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        return null_.depth();
-    }
-
-    nb::bytes save() const {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        return null_bytes(null_);
-    }
-    void load(nb::bytes bytes) {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        load_null(null_, bytes);
-    }
-
-  private:
-    std::vector<double> of_axes(double (fltea::RunningNull::*figure)(size_t) const) const {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        std::vector<double> result;
-        for (size_t axis = 0; axis < null_.axes(); ++axis) result.push_back((null_.*figure)(axis));
-        return result;
-    }
-
-    fltea::RunningNull null_;
-    mutable std::mutex mutex_;
-};
-
 }  // namespace
 
 void bind_bank(nb::module_& m) {
     m.attr("LARGEST_OFFSET") = kLargestOffset;
-    m.attr("NULL_FEWEST") = static_cast<int>(fltea::running_null::kFewest);
-    m.attr("NULL_LEVEL") = fltea::running_null::kLevel;
-    m.attr("NULL_EFFECTIVE") = fltea::running_null::kEffective;
-    m.attr("NULL_CHUNK") = static_cast<int>(fltea::running_null::kChunk);
     m.def("moments", &moments, nb::arg("y"), nb::arg("resolution"));
     nb::class_<Bank>(m, "Bank")
         .def(nb::init<size_t>(), nb::arg("axes"))
-        .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("flags"))
+        .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("valid"))
         .def("skip", &Bank::skip, nb::arg("count"))
         .def("window", &Bank::window, nb::arg("resolution"))
         .def("start", &Bank::start, nb::arg("instruction_set"), nb::arg("joint"), nb::arg("guard"),
@@ -255,15 +181,5 @@ void bind_bank(nb::module_& m) {
         .def("counts", &Bank::counts, nb::arg("out"))
         .def("whiteness", &Bank::whiteness)
         .def("save", &Bank::save)
-        .def("load", &Bank::load, nb::arg("engine"), nb::arg("supervisors").none(), nb::arg("restarts"))
-        .def("load_null", &Bank::load_null, nb::arg("bytes"));
-    nb::class_<Null>(m, "RunningNull")
-        .def(nb::init<size_t>(), nb::arg("axes"))
-        .def("add", &Null::add, nb::arg("y"))
-        .def("skip", &Null::skip, nb::arg("count"))
-        .def("p", &Null::p)
-        .def("largest", &Null::largest)
-        .def("depth", &Null::depth)
-        .def("save", &Null::save)
-        .def("load", &Null::load, nb::arg("bytes"));
+        .def("load", &Bank::load, nb::arg("engine"), nb::arg("supervisors").none(), nb::arg("restarts"));
 }

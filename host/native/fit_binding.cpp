@@ -27,9 +27,10 @@ using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cp
 using Points = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using Groups = nb::ndarray<const int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using OutColumn = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using OutPoints = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using OutRows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-// The same number of starts as before there was scoring: local minima are real.
+// Groups whose best point is a start: local minima are real, α = 0 and α = 1 are the same for a g each.
 constexpr std::size_t kKept = 6;
 constexpr int kColdSteps = 60;
 constexpr int kWarmSteps = 10;
@@ -158,6 +159,33 @@ void fit(Column lam, Column counts, Rows power, int family, double highest_order
     }
 }
 
+// -log L of each series at theta (series, p) and its slopes: nll (series,), gradient (series, p) and the
+// expected curvature, information (series, p, p), are filled in.
+void slopes(Column lam, Column counts, Rows power, int family, double highest_order, int hold, double held,
+            double h, Rows theta, OutColumn nll, OutRows gradient, OutPoints information) {
+    const Model<double> model = model_of(family, highest_order, hold, held, h);
+    const size_t free = static_cast<size_t>(free_of(model)), series = power.shape(0);
+    if (theta.shape(0) != series || theta.shape(1) != free || nll.shape(0) != series ||
+        gradient.shape(0) != series || gradient.shape(1) != free || information.shape(0) != series ||
+        information.shape(1) != free || information.shape(2) != free) {
+        refuse("theta must have shape (series, p)");
+    }
+    check_finite(theta.data(), theta.size());
+    const Data data(lam, counts, power);
+    for (size_t s = 0; s < series; ++s) {
+        Point<double> point = Point<double>();
+        std::copy(theta.data() + s * free, theta.data() + (s + 1) * free, point.theta);
+        canonical(model, point.theta);
+        evaluate(data->target(fastest(), s), model, point);
+        nll.data()[s] = point.nll;
+        for (size_t i = 0; i < free; ++i) {
+            gradient.data()[s * free + i] = point.gradient[i];
+            for (size_t j = 0; j < free; ++j)
+                information.data()[(s * free + i) * free + j] = point.fisher[i][j];
+        }
+    }
+}
+
 // Ends of intervals of the fractional model's numbers: rows of `what` are hold, logarithm (0 or 1), here, low
 // and high (Profiled); rows of `ends` low and high.
 void intervals(Column lam, Column counts, Rows power, Column theta, double scale, double nll, double critical,
@@ -198,6 +226,9 @@ void bind_fit(nb::module_& m) {
           nb::arg("highest_order"), nb::arg("hold"), nb::arg("held"), nb::arg("h"), nb::arg("starts"),
           nb::arg("groups"), nb::arg("extra").none(), nb::arg("warm").none(), nb::arg("theta"),
           nb::arg("scale"), nb::arg("nll"));
+    m.def("whittle_slopes", &slopes, nb::arg("lam"), nb::arg("counts"), nb::arg("power"), nb::arg("family"),
+          nb::arg("highest_order"), nb::arg("hold"), nb::arg("held"), nb::arg("h"), nb::arg("theta"),
+          nb::arg("nll"), nb::arg("gradient"), nb::arg("information"));
     m.def("whittle_intervals", &intervals, nb::arg("lam"), nb::arg("counts"), nb::arg("power"),
           nb::arg("theta"), nb::arg("scale"), nb::arg("nll"), nb::arg("critical"), nb::arg("h"),
           nb::arg("what"), nb::arg("ends"));

@@ -176,7 +176,8 @@ class Profile {
     };
 
     double crossing(const Profiled& what, Bracket bracket) {
-        finished(what, bracket.inner, bracket.in);
+        // The best value itself may be outside, where it had to be moved to what is possible.
+        if (!finished(what, bracket.inner, bracket.in)) return bracket.inner;
         const Bracket all = bracket;
         for (int turn = 0; turn < kTurns; ++turn) {
             const bool found = narrow(what, bracket);
@@ -195,9 +196,7 @@ class Profile {
             walk(what, bracket);
         }
         const double a = excess(bracket.in), b = excess(bracket.out);
-        // The better search may have ended on the wrong side of the limit by a hair: never beyond the
-        // bracket.
-        const double share = b > a ? std::min(std::max(-a / (b - a), 0.0), 1.0) : 0.0;
+        const double share = a < 0 && b > 0 ? a / (a - b) : 0;
         return bracket.inner + share * (bracket.outer - bracket.inner);
     }
 

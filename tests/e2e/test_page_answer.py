@@ -57,6 +57,7 @@ def test_the_answer_leads_and_no_figure_is_large_that_the_data_do_not_support(
     assert cards["gyro_y"].locator(".big").count() == 0
     assert cards["gyro_y"].locator(".undefined").all_inner_texts() == ["undefined", "undefined"]
     assert not any(character.isdigit() for character in cards["gyro_y"].locator(".order").inner_text())
+    assert cards["gyro_z"].locator(".big").all_inner_texts() == ["0.66"]
     assert "if the noise is of fractional order" in cards["gyro_z"].inner_text()
     assert "Left out: 11.4 to 12.7 Hz" in cards["gyro_z"].inner_text()
     everything = one.page.inner_text("body")

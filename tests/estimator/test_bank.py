@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, Array, Gaps, H, assert_close, assert_same, by_bank, by_sample
 from fltea.estimator.bank import Bank
-from fltea.noise.simulation import FractionalNoise
 from fltea.settings.config import EstimatorConfig
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -111,19 +110,6 @@ def test_any_cut_of_the_rows_gives_the_same_to_the_bit(
 def test_row_by_row_is_the_same_to_the_bit() -> None:
     y = noise(400)
     assert_same(by_bank(y, config(), LSB, cuts=range(400)), by_bank(y, config(), LSB))
-
-
-def test_the_running_null_sees_what_is_not_white_and_covers_the_start_up_window() -> None:
-    y = noise(1280)
-    source = FractionalNoise(0.6, -3.0, 40.0, 1e-4, H, 3000, np.random.default_rng(3))
-    y[:, 0] = [source.step()[0] for _ in range(len(y))]
-    found = by_bank(y, config(), LSB).columns
-    assert np.isnan(found["null_p"][:1023]).all()  # 1,000 samples, and then a whole chunk
-    assert found["not_white"][1023:].tolist() == [[True, False, False]] * 257
-    assert not np.isnan(found["null_p"][1023:]).any()
-    for first in range(0, 1280, 128):
-        chunk = found["null_p"][first + 127 - 128 + 1 : first + 127]
-        assert first < 127 or len(np.unique(chunk, axis=0)) == 1 or np.isnan(chunk).all()
 
 
 def test_the_start_up_window_takes_no_more_than_it_needs() -> None:

@@ -104,8 +104,6 @@ def test_nothing_is_kept_of_a_start_up_window_or_with_a_constant_axis() -> None:
         ({"restarts": {"gyro_x": 1 << 60}}, "restarts of gyro_x"),
         ({"restarts": {"mag_x": 0}}, "restarts of 'mag_x'"),
         ({"engine": b""}, "not a snapshot of an engine"),
-        ({"null": b"1234567"}, "running test of whiteness"),
-        ({"null": b""}, "running test of whiteness"),
         ({"supervisors": b""}, "supervisors"),
         ({"supervisors": b"\xff" * 84}, "supervisors"),
         ({"supervisors": bytes(27) + b"\1" + bytes(56)}, "supervisors"),
@@ -166,7 +164,6 @@ def test_bytes_that_somebody_made_end_in_a_reason_or_in_estimates(data: st.DataO
     native = bytearray(snapshot.unpack(state.engine).state)
     parts = {
         "engine": native,
-        "null": bytearray(state.null or b""),
         "supervisors": bytearray(state.supervisors or b""),
     }
     part = parts[data.draw(st.sampled_from(sorted(parts)))]
@@ -175,7 +172,7 @@ def test_bytes_that_somebody_made_end_in_a_reason_or_in_estimates(data: st.DataO
     ).items():
         part[place] = value
     made = with_native_state(state, bytes(native))
-    made = msgspec.structs.replace(made, null=bytes(parts["null"]), supervisors=bytes(parts["supervisors"]))
+    made = msgspec.structs.replace(made, supervisors=bytes(parts["supervisors"]))
     try:
         bank = resumed(made)
     except ValueError:
@@ -205,13 +202,3 @@ def test_a_header_of_the_engine_that_is_none_is_refused(header: bytes) -> None:
     made = body + struct.pack("<I", snapshot.zlib.crc32(body))
     with pytest.raises(ValueError, match="not a snapshot of this version"):
         resumed(msgspec.structs.replace(state, engine=made))
-
-
-def test_version_1_and_2_had_less() -> None:
-    """No supervisors, and no running null: both begin again."""
-    bank, state = saved(samples=2000)
-    old = msgspec.structs.replace(state, null=None, supervisors=None)
-    a, b = bank.run(noise(100, 1)), resumed(old).run(noise(100, 1))
-    np.testing.assert_array_equal(a.alpha, b.alpha)
-    assert not np.isnan(a.null_p).any()
-    assert np.isnan(b.null_p).all()

@@ -51,11 +51,9 @@ std::unique_ptr<LaneRunner> lanes_of(std::size_t lanes, int guard, double R = 0.
 // Room for a block of estimates.
 struct Room {
     Room(std::size_t rows, std::size_t lanes)
-        : numbers((kLaneColumns + 1) * rows * lanes, -1), flags(2 * rows * lanes, 7), size(rows * lanes) {
+        : numbers(kLaneColumns * rows * lanes, -1), flags(rows * lanes, 7), size(rows * lanes) {
         for (std::size_t i = 0; i < kLaneColumns; ++i) block.columns[i] = numbers.data() + i * size;
-        block.null_p = numbers.data() + kLaneColumns * size;
         block.valid = flags.data();
-        block.not_white = flags.data() + size;
     }
     Room(const Room&) = delete;  // its pointers would be those of the other
     Room(Room&&) = default;
@@ -63,9 +61,7 @@ struct Room {
     BankBlock at(std::size_t from, std::size_t lanes) const {
         BankBlock result = block;
         for (double*& column : result.columns) column += from * lanes;
-        result.null_p += from * lanes;
         result.valid += from * lanes;
-        result.not_white += from * lanes;
         return result;
     }
     bool operator==(const Room& other) const {
@@ -189,7 +185,6 @@ TEST_CASE("bank: window, lanes and gaps in blocks of any size are the same") {
         std::vector<std::uint8_t> live(axes, 1);
         if (axes > 1) live[1] = 0;
         Room rooms[] = {Room(rows, axes), Room(rows, axes)};
-        std::vector<double> null[2];
         for (std::size_t which = 0; which < 2; ++which) {
             AxisBank bank(axes);
             std::vector<Lost> lost;
@@ -210,43 +205,11 @@ TEST_CASE("bank: window, lanes and gaps in blocks of any size are the same") {
             CHECK(lost.empty());
             CHECK(std::isfinite(bank.whiteness(0).lag1()));
             CHECK(bank.whiteness(0).nis() > 0);
-            null[which] = bank.null().save();
         }
         CHECK(rooms[0] == rooms[1]);
-        CHECK(std::memcmp(null[0].data(), null[1].data(), null[0].size() * sizeof(double)) == 0);
         for (std::size_t k = 0; k < rows * axes; ++k) {
             REQUIRE(rooms[0].block.valid[k] == (k >= window * axes && live[k % axes]));
             REQUIRE(std::isfinite(rooms[0].block.columns[kLaneX][k]) == (rooms[0].block.valid[k] == 1));
         }
-        CHECK(std::isfinite(rooms[0].block.null_p[rows * axes - 1]));
     }
-}
-
-TEST_CASE("running null: what is loaded goes on like what was saved; no part of it is taken for the whole") {
-    const std::size_t axes = 2, rows = 3000;
-    const std::vector<double> y = noise(rows * axes);
-    RunningNull one(axes), two(axes);
-    for (std::size_t k = 0; k < 1500; ++k) {
-        one.add(y.data() + k * axes);
-        if (k % 100 == 50) one.skip();
-    }
-    const std::vector<double> numbers = one.save();
-    int taken = 0;
-    for (std::size_t n = 0; n < numbers.size(); ++n) taken += RunningNull(axes).load(numbers.data(), n);
-    CHECK(taken < 4);  // where a level ends
-    for (std::size_t n = 0; n < numbers.size(); ++n) {
-        std::vector<double> wrong = numbers;
-        wrong[n] = std::numeric_limits<double>::infinity();
-        CHECK(!RunningNull(axes).load(wrong.data(), wrong.size()));
-    }
-    REQUIRE(two.load(numbers.data(), numbers.size()));
-    CHECK(two.p(1) == one.p(1));
-    for (std::size_t k = 1500; k < rows; ++k) {
-        one.add(y.data() + k * axes);
-        two.add(y.data() + k * axes);
-    }
-    CHECK(std::isfinite(one.p(0)));
-    CHECK(one.p(0) == two.p(0));
-    CHECK(one.largest(0) == two.largest(0));
-    CHECK(one.depth() == two.depth());
 }

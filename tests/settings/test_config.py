@@ -260,6 +260,18 @@ def test_the_old_name_engine_is_refused_with_the_new_one(
     assert not run.stdout
 
 
+@pytest.mark.parametrize("value", [True, False])
+def test_the_white_band_that_was_is_refused_with_what_took_its_place(value: bool, tmp_path: Path) -> None:
+    for table in ("estimator", "accel"):
+        file = written(tmp_path, f"[{table}]\nwhite_band = {str(value).lower()}")
+        for text in (refusal(file, {}), refusal(None, {f"{table}.white_band": value})):
+            assert f"{table}.white_band: there is no such setting any more" in text
+            assert "[live]" in text
+    run = fltea("run", "--white-band" if value else "--no-white-band")
+    assert run.returncode == 2
+    assert "the records `fit`" in run.stderr
+
+
 def test_the_old_values_of_engine_are_accepted_under_the_new_names() -> None:
     for path, values in (("memory", ("compressed", "direct")), ("estimate_on", ("host", "device", "both"))):
         for value in values:

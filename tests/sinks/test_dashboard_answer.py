@@ -53,17 +53,22 @@ def test_no_figure_without_both_ends_of_its_interval(
         (Interval(0.66, 0.2, 1.4), ("0.66", "0.20 … 1.40")),
         (Interval(-1.02, -1.31, -0.77), ("−1.02", "−1.31 … −0.77")),
         (Interval(-1.02, -1.12, -0.92), ("−1.02", "−1.12 … −0.92")),
+        (Interval(-0.5, -1.6, -0.01), ("−0.50", "−1.60 … −0.01")),
+        (Interval(-0.5, -1.6, -0.001), ("−0.50", "−1.60 … 0.00")),
         (Interval(1.0, 1.0, 1.0), ("1.0000", "1.0000 … 1.0000")),
     ],
 )
 def test_digits_are_what_the_interval_is_worth(p: Interval, shown: tuple[str, str]) -> None:
-    assert answer(replace(FRACTIONAL, alpha=p)).alpha == shown
+    found = answer(replace(FRACTIONAL, alpha=p)).alpha
+    assert found is not None
+    assert found[:2] == shown
 
 
 @pytest.mark.parametrize(
     ("fit", "words"),
     [
         (FRACTIONAL, "α ± 0.05: reached"),
+        (replace(FRACTIONAL, alpha=Interval(0.1, 0.07, 0.6)), "α ± 0.05: nobody can say when yet"),
         (UNDECIDED, "α ± 0.05 in 7 min"),
         (replace(UNDECIDED, until_s=Until(0.02, 40.9)), "α ± 0.02 in 40 s"),
         (WHITE, "α ± 0.05: more data do not define it"),
@@ -74,6 +79,15 @@ def test_digits_are_what_the_interval_is_worth(p: Interval, shown: tuple[str, st
 )
 def test_how_long_yet(fit: AxisFit, words: str) -> None:
     assert answer(fit).until == words
+
+
+def test_large_is_only_what_the_data_support_well() -> None:
+    wide = replace(FRACTIONAL, alpha=Interval(0.32, 0.05, 0.8), f=Interval(-1.7, -33.2, -0.1))
+    for fit, large in ((FRACTIONAL, True), (wide, False)):
+        said = answer(fit)
+        assert said.alpha is not None
+        assert said.f is not None
+        assert (said.alpha.large, said.f.large) == (large, large)
 
 
 def test_what_is_left_out_is_said_in_a_line() -> None:
@@ -106,7 +120,7 @@ def test_without_a_fit_nothing_is_claimed() -> None:
 def test_facts_of_a_history_hold_the_answer_and_of_how_many_samples_it_is() -> None:
     history = told(with_fits(records("n=600"), {"gyro_x": with_curves(FRACTIONAL), "gyro_y": WHITE}))
     x, y, z = facts.axes(history, 0)
-    assert (x["answer"]["head"], x["answer"]["alpha"]) == ("Fractional", ("0.80", "0.76 … 0.85"))
+    assert (x["answer"]["head"], x["answer"]["alpha"]) == ("Fractional", ("0.80", "0.76 … 0.85", True))
     assert y["answer"]["head"] == "White noise: order undefined"
     assert z["answer"]["head"] == "No fit"
     assert facts.fitted(history) == "fit of 599 samples (5 s)"

@@ -10,7 +10,9 @@ from bokeh.document import Document
 from dashboard_support import records, told
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, curves, fit_after, with_curves
 from fltea.records.records import Sample
+from fltea.sinks.page.areas import closed
 from fltea.sinks.page.curve_figures import CurveFigures
+from fltea.sinks.page.figures import Figures
 from fltea.sinks.page.page import Page
 from msgspec.structs import replace
 
@@ -111,3 +113,25 @@ def test_curves_are_sent_once_and_again_only_when_they_changed(monkeypatch: pyte
     assert shown == ["gyro_x", "gyro_x", "gyro_y"]
     assert not said["curves"]["spectrum"] or said["axis"] != "gyro_y"
     assert len(page._curves.density.data["hz"]) == 0
+
+
+def test_an_area_has_no_height_where_nothing_is_known_however_it_is_cut() -> None:
+    nan = float("nan")
+    low = np.array([nan, 1.0, nan, nan, 5.0, nan])
+    high = np.array([nan, 3.0, nan, nan, 7.0, nan])
+    for cut in range(7):
+        first = closed(low[:cut], high[:cut])
+        second = closed(low[cut:], high[cut:], first[2])
+        assert np.nan_to_num([*first[0], *second[0]], nan=-1).tolist() == [-1, 1, 2, 2, 5, 6]
+        assert np.nan_to_num([*first[1], *second[1]], nan=-1).tolist() == [-1, 3, 2, 2, 7, 6]
+
+
+def test_an_interval_that_is_far_wider_does_not_flatten_what_is_shown() -> None:
+    figures = Figures()
+    columns = {name: [0.0, 1.0] for name in figures.estimates.column_names}
+    figures.estimates.data = columns | {"f_low": [-1.0, -1.0], "f_high": [0.0, 0.0]}
+    fits = {name: [0.0, 1.0] for name in figures.fits.column_names}
+    figures.fits.data = fits | {"f_mid": [-0.5, -0.5], "f_low": [-40.0, -40.0], "f_high": [0.5, 0.5]}
+    figures.fit()
+    assert figures.f.y_range.start == pytest.approx(-2 - 0.25)
+    assert figures.f.y_range.end == pytest.approx(0.5 + 0.25)

@@ -63,8 +63,18 @@ def test_residual_statistic() -> None:
     slope = np.linspace(1.4, 0.6, m)
     wrong = [residual_ks(rng.exponential(size=m) * slope, np.ones(m)) for _ in range(50)]
     assert (np.array(wrong) > 1.36).mean() > 0.9
+    lines = [residual_ks(*averaged(np.ones(m), rng)) for _ in range(1000)]
+    assert (np.array(lines) > 1.36).mean() == pytest.approx(0.05, abs=0.025)
+    wrong = [residual_ks(*averaged(slope, rng)) for _ in range(50)]
+    assert (np.array(wrong) > 1.36).mean() > 0.9
     assert residual_ks(2 * np.ones(4), np.ones(4)) == 0
     assert residual_ks(np.array([1.0, 0, 0, 0]), np.ones(4)) == pytest.approx(0.75 * 2)
+
+
+def averaged(spectrum: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """Lines that stand for 1, 2 or 5 ordinates; the spectrum that is tested for, their weights."""
+    weight = np.repeat([1.0, 2.0, 5.0], len(spectrum) // 3 + 1)[: len(spectrum)]
+    return rng.gamma(weight) / weight * spectrum, np.ones(len(spectrum)), weight
 
 
 def test_bend_is_where_the_spectrum_has_halved() -> None:

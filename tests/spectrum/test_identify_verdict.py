@@ -6,9 +6,12 @@ import msgspec
 import pytest
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.rivals import Contest, Rival
-from fltea.spectrum.verdict import Evidence, decide
+from fltea.spectrum.stationarity import Change
+from fltea.spectrum.verdict import ANYTIME_LEVEL, Evidence, chi_square_one, decide, kolmogorov
 
 LINE = Peak("line", 31.4, 0.02, 0.1, 80.0, (31.2, 31.6))
+STEP = Change(8.7, 17.5, 1e-6, 2.1, 0.5, 301.0, 0.95)
+WANDER = Change(8.7, 17.5, 1e-6, 2.1, 1.3, 301.0, 0.3)
 PARAMETERS = {
     "white": {"R": 1.0},
     "ar1": {"phi": 0.5, "bend_hz": 11.0, "s2": 1.0, "R": 1.0},
@@ -32,6 +35,16 @@ CASES = {
     "white": (evidence("white", p_all=0.3, p_without_peaks=0.3, p_clean=0.3), "white", "no order"),
     "just white": (evidence(p_all=0.051), "white", "undefined"),
     "just not white": (evidence(p_all=0.049), "fractional", "α = 0.60"),
+    "a step": (evidence(change=STEP), "not stationary", "fell by a factor of 2 around 5 min of 10 min"),
+    "up and down": (evidence(change=WANDER), "not stationary", "up and down by a factor of about 2.1"),
+    "white that changes": (evidence("white", p_all=0.5, change=STEP), "not stationary", "8.7 and 17.5 Hz"),
+    "white at the level of all looks": (evidence(p_all=1e-4, level=ANYTIME_LEVEL), "white", "undefined"),
+    "not even so": (evidence(p_all=1e-6, level=ANYTIME_LEVEL), "fractional", "α = 0.60"),
+    "better than AR(1), but not for all looks": (
+        evidence(ratio_ar1=15.0, level=ANYTIME_LEVEL),
+        "undecided",
+        "none of the models",
+    ),
     "line in white": (
         evidence("white", peaks=(LINE,), p_without_peaks=0.4),
         "filter or resonance",
@@ -121,3 +134,15 @@ def test_the_rules_that_led_there_are_told() -> None:
     rules = decide(evidence()).rules
     assert [r.answer for r in rules] == [False, False, True, True, True, False, False, True, True, True]
     assert "α = 0.600" in rules[6].figure
+
+
+def test_a_broad_resonance_needs_more_at_a_lower_level() -> None:
+    """BIC -10 is enough for one look, and not for all of a day."""
+    white_but_broad = evidence("ar2", p_all=0.9, p_without_peaks=0.9, p_clean=0.9)
+    assert decide(white_but_broad).kind == "filter or resonance"
+    assert decide(msgspec.structs.replace(white_but_broad, level=ANYTIME_LEVEL)).kind == "white"
+
+
+def test_critical_values() -> None:
+    assert chi_square_one(0.01) == pytest.approx(6.635, abs=1e-3)
+    assert kolmogorov(0.05) == pytest.approx(1.358, abs=1e-3)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fltea import _native
+from fltea._native import AllanSums
 from fltea.noise import spectra
 from fltea.spectrum.octaves import LANE_BYTES, WHOLE, Octaves
 from fltea.spectrum.periodogram import Periodogram, binned, periodogram
@@ -181,3 +182,28 @@ def test_refuses() -> None:
         Octaves(2).add(noise(5, 1, 1))
     with pytest.raises(IndexError):
         Octaves(2).counts(2)
+
+
+def test_the_allan_sums_take_what_the_gate_accepts() -> None:
+    """Without what was knocked; with breaks where samples were lost."""
+    y = noise(5000, 1, 3)
+    y[2000:2100] += 80
+    octaves = Octaves(1)
+    octaves.add(y[:3000])
+    octaves.skip(500)
+    octaves.add(y[3000:])
+    gate, expected = octaves.counts(0), AllanSums()
+    assert gate.knocked == 256
+    expected.add(y[:1920, 0])
+    expected.cut(256)
+    expected.add(y[2176:3000, 0])
+    expected.cut(500)
+    expected.add(y[3000:, 0])
+    found = octaves.allan(0)
+    for one, other in zip(found, expected.points(), strict=False):
+        assert one == pytest.approx(other)
+    assert found.samples == expected.samples == gate.used
+    again = Octaves.restore(1, 0.0, octaves.save())
+    assert again.allan(0) == found
+    again.merge(octaves)
+    assert again.allan(0).terms[0] == 2 * found.terms[0]

@@ -8,7 +8,6 @@ import msgspec
 import pytest
 from blocks import as_block, records_of
 from estimating_board import ESTIMATOR, Board, Sent, changed, events, noise
-from fltea.estimator.running_null import RunningNull
 from fltea.records.events import Event, LinkDown, RawBlock, RawSample, host_ns_of
 from fltea.records.records import (
     AnyRecord,
@@ -17,7 +16,6 @@ from fltea.records.records import (
     Error,
     Estimate,
     EstimatorInfo,
-    Gap,
     LinkStats,
     Sample,
     Stats,
@@ -106,21 +104,6 @@ def test_the_device_alone_is_published_as_it_is() -> None:
 def rounded(one: wire.Estimate) -> tuple[float, ...]:
     back = wire.Estimate.unpack(one.pack())
     return back.alpha, back.alpha_std, back.f, back.f_std, back.state, back.innovation
-
-
-def test_the_running_test_of_whiteness_stands_beside_the_device_too() -> None:
-    counts = noise(1200)
-    rows = [None if k in (700, 701) else (k % 5 - 2, y, z) for k, (_, y, z) in enumerate(counts)]
-    records = feed(pipeline("device"), events(Board().run(rows)))
-    test = RunningNull(3)
-    for record in records:
-        if isinstance(record, Gap):
-            test.skip(record.missing)
-        elif isinstance(record, Sample):
-            test.add(record.gyro_dps)
-        elif isinstance(record, Estimate):
-            assert tuple((a.null_p, a.whiteness) for a in record.axes.values()) == test.standings
-    assert [one.whiteness for one in test.standings] == ["rejected", "not rejected", "not rejected"]
 
 
 def test_the_device_says_bias_r_restarts_and_interventions() -> None:

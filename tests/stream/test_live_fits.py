@@ -5,13 +5,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pytest
-from blocks import cuts, in_blocks, ndjson
+from blocks import cuts, in_blocks, ndjson, records_of
 from estimating_board import Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown, RawBlock, RawSample, block_of
-from fltea.records.records import AnyRecord, Epoch, Error, Fit, Hello, LinkStats, Stats
+from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Hello, LinkStats, Stats
 from fltea.settings.config import load_config
 from fltea.spectrum.live_axes import LiveAxes
+from fltea.spectrum.verdict import ANYTIME_LEVEL
 from fltea.stream import live
 from fltea.stream.fit_times import FitTimes
 from fltea.stream.pipeline import Pipeline
@@ -201,6 +202,37 @@ def test_another_sensor_begins_again(changes: dict[str, object]) -> None:
 def test_a_break_in_a_recording_breaks_the_stretch() -> None:
     items, _ = walk([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 260))])
     assert [(f.samples, left_out(f)) for f in fits(items)] == [(100, 0), (250, live.BREAK)]
+
+
+# --- what estimates say of it ---
+
+
+@pytest.mark.parametrize("who", ["host", "device"])
+def test_estimates_say_what_the_newest_fit_before_their_sample_says(who: str) -> None:
+    items, _ = walk(events(Board().run(noise(420))), estimator__estimate_on=who)
+    newest: Fit | None = None
+    seen = set()
+    for record in records_of(items):
+        if isinstance(record, Fit):
+            newest = record
+        elif isinstance(record, Estimate):
+            for axis, one in record.axes.items():
+                if newest is None:
+                    assert (one.null_p, one.whiteness) == (None, None)
+                    continue
+                p = newest.axes[axis].null_p
+                assert p is not None
+                assert one.null_p == float(f"{p:.3g}")
+                assert one.whiteness == ("rejected" if p < ANYTIME_LEVEL else "not rejected")
+                seen.add(newest.seq)
+    assert seen == {99, 199, 299, 399}
+
+
+def test_estimates_say_nothing_of_it_where_there_is_none() -> None:
+    items, _ = walk([hello(), raw(range(350))], live__on=False)
+    found = [r for r in records_of(items) if isinstance(r, Estimate)]
+    assert len(found) == 330
+    assert all(one.null_p is one.whiteness is None for r in found for one in r.axes.values())
 
 
 # --- snapshots ---

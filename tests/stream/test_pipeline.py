@@ -8,7 +8,6 @@ from typing import TypeVar
 import msgspec
 import pytest
 from blocks import as_block, records_of
-from fltea.estimator.running_null import RunningNull
 from fltea.lab.reference.gyroscope import GyroscopeEstimator
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample, Tick, Trouble
@@ -182,32 +181,6 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
     last = pipeline.stats().axes
     assert last["gyro_y"].R is None
     assert last["gyro_x"].R is not None
-
-
-@pytest.mark.parametrize("memory", ["compressed", "direct"])
-def test_running_test_of_whiteness_stands_beside_every_estimate(memory: str) -> None:
-    """On the samples, start-up window included, so it is the same whatever estimates them."""
-    lost = {700, 701}
-    events = [hello(), *(raw(k, (k % 5, *raw(k).gyro[1:])) for k in range(1300) if k not in lost)]
-    records = feed(Pipeline(ListSource(), config(estimator__memory=memory)), *events)
-    test = RunningNull(3)
-    for record in records:
-        if isinstance(record, Gap):
-            test.skip(record.missing)
-        elif isinstance(record, Sample):
-            test.add(record.gyro_dps)
-        elif isinstance(record, Estimate):
-            assert tuple((a.null_p, a.whiteness) for a in record.axes.values()) == test.standings
-    assert [one.whiteness for one in test.standings] == ["rejected", "not rejected", "not rejected"]
-
-
-def test_running_test_of_whiteness_begins_anew_with_an_epoch() -> None:
-    events = [hello(), *map(raw, range(1200)), hello(boot_id=2), *map(raw, range(1200, 1400))]
-    by_epoch = {
-        r.epoch: r.axes["gyro_x"].whiteness
-        for r in of(Estimate, feed(Pipeline(ListSource(), config()), *events))
-    }
-    assert by_epoch == {1: "not rejected", 2: None}
 
 
 def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:

@@ -8,7 +8,7 @@ import typer
 from fltea.records.errors import UsageError
 from fltea.settings import filters
 from fltea.settings.config import load_configs, parse_setting
-from fltea.settings.old_names import old_engine
+from fltea.settings.old_names import OLD_WHITE_BAND, old_engine
 from fltea.wire import layout as wire
 
 
@@ -162,11 +162,7 @@ def run(
     ] = None,
     white_band: Annotated[
         bool | None,
-        typer.Option(
-            "--white-band/--no-white-band",
-            help="Publish in `stats` what the same estimator gives of white noise, some 15 µs of processor "
-            "time a sample of three axes; off unless asked for.",
-        ),
+        typer.Option("--white-band/--no-white-band", hidden=True),
     ] = None,
     baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
     max_gap: Annotated[
@@ -202,6 +198,8 @@ def run(
 
     if engine is not None:
         raise UsageError(f"--engine {engine}: there is no such flag any more; {old_engine(engine, True)}.")
+    if white_band is not None:
+        raise UsageError(f"--white-band: there is no such flag any more; {OLD_WHITE_BAND}.")
     flags = {
         "format": format,
         "once": once or None,
@@ -226,7 +224,6 @@ def run(
         "estimator.memory": memory,
         "estimator.variant": variant,
         "estimator.guard": guard,
-        "estimator.white_band": white_band,
         "link.baud": baud,
         "link.max_gap": max_gap,
     }

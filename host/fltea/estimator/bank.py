@@ -1,4 +1,4 @@
-"""All estimated axes of one sensor: start-up window, filters, supervisor and running statistics.
+"""All estimated axes of one sensor: start-up window, filters, supervisor and whiteness of the innovations.
 
 One native call takes a whole block of samples (host/native/axis_bank.hpp). However samples are cut into
 blocks, the columns are the same to the bit.
@@ -44,11 +44,7 @@ class BankBlock(NamedTuple):
     innovation: Array
     """measurement minus prediction"""
     innovation_std: Array
-    null_p: Array
-    """how often white noise would look at least as unlike white, at one moment; NaN while not known"""
     valid: Mask
-    not_white: Mask
-    """`null_p` is below the level of the running test"""
     lost: list[Lost]
     """lanes (places in the axes) that became invalid with a row, row after row"""
 
@@ -102,15 +98,15 @@ class Bank:
         estimated = self.baseline is not None
         if not estimated and n > self.startup_remaining:
             raise ValueError(f"{n} samples, but the start-up window takes {self.startup_remaining} more")
-        out = np.empty((8, n, len(self.axes)))
-        flags = np.empty((2, n, len(self.axes)), dtype=bool)
-        lost = self._native.run(rows, out, flags.view(np.uint8))
+        out = np.empty((7, n, len(self.axes)))
+        valid = np.empty((n, len(self.axes)), dtype=bool)
+        lost = self._native.run(rows, out, valid.view(np.uint8))
         if not estimated:
             self.startup_remaining -= n
             if not self.startup_remaining:
                 window = [Moments(*axis) for axis in self._native.window(self._rule.resolution)]
                 self._begin(self._rule.baseline_of(window))
-        return BankBlock._make((estimated, *out, *flags, [Lost(*one) for one in lost] if lost else []))
+        return BankBlock._make((estimated, *out, valid, [Lost(*one) for one in lost] if lost else []))
 
     def on_missing(self, count: int) -> list[Lost]:
         """Bridge lost samples by prediction alone; within the start-up window they do not matter.
@@ -156,10 +152,10 @@ class Bank:
         base, settings = self.baseline, self._settings
         if base is None or settings is None or base.constant_axes:
             return None
-        state, supervisors, null = self._native.save()
+        state, supervisors = self._native.save()
         table = settings.table(len(self.axes))
         engine = snapshot.pack(len(self.axes), settings, self._instruction_set, table, state)
-        return OnlineState(self.axes, base.bias_dps, base.R, self.restarts, engine, null, supervisors)
+        return OnlineState(self.axes, base.bias_dps, base.R, self.restarts, engine, supervisors)
 
     def _of_live(self, values: list[_T], otherwise: _T) -> dict[str, _T]:
         assert self.baseline is not None
@@ -192,8 +188,6 @@ class Bank:
         saved.check(self._settings)
         restarts = [state.restarts.get(axis, 0) for axis in self.axes]
         self._native.load(saved.state, state.supervisors, restarts)
-        if state.null is not None:
-            self._native.load_null(state.null)
 
 
 def _finite(value: float) -> float | None:

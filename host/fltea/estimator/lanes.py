@@ -1,4 +1,4 @@
-"""Lanes under the supervisor: the one runner of daemon, identify, evaluate and the white band.
+"""Lanes under the supervisor: the one runner of daemon, identify and evaluate.
 
 Engine, supervisor and restarts are one native call for a whole block (host/native/lanes.hpp). The rules of
 the supervisor are in firmware/core/engine/supervisor.hpp, for the board too.

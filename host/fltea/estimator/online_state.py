@@ -13,8 +13,7 @@ MOST_RESTARTS = 1 << 52
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A baseline and what stands behind it, saved.
 
-    engine: the filters with their memory. null: the running test of whiteness; None in snapshots of
-    version 1. supervisors: what they have seen; None in snapshots of versions 1 and 2.
+    engine: the filters with their memory. supervisors: what they have seen.
     """
 
     axes: tuple[str, ...]
@@ -22,7 +21,6 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     R: tuple[float, ...]
     restarts: dict[str, int]
     engine: bytes
-    null: bytes | None = None
     supervisors: bytes | None = None
 
     def check(self, axes: tuple[str, ...]) -> None:

@@ -22,7 +22,7 @@ Bools = NDArray[np.bool_]
 class AxisColumns(NamedTuple):
     """Estimates of the axes of one sensor after n samples, all (n, axes); NaN where there is no number.
 
-    state, innovation: in `unit`. null_p: of the running test, NaN while not known; white_rejected: what it
+    state, innovation: in `unit`. null_p: of the newest fit, NaN while there is none; white_rejected: what it
     says then.
     """
 

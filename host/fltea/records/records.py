@@ -19,13 +19,10 @@ ACCEL_AXES = ("accel_x", "accel_y", "accel_z")
 GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s^2"
 
 Whiteness = Literal["not rejected", "rejected"]
-"""What the running test says of white noise. While it is not rejected, an order is undefined."""
+"""What the newest fit says of white noise. While it is not rejected, an order is undefined."""
 
 WhyNot = Literal["device_not_valid", "host_not_valid", "other_start", "device_skipped", "other_settings"]
 """Why a device's estimate cannot be compared with the host's; `why_not` has the words."""
-
-WHITE_QUANTILES = (0.05, 0.5, 0.95)
-"""Shares of white noise below the figures of `WhiteBandStats`."""
 
 EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence", "resumed"]
 
@@ -90,8 +87,8 @@ class Sample(Record, frozen=True, tag="sample"):
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The estimate of one axis after one sample; null where not valid.
 
-    state, innovation: in `unit`. null_p and whiteness are of the measurements, so also where the estimate is
-    not valid; null until known.
+    state, innovation: in `unit`. null_p and whiteness are of the fit that the record `fit` tells of, the
+    newest one before the sample, so also where the estimate is not valid; null before the first.
     """
 
     alpha: float | None
@@ -219,23 +216,10 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     before_hello: int
 
 
-class WhiteBandStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the same estimator gives of white noise as strong as an axis, after as many `samples`.
-
-    alpha, f: below them lie 5 %, 50 % and 95 % of the runs. power: variance of the axis in the start-up
-    window, in its unit squared.
-    """
-
-    alpha: tuple[float, ...]
-    f: tuple[float, ...]
-    power: float
-    samples: int
-
-
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the start-up window gave an axis, and how often it had to start again.
 
-    bias: in `unit`; R: in its square. white: null until known, and without `estimator.white_band`.
+    bias: in `unit`; R: in its square.
     """
 
     bias: float | None
@@ -245,7 +229,6 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     innovation_lag1: float | None = None
     innovation_nis: float | None = None
     unit: str = GYRO_UNIT
-    white: WhiteBandStats | None = None
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -15,9 +15,8 @@ from fltea.records.whole_file import whole_file
 from fltea.settings.outputs import StateConfig
 from fltea.stream.snapshot import DeviceState
 
-VERSION = 3
-READABLE = (1, 2, 3)
-"""1 had no running test of whiteness, 1 and 2 not what the supervisors have seen: these then begin anew."""
+VERSION = 4
+"""Earlier ones had a running test of whiteness in place of the sums of the live fit."""
 
 LOOK_S = 1.0
 """What is new is on the disk after this long; how often there is something, `period_s` says."""
@@ -67,7 +66,7 @@ class StateFile:
         except msgspec.DecodeError as error:
             text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
             raise UsageError(text) from error
-        if version not in READABLE:
+        if version != VERSION:
             self._report(
                 "state_unused",
                 f"{path} is of another version of fltea ({version}): the start-up window begins, "

@@ -90,8 +90,7 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
     window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
     guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do). gate: standard
-    deviations from which on a guard softens an innovation. white_band: publish what white noise would give,
-    at some 5 µs a sample of each axis; None: no.
+    deviations from which on a guard softens an innovation.
     """
 
     startup: int = filters.STARTUP
@@ -103,7 +102,6 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     guard: Literal["off", "faithful", "consistent"] = filters.GUARD
     joint: JointSettings = JointSettings()
     gate: float = filters.GATE
-    white_band: bool | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -167,17 +165,6 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     metrics: MetricsConfig = MetricsConfig()
     state: StateConfig = StateConfig()
     device: dict[str, dict[str, Any]] = {}
-
-    @property
-    def bands_of_gyro(self) -> bool:
-        """Whether to publish what white noise would give in place of the gyroscope's axes."""
-        return bool(self.estimator.white_band)
-
-    @property
-    def bands_of_accel(self) -> bool:
-        """The same of the accelerometer's, as those of the gyroscope unless `accel` says it."""
-        wanted = self.accel.white_band
-        return self.bands_of_gyro if wanted is None else wanted
 
     def __post_init__(self) -> None:
         known = AXES + ACCEL_AXES

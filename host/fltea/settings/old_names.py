@@ -10,6 +10,11 @@ _PRINTED = (
     "(the native engine, equal to the reference up to rounding); `fltea reproduce` runs the reference itself"
 )
 
+OLD_WHITE_BAND = (
+    "leave it out: the records `fit` say every second whether the noise is white, and else what it is "
+    "(host/README.md, [live])"
+)
+
 
 def old_engine(value: object, flag: bool, table: str = "estimator") -> str:
     """What to write in place of `engine = value`. flag: as flags of the command line, else as settings."""
@@ -39,9 +44,15 @@ def refuse_old_names(tree: Mapping[str, Any], origin: str) -> None:
     """
     for table in ("estimator", "accel"):
         settings = tree.get(table)
-        if isinstance(settings, Mapping) and "engine" in settings:
+        if not isinstance(settings, Mapping):
+            continue
+        if "engine" in settings:
             remedy = old_engine(settings["engine"], False, table)
             raise UsageError(f"{origin}: {table}.engine: there is no such setting any more; {remedy}.")
+        if "white_band" in settings:
+            raise UsageError(
+                f"{origin}: {table}.white_band: there is no such setting any more; {OLD_WHITE_BAND}."
+            )
     for name, settings in _tables(tree.get("device")):
         refuse_old_names(settings, f"{origin}: device.{name}")
 

@@ -33,6 +33,7 @@ class _Saved(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
     axes: tuple[str, ...]
     h: float
     unit: str
+    memory: float
     octaves: bytes
 
 
@@ -78,15 +79,18 @@ class LiveAxes:
 
     def save(self) -> bytes:
         """All of it, for a later run."""
-        return msgspec.msgpack.encode(_Saved(self.axes, self.h, self.unit, self._octaves.save()))
+        return msgspec.msgpack.encode(
+            _Saved(self.axes, self.h, self.unit, self._memory, self._octaves.save())
+        )
 
     def _restored(self, saved: bytes) -> Octaves:
         try:
             found = msgspec.msgpack.decode(saved, type=_Saved)
         except msgspec.MsgspecError as error:
             raise ValueError(f"the saved sums are not sound: {error}") from error
-        if (found.axes, found.h, found.unit) != (self.axes, self.h, self.unit):
-            raise ValueError("the saved sums are of other axes, another rate or another unit")
+        ours = self.axes, self.h, self.unit, self._memory
+        if (found.axes, found.h, found.unit, found.memory) != ours:
+            raise ValueError("the saved sums are of other axes, another rate, unit or memory")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
     def _fit(self, lane: int, curves: bool, level: float) -> AxisFit:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.models import parameters
+from fltea.spectrum.models import WHITE, parameters
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.whittle import HOLDS, Fit
+from fltea.spectrum.whittle import HOLDS, Fit, fit
 
 Array = NDArray[np.float64]
 
@@ -92,11 +92,14 @@ def fractional_fit(data: Binned, found: Fit, h: float, *, white: bool = False) -
     """Profile the one series of `data`, whose fit of the model FULL is `found`; h in s.
 
     white: the null test does not reject white noise, in which none of the parameters is defined.
+
+    Raises:
+        ValueError: no spectrum can be fitted to the data, as for `whittle.fit`.
     """
     p = parameters(found.theta[0])
     alpha, g, weight, scale = float(p.alpha), float(p.g), float(p.weight), float(found.scale[0])
     f, s2, R = spectrum.f_of(alpha, g, h), weight * scale, (1 - weight) * scale
-    power = float(data.power[0] @ data.counts / data.counts.sum())
+    power = float(fit(data._replace(power=data.power[:1]), WHITE).scale[0])
     profiles = (
         _Profile("F", g + alpha, -2.0, 2.0, positive=False),  # α - 2^α < F < α
         _Profile("alpha", alpha, 0.0, spectrum.HIGHEST_ORDER - 1e-4, positive=False),

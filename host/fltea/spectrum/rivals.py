@@ -113,16 +113,17 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
     )
 
 
-def residual_ks(power: Array, spectrum: Array) -> float:
+def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:
     """√m times the largest distance between the cumulative sum of I/S, scaled to 1, and a straight line.
 
     Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
+    weight: effective ordinates of each line, of which there are then m in all.
     """
-    return _farthest(np.asarray(power / spectrum))
+    return _farthest(np.asarray(power / spectrum), weight)
 
 
 def _farthest(ratio: Array, weight: Array | None = None) -> float:
-    """`residual_ks` of I/S, (m,), which is overwritten; weight: effective ordinates of each line."""
+    """`residual_ks` of I/S, (m,), which is overwritten."""
     if weight is not None:
         # A line of weight w adds w I/S, with the variance w: the bridge has W = sum of w in place of m.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()

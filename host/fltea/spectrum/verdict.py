@@ -17,7 +17,7 @@ from fltea.spectrum.stationarity import Change
 
 LEVEL = 0.05
 """The null test rejects below, of a recording that is looked at once."""
-ANYTIME_LEVEL = 5e-5
+ANYTIME_LEVEL = 1e-5
 """The same of a sensor that is looked at every second for a day: with it at most one white sensor in a
 hundred is ever called anything else."""
 DRIFT_HZ = 0.02

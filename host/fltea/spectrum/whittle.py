@@ -54,6 +54,8 @@ class Model(NamedTuple):
     highest_order: float = 2.0
     """of the fractional model"""
     held: Held = Held()
+    always: Array | None = None
+    """(k, p) points at which the search begins whatever the grid says"""
 
 
 class Fit(NamedTuple):
@@ -85,17 +87,13 @@ def fit(data: Binned, model: Model, extra_starts: Array | None = None, warm: Arr
     """
     series, p = len(data.power), model.starts.shape[1]
     theta, scale, nll = np.empty((series, p)), np.empty(series), np.empty(series)
+    if model.always is not None and warm is None:
+        always = np.broadcast_to(model.always, (series, *model.always.shape))
+        extra_starts = always if extra_starts is None else np.concatenate([always, extra_starts], axis=1)
     _native.whittle_fit(
-        np.ascontiguousarray(data.lam, dtype=np.float64),
-        np.ascontiguousarray(data.counts, dtype=np.float64),
-        np.ascontiguousarray(data.power, dtype=np.float64),
-        FAMILIES[model.name],
-        model.highest_order,
-        HOLDS[model.held.name],
-        model.held.value,
-        model.held.h,
-        model.starts,
-        model.groups,
+        *_arguments(data, model),
+        starts=model.starts,
+        groups=model.groups,
         extra=None if extra_starts is None else np.ascontiguousarray(extra_starts, dtype=np.float64),
         warm=None if warm is None else np.ascontiguousarray(warm, dtype=np.float64),
         theta=theta,
@@ -103,6 +101,42 @@ def fit(data: Binned, model: Model, extra_starts: Array | None = None, warm: Arr
         nll=nll,
     )
     return Fit(model, theta, scale, nll)
+
+
+class Slopes(NamedTuple):
+    """-log L of each series at some coordinates, at the best scale there."""
+
+    nll: Array
+    """(series,)"""
+    gradient: Array
+    """(series, p)"""
+    information: Array
+    """(series, p, p) of Fisher on the coordinates, the scale not being known: the expected curvature"""
+
+
+def slopes(data: Binned, model: Model, theta: Array) -> Slopes:
+    """Return the slopes at theta (series, p).
+
+    Raises:
+        ValueError: as for `fit`.
+    """
+    series, p = theta.shape
+    found = Slopes(np.empty(series), np.empty((series, p)), np.empty((series, p, p)))
+    _native.whittle_slopes(
+        *_arguments(data, model),
+        theta=np.ascontiguousarray(theta, dtype=np.float64),
+        nll=found.nll,
+        gradient=found.gradient,
+        information=found.information,
+    )
+    return found
+
+
+def _arguments(data: Binned, model: Model) -> tuple[Array, Array, Array, int, float, int, float, float]:
+    """What all native functions begin with."""
+    lam, counts, power = (np.ascontiguousarray(a, dtype=np.float64) for a in data)
+    held = model.held
+    return lam, counts, power, FAMILIES[model.name], model.highest_order, HOLDS[held.name], held.value, held.h
 
 
 def negative_log_likelihood(

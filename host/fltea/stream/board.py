@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.estimator.running_null import RunningNull
-from fltea.estimator.running_null import Standing as Whiteness
 from fltea.records.block import Block
 from fltea.records.events import SEQUENCE_WRAP, DeviceAxis, DeviceEstimator, Event, Ints, LinkDown
 from fltea.records.records import (
@@ -28,6 +26,7 @@ from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.settings.config import Config, EstimatorConfig
 from fltea.stream.board_settings import host_settings, info_of, unused_settings
 from fltea.stream.comparable import why_not_comparable
+from fltea.stream.live import LiveFits, Said, said_by
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
 
 REMEMBERED = 256
@@ -59,10 +58,12 @@ class BoardEstimates:
     """Follows the board's own estimates.
 
     Where it alone estimates, they become `Estimate` records; else `DeviceEstimates` compare them with this
-    computer's, which computes with the board's settings as soon as it knows them.
+    computer's, which computes with the board's settings as soon as it knows them. fits: what is said of white
+    noise beside the estimates.
     """
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, fits: LiveFits | None = None) -> None:
+        self._said = said_by(fits)
         self.alone = config.estimator.estimate_on == "device"
         self.stated: DeviceEstimator | None = None
         self._config = config
@@ -70,7 +71,6 @@ class BoardEstimates:
         self._in_use: EstimatorConfig | None = None
         self._axes: tuple[str, ...] = ()
         self._places: list[int] = []
-        self._null = RunningNull(0)
         self._moments: dict[int, _Moment] = {}
         self._window_end = 0
         self._newest: dict[str, DeviceAxis] = {}
@@ -89,21 +89,11 @@ class BoardEstimates:
         self._in_use = self._settings or self._config.estimator
         return self._in_use
 
-    def settings(self) -> EstimatorConfig | None:
-        """With what the gyroscope is estimated as of now; None while a board alone has not stated it."""
-        return self._settings if self.alone else self._in_use
-
-    def is_valid(self, axis: str) -> bool | None:
-        """Whether the board's newest estimate of an axis is valid; None while there is none."""
-        newest = self._newest.get(axis)
-        return None if newest is None else _numbers(newest)[0]
-
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch."""
         self.forget()
         gyro, _ = beginning.axes(self._config.channels)
         self._axes, self._places = tuple(gyro), list(gyro.values())
-        self._null = RunningNull(len(self._axes))
         self._told_constant.clear()
 
     def forget(self) -> None:
@@ -120,10 +110,6 @@ class BoardEstimates:
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
         """Remember samples; their estimates come later."""
         yield from self._unused(int(host_ns[0]))
-        if self.alone:
-            self._null.skip(missing)
-            for row in block.gyro_dps[:, self._places].tolist():
-                self._null.add(row)
         if not block.estimates:
             self._window_end = int(block.seq[-1])
         first = max(0, len(block) - REMEMBERED)
@@ -305,8 +291,7 @@ class BoardEstimates:
             return
         ordered = [axis for axis in self._axes if axis in group]
         if self.alone:
-            standings = dict(zip(self._axes, self._null.standings, strict=True))
-            found = {axis: _as_estimate(group[axis], standings[axis]) for axis in ordered}
+            found = {axis: _as_estimate(group[axis], self._said(axis)) for axis in ordered}
             yield Estimate(*moment.place(), variant, found, device=self._config.name)
             return
         same = self._settings is not None and self._settings == self._in_use
@@ -316,9 +301,9 @@ class BoardEstimates:
         yield DeviceEstimates(*moment.place(), variant, axes, comparable, device=self._config.name)
 
 
-def _as_estimate(e: DeviceAxis, null: Whiteness) -> AxisEstimate:
+def _as_estimate(e: DeviceAxis, said: Said) -> AxisEstimate:
     valid, numbers = _numbers(e)
-    return AxisEstimate(*numbers, valid, *null)
+    return AxisEstimate(*numbers, valid, said.null_p, said.whiteness)
 
 
 def _compare(

@@ -55,6 +55,6 @@ def info_of(stated: DeviceEstimator) -> EstimatorInfo:
 
 def unused_settings(config: EstimatorConfig) -> list[str]:
     """Settings that were changed for nothing, since the device has its own; each as a dotted path."""
-    usual = EstimatorConfig(estimate_on=config.estimate_on, white_band=config.white_band)
+    usual = EstimatorConfig(estimate_on=config.estimate_on)
     names = [name for name in config.__struct_fields__ if getattr(config, name) != getattr(usual, name)]
     return [f"estimator.{name}" for name in names]

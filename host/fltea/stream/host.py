@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from fltea.estimator.bank import Bank
 from fltea.estimator.lanes import Reason
 from fltea.estimator.online_state import OnlineState
-from fltea.records.block import AxisColumns, Block
+from fltea.records.block import AxisColumns, Block, Bools
 from fltea.records.events import Event, Ints
 from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, EstimatorInfo
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.config import Config, EstimatorConfig
+from fltea.stream.live import LiveFits, Said, said_by
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
@@ -35,8 +36,8 @@ class Estimated(NamedTuple):
 class Channels:
     """Estimates axes in the sensor's unit. axes: names, and the columns of each block that they are.
 
-    h: sampling period in s. resolution: one LSB in the sensor's unit, None where unknown. state: what
-    `save` returned, to go on from there.
+    h: sampling period in s. resolution: one LSB in the sensor's unit, None where unknown. said: what the fit
+    says of each axis. state: what `save` returned, to go on from there.
 
     Raises:
         ValueError: settings that no filter can work with, or a state that does not fit them.
@@ -49,9 +50,10 @@ class Channels:
         h: float,
         resolution: float | None,
         unit: str,
+        said: Callable[[str], Said],
         state: OnlineState | None = None,
     ) -> None:
-        self.config = config
+        self.config, self._said = config, said
         self._names, self._places, self._unit = tuple(axes), list(axes.values()), unit
         self._bank = Bank(self._names, config, h, resolution, state)
 
@@ -76,10 +78,16 @@ class Channels:
             found.x,
             found.innovation,
             found.valid,
-            found.null_p,
-            found.not_white,
+            *self._null(found.valid.shape),
         )
         return Estimated(columns, [(row, self._names[lane], why) for row, lane, why in found.lost])
+
+    def _null(self, shape: tuple[int, ...]) -> tuple[Array, Bools]:
+        """Columns of what is said of white noise."""
+        said = [self._said(axis) for axis in self._names]
+        p = np.array([math.nan if one.null_p is None else one.null_p for one in said])
+        rejected = np.array([one.whiteness == "rejected" for one in said])
+        return np.broadcast_to(p, shape), np.broadcast_to(rejected, shape)
 
     def on_missing(self, count: int) -> list[tuple[str, Reason]]:
         """Bridge lost samples; the axes that became invalid meanwhile, and why."""
@@ -139,11 +147,14 @@ class HostEstimates:
     """Lets the channels of both sensors take every sample.
 
     settings: gives those of the gyroscope's axes, asked for whenever an epoch begins; None if a board alone
-    estimates them.
+    estimates them. fits: what is said of white noise beside the estimates.
     """
 
-    def __init__(self, config: Config, settings: Callable[[], EstimatorConfig] | None) -> None:
+    def __init__(
+        self, config: Config, settings: Callable[[], EstimatorConfig] | None, fits: LiveFits | None = None
+    ) -> None:
         self._config = config
+        self._said = said_by(fits)
         self._settings = settings
         self._gyro: Channels | None = None
         self._accel: Channels | None = None
@@ -157,10 +168,10 @@ class HostEstimates:
         self._gyro = self._accel = None
         if gyro and self._settings is not None:
             state, resolution = saved.gyro if saved else None, resolution_dps(hello)
-            self._gyro = Channels(gyro, self._settings(), h, resolution, GYRO_UNIT, state)
+            self._gyro = Channels(gyro, self._settings(), h, resolution, GYRO_UNIT, self._said, state)
         if accel:
             state, resolution = saved.accel if saved else None, accel_resolution_ms2(hello)
-            self._accel = Channels(accel, self._config.accel, h, resolution, ACCEL_UNIT, state)
+            self._accel = Channels(accel, self._config.accel, h, resolution, ACCEL_UNIT, self._said, state)
 
     def bridge(self, count: int) -> None:
         """Bridge the time for which the program stood still."""

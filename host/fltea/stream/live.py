@@ -6,7 +6,7 @@ Another device, scale, filter, rate or set of axes begins again. So `samples` of
 epochs, where the filters begin with each.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -15,14 +15,25 @@ from numpy.typing import NDArray
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints
 from fltea.records.fit import AxisFit
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello
+from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.live_axes import LiveAxes
+from fltea.spectrum.verdict import ANYTIME_LEVEL
 from fltea.stream.fit_times import CURVES_S, FitTimes, period_s
 from fltea.stream.stages import Beginning, Item, Saved, SavedFits, Standing
 
 BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
+
+
+class Said(NamedTuple):
+    """What estimates of an axis say of its fit; null_p to three digits, None before the first fit.
+
+    A fit that is begun elsewhere, as that of a replay is, may differ in the last digits of its figures.
+    """
+
+    null_p: float | None = None
+    whiteness: Whiteness | None = None
 
 
 class _Sensor(NamedTuple):
@@ -53,7 +64,7 @@ class LiveFits:
     def __init__(self, config: Config, *, prompt: bool = True, devices: int = 1) -> None:
         self._config = config
         self._period_s = period_s(config, devices)
-        self._every = prompt
+        self._prompt = prompt
         self._sensors: dict[str, _Sensor] = {}
         self._of: tuple[object, ...] | None = None
         self._resumed = False
@@ -84,7 +95,7 @@ class LiveFits:
             self._of, self._resumed = identity, saved is not None
             period = max(1, round(self._period_s * hello.rate_hz))
             grows, curves = self._config.live.period_s is None, round(CURVES_S * hello.rate_hz)
-            self._times = FitTimes(period, curves, grows=grows, every=self._every)
+            self._times = FitTimes(period, curves, grows=grows, every=self._prompt)
         else:
             self.bridge(beginning.missing)
         self._times.begin()
@@ -130,13 +141,24 @@ class LiveFits:
         """What the next epoch is of says whether anything is kept."""
 
     def last(self) -> Iterator[Item]:
-        """A fit of everything with its curves, at the end; none if that has just been published."""
-        if self._at is not None and self._samples != self._drawn_samples:
-            yield self._fit(curves=True)
+        """A fit of everything with its curves, at the end; none if that has just been published.
+
+        Of a recording it is the one look that counts, so it says what `fltea identify` says.
+        """
+        if self._at is not None and (not self._prompt or self._samples != self._drawn_samples):
+            yield self._fit(curves=True, last=not self._prompt)
 
     def settled(self, axis: str) -> AxisFit | None:
         """The fit of an axis that its next estimates go by; None before the first."""
         return self._settled.get(axis)
+
+    def said(self, axis: str) -> Said:
+        """What the next estimates of an axis say of its noise."""
+        fit = self._settled.get(axis)
+        if fit is None or fit.null_p is None:
+            return Said()
+        p = float(f"{fit.null_p:.3g}")
+        return Said(p, "rejected" if p < ANYTIME_LEVEL else "not rejected")
 
     def standing(self) -> Standing:
         """How often it fits."""
@@ -159,15 +181,20 @@ class LiveFits:
         seq, device_us, host_ns = last
         self._at = _Place(seq, block.epoch, device_us, host_ns)
 
-    def _fit(self, *, curves: bool) -> Fit:
+    def _fit(self, *, curves: bool, last: bool = False) -> Fit:
         """The fit after the sample that was taken last."""
         assert self._at is not None
         found: dict[str, AxisFit] = {}
         for sensor in self._sensors.values():
-            found |= sensor.live.fit(curves=curves)
+            found |= sensor.live.fit(curves=curves, last=last)
         if curves:
             self._drawn_samples = self._samples
         return Fit(*self._at, self._samples, found, device=self._config.name)
+
+
+def said_by(fits: LiveFits | None) -> Callable[[str], Said]:
+    """What is said of each axis; nothing where nothing is fitted."""
+    return (lambda axis: Said()) if fits is None else fits.said
 
 
 def _sensor_of(hello: Hello) -> tuple[object, ...]:

@@ -31,7 +31,6 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.settings.config import BY_DEVICE, Config
-from fltea.stream.bands import WhiteBands
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
 from fltea.stream.host import HostEstimates
@@ -47,16 +46,13 @@ def no_outputs() -> dict[str, OutputStats]:
     return {}
 
 
-def stages_of(config: Config) -> list[Stage]:
-    """What the samples go through, in order: this computer, the board, or both; then white noise."""
-    banded = config.bands_of_gyro or config.bands_of_accel
+def stages_of(config: Config, fits: LiveFits | None) -> list[Stage]:
+    """What samples go through, in order: the live fit, then this computer's filters, the board's, or both."""
+    first: list[Stage] = [] if fits is None else [fits]
     if config.estimator.estimate_on not in BY_DEVICE:
-        host = HostEstimates(config, lambda: config.estimator)
-        return [host, WhiteBands(config, lambda: config.estimator)] if banded else [host]
-    board = BoardEstimates(config)
-    host = HostEstimates(config, None if board.alone else board.host_settings)
-    bands = WhiteBands(config, board.settings, board.is_valid if board.alone else None)
-    return [host, board, bands] if banded else [host, board]
+        return [*first, HostEstimates(config, lambda: config.estimator, fits)]
+    board = BoardEstimates(config, fits)
+    return [*first, HostEstimates(config, None if board.alone else board.host_settings, fits), board]
 
 
 class Pipeline:
@@ -81,8 +77,7 @@ class Pipeline:
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name, every)
         self._refuse = refuse
         self._fits = LiveFits(config, prompt=source.prompt, devices=devices) if config.live.on else None
-        fits: list[Stage] = [] if self._fits is None else [self._fits]
-        self._stages: list[Stage] = [*fits, *stages_of(config)]
+        self._stages = stages_of(config, self._fits)
         self._board: DeviceStatus | None = None
         self._now_ns = 0
         self._second: int | None = None
@@ -201,10 +196,7 @@ class Pipeline:
             samples=SampleStats(
                 place.delivered, place.lost, place.gaps, place.duplicates, place.before_hello
             ),
-            axes={
-                axis: msgspec.structs.replace(one, white=standing.white.get(axis))
-                for axis, one in standing.axes.items()
-            },
+            axes=standing.axes,
             board=self._board,
             outputs=self._outputs() if self._source.prompt else {},
             device_estimator=standing.device,
@@ -225,7 +217,6 @@ class Pipeline:
             whole = Standing(
                 max(whole.startup_remaining, one.startup_remaining),
                 one.axes | whole.axes,
-                one.white | whole.white,
                 whole.gyro or one.gyro,
                 whole.accel or one.accel,
                 whole.device or one.device,

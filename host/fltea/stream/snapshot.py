@@ -11,7 +11,7 @@ import msgspec
 
 from fltea.estimator.online_state import OnlineState
 from fltea.records.records import Hello
-from fltea.settings.config import Config, EstimatorConfig
+from fltea.settings.config import Config
 from fltea.stream.stages import Saved, SavedFits
 
 
@@ -44,13 +44,8 @@ def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
         "rate_hz": str(hello.rate_hz),
         "channels": str(config.channels),
         "live.memory": str(config.live.memory_s),
-        "settings": msgspec.json.encode([_of_filters(config.estimator), _of_filters(config.accel)]).decode(),
+        "settings": msgspec.json.encode([config.estimator, config.accel]).decode(),
     }
-
-
-def _of_filters(config: EstimatorConfig) -> EstimatorConfig:
-    """The settings without what changes no estimate."""
-    return msgspec.structs.replace(config, white_band=None)
 
 
 def why_unused(state: DeviceState, hello: Hello, config: Config, now_unix_ns: int) -> str | None:

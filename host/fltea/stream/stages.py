@@ -15,7 +15,6 @@ from fltea.records.records import (
     DeviceEstimatorStats,
     EstimatorInfo,
     Hello,
-    WhiteBandStats,
 )
 
 
@@ -74,7 +73,6 @@ class Standing:
 
     startup_remaining: int = 0
     axes: dict[str, AxisStats] = field(default_factory=dict)
-    white: dict[str, WhiteBandStats] = field(default_factory=dict)
     gyro: EstimatorInfo | None = None
     accel: EstimatorInfo | None = None
     device: DeviceEstimatorStats | None = None

@@ -18,8 +18,6 @@ from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.ports import LATENCY_BOUNDS_MS, OutputView
 from fltea.records.records import (
-    WHITE_QUANTILES,
-    AxisStats,
     DeviceAxisEstimate,
     DeviceEstimates,
     DeviceEstimatorStats,
@@ -195,26 +193,6 @@ def _axes_stats(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
     nis: Rows = [((device, axis), one.innovation_nis) for device, axis, one in axes]
     text = "Mean square of the innovations over their predicted variance; near 1 if the model fits."
     yield gauge_family("fltea_axis_innovation_nis", text, labels, nis)
-    yield from _white(axes)
-
-
-def _white(axes: Sequence[tuple[str, str, AxisStats]]) -> Iterator[Metric]:
-    known = [((device, axis), one.white) for device, axis, one in axes if one.white is not None]
-    labels = ("device", "axis")
-    for name, text in (
-        ("alpha", "Order that the same estimator gives of white noise of this power, by share of its runs."),
-        ("f", "Parameter f that it gives of white noise of this power, in s^-alpha, by share of its runs."),
-    ):
-        rows: Rows = [
-            ((*names, str(share)), value)
-            for names, white in known
-            for share, value in zip(WHITE_QUANTILES, getattr(white, name), strict=True)
-        ]
-        yield gauge_family(f"fltea_axis_white_{name}", text, (*labels, "quantile"), rows)
-    samples: Rows = [(names, white.samples) for names, white in known]
-    yield gauge_family(
-        "fltea_axis_white_samples", "Samples that this white noise had so far.", labels, samples
-    )
 
 
 def _board(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:

@@ -32,14 +32,26 @@ LEFT_OUT = {
 """What became of samples, by cause."""
 
 
+NARROW = 1.25
+"""An interval is as narrow as asked for if it is no more than so many times as wide."""
+
+
+class Figure(NamedTuple):
+    """A parameter with its interval. large: the data support it so well that it may be shown large."""
+
+    value: str
+    interval: str
+    large: bool
+
+
 class Answer(NamedTuple):
     """The words for one axis. kind: of the verdict, empty without a fit; alpha, f: None where undefined."""
 
     kind: str
     head: str
     text: str
-    alpha: tuple[str, str] | None
-    f: tuple[str, str] | None
+    alpha: Figure | None
+    f: Figure | None
     condition: str
     until: str
     left_out: str
@@ -58,8 +70,8 @@ def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
         fit.verdict,
         HEADS[fit.verdict],
         fit.text,
-        _with_interval(alpha, 2),
-        _with_interval(f, 1),
+        _figure(alpha, 2, 0.3),
+        _figure(f, 1, max(0.5, abs(f.value or 0.0) / 2) if f else 0.0),
         "if the noise is of fractional order" if fit.verdict == "undecided" and alpha else "",
         _until(fit),
         _left_out(fit),
@@ -78,14 +90,20 @@ def _defined(p: Interval) -> bool:
     return all(v is not None and math.isfinite(v) for v in (p.value, p.low, p.high))
 
 
-def _with_interval(p: Interval | None, least: int) -> tuple[str, str] | None:
-    """Value and interval, with as many digits as the interval is worth, and at least `least`."""
+def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
+    """With as many digits as the interval is worth; digits: at least; widest: half of what may be large."""
     if p is None or p.value is None or p.low is None or p.high is None:
         return None
     half = (p.high - p.low) / 2
-    digits = min(max(math.ceil(-math.log10(half / 2)), least), 4) if half > 0 else 4
-    value, low, high = (f"{v:.{digits}f}".replace("-", "\u2212") for v in (p.value, p.low, p.high))
-    return value, f"{low} … {high}"
+    digits = min(max(math.ceil(-math.log10(half / 2)), digits), 4) if half > 0 else 4
+    value, low, high = (_fixed(v, digits) for v in (p.value, p.low, p.high))
+    return Figure(value, f"{low} … {high}", half <= widest)
+
+
+def _fixed(value: float, digits: int) -> str:
+    """With a true minus, and without one before nothing."""
+    text = f"{value:.{digits}f}"
+    return text.lstrip("-") if float(text) == 0 else text.replace("-", "\u2212")
 
 
 def _until(fit: AxisFit) -> str:
@@ -98,7 +116,12 @@ def _until(fit: AxisFit) -> str:
         return f"{target}: more data do not define it"
     if fit.verdict not in WITH_ORDER:
         return ""
-    return f"{target} in {duration(until.seconds)}" if until.seconds > 0 else f"{target}: reached"
+    if until.seconds > 0:
+        return f"{target} in {duration(until.seconds)}"
+    a = fit.alpha
+    if a.low is None or a.high is None or a.high - a.low > 2 * NARROW * until.target:
+        return f"{target}: nobody can say when yet"  # the information at the fit promises more than there is
+    return f"{target}: reached"
 
 
 def _left_out(fit: AxisFit) -> str:

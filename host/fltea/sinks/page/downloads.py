@@ -11,8 +11,8 @@ from bokeh.embed import components
 from bokeh.model import Model
 from bokeh.resources import Resources
 
-from fltea.identify.html_page import html_page, wide_table
-from fltea.identify.imu_yaml import AxisNoise, Shown, imu_yaml
+from fltea.documents.html_page import html_page, wide_table
+from fltea.documents.imu_yaml import AxisNoise, Shown, imu_yaml
 from fltea.records.errors import UsageError
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import ACCEL_AXES, AXES, Fit

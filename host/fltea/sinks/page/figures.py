@@ -7,6 +7,7 @@ import numpy as np
 from bokeh.models import ColumnDataSource, CustomJSTickFormatter, DatetimeTicker, HoverTool, Range1d
 from bokeh.models.annotations import BoxAnnotation, Span
 from bokeh.plotting import figure
+from numpy.typing import NDArray
 
 from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, INKED, SAMPLE, STATE
 
@@ -31,6 +32,8 @@ const seconds = date.getSeconds() ? ":" + String(date.getSeconds()).padStart(2, 
 return String(date.getHours()).padStart(2, "0") + ":" + String(date.getMinutes()).padStart(2, "0") + seconds
 """
 
+
+Shown = tuple[ColumnDataSource, tuple[str, ...]]
 
 POWER_OF_TEN = "return tick ? tick.toExponential(1).replaceAll('-', '\u2212') : '0'"
 
@@ -75,8 +78,8 @@ class Figures:
 
     def _estimate(self, name: str, letter: str, label: str) -> figure:
         low, mid, high = f"{name}_low", f"{name}_mid", f"{name}_high"
-        shown = (self.estimates, (low, high)), (self.fits, (low, high)), (self.beside, (name,))
-        plot = self._figure(name, label, *shown)
+        shown = (self.estimates, (low, high)), (self.fits, (mid,)), (self.beside, (name,))
+        plot = self._figure(name, label, *shown, loose=(self.fits, (low, high)))
         plot.varea("time", low, high, source=self.fits, color=FIT, alpha=0.3)
         plot.line("time", mid, source=self.fits, color=FIT, line_width=1.5)
         plot.varea("time", low, high, source=self.estimates, color=ESTIMATE, alpha=0.25)
@@ -116,11 +119,12 @@ class Figures:
         self,
         name: str,
         label: str,
-        *shown: tuple[ColumnDataSource, tuple[str, ...]],
+        *shown: Shown,
         always: Sequence[float] = (),
         least: float = 1e-6,
+        loose: Shown | None = None,
     ) -> figure:
-        height = _Height(shown, always, least)
+        height = _Height(shown, always, least, loose)
         self._heights.append(height)
         plot = figure(
             name=name,
@@ -137,6 +141,12 @@ class Figures:
         return plot
 
 
+def _finite(source: ColumnDataSource, names: Sequence[str]) -> NDArray[np.float64]:
+    columns = [np.asarray(source.data[name], dtype=np.float64) for name in names]
+    values: NDArray[np.float64] = np.concatenate(columns)
+    return values[np.isfinite(values)]
+
+
 def _source(columns: Sequence[str]) -> ColumnDataSource:
     return ColumnDataSource({name: [] for name in columns})
 
@@ -145,32 +155,34 @@ class _Height:
     """The range of values of a figure: follows the data, but not every twitch of them.
 
     shown: columns of sources that it has to hold; always: values besides; least: its least length.
+    loose: columns that it holds as far as they reach no further beyond the others than these are long.
     """
 
     def __init__(
         self,
-        shown: Sequence[tuple[ColumnDataSource, tuple[str, ...]]],
+        shown: Sequence[Shown],
         always: Sequence[float],
         least: float,
+        loose: Shown | None = None,
     ) -> None:
         self._ends = math.inf, -math.inf
         self.range = Range1d(start=-1, end=1)
         self._shown = shown
         self._always = always
         self._least = least
+        self._loose = loose
 
     def fit(self) -> None:
         """Change the range if the data leave it, or have no more use for a third of it."""
-        columns = [
-            np.asarray(source.data[name], dtype=np.float64) for source, names in self._shown for name in names
-        ]
-        values = np.concatenate([*columns, self._always])
-        values = values[np.isfinite(values)]
+        values = np.concatenate([*(_finite(*one) for one in self._shown), self._always])
         if not values.size:
             return
         low, high = float(values.min()), float(values.max())
         wider = max(0.0, self._least - (high - low)) / 2
         low, high = low - wider, high + wider
+        if self._loose is not None:
+            beyond = np.clip(_finite(*self._loose), 2 * low - high, 2 * high - low)
+            low, high = float(np.min(beyond, initial=low)), float(np.max(beyond, initial=high))
         span = high - low
         start, end = self._ends
         if low < start or high > end or span < 0.6 * (end - start):

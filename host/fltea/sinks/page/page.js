@@ -183,8 +183,9 @@ window.fltea = (() => {
     if (place.dataset.text === text) return
     place.dataset.text = text
     if (!found) { place.replaceChildren(element("span", {class: "undefined"}, "undefined")); return }
-    place.replaceChildren(element("span", {class: "big"}, found[0]), " ",
-      element("span", {class: "interval"}, found[1], ...unit))
+    const [value, interval, large] = found
+    place.replaceChildren(element("span", {class: large ? "big" : "small"}, value), " ",
+      element("span", {class: "interval"}, interval, ...unit))
   }
 
   function guard(whose, found) {

@@ -6,6 +6,7 @@ from importlib import resources
 from typing import Any
 
 import msgspec
+import numpy as np
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.models import ColumnDataSource, CustomJS
@@ -14,6 +15,7 @@ from jinja2 import Environment
 from fltea.records import clock
 from fltea.records.ports import Recorder
 from fltea.sinks.page import facts, facts_of_device, recording
+from fltea.sinks.page.areas import closed
 from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
 from fltea.sinks.page.history import Curves, DeviceHistory
@@ -49,6 +51,7 @@ class Page:
         self._tick = 0
         self._acknowledged = 0
         self._cursors: dict[Table, Cursor] = {}
+        self._middles: dict[tuple[Table, str], float] = {}
         self._figures, self._curves = Figures(), CurveFigures()
         self._drawn: tuple[str, str, Curves | None] = "", "", None
         self._facts = ColumnDataSource({"json": [""]}, name="facts")
@@ -101,6 +104,12 @@ class Page:
             if f"{name}_std" in columns:
                 std = columns[f"{name}_std"]
                 columns[f"{name}_low"], columns[f"{name}_high"] = columns[name] - std, columns[name] + std
+        for name in ("alpha", "f"):
+            low, high = f"{name}_low", f"{name}_high"
+            if low in columns:
+                before = np.nan if new.fresh else self._middles.get((table, name), np.nan)
+                columns[low], columns[high], end = closed(columns[low], columns[high], before)
+                self._middles[table, name] = end
         for source in sources:
             wanted = {name: columns[name] for name in source.column_names}
             if new.fresh:

@@ -1,0 +1,73 @@
+"""How much longer: against the bound, and against intervals of longer records."""
+
+import math
+
+import numpy as np
+import pytest
+from fltea.lab.evaluate.cramer_rao import bound
+from fltea.noise.information import log_slopes
+from fltea.spectrum.how_long import order_deviation, seconds_more
+from fltea.spectrum.models import FULL, coordinates
+from fltea.spectrum.periodogram import Binned, binned, periodogram
+from fltea.spectrum.profile import fractional_fit
+from fltea.spectrum.whittle import Fit, fit
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_support import H, long_recursion, white
+
+ALPHA, G, R = 0.8, -0.025, 1 / 3
+
+
+def series(n: int, seed: int) -> Binned:
+    y = long_recursion(ALPHA, G, n, seed) + math.sqrt(R) * white(n, 1, seed + 50)[0]
+    return binned(periodogram(y, H))
+
+
+def test_the_deviation_is_the_bound() -> None:
+    n = 60_000
+    data = series(n, 1)
+    weight = 1 / (1 + R)
+    truth = Fit(FULL, coordinates(ALPHA, G, weight)[np.newaxis], np.array([1 + R]), np.zeros(1))
+    assert order_deviation(data, truth) == pytest.approx(bound(ALPHA, G, 1.0, R, n, H).alpha, rel=0.05)
+
+
+def test_it_is_kept() -> None:
+    """After so much longer the interval of the profile is as narrow as was asked."""
+    data = series(4000, 2)
+    seconds = seconds_more(data, fit(data, FULL), H, 0.05)
+    assert seconds is not None
+    assert seconds > 0
+    longer = series(4000 + round(seconds / H), 3)
+    alpha = fractional_fit(longer, fit(longer, FULL), H).alpha
+    assert alpha.low is not None
+    assert alpha.high is not None
+    assert (alpha.high - alpha.low) / 2 == pytest.approx(0.05, rel=0.3)
+
+
+def test_reached_and_never() -> None:
+    data = series(60_000, 4)
+    found = fit(data, FULL)
+    assert seconds_more(data, found, H, 0.2) == 0
+    assert seconds_more(data, found, H, 0.001, longest_s=1200.0) is None
+    plain = binned(periodogram(white(3000, 1, 5)[0], H))
+    flat = Fit(FULL, coordinates(0.0, -1e-6, 1e-6)[np.newaxis], np.ones(1), np.zeros(1))
+    assert seconds_more(plain, flat, H, 0.05) is None
+
+
+@given(st.floats(0.05, 1.9), st.floats(0.02, 0.98), st.floats(0.05, 20))
+def test_slopes(alpha: float, share: float, R: float) -> None:
+    """Against differences."""
+    lam, g, step = np.linspace(0.01, 3.1, 50), -(2**alpha) * share, 1e-6
+
+    def log_spectrum(alpha: float, g: float, log_s2: float, log_R: float) -> np.ndarray:
+        z = np.exp(-1j * lam)
+        return np.log(math.exp(log_s2) / np.abs((1 - z) ** alpha - g * z) ** 2 + math.exp(log_R))
+
+    at = np.array([alpha, g, 0.3, math.log(R)])
+    found = log_slopes(lam, alpha, g, math.exp(0.3), R)
+    for i in range(4):
+        up, down = at.copy(), at.copy()
+        up[i] += step
+        down[i] -= step
+        expected = (log_spectrum(*up) - log_spectrum(*down)) / (2 * step)
+        np.testing.assert_allclose(found[i], expected, rtol=1e-4, atol=1e-5)
