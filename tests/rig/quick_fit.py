@@ -35,17 +35,17 @@ class QuickAxes:
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
         spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
-        return {axis: self._fit(axis, spectrum) for axis in self.axes}
+        return {axis: self._fit(axis, spectrum, " at the end" if last else "") for axis in self.axes}
 
     def save(self) -> bytes:
         return b"quick%016x" % self.samples + self._seen
 
-    def _fit(self, axis: str, spectrum: FitSpectrum | None) -> AxisFit:
+    def _fit(self, axis: str, spectrum: FitSpectrum | None, end: str) -> AxisFit:
         digest = hashlib.sha256(self._seen + axis.encode()).digest()
         p, alpha = digest[0] / 255, digest[1] / 200
         return AxisFit(
             "white" if p >= 0.05 else "fractional",
-            digest.hex(),
+            digest.hex() + end,
             self.unit,
             p,
             Interval(alpha, alpha - 0.1, alpha + 0.1),

@@ -146,7 +146,9 @@ class LiveFits:
         Of a recording it is the one look that counts, so it says what `fltea identify` says.
         """
         if self._at is not None and (not self._prompt or self._samples != self._drawn_samples):
-            yield self._fit(curves=True, last=not self._prompt)
+            fit = self._fit(curves=True, last=not self._prompt)
+            self._at = None
+            yield fit
 
     def settled(self, axis: str) -> AxisFit | None:
         """The fit of an axis that its next estimates go by; None before the first."""
