@@ -1,6 +1,6 @@
 """Native parts of fltea.
 
-The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine.
+The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine; Whittle fits.
 """
 
 from typing import Any, Literal

@@ -1,5 +1,5 @@
 // fltea._native: the device's encoder, so that tests can compare its bytes with Python's, the decoder of the
-// wire, the estimator engine and what runs under it.
+// wire, the estimator engine and what runs under it, and the fits of spectra.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 

@@ -33,20 +33,20 @@ class QuickAxes:
         self.lost.append((self.samples, count))
         self._seen = hashlib.sha256(self._seen + b"lost %d" % count).digest()
 
-    def fit(self, *, curves: bool) -> dict[str, AxisFit]:
+    def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
         spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
-        return {axis: self._fit(axis, spectrum) for axis in self.axes}
+        return {axis: self._fit(axis, spectrum, " at the end" if last else "") for axis in self.axes}
 
     def save(self) -> bytes:
         return b"quick%016x" % self.samples + self._seen
 
-    def _fit(self, axis: str, spectrum: FitSpectrum | None) -> AxisFit:
+    def _fit(self, axis: str, spectrum: FitSpectrum | None, end: str) -> AxisFit:
         digest = hashlib.sha256(self._seen + axis.encode()).digest()
         p, alpha = max(0.0, digest[0] / 127 - 1), digest[1] / 200
         s2, R = 1e-3 + digest[2] * 1e-5, 1e-2 + digest[3] * 1e-4
         return AxisFit(
             "white" if p >= 0.05 else "fractional",
-            digest.hex(),
+            digest.hex() + end,
             self.unit,
             p,
             Interval(alpha, alpha - 0.1, alpha + 0.1),

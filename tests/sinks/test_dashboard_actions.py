@@ -10,7 +10,9 @@ from pathlib import Path
 import msgspec
 import pytest
 import yaml
-from dashboard_support import records
+from bokeh.document import Document
+from bokeh.io.doc import patch_curdoc
+from dashboard_support import records, told
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
 from fltea.records.errors import UsageError
 from fltea.records.ports import RecordingView
@@ -18,6 +20,8 @@ from fltea.records.records import Fit, Hello
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.page import recording
 from fltea.sinks.page.actions import NOT_ALLOWED, TOKEN
+from fltea.sinks.page.downloads import report_of, seen
+from fltea.sinks.page.page import Page
 from fltea.sinks.page.sink import DashboardSink
 
 AXES = {"gyro_x": with_curves(FRACTIONAL), "gyro_y": with_curves(WHITE, 2.0), "gyro_z": UNDECIDED}
@@ -280,6 +284,16 @@ def test_texts_of_a_device_are_text_in_the_report(served: Served) -> None:
     text = served.with_token("GET", "/report.html?device=due")[1]
     assert "<img" not in text
     assert "&lt;img" in text
+
+
+def test_report_has_nothing_of_the_page_that_is_being_served() -> None:
+    history = told(with_fits(records("n=600"), AXES))
+    page = Document()
+    Page(page, {"due": history})
+    with patch_curdoc(page):
+        text = report_of(seen(history))
+    assert 'class="plot"' in text
+    assert "window.fltea" not in text
 
 
 def test_imu_yaml_is_as_identify_writes_it(served: Served) -> None:

@@ -360,7 +360,7 @@ def test_the_page_knows_only_what_records_say() -> None:
     found = {module for file in folder.glob("*.py") for module in modules_of(file)}
     identify = {module for module in found if module.startswith("fltea.identify")}
     assert {module.split(".")[1] for module in found - identify} == {"records", "settings", "sinks"}
-    assert identify == {"fltea.identify.html_page", "fltea.identify.imu_yaml"}
+    assert identify == {"fltea.documents.html_page", "fltea.documents.imu_yaml"}
     writers = [folder.parents[1] / "identify" / f"{name}.py" for name in ("html_page", "imu_yaml")]
     assert {module for file in writers for module in modules_of(file)} == set()
 

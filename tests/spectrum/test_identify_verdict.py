@@ -36,6 +36,7 @@ CASES = {
     "just white": (evidence(p_all=0.051), "white", "undefined"),
     "just not white": (evidence(p_all=0.049), "fractional", "α = 0.60"),
     "a step": (evidence(change=STEP), "not stationary", "fell by a factor of 2 around 5 min of 10 min"),
+    "a step, and a line": (evidence(change=STEP, peaks=(LINE,)), "not stationary", "also a line at 31.4 Hz"),
     "up and down": (evidence(change=WANDER), "not stationary", "up and down by a factor of about 2.1"),
     "white that changes": (evidence("white", p_all=0.5, change=STEP), "not stationary", "8.7 and 17.5 Hz"),
     "white at the level of all looks": (evidence(p_all=1e-4, level=ANYTIME_LEVEL), "white", "undefined"),

@@ -8,7 +8,7 @@ import pytest
 from fltea.identify.sums import examined
 from fltea.records.fit import AxisFit
 from fltea.settings.live import LiveConfig
-from fltea.spectrum.live_axes import POINTS, LiveAxes
+from fltea.spectrum.live_axes import FEWEST_SAMPLES, POINTS, LiveAxes
 from fltea.spectrum.verdict import decide
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -122,6 +122,12 @@ def test_what_was_saved_is_a_stranger_s() -> None:
 def test_too_few_and_constant() -> None:
     axes = live()
     assert {fit.verdict for fit in axes.fit(curves=True).values()} == {"too few samples"}
+    axes.add(two(FEWEST_SAMPLES - 2, 5))
+    for fit in axes.fit(curves=False).values():
+        assert "134 of the 136" in fit.text
+    axes.add(two(2, 5))
+    assert {fit.verdict for fit in axes.fit(curves=True).values()} != {"too few samples"}
+    axes = live()
     axes.add(np.column_stack([np.full(1000, 3.0), white(1000, 1, 1)[0]]))
     constant, white_one = axes.fit(curves=True).values()
     assert constant.verdict == "constant"

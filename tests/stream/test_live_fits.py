@@ -168,6 +168,20 @@ def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
     assert [type(item) for item in pipeline.finish()] == [Stats]
 
 
+def test_the_last_fit_of_a_recording_is_judged_as_one_look() -> None:
+    """Even if a fit of all of it, at the level of all looks, has just been published."""
+    items, pipeline = walk([hello(), raw(range(100))], prompt=False)
+    last, _ = pipeline.finish()
+    assert isinstance(last, Fit)
+    assert last.axes["gyro_x"].text.endswith("at the end")
+    assert [type(item) for item in pipeline.finish()] == [Stats]
+    assert not any(fit.axes["gyro_x"].text.endswith("at the end") for fit in fits(items))
+    _, pipeline = walk([hello(), raw(range(150))])
+    last, _ = pipeline.finish()
+    assert isinstance(last, Fit)
+    assert not last.axes["gyro_x"].text.endswith("at the end")
+
+
 def test_without_a_sample_there_is_no_last_fit() -> None:
     _, pipeline = walk([hello()])
     assert [type(item) for item in pipeline.finish()] == [Stats]

@@ -5,7 +5,7 @@ import json
 
 from fltea.lab import bench as bench_estimator
 
-from tools.bench import bench_allan, bench_daemon, bench_decode, bench_octaves, identify_tables
+from tools.bench import bench_allan, bench_daemon, bench_decode, bench_fit, bench_octaves, identify_tables
 
 
 def main() -> None:
@@ -65,6 +65,7 @@ def main() -> None:
         "decode": bench_decode,
         "allan": bench_allan,
         "octaves": bench_octaves,
+        "fit": bench_fit,
         "estimator": bench_estimator,
     }
     found = {name: part.measure() for name, part in parts.items()}

@@ -21,9 +21,10 @@ from fltea.spectrum.octave_lines import find_octave_peaks
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import find_change
-from fltea.spectrum.verdict import LEVEL
+from fltea.spectrum.verdict import ANYTIME_LEVEL, LEVEL, decide
 from fltea.spectrum.warm import Warm
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
@@ -32,31 +33,59 @@ DAY = 8_640_000
 FIRST, GROWTH = 200, 1.05
 AT_ONCE = 1 << 16
 LEVELS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 5e-5, 3e-5, 1e-5)
+CLAIMS = ("fractional",)
 RULES = ("null test", "broad resonance", "peaks", "not stationary", "any")
-NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = {
-    "gauss": lambda n, rng: rng.standard_normal(n),
-    "lsb": lambda n, rng: np.rint(rng.standard_normal(n)),
-    "t4": lambda n, rng: rng.standard_t(4, n),
+Draw = Callable[[int], Array]
+
+
+def _relaxations(poles: tuple[float, ...], shares: tuple[float, ...], rng: np.random.Generator) -> Draw:
+    """AR(1) processes of unit variance, times `shares`, in white noise; it goes on from call to call."""
+    states = [np.array([0.0]) for _ in poles]
+
+    def draw(n: int) -> Array:
+        y = rng.standard_normal(n)
+        for i, (phi, share) in enumerate(zip(poles, shares, strict=True)):
+            step = share * math.sqrt(1 - phi * phi) * rng.standard_normal(n)
+            part, states[i] = lfilter([1.0], [1.0, -phi], step, zi=states[i])
+            y += part
+        return y
+
+    return draw
+
+
+WHITE: dict[str, Callable[[np.random.Generator], Draw]] = {
+    "gauss": lambda rng: rng.standard_normal,
+    "lsb": lambda rng: lambda n: np.rint(rng.standard_normal(n)),
+    "t4": lambda rng: lambda n: rng.standard_t(4, n),
 }
+RELAXING: dict[str, Callable[[np.random.Generator], Draw]] = {
+    "AR(.5)": partial(_relaxations, (0.5,), (1.0,)),
+    "AR(.99)": partial(_relaxations, (0.99,), (1.0,)),
+    "AR(.99) + AR(.5)": partial(_relaxations, (0.99, 0.5), (1.0, 1.0)),
+}
+NOISES = WHITE | RELAXING
+"""The latter are not white, and of no order: how often are they ever called fractional?"""
 
 
 def axis_day(noise: str, samples: int, seed: int) -> list[float]:
     """The highest level at which each rule is silent all the time."""
-    rng = np.random.default_rng((seed, samples))
+    draw = NOISES[noise](np.random.default_rng((seed, samples)))
     sums, warm, taken = Octaves(1), Warm(), 0
-    lowest = dict.fromkeys(RULES, 1.0)
+    rules = RULES if noise in WHITE else CLAIMS
+    lowest = dict.fromkeys(rules, 1.0)
     look = float(FIRST)
     while taken < samples:
         until = min(round(look), samples)
         while taken < until:
             part = min(until - taken, AT_ONCE)
-            sums.add(NOISES[noise](part, rng)[:, np.newaxis])
+            sums.add(np.ascontiguousarray(draw(part)[:, np.newaxis]))
             taken += part
-        for rule, p in _look(sums, warm, taken).items():
+        for rule, p in (_look if noise in WHITE else _claim)(sums, warm, taken).items():
             lowest[rule] = min(lowest[rule], p)
         look *= GROWTH
-    lowest["any"] = min(lowest.values())
-    return [lowest[rule] for rule in RULES]
+    if noise in WHITE:
+        lowest["any"] = min(lowest.values())
+    return [lowest[rule] for rule in rules]
 
 
 def _look(sums: Octaves, warm: Warm, taken: int) -> dict[str, float]:
@@ -79,6 +108,13 @@ def _look(sums: Octaves, warm: Warm, taken: int) -> dict[str, float]:
     }
 
 
+def _claim(sums: Octaves, warm: Warm, taken: int) -> dict[str, float]:
+    """Whether the noise is called fractional now: below every level, or below none."""
+    whole, cells = sums.periodogram(0, H), sums.cells(0, H)
+    seen = examine(whole, taken * H, taken, cells=cells, level=ANYTIME_LEVEL, warm=warm)
+    return {CLAIMS[0]: 0.0 if decide(seen.evidence).kind == "fractional" else 1.0}
+
+
 def measure(noise: str, axes: int, samples: int, seed: int, jobs: int) -> dict[str, Any]:
     """Share of axes for which each rule ever speaks, by level; from its first look to the last."""
     seeds = range(seed, seed + axes)
@@ -86,7 +122,7 @@ def measure(noise: str, axes: int, samples: int, seed: int, jobs: int) -> dict[s
         lowest = np.array(list(pool.map(partial(axis_day, noise, samples), seeds)))
     shares = {
         rule: {str(level): float((lowest[:, i] < level).mean()) for level in LEVELS}
-        for i, rule in enumerate(RULES)
+        for i, rule in enumerate(RULES if noise in WHITE else CLAIMS)
     }
     return {"noise": noise, "axes": axes, "samples": samples, "ever": shares}
 

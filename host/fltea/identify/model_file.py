@@ -7,8 +7,8 @@ from pathlib import Path
 import msgspec
 
 from fltea import __version__
+from fltea.documents.imu_yaml import AxisNoise, Shown, imu_yaml
 from fltea.identify.allan import Allan
-from fltea.identify.imu_yaml import AxisNoise, Shown, imu_yaml
 from fltea.identify.noise_model import AxisModel, check_stationary
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
+from fltea.documents.html_page import html_page, wide_table
 from fltea.identify import figures, findings
 from fltea.identify.axis import AxisResult
-from fltea.identify.html_page import html_page, wide_table
 from fltea.identify.run import AxisReport, FileReport
 from fltea.records.errors import UsageError
 from fltea.records.whole_file import whole_file

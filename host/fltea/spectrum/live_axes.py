@@ -13,7 +13,7 @@ from fltea.spectrum.fit_allan import fit_allan
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.models import parameters
 from fltea.spectrum.octaves import Counts, Octaves
-from fltea.spectrum.periodogram import Periodogram, binned
+from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
 from fltea.spectrum.profile import Parameter, fractional_fit
 from fltea.spectrum.spectral import Spectral, examine
 from fltea.spectrum.verdict import ANYTIME_LEVEL, LEVEL, decide
@@ -25,6 +25,8 @@ POINTS = 150
 """Of the spectrum, at most."""
 SHORTEST_MEMORY = 256
 """Samples."""
+FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
+"""So many ordinates are left of them."""
 REMEMBERED = 2
 """Times the time constant: what is older is in no figure."""
 
@@ -112,8 +114,10 @@ class LiveAxes:
                 level=level,
                 warm=self._warm[lane],
             )
-        except ValueError as error:
-            return AxisFit("too few samples", f"{_sentence(str(error))}.", self.unit, left_out=left_out)
+        except ValueError:
+            needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
+            text = f"Too few samples yet: {needed}."
+            return AxisFit("too few samples", text, self.unit, left_out=left_out)
         return self._said(lane, seen, whole if curves else None, used, left_out)
 
     def _said(
@@ -170,7 +174,3 @@ def _left_out(counts: Counts) -> dict[str, int]:
 
 def _interval(p: Parameter) -> Interval:
     return Interval(p.value, p.low, p.high)
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]

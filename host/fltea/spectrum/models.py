@@ -28,7 +28,8 @@ def logit(share: ArrayLike) -> Array:
 
 def share(coordinate: ArrayLike) -> Array:
     """The number between 0 and 1 of a coordinate, at least 1e-7 from both."""
-    return np.asarray(1 / (1 + np.exp(-np.clip(coordinate, -16.0, 16.0))))
+    # np.clip takes several times as long, which counts in a fit every second.
+    return np.asarray(1 / (1 + np.exp(np.minimum(np.maximum(np.negative(coordinate), -16.0), 16.0))))
 
 
 class Parameters(NamedTuple):

@@ -5,6 +5,7 @@ lines are averages over blocks under Hann's window: they have more than two degr
 neighbours are correlated, so that a stretch of a few has more for its width than a long one.
 """
 
+import functools
 import math
 from statistics import NormalDist
 from typing import NamedTuple
@@ -149,6 +150,7 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
     return best
 
 
+@functools.cache
 def _gathered(width: int) -> float:
     """Effective ordinates of so many averaged lines, over the sum of their weights (those in a long row)."""
 
@@ -191,10 +193,13 @@ def _describe(
     narrow = int(wide.sum()) <= (NARROW if averaged else LINE_ORDINATES)
     if narrow:
         top = int(part.argmax())
+    at = slice(max(top - 1, 0), top + 2) if narrow and averaged else slice(top, top + 1)
+    above = np.maximum(part[at] - found.level, 0.0) + 1e-300
+    frequency = float(np.average(lines.lam[left:right][at], weights=above))
     core = slice(found.start, found.stop)
     return Peak(
         kind="resonance" if not narrow else "peak" if averaged else "line",
-        frequency_hz=float(lines.lam[left + top] * to_hz),
+        frequency_hz=frequency * to_hz,
         width_hz=float(steps[wide].sum() * to_hz),
         power_share=float((part - found.level) @ steps / total),
         height=float(np.average(lines.power[core], weights=lines.weight[core]) / found.level),

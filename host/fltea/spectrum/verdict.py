@@ -247,9 +247,11 @@ def _change_text(e: Evidence) -> str:
         what = f"its power {band} {how} by a factor of {ratio:.2g} {when}"
     else:
         what = f"its power {band} went up and down by a factor of about {c.size:.2g}"
+    also = f" There is also {_peaks_text(e.peaks)}." if e.peaks else ""
     return (
         f"The noise changed during the record: {what}. All figures are averages over different noises: judge "
         "the parts by themselves, or follow slow changes with a live.memory that is shorter than they are."
+        f"{also}"
     )
 
 

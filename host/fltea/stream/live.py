@@ -65,7 +65,7 @@ class LiveFits:
     def __init__(self, config: Config, *, prompt: bool = True, devices: int = 1) -> None:
         self._config = config
         self._period_s = period_s(config, devices)
-        self._every = prompt
+        self._prompt = prompt
         self._sensors: dict[str, _Sensor] = {}
         self._of: tuple[object, ...] | None = None
         self._resumed = False
@@ -96,7 +96,7 @@ class LiveFits:
             self._of, self._resumed = identity, saved is not None
             period = max(1, round(self._period_s * hello.rate_hz))
             grows, curves = self._config.live.period_s is None, round(CURVES_S * hello.rate_hz)
-            self._times = FitTimes(period, curves, grows=grows, every=self._every)
+            self._times = FitTimes(period, curves, grows=grows, every=self._prompt)
         else:
             self.bridge(beginning.missing)
         self._times.begin()
@@ -142,9 +142,14 @@ class LiveFits:
         """What the next epoch is of says whether anything is kept."""
 
     def last(self) -> Iterator[Item]:
-        """A fit of everything with its curves, at the end; none if that has just been published."""
-        if self._at is not None and self._samples != self._drawn_samples:
-            yield self._fit(curves=True)
+        """A fit of everything with its curves, at the end; none if that has just been published.
+
+        Of a recording it is the one look that counts, so it says what `fltea identify` says.
+        """
+        if self._at is not None and (not self._prompt or self._samples != self._drawn_samples):
+            fit = self._fit(curves=True, last=not self._prompt)
+            self._at = None
+            yield fit
 
     def said(self, axis: str) -> Said:
         """What the next estimates of an axis say of its noise."""
@@ -171,12 +176,12 @@ class LiveFits:
         seq, device_us, host_ns = last
         self._at = _Place(seq, block.epoch, device_us, host_ns)
 
-    def _fit(self, *, curves: bool) -> Fit:
+    def _fit(self, *, curves: bool, last: bool = False) -> Fit:
         """The fit after the sample that was taken last."""
         assert self._at is not None
         found: dict[str, AxisFit] = {}
         for sensor in self._sensors.values():
-            found |= sensor.live.fit(curves=curves)
+            found |= sensor.live.fit(curves=curves, last=last)
         if curves:
             self._drawn_samples = self._samples
         return Fit(*self._at, self._samples, found, device=self._config.name)

@@ -96,8 +96,14 @@ def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
         return None
     half = (p.high - p.low) / 2
     digits = min(max(math.ceil(-math.log10(half / 2)), digits), 4) if half > 0 else 4
-    value, low, high = (f"{v:.{digits}f}".replace("-", "\u2212") for v in (p.value, p.low, p.high))
+    value, low, high = (_fixed(v, digits) for v in (p.value, p.low, p.high))
     return Figure(value, f"{low} … {high}", half <= widest)
+
+
+def _fixed(value: float, digits: int) -> str:
+    """With a true minus, and without one before nothing."""
+    text = f"{value:.{digits}f}"
+    return text.lstrip("-") if float(text) == 0 else text.replace("-", "\u2212")
 
 
 def _until(fit: AxisFit) -> str:

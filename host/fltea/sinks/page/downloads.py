@@ -7,12 +7,14 @@ from html import escape
 from typing import NamedTuple
 
 import msgspec
+from bokeh.document import Document
 from bokeh.embed import components
+from bokeh.io.doc import patch_curdoc
 from bokeh.model import Model
 from bokeh.resources import Resources
 
-from fltea.identify.html_page import html_page, wide_table
-from fltea.identify.imu_yaml import AxisNoise, Shown, imu_yaml
+from fltea.documents.html_page import html_page, wide_table
+from fltea.documents.imu_yaml import AxisNoise, Shown, imu_yaml
 from fltea.records.errors import UsageError
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import ACCEL_AXES, AXES, Fit
@@ -102,7 +104,9 @@ def yaml_of(found: Seen) -> str:
 def report_of(found: Seen) -> str:
     """The report: one HTML page, complete in itself, with the last fit as JSON in it."""
     plots = _plots(found.axes)
-    script, places = components(plots) if plots else ("", {})
+    empty = Document()  # bokeh keeps but a weak reference
+    with patch_curdoc(empty):  # else bokeh puts in what a page does when it is ready
+        script, places = components(plots) if plots else ("", {})
     library = Resources(mode="inline", components=["bokeh"]).render_js() if plots else ""
     body = [f'<section><h2>{escape(found.name)}</h2><p class="faint">{escape(found.heading)}</p>']
     body += [_verdict(axis, fit) for axis, fit in found.axes.items()]
