@@ -219,7 +219,8 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the start-up window gave an axis, and how often it had to start again.
 
-    bias: in `unit`; R: in its square.
+    bias: in `unit`; R, Q: variances in use, in its square; Q is null where a device estimates. tuned: they
+    are those of the live fit.
     """
 
     bias: float | None
@@ -229,6 +230,8 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     innovation_lag1: float | None = None
     innovation_nis: float | None = None
     unit: str = GYRO_UNIT
+    Q: float | None = None
+    tuned: bool = False
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

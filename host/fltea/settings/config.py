@@ -79,6 +79,12 @@ def _given(value: str | float | list[float]) -> list[float]:
 EstimateOn = Literal["host", "device", "both"]
 """Who estimates the gyroscope's axes."""
 
+Tuning = Literal["live", "startup"]
+"""Who sets the filters' Q and R while they run."""
+
+DEFAULT_TUNING: Tuning = "startup"
+"""Which is right for which noise: host/evaluation.md."""
+
 BY_DEVICE = ("device", "both")
 """Those of `EstimateOn` for which the device estimates by itself."""
 
@@ -90,7 +96,8 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
     window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
     guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do). gate: standard
-    deviations from which on a guard softens an innovation.
+    deviations from which on a guard softens an innovation. tuning: "startup": Q of `state` and R of the
+    start-up window or as given, as in the paper; "live": those of the live fit as soon as it knows them.
     """
 
     startup: int = filters.STARTUP
@@ -102,6 +109,7 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     guard: Literal["off", "faithful", "consistent"] = filters.GUARD
     joint: JointSettings = JointSettings()
     gate: float = filters.GATE
+    tuning: Tuning = DEFAULT_TUNING
 
     def __post_init__(self) -> None:
         super().__post_init__()
