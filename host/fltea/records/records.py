@@ -168,7 +168,10 @@ class Gap(Record, frozen=True, tag="gap"):
 
 
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an epoch is estimated with, and by whom: host, device or both; window 0 is unlimited."""
+    """What an epoch is estimated with, and by whom: host, device or both; window 0 is unlimited.
+
+    tuning: who sets Q and R while it runs: startup (nobody) or live (the live fit).
+    """
 
     variant: str
     estimate_on: str
@@ -178,6 +181,7 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     startup_samples: int
     bias: str | float | tuple[float, ...]
     R: str | float | tuple[float, ...]
+    tuning: str = "startup"
 
 
 class Epoch(Record, frozen=True, tag="epoch"):

@@ -55,6 +55,7 @@ class Channels:
         state: OnlineState | None = None,
     ) -> None:
         self.config, self._said = config, said
+        self._tuned = config.tuned_by == "live"
         self._names, self._places, self._unit = tuple(axes), list(axes.values()), unit
         self._heard: dict[str, Said] = {}
         self._bank = Bank(self._names, config, h, resolution, state)
@@ -87,7 +88,7 @@ class Channels:
 
     def _tune(self) -> None:
         """Hand what the fit knows of the noise to the filters."""
-        if self.config.tuning != "live" or self.startup_remaining:
+        if not self._tuned or self.startup_remaining:
             return
         told: dict[str, Variances] = {}
         for axis in self._names:
@@ -143,7 +144,9 @@ class Channels:
         c = self.config
         bias = tuple(c.bias) if isinstance(c.bias, list) else c.bias
         R = tuple(c.R) if isinstance(c.R, list) else c.R
-        return EstimatorInfo(c.variant, c.estimate_on, c.memory, c.guard, c.window, c.startup_needed, bias, R)
+        return EstimatorInfo(
+            c.variant, c.estimate_on, c.memory, c.guard, c.window, c.startup_needed, bias, R, c.tuned_by
+        )
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
         """Statistics of every axis."""
