@@ -128,7 +128,7 @@ class LiveAxes:
         e, data, full = seen.evidence, seen.fits.data, seen.fits.full
         verdict = decide(e)
         p = parameters(full.theta[0])
-        found = fractional_fit(data, full, self.h, white=e.p_clean >= e.level)
+        found = fractional_fit(data, full, self.h, white=e.p_clean >= e.level, warm=self._warm[lane])
         seconds = None
         if found.alpha.defined:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None
