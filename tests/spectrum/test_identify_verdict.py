@@ -57,6 +57,14 @@ CASES = {
         "31.4 Hz",
     ),
     "drift": (evidence("white", p_clean=0.2), "drift", "below 0.02 Hz"),
+    "a cubic": (evidence("white", p_all=0.3, drift_ratio=10.0), "drift", "below 0.02 Hz"),
+    "hardly a cubic": (evidence("white", p_all=0.3, drift_ratio=9.9), "white", "undefined"),
+    "a cubic, and faint": (evidence("white", drift_ratio=50.0), "drift", "below 0.02 Hz"),
+    "a cubic and a line": (
+        evidence("white", peaks=(LINE,), p_without_peaks=0.4, drift_ratio=50.0),
+        "drift",
+        "There is also a line at 31.4 Hz",
+    ),
     "line and drift": (evidence("white", peaks=(LINE,), p_clean=0.2), "drift", "31.4 Hz"),
     "random walk": (evidence("ar1", parameters={"bend_hz": 1e-4}), "drift", "random walk"),
     "no peak, but broad": (

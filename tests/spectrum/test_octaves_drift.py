@@ -22,3 +22,26 @@ def test_drift_does_not_leak(drift: str) -> None:
         band = (hz >= low) & (hz < high)
         error = 1 / np.sqrt(lanes * band.sum())
         assert power[band].mean() == pytest.approx(1, abs=5 * error), (low, high)
+
+
+def test_what_was_taken_out_is_told() -> None:
+    """Of white noise as much as it has at other frequencies; nothing of a record that is kept whole."""
+    lanes = 40
+    octaves = Octaves(lanes)
+    y = np.random.default_rng(4).standard_normal((20_000, lanes))
+    octaves.add(y[:3000])
+    assert octaves.drift(0) is None
+    octaves.add(y[3000:])
+    found = [octaves.drift(lane) for lane in range(lanes)]
+    assert {one.amplitudes for one in found if one} == {3}
+    assert np.mean([one.power for one in found if one]) == pytest.approx(1, abs=4 * np.sqrt(2 / 3 / lanes))
+    octaves.skip(1000)
+    octaves.add(y[:5000] + 3)
+    gap = octaves.drift(0)
+    assert gap is not None
+    assert (gap.amplitudes, gap.power < 5) == (6, True)
+    ramp = Octaves(1)
+    ramp.add(y[:, :1] + np.linspace(0, 1, 20_000)[:, np.newaxis])
+    steep = ramp.drift(0)
+    assert steep is not None
+    assert steep.power == pytest.approx(20_000 / 12 / 3, rel=0.1)

@@ -11,7 +11,7 @@ from fltea.stream.tuning import handed_over
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
-from test_live_fits import raw, walk
+from walk_support import raw, walk
 
 KNOWN = AxisFit(
     "fractional", "", "deg/s", 1e-9, s2=Interval(0.010004, 0.008, 0.012), R=Interval(0.02, 0.018, 0.022)
@@ -79,10 +79,9 @@ def test_a_fit_after_a_sample_tunes_from_the_next_one_on(variant: str) -> None:
                 bank.retune({axis: handed})
                 told += 1
     assert told > 3
-    stats = pipeline.stats().axes
-    for axis, one in stats.items():
-        assert bank.variances[axis] == (one.Q, one.R)
-        assert one.tuned == (axis in bank.tuned)
+    for axis, stats in pipeline.stats().axes.items():
+        assert bank.variances[axis] == (stats.Q, stats.R)
+        assert stats.tuned == (axis in bank.tuned)
 
 
 def test_by_default_the_filters_are_as_at_the_start() -> None:

@@ -164,7 +164,8 @@ def run(
         str | None,
         typer.Option(
             help="Who sets the filters' Q and R while they run: `live` (the live fit, as soon as it knows "
-            "them) or `startup` (nobody: the paper's way; default where Q or R is given, and with guard off)."
+            "them) or `startup` (nobody: the paper's way). By default `live`; `startup` where "
+            "Q or R is given, and with --guard off."
         ),
     ] = None,
     white_band: Annotated[

@@ -111,6 +111,7 @@ class LiveAxes:
                 used * self.h,
                 used,
                 cells=self._octaves.cells(lane, self.h),
+                drift=self._octaves.drift(lane),
                 level=level,
                 warm=self._warm[lane],
             )

@@ -92,6 +92,15 @@ class AllanPoints(NamedTuple):
     """that they are of"""
 
 
+class Drift(NamedTuple):
+    """The slow part that is no noise's: cubics over the stretches of the whole level."""
+
+    power: float
+    """mean square of their amplitudes, which white noise of variance R gives the mean R"""
+    amplitudes: int
+    """three a stretch"""
+
+
 class Octaves:
     """Running spectra of several lanes that are sampled together."""
 
@@ -194,6 +203,20 @@ class Octaves:
             result.append(BandCells(low, high, counts, mean + scale, variance, first.astype(np.int64)))
         return result
 
+    def drift(self, lane: int) -> Drift | None:
+        """Return what was taken out of the lines of a lane; None if nothing was (of a short record)."""
+        welch, values, lengths = self._native.spectrum(lane)
+        if not welch:
+            return None
+        found = []
+        for one in _stretches(np.frombuffer(values, np.float32), np.frombuffer(lengths, np.int32)):
+            stretch = one.astype(np.float64)
+            found.append(_drift(stretch - stretch.mean())[1])
+        if not found:
+            return None
+        amplitudes = np.concatenate(found)
+        return Drift(float(amplitudes @ amplitudes) / len(amplitudes) * 2.0 ** len(welch), len(amplitudes))
+
     def allan(self, lane: int) -> AllanPoints:
         """Return the Allan variances of a lane."""
         return AllanPoints(*self._native.allan(lane))
@@ -206,8 +229,8 @@ def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> t
     return own / 2**level, power * scale, np.full(len(power), weight)
 
 
-def _drift(values: Array) -> Array:
-    """The cubic through values (m,) of mean 0.
+def _drift(values: Array) -> tuple[Array, Array]:
+    """The cubic through values (m,) of mean 0, and its three amplitudes, each of unit white noise N(0, 1).
 
     Drift that ends elsewhere than it began leaks into all frequencies, as 1/λ², far above those that it has.
     Of noise the cubic takes what is in the ordinates below LOWEST, and a few percent of that one.
@@ -216,7 +239,9 @@ def _drift(values: Array) -> Array:
     squares = x * x
     curve = squares - squares.mean()
     bend = x * (squares - (squares @ squares) / squares.sum())
-    return np.asarray(sum(one * (one @ values / (one @ one)) for one in (x, curve, bend)))
+    basis = np.stack([one / math.sqrt(one @ one) for one in (x, curve, bend)])
+    amplitudes = basis @ values
+    return amplitudes @ basis, amplitudes
 
 
 def _whole_lines(level: int, y: NDArray[np.float32]) -> tuple[Array, Array, Array]:
@@ -226,7 +251,7 @@ def _whole_lines(level: int, y: NDArray[np.float32]) -> tuple[Array, Array, Arra
     values = y.astype(np.float64)
     values -= values.mean()
     if level:
-        values -= _drift(values)
+        values -= _drift(values)[0]
     spectrum = np.fft.rfft(values)[j]
     own = np.asarray(2 * np.pi * j / m, dtype=np.float64)
     power = (spectrum.real**2 + spectrum.imag**2) / m * 2.0**level

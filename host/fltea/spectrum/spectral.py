@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
 from fltea.spectrum.lines import FALSE_ALARM, Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
-from fltea.spectrum.octaves import BandCells
+from fltea.spectrum.octaves import BandCells, Drift
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
 from fltea.spectrum.rivals import Fits, contest, fit_all
 from fltea.spectrum.stationarity import find_change
@@ -24,6 +24,10 @@ from fltea.spectrum.warm import Warm
 
 Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
+
+
+LEVEL_ORDINATES = 100
+"""The lowest ones give the level that drift is compared with."""
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -54,6 +58,7 @@ def examine(
     samples: int,
     *,
     cells: Iterable[BandCells] = (),
+    drift: Drift | None = None,
     peaks: tuple[Peak, ...] | None = None,
     level: float = LEVEL,
     warm: Warm | None = None,
@@ -64,8 +69,9 @@ def examine(
 
     whole: all ordinates that the user left in, which are those above from_hz and outside the bands (low,
     high) of `notch`, in Hz. duration_s, samples: what they are of. cells: for the test of stationarity;
-    none: no test. peaks: those found elsewhere, with a finer resolution; None: they are searched for in
-    `whole`. level: of each test. warm: the last answers, where the searches begin; they are replaced.
+    none: no test. drift: what was taken out of `whole`. peaks: those found elsewhere, with a finer
+    resolution; None: they are searched for in `whole`. level: of each test. warm: the last answers, where
+    the searches begin; they are replaced.
 
     Raises:
         ValueError: too few ordinates are left.
@@ -100,12 +106,22 @@ def examine(
         p_clean=p_value(rivals.ratio_white, clean.ordinates),
         peaks=peaks,
         contest=rivals,
+        drift_ratio=_drift_ratio(clean, drift),
         change=find_change(cells, clean.h, FALSE_ALARM * level / LEVEL, from_hz, notch),
         level=level,
     )
     return Spectral(
         evidence, ratio, round(ordinates), fits, Band(clean_from_hz, notch + found, round(clean.ordinates))
     )
+
+
+def _drift_ratio(clean: Periodogram, drift: Drift | None) -> float:
+    """Power of the drift that was taken out over that of the noise at the lowest clean frequencies."""
+    if drift is None:
+        return 0.0
+    weight = np.ones_like(clean.lam) if clean.weight is None else clean.weight
+    last = int(np.searchsorted(weight.cumsum(), LEVEL_ORDINATES)) + 1
+    return drift.power / float(np.average(clean.power[:last], weights=weight[:last]))
 
 
 def _clean(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:

@@ -30,6 +30,8 @@ ALPHA_BELOW_ONE = 0.2
 """α < 1 has to be better than AR(1) at this share of the level: at 1 % of one look."""
 LEAST_RESIDUAL_LEVEL = 0.01
 """Of the test of residuals, which speaks against a claim and not for one."""
+LEAST_DRIFT = 10.0
+"""Power of drift over that of noise: of less nobody needs to know. White noise has as much with p = 3e-6."""
 HIGHEST_FRACTIONAL = 0.95
 """From this order on a spectrum is that of a filter or of a resonance."""
 MOSTLY_ONE_STEP = 0.6
@@ -53,6 +55,8 @@ class Evidence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     peaks: tuple[Peak, ...]
     contest: Contest
     """of the clean ordinates"""
+    drift_ratio: float = 0.0
+    """power of the cubic taken out of a long record over that of the noise at the lowest frequencies"""
     change: Change | None = None
     """of the noise during the record"""
     level: float = LEVEL
@@ -106,12 +110,16 @@ def decide(e: Evidence) -> Verdict:
     if all_white and not found:
         if (broad := _broad(e, q)) is not None:
             return broad
+        if _drifts(e, q):
+            return q.say("drift", _on_drift())
         return q.say("white", "White noise: no order can be told from it, α and f are undefined.")
     if found and not q.ask(
         "Does it without them?", e.p_without_peaks < e.level, f"p = {e.p_without_peaks:.2g}"
     ):
         if (broad := _broad(e, q, f" There is also {peaks}.")) is not None:
             return broad
+        if _drifts(e, q):
+            return q.say("drift", f"{_on_drift()} There is also {peaks}.")
         return q.say(
             "filter or resonance",
             f"{_capital(peaks)}; without that the noise is white, α and f are undefined.",
@@ -120,12 +128,23 @@ def decide(e: Evidence) -> Verdict:
     if not q.ask(f"Does it above {DRIFT_HZ:g} Hz?", e.p_clean < e.level, f"p = {e.p_clean:.2g}"):
         if (broad := _broad(e, q, f" There is also drift below {DRIFT_HZ:g} Hz.{also}")) is not None:
             return broad
-        return q.say(
-            "drift",
-            f"White noise on a slow drift below {DRIFT_HZ:g} Hz: no order can be told from it, α and f are "
-            f"undefined. {MODEL_LEAVES_OUT}{also}",
-        )
+        return q.say("drift", _on_drift() + also)
     return _coloured(e, q, also)
+
+
+def _drifts(e: Evidence, q: _Questions) -> bool:
+    return q.ask(
+        f"Does its offset drift over the record, {LEAST_DRIFT:g} times as much as noise makes it?",
+        e.drift_ratio >= LEAST_DRIFT,
+        f"{e.drift_ratio:.1f} times",
+    )
+
+
+def _on_drift() -> str:
+    return (
+        f"White noise on a slow drift below {DRIFT_HZ:g} Hz: no order can be told from it, α and f are "
+        f"undefined. {MODEL_LEAVES_OUT}"
+    )
 
 
 def _broad(e: Evidence, q: _Questions, also: str = "") -> Verdict | None:
@@ -154,6 +173,8 @@ def _coloured(e: Evidence, q: _Questions, also: str) -> Verdict:
     )
     slow_hz = max(DRIFT_HZ, 3 / e.duration_s)
     if not q.ask("Is any model better than white noise by BIC?", best != "white", bic):
+        if _drifts(e, q):
+            return q.say("drift", _on_drift() + also)
         if e.peaks:
             return q.say(
                 "filter or resonance",
