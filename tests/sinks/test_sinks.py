@@ -279,6 +279,7 @@ def test_the_fit_of_each_axis_stands_in_words_with_its_intervals_and_how_long_ye
     assert "0.80 (0.76 to 0.85)" in rows["gyro_x"]
     assert ("-1.0 (-1.3 to -0.8)" in rows["gyro_x"].replace("\u2212", "-")) == (width >= 96)
     assert "α ± 0.05 in" in text
+    assert ("f [s^-α], 95 %" in text) == (width >= 96)
     assert rows["gyro_x"].split()[-1] == "reached"
     assert rows["gyro_y"].rstrip().endswith("7 min")
     assert rows["gyro_z"].split() == ["gyro_z", "White", "noise:", "order", "undefined"]

@@ -20,7 +20,7 @@ class LiveConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The spectrum and the fit of every axis, live.
 
     on: whether there is a fit at all. period_s: seconds of samples between fits; None: 1, but in a replay at
-    full speed no sooner than the record has grown by a fiftieth. memory: time constant with which older
+    full speed no sooner than the record has grown by a tenth. memory: time constant with which older
     samples are forgotten, such as "10min"; None: nothing is. target: half the width of α's interval that
     `until_s` asks for.
     """

@@ -278,7 +278,7 @@ def _fit_rows(record: Fit, *, wide: bool) -> Table:
     rows = Table.grid(padding=(0, 2))
     targets = [axis.until_s.target for axis in record.axes.values() if axis.until_s]
     until = f"α ± {targets[0]:g} in" if targets else ""
-    rows.add_row("", "noise", "α, 95 %", *(["f [s^-α], 95 %"] if wide else []), until)
+    rows.add_row("", "noise", "α, 95 %", *([Text("f [s^-α], 95 %")] if wide else []), until)
     for name, axis in record.axes.items():
         said = answer(axis)
         alpha, f = ("" if p is None else f"{p[0]} ({p[1].replace('…', 'to')})" for p in (said.alpha, said.f))
