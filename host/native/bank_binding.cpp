@@ -109,6 +109,12 @@ class Bank {
             bias.data(), live.data());
     }
 
+    void retune(Rows settings) {
+        const LaneSettings* const table = settings_of(settings, bank_.axes());
+        const std::lock_guard<std::mutex> alone(mutex_);
+        lanes().retune(table);
+    }
+
     std::vector<uint64_t> restarts() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         return lanes().restarts();
@@ -177,6 +183,7 @@ void bind_bank(nb::module_& m) {
         .def("start", &Bank::start, nb::arg("instruction_set"), nb::arg("joint"), nb::arg("guard"),
              nb::arg("compressed"), nb::arg("accuracy"), nb::arg("window"), nb::arg("settings"),
              nb::arg("bias"), nb::arg("live"))
+        .def("retune", &Bank::retune, nb::arg("settings"))
         .def("restarts", &Bank::restarts)
         .def("counts", &Bank::counts, nb::arg("out"))
         .def("whiteness", &Bank::whiteness)

@@ -39,6 +39,13 @@ struct Start {
         engine.start(settings);
     }
 };
+struct Retune {
+    const LaneSettings* settings;
+    template <class P>
+    void operator()(P engine) {
+        engine.retune(settings);
+    }
+};
 struct Run {
     const Block& block;
     template <class P>
@@ -100,6 +107,10 @@ void start(void* engine, const EngineShape& shape, const LaneSettings* settings)
     Start action = {settings};
     with_packs(engine, shape, action);
 }
+void retune(void* engine, const EngineShape& shape, const LaneSettings* settings) {
+    Retune action = {settings};
+    with_packs(engine, shape, action);
+}
 void run(void* engine, const EngineShape& shape, const Block& block) {
     Run action = {block};
     with_packs(engine, shape, action);
@@ -145,6 +156,7 @@ const Backend FLTEA_JOIN(engine_, FLTEA_INSTRUCTION_SET) = {FLTEA_STRING(FLTEA_I
                                                             sizeof(OneSupervisor),
                                                             storage,
                                                             start,
+                                                            retune,
                                                             run,
                                                             watch,
                                                             reset,

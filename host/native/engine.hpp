@@ -73,6 +73,8 @@ struct Backend {
     std::size_t (*storage)(const EngineShape& shape);
     // Builds an engine in `storage`; `settings` has one entry a lane.
     void (*start)(void* storage, const EngineShape& shape, const LaneSettings* settings);
+    // Other settings from the next sample on, one entry a lane; all that the lanes remember stays.
+    void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
     void (*run)(void* storage, const EngineShape& shape, const Block& block);
     void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
     // Lanes whose mask is not 0 begin anew.

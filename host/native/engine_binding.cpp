@@ -56,6 +56,13 @@ EngineShape shape_of(bool joint, int guard, bool compressed, int accuracy, size_
     return EngineShape{settings.shape(0), joint, guard, compressed, accuracy, window};
 }
 
+const LaneSettings* settings_of(const Rows& settings, size_t lanes) {
+    if (settings.shape(0) != lanes || settings.shape(1) * sizeof(double) != sizeof(LaneSettings)) {
+        throw nb::value_error("settings must have one row a lane and one column a field");
+    }
+    return reinterpret_cast<const LaneSettings*>(settings.data());
+}
+
 void check_numbers(const char* name, const double* values, size_t rows, size_t lanes, const uint8_t* ignored,
                    double largest) {
     for (size_t i = 0; i < rows * lanes; ++i) {
@@ -129,6 +136,12 @@ class Engine {
         engine_.run(block);
     }
 
+    void retune(Rows settings) {
+        const LaneSettings* const table = settings_of(settings, engine_.lanes());
+        const std::lock_guard<std::mutex> alone(mutex_);
+        engine_.retune(table);
+    }
+
     void reset(nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> mask) {
         if (mask.shape(0) != engine_.lanes()) throw nb::value_error("mask must have one entry a lane");
         const std::lock_guard<std::mutex> alone(mutex_);
@@ -183,6 +196,7 @@ void bind_engine(nb::module_& m) {
              nb::arg("window"), nb::arg("settings"))
         .def("run", &Engine::run, nb::arg("y"), nb::arg("u").none(), nb::arg("missing").none(),
              nb::arg("out"))
+        .def("retune", &Engine::retune, nb::arg("settings"))
         .def("reset", &Engine::reset, nb::arg("mask"))
         .def("counts", &Engine::counts, nb::arg("out"))
         .def("save", &Engine::save)

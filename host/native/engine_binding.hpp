@@ -25,6 +25,9 @@ const fltea::engine::Backend& find_backend(const std::string& instruction_set);
 fltea::engine::EngineShape shape_of(bool joint, int guard, bool compressed, int accuracy, size_t window,
                                     const Rows& settings);
 
+// For retune(): ValueError unless they are as many as there are lanes.
+const fltea::engine::LaneSettings* settings_of(const Rows& settings, size_t lanes);
+
 // Before anything reaches the memory, where a NaN would stay for a whole window: ValueError for numbers
 // beyond ±largest. Those that are `ignored` (null: none) may be anything.
 void check_numbers(const char* name, const double* values, size_t rows, size_t lanes, const uint8_t* ignored,

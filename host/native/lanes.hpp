@@ -40,6 +40,9 @@ class LaneRunner {
     std::size_t lanes() const { return engine_.lanes(); }
     const OwnedEngine& engine() const { return engine_; }
 
+    // From the next row on; settings: one entry a lane.
+    void retune(const engine::LaneSettings* settings) { engine_.retune(settings); }
+
     // Rows of all lanes, one after the other. y: finite where not missing. missing: (rows, lanes), or null.
     // valid: (rows, lanes), 0 or 1. What was lost is added to `lost`, row after row; `first` is the number
     // of this block's first row there.

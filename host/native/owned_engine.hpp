@@ -31,6 +31,8 @@ class OwnedEngine {
     std::size_t causes() const { return static_cast<std::size_t>(backend_.causes); }
     std::size_t bytes() const { return bytes_; }
 
+    // From the next row on; settings: one entry a lane.
+    void retune(const engine::LaneSettings* settings) { backend_.retune(storage_, shape_, settings); }
     void run(const engine::Block& block) { backend_.run(storage_, shape_, block); }
     void watch(const engine::Block& block, const engine::Watch& under) {
         backend_.watch(storage_, shape_, block, under);

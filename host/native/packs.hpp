@@ -93,6 +93,14 @@ class Packs {
         }
     }
 
+    void retune(const LaneSettings* settings) {
+        for (std::size_t i = 0; i < packs(shape_); ++i) {
+            Tuning<Number> tuning;
+            gather_tuning(settings, i, tuning);
+            lane(i).retune(tuning);
+        }
+    }
+
     void run(const Block& block) {
         for (std::size_t i = 0; i < packs(shape_); ++i) run_pack(lane(i), i, block);
     }

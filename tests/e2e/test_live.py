@@ -14,6 +14,7 @@ import termios
 import time
 import tty
 import urllib.request
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
+from host_support import fltea
 from support import PATIENCE_S, QUICK, ROOT, Processes, wait_until
 
 
@@ -53,6 +55,44 @@ def test_every_sample_arrives_and_every_estimate_is_finite(processes: Processes,
     assert last["board"]["reset_cause"] == "user"
     times = [e["host_ns"] for e in estimates]
     assert times == sorted(set(times))
+
+
+def test_every_second_the_noise_of_every_axis_is_fitted(processes: Processes, port: Path) -> None:
+    device = processes.stand_in(port, "--noise", "alpha=0.8&f=-1&seed=7")
+    daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
+    daemon.wait_for(lambda: len(daemon.of("fit")) >= 4, "four fits")
+    code, stderr = daemon.end()
+    device.stop()
+    assert (code, stderr) == (0, "")
+    fits = daemon.of("fit")
+    assert [fit["samples"] for fit in fits] == [100 * (k + 1) for k in range(len(fits))]
+    assert [fit["seq"] for fit in fits] == [fit["samples"] - 1 for fit in fits]
+    for fit in fits:
+        assert list(fit["axes"]) == ["gyro_x", "gyro_y", "gyro_z"]
+        at = next(k for k, record in enumerate(daemon.records) if record is fit)
+        assert daemon.records[at - 1]["seq"] == fit["seq"], "after the last of its samples"
+    estimates = {e["seq"]: e["axes"] for e in daemon.of("estimate")}
+    for before, after in pairwise(fits):
+        for axis, one in before["axes"].items():
+            said = {estimates[seq][axis]["null_p"] for seq in range(before["seq"] + 1, after["seq"] + 1)}
+            assert said == {None if one["null_p"] is None else float(f"{one['null_p']:.3g}")}
+    assert daemon.of("stats")[-1]["fit_period_s"] == 1.0
+
+
+def test_a_recording_ends_with_a_fit_of_everything(tmp_path: Path) -> None:
+    path = tmp_path / "rest.npz"
+    raw = np.rint(np.random.default_rng(1).normal(0, 5, (730, 3))).astype(np.int32)
+    np.savez(path, gyro_raw=raw, lsb_per_dps=16.4, fs_hz=100.0)
+    done = fltea("run", "-s", f"replay:{path}", "--once", *QUICK)
+    assert done.returncode == 0
+    records = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [record["class"] for record in records[-2:]] == ["fit", "stats"]
+    last = records[-2]
+    assert last["samples"] == 730
+    for axis in last["axes"].values():
+        assert axis["verdict"] == "white"
+        assert len(axis["spectrum"]["hz"]) == len(axis["spectrum"]["model"]) > 20
+        assert len(axis["allan"]["tau_s"]) == len(axis["allan"]["model"]) > 5
 
 
 def test_the_wire_changes_no_value(processes: Processes, port: Path) -> None:

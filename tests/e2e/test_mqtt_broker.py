@@ -48,7 +48,7 @@ def test_topics_hold_the_lines_of_stdout(stage: Stage, processes: Processes, tmp
     assert DAEMON[1].encode() not in shown
 
     wait_until(lambda: last_status(watcher, "fltea/synthetic/status") == "offline", "the farewell")
-    lines = {kind: daemon.of(kind) for kind in ("hello", "epoch", "stats", "sample", "estimate")}
+    lines = {kind: daemon.of(kind) for kind in ("hello", "epoch", "stats", "sample", "estimate", "fit")}
     lines["estimate"] = [line for line in lines["estimate"] if line["seq"] % 3 == 0]
     for kind, records in lines.items():
         found = [json.loads(one.payload) for one in watcher.on(f"fltea/synthetic/{kind}")]
@@ -60,9 +60,11 @@ def test_topics_hold_the_lines_of_stdout(stage: Stage, processes: Processes, tmp
     assert said[-1]["reason"] == "ended"
     assert said[-1]["device"] == "synthetic"
     late = stage.watcher(broker.port, ca, WATCHER)
-    wait_until(lambda: len(late.heard) >= 2, "what is retained")
+    wait_until(lambda: len(late.heard) >= 3, "what is retained")
     time.sleep(0.1)
-    assert {one.topic for one in late.heard} == {"fltea/synthetic/hello", "fltea/synthetic/status"}
+    assert {one.topic for one in late.heard} == {
+        f"fltea/synthetic/{kind}" for kind in ("hello", "status", "fit")
+    }
     assert all(one.retained for one in late.heard)
 
 

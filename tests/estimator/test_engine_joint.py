@@ -1,5 +1,8 @@
 """The joint variant: against an implementation with matrices, and on noise of known order and parameter."""
 
+from collections.abc import Mapping
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from engine_cases import GYROSCOPE, Array, run, white, with_
@@ -17,8 +20,12 @@ def straight_loop(
     *,
     consistent: bool,
     limit: float = np.inf,
+    changes: Mapping[int, tuple[float, float]] | None = None,
 ) -> Array:
-    """α, its variance, f, its variance, x, P of every sample; numbers only in the settings."""
+    """α, its variance, f, its variance, x, P of every sample; numbers only in the settings.
+
+    changes: Q and R from those samples on.
+    """
     Q, R = float(state.Q), float(state.R)  # type: ignore[arg-type]
     mean = np.array([tuning.alpha0, tuning.beta0], dtype=np.float64)
     P = np.eye(2) * tuning.P0
@@ -33,7 +40,8 @@ def straight_loop(
         past = weights(alpha, len(states))[1:] @ states[::-1]
         return float(beta * states[-1] + h**alpha * drive - past)
 
-    for measured, drive in zip(y, u, strict=True):
+    for k, (measured, drive) in enumerate(zip(y, u, strict=True)):
+        Q, R = (changes or {}).get(k, (Q, R))
         predicted = P + walk
         shrink = np.diag([min(1.0, np.sqrt(limit / predicted[0, 0])), 1.0])
         predicted = shrink @ predicted @ shrink
@@ -73,6 +81,25 @@ def test_joint_equals_a_straight_loop(guard: str, delta: float) -> None:
     estimates = run(tuning, y[:, np.newaxis], u[:, np.newaxis])
     assert not estimates.interventions.any()
     got = np.column_stack([column[:, 0] for column in estimates[:6]])
+    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("guard", ["off", "consistent"])
+def test_joint_equals_a_straight_loop_whose_q_and_r_change(guard: str) -> None:
+    y, u = white(150, 1, 3)[:, 0], np.zeros(150)
+    joint = JointTuning(P0=0.02, Q0=1e-3, alpha0=0.6, beta0=-0.2, delta=0.1)
+    state = StateTuning(P0=0.02, Q=0.1, x0=0.3, R=0.0235)
+    changes = {40: (0.01, 0.02), 41: (0.2, 0.004), 120: (0.0, 0.03)}
+    expected = straight_loop(y, u, 0.01, joint, state, consistent=guard == "consistent", changes=changes)
+    tuning = with_(GYROSCOPE, variant="joint", guard=guard, gate=1e3, joint=joint, state=state)
+    engine, parts = Engine(1, tuning), []
+    for begin, end in pairwise([0, *changes, len(y)]):
+        if begin:
+            Q, R = changes[begin]
+            engine.retune(with_(tuning, state=with_(state, Q=Q, R=R)))
+        parts.append(engine.run(y[begin:end, np.newaxis]))
+    assert not parts[-1].interventions.any()
+    got = np.vstack([np.column_stack([column[:, 0] for column in part[:6]]) for part in parts])
     np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-12)
 
 

@@ -156,6 +156,34 @@ TEST_CASE("lanes: blocks of any size are the same, those that run away are told 
     }
 }
 
+TEST_CASE("lanes: other settings in mid-run leave the memory and the other lanes alone") {
+    for (const std::size_t lanes : {1u, 3u, 9u}) {
+        const std::size_t rows = 120;
+        const std::vector<double> y = noise(2 * rows * lanes);
+        const auto run = [&](double last_R, bool told) {
+            const std::unique_ptr<LaneRunner> runner = lanes_of(lanes, 2);
+            std::vector<double> numbers(kLaneColumns * rows * lanes);
+            std::vector<std::uint8_t> valid(rows * lanes);
+            std::vector<Lost> lost;
+            double* columns[kLaneColumns];
+            for (std::size_t i = 0; i < kLaneColumns; ++i) columns[i] = numbers.data() + i * rows * lanes;
+            runner->run(y.data(), nullptr, rows, columns, valid.data(), lost);
+            std::vector<engine::LaneSettings> settings(lanes, kTriple);
+            settings.back().R = last_R;
+            if (told) runner->retune(settings.data());
+            runner->run(y.data() + rows * lanes, nullptr, rows, columns, valid.data(), lost);
+            return numbers;
+        };
+        const std::vector<double> plain = run(0.0235, false), same = run(0.0235, true),
+                                  other = run(0.01, true);
+        CHECK(std::memcmp(plain.data(), same.data(), plain.size() * sizeof(double)) == 0);
+        for (std::size_t k = 0; k < rows * lanes; ++k) {
+            const std::size_t at = kLaneX * rows * lanes + k;
+            REQUIRE((plain[at] == other[at]) == (k % lanes != lanes - 1));
+        }
+    }
+}
+
 TEST_CASE("lanes: what is loaded goes on like what was saved, and nothing else is loaded") {
     const std::size_t lanes = 3, rows = 100;
     std::vector<double> y = noise(2 * rows * lanes);

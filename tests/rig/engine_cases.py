@@ -1,5 +1,6 @@
 """Data and settings that the tests of the engine share: the paper's examples and its gyroscope."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -53,8 +54,17 @@ def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
     return fractional_system(alpha, -0.3, u, 1e-5, 1e-3, 0.001, n, rng)[1], u
 
 
-def reference_run(settings: EngineSettings, y: Array, u: Array, missing: NDArray[np.bool_]) -> Array:
-    """The reference's answer, (n, len(ESTIMATES)); settings with plain numbers only."""
+def reference_run(
+    settings: EngineSettings,
+    y: Array,
+    u: Array,
+    missing: NDArray[np.bool_],
+    changes: Mapping[int, tuple[float, float]] | None = None,
+) -> Array:
+    """The reference's answer, (n, len(ESTIMATES)); settings with plain numbers only.
+
+    changes: Q and R from those samples on.
+    """
     state, order, parameter = settings.state, settings.order, settings.parameter
     assert settings.window is not None
     fltea = reference.Fltea(
@@ -66,6 +76,8 @@ def reference_run(settings: EngineSettings, y: Array, u: Array, missing: NDArray
     )
     rows = []
     for k in range(len(y)):
+        if changes and k in changes:
+            fltea.retune(*changes[k])
         s = fltea.step(None if missing[k] else y[k], u[k])
         rows.append(
             (

@@ -42,15 +42,16 @@ class QuickAxes:
 
     def _fit(self, axis: str, spectrum: FitSpectrum | None, end: str) -> AxisFit:
         digest = hashlib.sha256(self._seen + axis.encode()).digest()
-        p, alpha = digest[0] / 255, digest[1] / 200
+        p, alpha = max(0.0, digest[0] / 127 - 1), digest[1] / 200
+        s2, R = 1e-3 + digest[2] * 1e-5, 1e-2 + digest[3] * 1e-4
         return AxisFit(
             "white" if p >= 0.05 else "fractional",
             digest.hex() + end,
             self.unit,
             p,
             Interval(alpha, alpha - 0.1, alpha + 0.1),
-            s2=Interval(1e-3 + digest[2] * 1e-5, 1e-3, 2e-3),
-            R=Interval(1e-2 + digest[3] * 1e-4, 1e-2, 2e-2),
+            s2=Interval(s2, 0.8 * s2, 1.2 * s2),
+            R=Interval(R, 0.9 * R, 1.1 * R),
             left_out={"lost": sum(count for _, count in self.lost)},
             spectrum=spectrum,
         )

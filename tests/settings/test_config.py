@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import pytest
 from fltea.records.errors import UsageError
-from fltea.settings.config import Config, load_config, parse_setting
+from fltea.settings.config import DEFAULT_TUNING, Config, EstimatorConfig, load_config, parse_setting
 from host_support import fltea
 
 
@@ -276,3 +276,18 @@ def test_the_old_values_of_engine_are_accepted_under_the_new_names() -> None:
     for path, values in (("memory", ("compressed", "direct")), ("estimate_on", ("host", "device", "both"))):
         for value in values:
             assert getattr(load_config(None, {f"estimator.{path}": value}).estimator, path) == value
+
+
+def test_the_live_fit_tunes_unless_somebody_has_given_what_it_would_set() -> None:
+    def tuned_by(table: str = "estimator", **given: Any) -> str:
+        changes = {f"{table}.{name.replace('__', '.')}": value for name, value in given.items()}
+        found: EstimatorConfig = getattr(load_config(None, changes), table)
+        return found.tuned_by
+
+    for table in ("estimator", "accel"):
+        assert tuned_by(table) == DEFAULT_TUNING == "live"
+        assert tuned_by(table, window=100, variant="triple", guard="faithful") == "live"
+        for given in ({"R": 0.02}, {"state__Q": 0.1}, {"guard": "off"}, {"tuning": "startup"}):
+            assert tuned_by(table, **given) == "startup", given
+        assert tuned_by(table, R=0.02, tuning="live") == "live"
+    assert "live, startup" in refusal(None, {"estimator.tuning": "slow"})

@@ -34,6 +34,8 @@ SETTINGS: list[dict[str, Any]] = [
     {"channels": ["gyro_z", "accel_x"], "accel.startup": 35, "accel.window": 50},
     {"estimator.estimate_on": "both"},
     {"live.period_s": 0.3},
+    {"live.period_s": 0.2, "estimator.tuning": "live"},
+    {"live.period_s": 0.5, "estimator.tuning": "live", "estimator.variant": "triple"},
 ]
 
 

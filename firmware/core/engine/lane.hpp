@@ -34,6 +34,9 @@ class Lane {
         restart(mask);
     }
 
+    // From the next sample on, and where a lane begins anew; all that it remembers stays.
+    void retune(const Tuning<T>& tuning) { tuning_ = tuning; }
+
     void step(const Sample<T>& sample, Estimate<T>& out) {
         // The last posterior enters the memory only now, so that a lane can begin anew while others go on.
         memory_.push(state_.filters.state.x, state_.filters.state.P);

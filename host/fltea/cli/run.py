@@ -160,6 +160,14 @@ def run(
     guard: Annotated[
         str | None, typer.Option(help="`off` (the printed algorithm), `faithful` or `consistent`.")
     ] = None,
+    tuning: Annotated[
+        str | None,
+        typer.Option(
+            help="Who sets the filters' Q and R while they run: `live` (the live fit, as soon as it knows "
+            "them) or `startup` (nobody: the paper's way). By default `live`; `startup` where "
+            "Q or R is given, and with --guard off."
+        ),
+    ] = None,
     white_band: Annotated[
         bool | None,
         typer.Option("--white-band/--no-white-band", hidden=True),
@@ -224,6 +232,7 @@ def run(
         "estimator.memory": memory,
         "estimator.variant": variant,
         "estimator.guard": guard,
+        "estimator.tuning": tuning,
         "link.baud": baud,
         "link.max_gap": max_gap,
     }

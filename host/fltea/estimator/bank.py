@@ -5,6 +5,7 @@ blocks, the columns are the same to the bit.
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from fltea import _native
 from fltea.estimator import snapshot
 from fltea.estimator.baseline import Baseline, Moments, rule_of
 from fltea.estimator.engine import CAUSES, instruction_sets
-from fltea.estimator.engine_settings import EngineSettings, native_arguments
+from fltea.estimator.engine_settings import EngineSettings, native_arguments, native_table
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lost
 from fltea.estimator.online_state import OnlineState
@@ -49,11 +50,22 @@ class BankBlock(NamedTuple):
     """lanes (places in the axes) that became invalid with a row, row after row"""
 
 
+class Variances(NamedTuple):
+    """What the filters of an axis are told of the noise, in the sensor's unit squared.
+
+    Q: of a step of its source, h^2α included; R: of what is white in the measurement.
+    """
+
+    Q: float
+    R: float
+
+
 class Bank:
     """Bias and R from the start-up window, estimates from the first sample after it.
 
     axes: names, at least one. h: sampling period in s. resolution: one LSB in the sensor's unit, None where
-    unknown. state: what `save` returned, to go on from there without a start-up window.
+    unknown. state: what `save` returned, to go on from there without a start-up window. variances: of each
+    axis, in use; tuned: axes with those of `retune`.
 
     Raises:
         ValueError: settings that no filter can work with, or a state that does not fit them or is not wholly
@@ -77,6 +89,8 @@ class Bank:
         self._native = _native.Bank(len(self.axes))
         self._instruction_set = instruction_sets()[0]
         self._settings: EngineSettings | None = None
+        self.variances: dict[str, Variances] = {}
+        self.tuned: set[str] = set()
         if state is not None:
             self._resume(state)
         elif not self.startup_remaining:
@@ -114,6 +128,23 @@ class Bank:
         Returns the lanes that became invalid meanwhile; rows count from the first lost sample.
         """
         return [Lost(*one) for one in self._native.skip(count)]
+
+    def retune(self, variances: Mapping[str, Variances]) -> None:
+        """Let axes go on with other variances from the next sample on, and where they begin again.
+
+        All that the filters remember stays. Raises ValueError in the start-up window, for axes that are not
+        there or constant, and for variances that no filter can work with; nothing changes then.
+        """
+        if self.baseline is None or self._settings is None:
+            raise ValueError("the start-up window is not full")
+        for axis in variances:
+            if axis not in self.axes or axis in self.baseline.constant_axes:
+                raise ValueError(f"{axis} is not estimated")
+        told = {**self.variances, **variances}
+        settings = self._settings_of([told[axis] for axis in self.axes])
+        self._native.retune(native_table(settings.table(len(self.axes))))
+        self._settings, self.variances = settings, told
+        self.tuned |= set(variances)
 
     @property
     def restarts(self) -> dict[str, int]:
@@ -155,7 +186,21 @@ class Bank:
         state, supervisors = self._native.save()
         table = settings.table(len(self.axes))
         engine = snapshot.pack(len(self.axes), settings, self._instruction_set, table, state)
-        return OnlineState(self.axes, base.bias_dps, base.R, self.restarts, engine, supervisors)
+        told = [self.variances[axis] for axis in self.axes]
+        return OnlineState(
+            self.axes,
+            base.bias_dps,
+            tuple(one.R for one in told),
+            self.restarts,
+            engine,
+            supervisors,
+            tuple(one.Q for one in told),
+            tuple(axis for axis in self.axes if axis in self.tuned),
+        )
+
+    def _settings_of(self, told: Sequence[Variances]) -> EngineSettings:
+        R, Q = [one.R for one in told], [one.Q for one in told]
+        return lane_settings(self._config, self._h, R, Q)
 
     def _of_live(self, values: list[_T], otherwise: _T) -> dict[str, _T]:
         assert self.baseline is not None
@@ -165,11 +210,13 @@ class Bank:
             for axis, value in zip(self.axes, values, strict=True)
         }
 
-    def _begin(self, baseline: Baseline) -> None:
+    def _begin(self, baseline: Baseline, Q: Sequence[float] | None = None) -> None:
         """Make the lanes: those of constant axes, which nobody looks at, with any R."""
         live = [axis not in baseline.constant_axes for axis in self.axes]
         R = [R if alive else 1.0 for R, alive in zip(baseline.R, live, strict=True)]
-        self._settings = lane_settings(self._config, self._h, R)
+        told = [Variances(*one) for one in zip(Q or [self._config.state.Q] * len(R), R, strict=True)]
+        self.variances = dict(zip(self.axes, told, strict=True))
+        self._settings = self._settings_of(told)
         table = self._settings.table(len(self.axes))
         self._native.start(
             *native_arguments(self._settings, self._instruction_set, table),
@@ -183,7 +230,8 @@ class Bank:
         state.check(self.axes)
         saved = snapshot.unpack(state.engine)
         self._instruction_set = saved.instruction_set
-        self._begin(Baseline(state.bias_dps, state.R, ()))
+        self._begin(Baseline(state.bias_dps, state.R, ()), state.Q)
+        self.tuned = set(state.tuned)
         assert self._settings is not None
         saved.check(self._settings)
         restarts = [state.restarts.get(axis, 0) for axis in self.axes]

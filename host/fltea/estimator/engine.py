@@ -36,6 +36,7 @@ from fltea.estimator.engine_settings import (
     ParameterTuning,
     StateTuning,
     native_arguments,
+    native_table,
 )
 
 Array = NDArray[np.float64]
@@ -154,6 +155,18 @@ class Engine:
         self._native.counts(counts)
         return counts
 
+    def retune(self, settings: EngineSettings) -> None:
+        """Go on with other numbers from the next sample on, and where a lane begins anew.
+
+        All that the lanes remember stays. Raises ValueError, and changes nothing, for settings that no filter
+        can work with, or of another window, memory, accuracy, variant or guard.
+        """
+        if _kind(settings) != _kind(self.settings):
+            raise ValueError("window, memory, accuracy, variant and guard of an engine cannot change")
+        table = settings.table(self.lanes)
+        self._native.retune(native_table(table))
+        self.settings, self._table = settings, table
+
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Let the lanes of `mask` (lanes,), by default all, begin anew: initial estimates, empty memory."""
         flags = np.ones(self.lanes, dtype=bool) if mask is None else np.ascontiguousarray(mask, dtype=bool)
@@ -188,3 +201,8 @@ class Engine:
         except ValueError as error:
             raise ValueError(f"not a snapshot of this version of the engine: {error}") from None
         return engine
+
+
+def _kind(settings: EngineSettings) -> tuple[object, ...]:
+    """What the memory and the filters are made for."""
+    return settings.window, settings.memory, settings.accuracy, settings.variant, settings.guard

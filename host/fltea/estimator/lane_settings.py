@@ -12,8 +12,10 @@ from fltea.estimator.engine_settings import (
 from fltea.settings.config import EstimatorConfig
 
 
-def lane_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> EngineSettings:
-    """What the engine is told: a lane for each R, sampling period h in s."""
+def lane_settings(
+    config: EstimatorConfig, h: float, R: Sequence[float], Q: Sequence[float] | None = None
+) -> EngineSettings:
+    """What the engine is told: a lane for each R, sampling period h in s. Q: in place of the setting's."""
     order, parameter, state, joint = config.order, config.parameter, config.state, config.joint
     return EngineSettings(
         h=h,
@@ -22,7 +24,7 @@ def lane_settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> Engi
         variant=config.variant,
         guard=config.guard,
         gate=config.gate,
-        state=StateTuning(P0=state.P0, Q=state.Q, x0=state.x0, R=tuple(R)),
+        state=StateTuning(P0=state.P0, Q=state.Q if Q is None else tuple(Q), x0=state.x0, R=tuple(R)),
         order=OrderTuning(P0=order.P0, Q0=order.Q0, alpha0=order.alpha0, delta=order.delta),
         parameter=ParameterTuning(P0=parameter.P0, Q0=parameter.Q0, f0=parameter.f0, delta=parameter.delta),
         joint=JointTuning(

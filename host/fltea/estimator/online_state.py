@@ -13,7 +13,8 @@ MOST_RESTARTS = 1 << 52
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A baseline and what stands behind it, saved.
 
-    engine: the filters with their memory. supervisors: what they have seen.
+    R, Q: variances in use. tuned: axes whose variances are of a fit. engine: the filters with their memory.
+    supervisors: what they have seen.
     """
 
     axes: tuple[str, ...]
@@ -22,19 +23,27 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     restarts: dict[str, int]
     engine: bytes
     supervisors: bytes | None = None
+    Q: tuple[float, ...] | None = None
+    tuned: tuple[str, ...] = ()
 
     def check(self, axes: tuple[str, ...]) -> None:
         """Raise ValueError, with what is wrong, unless the plain part of it is sound and of these axes."""
         if self.axes != axes:
             raise ValueError(f"it is of the axes {', '.join(self.axes)}")
-        for name, values in (("bias_dps", self.bias_dps), ("R", self.R)):
-            if len(values) != len(axes):
+        for name, values in (("bias_dps", self.bias_dps), ("R", self.R), ("Q", self.Q)):
+            if values is not None and len(values) != len(axes):
                 raise ValueError(f"its {name} has {len(values)} numbers for {len(axes)} axes")
         for axis, bias, R in zip(axes, self.bias_dps, self.R, strict=True):
             if not abs(bias) <= _native.LARGEST_OFFSET:
                 raise ValueError(f"its bias of {axis} cannot be ({bias:g})")
             if not (math.isfinite(R) and 1 / LARGEST <= R <= LARGEST):
                 raise ValueError(f"its R of {axis} is no variance ({R:g})")
+        for axis, Q in zip(axes, self.Q or (), strict=False):
+            if not 0 <= Q <= LARGEST:
+                raise ValueError(f"its Q of {axis} is no variance ({Q:g})")
+        for axis in self.tuned:
+            if axis not in axes:
+                raise ValueError(f"it has a tuning of {axis!r}, which is none of its axes")
         for axis, count in self.restarts.items():
             if axis not in axes:
                 raise ValueError(f"it has restarts of {axis!r}, which is none of its axes")

@@ -168,7 +168,10 @@ class Gap(Record, frozen=True, tag="gap"):
 
 
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an epoch is estimated with, and by whom: host, device or both; window 0 is unlimited."""
+    """What an epoch is estimated with, and by whom: host, device or both; window 0 is unlimited.
+
+    tuning: who sets Q and R while it runs: startup (nobody) or live (the live fit).
+    """
 
     variant: str
     estimate_on: str
@@ -178,6 +181,7 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     startup_samples: int
     bias: str | float | tuple[float, ...]
     R: str | float | tuple[float, ...]
+    tuning: str = "startup"
 
 
 class Epoch(Record, frozen=True, tag="epoch"):
@@ -219,7 +223,8 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the start-up window gave an axis, and how often it had to start again.
 
-    bias: in `unit`; R: in its square.
+    bias: in `unit`; R, Q: variances in use, in its square; Q is null where a device estimates. tuned: they
+    are those of the live fit.
     """
 
     bias: float | None
@@ -229,6 +234,8 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     innovation_lag1: float | None = None
     innovation_nis: float | None = None
     unit: str = GYRO_UNIT
+    Q: float | None = None
+    tuned: bool = False
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

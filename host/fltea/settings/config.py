@@ -79,6 +79,12 @@ def _given(value: str | float | list[float]) -> list[float]:
 EstimateOn = Literal["host", "device", "both"]
 """Who estimates the gyroscope's axes."""
 
+Tuning = Literal["live", "startup"]
+"""Who sets the filters' Q and R while they run."""
+
+DEFAULT_TUNING: Tuning = "live"
+"""Right for every noise of the grid of `fltea evaluate` (host/evaluation.md, Tuned live)."""
+
 BY_DEVICE = ("device", "both")
 """Those of `EstimateOn` for which the device estimates by itself."""
 
@@ -90,7 +96,9 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
     window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
     guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do). gate: standard
-    deviations from which on a guard softens an innovation.
+    deviations from which on a guard softens an innovation. tuning: "startup": Q of `state` and R of the
+    start-up window or as given, as in the paper; "live": those of the live fit as soon as it knows them;
+    None: "live", but "startup" where Q or R is given, and for the printed algorithm (guard "off").
     """
 
     startup: int = filters.STARTUP
@@ -102,6 +110,7 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     guard: Literal["off", "faithful", "consistent"] = filters.GUARD
     joint: JointSettings = JointSettings()
     gate: float = filters.GATE
+    tuning: Tuning | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -118,6 +127,14 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
             raise ValueError("R is a variance and must be a positive number")
         if not all(math.isfinite(b) for b in _given(self.bias)):
             raise ValueError("bias must be finite numbers")
+
+    @property
+    def tuned_by(self) -> Tuning:
+        """What `tuning` comes to."""
+        if self.tuning is not None:
+            return self.tuning
+        given = self.R != "auto" or self.state.Q != type(self)().state.Q
+        return "startup" if given or self.guard == "off" else DEFAULT_TUNING
 
     @property
     def startup_needed(self) -> int:

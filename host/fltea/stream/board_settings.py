@@ -40,6 +40,7 @@ def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
         "bias": "startup",
         "R": "auto",
         "gate": stated.gate,
+        "tuning": "startup",
         "state": {"P0": stated.state_P0, "Q": stated.state_Q, "x0": stated.state_x0},
         **filters,
     }

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.estimator.bank import Bank
+from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.lanes import Reason
 from fltea.estimator.online_state import OnlineState
 from fltea.records.block import AxisColumns, Block, Bools
@@ -18,6 +18,7 @@ from fltea.records.repeat import OnceAMinute
 from fltea.settings.config import Config, EstimatorConfig
 from fltea.stream.live import LiveFits, Said, said_by
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
+from fltea.stream.tuning import handed_over
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 Array = NDArray[np.float64]
@@ -54,7 +55,9 @@ class Channels:
         state: OnlineState | None = None,
     ) -> None:
         self.config, self._said = config, said
+        self._tuned = config.tuned_by == "live"
         self._names, self._places, self._unit = tuple(axes), list(axes.values()), unit
+        self._heard: dict[str, Said] = {}
         self._bank = Bank(self._names, config, h, resolution, state)
 
     @property
@@ -64,6 +67,7 @@ class Channels:
 
     def run(self, values: Array) -> Estimated:
         """Take samples (n, axes of the sensor); no more than `startup_remaining` while the window fills."""
+        self._tune()
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
         found = self._bank.run(own)
         if not found.estimated:
@@ -82,6 +86,28 @@ class Channels:
         )
         return Estimated(columns, [(row, self._names[lane], why) for row, lane, why in found.lost])
 
+    def _tune(self) -> None:
+        """Hand what the fit knows of the noise to the filters."""
+        if not self._tuned or self.startup_remaining:
+            return
+        told: dict[str, Variances] = {}
+        for axis in self._names:
+            said = self._said(axis)
+            if said is self._heard.get(axis):
+                continue
+            self._heard[axis] = said
+            if said.fit is None or said.whiteness != "rejected" or self._is_constant(axis):
+                continue
+            before = self._bank.variances[axis] if axis in self._bank.tuned else None
+            handed = handed_over(said.fit, before)
+            if handed is not None:
+                told[axis] = handed
+        if told:
+            self._bank.retune(told)
+
+    def _is_constant(self, axis: str) -> bool:
+        return self._bank.baseline is None or axis in self._bank.baseline.constant_axes
+
     def _null(self, shape: tuple[int, ...]) -> tuple[Array, Bools]:
         """Columns of what is said of white noise."""
         said = [self._said(axis) for axis in self._names]
@@ -91,6 +117,7 @@ class Channels:
 
     def on_missing(self, count: int) -> list[tuple[str, Reason]]:
         """Bridge lost samples; the axes that became invalid meanwhile, and why."""
+        self._tune()
         return [(self._names[lane], why) for _, lane, why in self._bank.on_missing(count)]
 
     def bridge(self, count: int) -> None:
@@ -117,7 +144,9 @@ class Channels:
         c = self.config
         bias = tuple(c.bias) if isinstance(c.bias, list) else c.bias
         R = tuple(c.R) if isinstance(c.R, list) else c.R
-        return EstimatorInfo(c.variant, c.estimate_on, c.memory, c.guard, c.window, c.startup_needed, bias, R)
+        return EstimatorInfo(
+            c.variant, c.estimate_on, c.memory, c.guard, c.window, c.startup_needed, bias, R, c.tuned_by
+        )
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
         """Statistics of every axis."""
@@ -128,17 +157,20 @@ class Channels:
             if baseline is None:
                 yield name, AxisStats(None, None, 0, {}, unit=self._unit)
                 continue
-            R = baseline.R[i]
+            Q, R = bank.variances[name]
+            constant = name in baseline.constant_axes
             yield (
                 name,
                 AxisStats(
                     baseline.bias_dps[i],
-                    R if math.isfinite(R) else None,
+                    None if constant else R,
                     restarts[name],
                     interventions[name],
                     lag1[name],
                     nis[name],
                     self._unit,
+                    None if constant else Q,
+                    name in bank.tuned,
                 ),
             )
 

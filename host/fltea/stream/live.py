@@ -27,13 +27,14 @@ BREAK = 9
 
 
 class Said(NamedTuple):
-    """What estimates of an axis say of its fit; null_p to three digits, None before the first fit.
+    """What estimates of an axis go by and say of its fit; null_p to three digits, None before the first fit.
 
     A fit that is begun elsewhere, as that of a replay is, may differ in the last digits of its figures.
     """
 
     null_p: float | None = None
     whiteness: Whiteness | None = None
+    fit: AxisFit | None = None
 
 
 class _Sensor(NamedTuple):
@@ -71,7 +72,7 @@ class LiveFits:
         self._times = FitTimes(1, 1, grows=False, every=False)
         self._first: int | None = None
         self._at: _Place | None = None
-        self._settled: dict[str, AxisFit] = {}
+        self._settled: dict[str, Said] = {}
         self._drawn_samples = 0
 
     def begin(self, beginning: Beginning) -> None:
@@ -129,7 +130,7 @@ class LiveFits:
                 done = self._times.done(number, self._samples)
                 fit = self._fit(curves=done.curves)
                 if done.settles:
-                    self._settled = fit.axes
+                    self._settled = {axis: _said_of(one) for axis, one in fit.axes.items()}
                 yield fit
             begin = end
 
@@ -150,17 +151,9 @@ class LiveFits:
             self._at = None
             yield fit
 
-    def settled(self, axis: str) -> AxisFit | None:
-        """The fit of an axis that its next estimates go by; None before the first."""
-        return self._settled.get(axis)
-
     def said(self, axis: str) -> Said:
         """What the next estimates of an axis say of its noise."""
-        fit = self._settled.get(axis)
-        if fit is None or fit.null_p is None:
-            return Said()
-        p = float(f"{fit.null_p:.3g}")
-        return Said(p, "rejected" if p < ANYTIME_LEVEL else "not rejected")
+        return self._settled.get(axis, NOTHING)
 
     def standing(self) -> Standing:
         """How often it fits."""
@@ -194,9 +187,19 @@ class LiveFits:
         return Fit(*self._at, self._samples, found, device=self._config.name)
 
 
+NOTHING = Said()
+
+
+def _said_of(fit: AxisFit) -> Said:
+    if fit.null_p is None:
+        return Said(fit=fit)
+    p = float(f"{fit.null_p:.3g}")
+    return Said(p, "rejected" if p < ANYTIME_LEVEL else "not rejected", fit)
+
+
 def said_by(fits: LiveFits | None) -> Callable[[str], Said]:
     """What is said of each axis; nothing where nothing is fitted."""
-    return (lambda axis: Said()) if fits is None else fits.said
+    return (lambda axis: NOTHING) if fits is None else fits.said
 
 
 def _sensor_of(hello: Hello) -> tuple[object, ...]:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.engine import Engine
-from fltea.estimator.engine_settings import EngineSettings
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import LOST_ORDER
 from fltea.lab.evaluate.fits import LEVEL, live_data, rejects
@@ -111,12 +110,5 @@ def read_tuned(
         if (one := by_samples.get(stop)) is not None:
             known = np.isfinite(one.s2)
             Q, R = np.where(known, one.s2, Q), np.where(known, one.R, R)
-            engine = retuned(engine, replace(settings, state=replace(settings.state, Q=Q, R=R)))
+            engine.retune(replace(settings, state=replace(settings.state, Q=Q, R=R)))
     return readings
-
-
-def retuned(engine: Engine, settings: EngineSettings) -> Engine:
-    """An engine that remembers what `engine` does and goes on with other settings of the same kind."""
-    other = Engine(engine.lanes, settings, instruction_set=engine.instruction_set)
-    other._native.load(engine._native.save())
-    return other

@@ -298,6 +298,12 @@ class Fltea:
             predicted = predict_state(A, rate, at, self.memory, self._Q)
             return self._finish(*state_filter(*predicted, measured, self.system.C, self._R))
 
+    def retune(self, Q: ArrayLike, R: ArrayLike) -> None:
+        """Go on with other variances of source and measurement, in all three filters; the memory stays."""
+        p = len(self.system.C)
+        self._Q = covariance("state Q", Q, len(self._Q))
+        self._R = self._order_R = self._parameter_R = covariance("R", R, p, definite=True)
+
     def predict(self, u: ArrayLike | None = None) -> Step:
         """Pass over a sample whose measurement is missing; `u` as in `step`.
 

@@ -1,0 +1,172 @@
+"""Filters whose Q and R change while they run: nothing of what they remember is lost."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from bank_support import AXES, COLUMNS, H
+from engine_cases import ESTIMATES, GYROSCOPE, Array, reference_run, same, white, with_
+from fltea.estimator.bank import Bank, Variances
+from fltea.estimator.engine import Engine, EngineSettings, StateTuning, instruction_sets
+from fltea.settings.config import EstimatorConfig
+
+CHANGES = {300: (0.01, 0.02), 301: (0.3, 0.05), 900: (0.0, 0.0235)}
+CONFIG = EstimatorConfig(startup=50, window=40)
+
+
+def told(settings: EngineSettings, Q: object, R: object) -> EngineSettings:
+    return with_(settings, state=replace(settings.state, Q=Q, R=R))
+
+
+def run_changing(settings: EngineSettings, y: Array, **options: str) -> Array:
+    """(n, len(ESTIMATES)) of one lane."""
+    engine, parts = Engine(1, settings, **options), []
+    for begin, end in pairwise([0, *CHANGES, len(y)]):
+        if begin:
+            engine.retune(told(settings, *CHANGES[begin]))
+        found = engine.run(y[begin:end])
+        parts.append(np.column_stack([getattr(found, name)[:, 0] for name in ESTIMATES]))
+    return np.vstack(parts)
+
+
+@pytest.mark.parametrize("instruction_set", instruction_sets())
+@pytest.mark.parametrize("memory", ["direct", "compressed"])
+def test_equals_the_reference_whose_q_and_r_change(memory: str, instruction_set: str) -> None:
+    y = white(1200, 1, 5)
+    expected = reference_run(GYROSCOPE, y[:, 0], np.zeros(len(y)), np.zeros(len(y), dtype=bool), CHANGES)
+    found = run_changing(with_(GYROSCOPE, memory=memory), y, instruction_set=instruction_set)
+    size = np.maximum(np.abs(expected), np.sqrt(np.nanmean(expected**2, axis=0)))
+    assert (np.abs(found - expected) / size).max() < (1e-10 if memory == "direct" else 1e-5)
+    plain = reference_run(GYROSCOPE, y[:, 0], np.zeros(len(y)), np.zeros(len(y), dtype=bool))
+    assert np.abs(plain - expected)[-1, 0] > 1e-3, "the change is seen"
+
+
+SETTINGS = [
+    GYROSCOPE,
+    with_(GYROSCOPE, memory="compressed", guard="consistent", variant="joint"),
+    with_(GYROSCOPE, memory="compressed", guard="faithful", window=None),
+]
+
+
+@pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: f"{s.memory}, {s.variant}")
+def test_the_same_settings_change_nothing(settings: EngineSettings) -> None:
+    y, a, b = white(200, 5, 1), Engine(5, settings), Engine(5, settings)
+    a.run(y), b.run(y)
+    b.retune(settings)
+    assert same(a.run(y), b.run(y))
+
+
+@pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: f"{s.memory}, {s.variant}")
+def test_lanes_that_are_told_the_same_as_before_do_not_notice(settings: EngineSettings) -> None:
+    y, a, b = white(200, 5, 1), Engine(5, settings), Engine(5, settings)
+    a.run(y), b.run(y)
+    Q, R = np.full(5, settings.state.Q), np.full(5, settings.state.R)
+    Q[3], R[3] = 0.003, 0.011
+    b.retune(told(settings, Q, R))
+    plain, changed = a.run(y), b.run(y)
+    others = [0, 1, 2, 4]
+    np.testing.assert_array_equal(plain.alpha[:, others], changed.alpha[:, others])
+    assert (plain.x[:, 3] != changed.x[:, 3]).all()
+
+
+def test_a_lane_that_begins_again_begins_with_what_it_was_told() -> None:
+    y, engine = white(100, 2, 1), Engine(2, SETTINGS[1])
+    engine.run(y)
+    other = told(SETTINGS[1], 0.003, 0.011)
+    engine.retune(other)
+    engine.reset()
+    assert same(engine.run(y), Engine(2, other).run(y))
+
+
+def test_a_snapshot_holds_what_it_was_told() -> None:
+    y, engine = white(100, 2, 1), Engine(2, SETTINGS[1])
+    engine.run(y)
+    engine.retune(told(SETTINGS[1], 0.003, 0.011))
+    assert same(Engine.restore(engine.save()).run(y), engine.run(y))
+    with pytest.raises(ValueError, match="other settings"):
+        Engine.restore(engine.save(), SETTINGS[1])
+
+
+@pytest.mark.parametrize(
+    "changes", [{"window": 7}, {"memory": "direct"}, {"variant": "triple"}, {"guard": "off"}, {"accuracy": 3}]
+)
+def test_what_the_memory_is_made_for_cannot_change(changes: dict[str, object]) -> None:
+    engine = Engine(1, SETTINGS[1])
+    with pytest.raises(ValueError, match="cannot change"):
+        engine.retune(with_(SETTINGS[1], **changes))
+
+
+@pytest.mark.parametrize("state", [StateTuning(R=0.0), StateTuning(Q=-1.0), StateTuning(R=(0.1, 0.2))])
+def test_what_no_filter_can_work_with_changes_nothing(state: StateTuning) -> None:
+    y, a, b = white(50, 1, 1), Engine(1, SETTINGS[1]), Engine(1, SETTINGS[1])
+    with pytest.raises(ValueError, match="state"):
+        b.retune(with_(SETTINGS[1], state=state))
+    assert same(a.run(y), b.run(y))
+
+
+# --- the bank ---
+
+
+def begun(samples: int = 400) -> tuple[Bank, Array]:
+    y = np.random.default_rng(1).standard_normal((samples + 50, 3)) * 0.153 + 0.7
+    bank = Bank(AXES, CONFIG, H, None)
+    bank.run(y[:50])
+    return bank, y[50:]
+
+
+def test_a_bank_goes_on_with_what_one_axis_was_told() -> None:
+    a, y = begun()
+    b, _ = begun()
+    a.run(y), b.run(y)
+    b.retune({"gyro_y": Variances(0.003, 0.011)})
+    plain, changed = a.run(y), b.run(y)
+    np.testing.assert_array_equal(plain.alpha[:, [0, 2]], changed.alpha[:, [0, 2]])
+    assert (plain.x[:, 1] != changed.x[:, 1]).all()
+    assert b.tuned == {"gyro_y"}
+    assert b.variances["gyro_y"] == (0.003, 0.011)
+    assert b.variances["gyro_x"] == a.variances["gyro_x"] == (CONFIG.state.Q, a.baseline.R[0])  # type: ignore[union-attr]
+
+
+def test_a_saved_bank_goes_on_with_what_it_was_told() -> None:
+    bank, y = begun()
+    bank.run(y)
+    bank.retune({"gyro_y": Variances(0.003, 0.011)})
+    state = bank.save()
+    assert state is not None
+    other = Bank(AXES, CONFIG, H, None, state)
+    assert (other.variances, other.tuned) == (bank.variances, bank.tuned)
+    assert other.save() == state
+    a, b = bank.run(y), other.run(y)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("variances", "reason"),
+    [
+        ({"accel_x": Variances(0.1, 0.1)}, "accel_x is not estimated"),
+        ({"gyro_x": Variances(-0.1, 0.1)}, "state.Q must be a variance"),
+        ({"gyro_x": Variances(0.1, 0.0)}, "state.R must be a variance"),
+    ],
+)
+def test_a_bank_refuses_what_cannot_be(variances: dict[str, Variances], reason: str) -> None:
+    bank, _ = begun()
+    before = dict(bank.variances)
+    with pytest.raises(ValueError, match=reason):
+        bank.retune(variances)
+    assert (bank.variances, bank.tuned) == (before, set())
+
+
+def test_a_bank_in_its_start_up_window_cannot_be_told() -> None:
+    with pytest.raises(ValueError, match="the start-up window is not full"):
+        Bank(AXES, CONFIG, H, None).retune({})
+
+
+def test_a_constant_axis_cannot_be_told() -> None:
+    y = np.random.default_rng(1).standard_normal((50, 3))
+    y[:, 1] = 1.0
+    bank = Bank(AXES, CONFIG, H, None)
+    bank.run(y)
+    with pytest.raises(ValueError, match="gyro_y is not estimated"):
+        bank.retune({"gyro_y": Variances(0.1, 0.1)})

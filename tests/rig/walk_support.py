@@ -1,0 +1,44 @@
+"""Made-up samples, and the walk of a pipeline over them with windows that are soon full."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from fltea.records.block import Block
+from fltea.records.events import Event, RawBlock, RawSample, block_of
+from fltea.records.records import AnyRecord, LinkStats
+from fltea.settings.config import load_config
+from fltea.stream.pipeline import Pipeline
+from fltea.stream.snapshot import DeviceState
+
+SMALL = {"estimator.window": 50, "estimator.startup": 20, "link.max_gap": 60}
+COUNTS = np.rint(np.random.default_rng(5).normal((3, -40, 0), 8, (1300, 3))).astype(int).tolist()
+
+
+class Source:
+    live = False
+    unix_offset_ns = 0
+
+    def __init__(self, prompt: bool) -> None:
+        self.prompt = prompt
+
+    def link_stats(self) -> LinkStats:
+        return LinkStats()
+
+
+def raw(numbers: Iterable[int]) -> RawBlock:
+    return block_of(
+        [RawSample(k, k * 10_000, k * 10_000_000, tuple(COUNTS[k]), (k % 9, 5, 16384), 0.0) for k in numbers]
+    )
+
+
+def walk(
+    found: Iterable[Event],
+    state: DeviceState | None = None,
+    *,
+    prompt: bool = True,
+    devices: int = 1,
+    **set_: object,
+) -> tuple[list[AnyRecord | Block], Pipeline]:
+    config = load_config(None, SMALL | {name.replace("__", "."): value for name, value in set_.items()})
+    pipeline = Pipeline(Source(prompt), config, state=state, devices=devices)  # type: ignore[arg-type]
+    return [item for event in found for item in pipeline.feed(event)], pipeline

@@ -1,0 +1,104 @@
+"""Filters tuned by the live fit: what it hands over, and from which sample on."""
+
+import numpy as np
+import pytest
+from blocks import records_of
+from fltea.estimator.bank import Bank, Variances
+from fltea.records.fit import AxisFit, Interval
+from fltea.records.records import Estimate, Fit
+from fltea.spectrum.verdict import ANYTIME_LEVEL
+from fltea.stream.tuning import handed_over
+from host_support import hello
+from hypothesis import given
+from hypothesis import strategies as st
+from walk_support import raw, walk
+
+KNOWN = AxisFit(
+    "fractional", "", "deg/s", 1e-9, s2=Interval(0.010004, 0.008, 0.012), R=Interval(0.02, 0.018, 0.022)
+)
+TUNED = {"estimator__tuning": "live"}
+
+
+def with_(**changes: Interval) -> AxisFit:
+    return AxisFit(
+        "fractional", "", "deg/s", 1e-9, s2=changes.get("s2", KNOWN.s2), R=changes.get("R", KNOWN.R)
+    )
+
+
+def test_s2_and_r_are_handed_over_to_three_digits() -> None:
+    assert handed_over(KNOWN, None) == Variances(0.01, 0.02)
+
+
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        Interval(0.01),
+        Interval(0.01, None, 0.012),
+        Interval(0.01, 0.004, 0.0081),
+        Interval(0.01, 0.0, 0.012),
+        Interval(None, 0.008, 0.012),
+        Interval(float("inf"), 0.008, float("inf")),
+        Interval(float("nan"), float("nan"), float("nan")),
+    ],
+    ids=str,
+)
+def test_what_is_not_known_well_enough_is_not(unknown: Interval) -> None:
+    assert handed_over(with_(s2=unknown), None) is None
+    assert handed_over(with_(R=unknown), None) is None
+
+
+@given(st.floats(0.8, 1.25), st.floats(0.8, 1.25))
+def test_what_has_moved_by_less_than_a_tenth_of_its_interval_stays(s2: float, R: float) -> None:
+    before = Variances(0.010004 * s2, 0.02 * R)
+    moved = abs(0.010004 - before.Q) > 0.1 * 0.004 or abs(0.02 - before.R) > 0.1 * 0.004
+    assert (handed_over(KNOWN, before) is not None) == moved
+
+
+@pytest.mark.parametrize("variant", ["joint", "triple"])
+def test_a_fit_after_a_sample_tunes_from_the_next_one_on(variant: str) -> None:
+    """The same bank, told by hand."""
+    items, pipeline = walk([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
+    found = {r.seq: r.axes for r in records_of(items) if isinstance(r, Estimate)}
+    by_hand = walk([hello()], estimator__variant=variant)[1]._config.estimator
+    bank = Bank(("gyro_x", "gyro_y", "gyro_z"), by_hand, 0.01, 1 / 16.4)
+    y = raw(range(830)).gyro / 16.4
+    bank.run(y[:20])
+    at, told = 20, 0
+    for fit in [item for item in items if isinstance(item, Fit)]:
+        columns = bank.run(y[at : fit.seq + 1])
+        for row, seq in enumerate(range(at, fit.seq + 1)):
+            published = [(axis.alpha, axis.state) for axis in found[seq].values()]
+            expected = np.column_stack([columns.alpha[row], columns.x[row]])
+            np.testing.assert_array_equal(np.array(published, dtype=np.float64), expected)
+        at = fit.seq + 1
+        for axis, one in fit.axes.items():
+            before = bank.variances[axis] if axis in bank.tuned else None
+            handed = handed_over(one, before)
+            assert one.null_p is not None
+            if one.null_p < ANYTIME_LEVEL and handed is not None:
+                bank.retune({axis: handed})
+                told += 1
+    assert told > 3
+    for axis, stats in pipeline.stats().axes.items():
+        assert bank.variances[axis] == (stats.Q, stats.R)
+        assert stats.tuned == (axis in bank.tuned)
+
+
+def test_by_default_the_filters_are_as_at_the_start() -> None:
+    _, pipeline = walk([hello(), raw(range(800))], estimator__tuning="startup")
+    for one in pipeline.stats().axes.values():
+        assert (one.Q, one.tuned) == (0.15, False)
+
+
+def test_without_a_fit_nothing_is_tuned() -> None:
+    _, pipeline = walk([hello(), raw(range(400))], live__on=False, **TUNED)
+    assert not any(one.tuned for one in pipeline.stats().axes.values())
+
+
+def test_a_saved_walk_goes_on_tuned() -> None:
+    _, pipeline = walk([hello(), raw(range(800))], **TUNED)
+    before = pipeline.stats().axes
+    assert any(one.tuned for one in before.values())
+    _, after = walk([hello(), raw(range(820, 830))], pipeline.save(), **TUNED)
+    for axis, one in after.stats().axes.items():
+        assert (one.Q, one.R, one.tuned) == (before[axis].Q, before[axis].R, before[axis].tuned)
