@@ -121,10 +121,12 @@ def examine(
 
 def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
     """The share of a band's power that is in peaks."""
+    if not peaks:
+        return 0.0
     hz = whole.lam / (2 * np.pi * whole.h)
     inside = (hz >= band.low_hz) & (hz < band.high_hz)
     total = float(whole.power[inside].sum())
-    if not peaks or not total > 0:
+    if not total > 0:
         return 0.0
     for low, high in peaks:
         inside &= (hz < low) | (hz > high)
