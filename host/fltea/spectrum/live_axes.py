@@ -105,13 +105,13 @@ class LiveAxes:
             self._warm[lane].forget()
         used = min(counts.used, round(REMEMBERED * self._memory)) if self._memory else counts.used
         try:
-            whole = self._octaves.periodogram(lane, self.h)
+            whole, drift = self._octaves.lines_and_drift(lane, self.h)
             seen = examine(
                 whole,
                 used * self.h,
                 used,
                 cells=self._octaves.cells(lane, self.h),
-                drift=self._octaves.drift(lane),
+                drift=drift,
                 level=level,
                 warm=self._warm[lane],
             )
