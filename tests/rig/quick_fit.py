@@ -33,7 +33,7 @@ class QuickAxes:
         self.lost.append((self.samples, count))
         self._seen = hashlib.sha256(self._seen + b"lost %d" % count).digest()
 
-    def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
+    def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
         spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
         return {axis: self._fit(axis, spectrum, " at the end" if last else "") for axis in self.axes}
 

@@ -1,6 +1,7 @@
 """The live fit of all axes of one sensor: samples in, `AxisFit` out whenever it is asked for."""
 
 import math
+from collections.abc import Iterator
 
 import msgspec
 import numpy as np
@@ -12,7 +13,7 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.fit_allan import fit_allan
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.models import parameters
-from fltea.spectrum.octaves import Counts, Octaves
+from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
 from fltea.spectrum.profile import Parameter, fractional_fit
 from fltea.spectrum.spectral import Spectral, examine
@@ -70,13 +71,16 @@ class LiveAxes:
         """Take note of lost samples of all axes."""
         self._octaves.skip(count)
 
-    def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
+    def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
         """Fit every axis.
 
-        curves: with spectrum and Allan deviation, and from all starts, not from the last fit. last: of a
-        record that is at its end, and so is judged at the level of one look, as `fltea identify` does it.
+        curves: with spectrum and Allan deviation. last: of a record that is at its end, and so is judged at
+        the level of one look, as `fltea identify` does it. fresh: from all starts, and peaks and changes are
+        looked for again, as with curves; else all begins at the last fit.
         """
         level = LEVEL if last else ANYTIME_LEVEL
+        for warm in self._warm if fresh or curves else ():
+            warm.forget()
         return {axis: self._fit(lane, curves, level) for lane, axis in enumerate(self.axes)}
 
     def save(self) -> bytes:
@@ -101,8 +105,6 @@ class LiveAxes:
         if counts.constant and counts.used >= SHORTEST_MEMORY:
             text = "Constant: all samples are the same. Is the sensor asleep, or its range far too wide?"
             return AxisFit("constant", text, self.unit, left_out=left_out)
-        if curves:
-            self._warm[lane].forget()
         used = min(counts.used, round(REMEMBERED * self._memory)) if self._memory else counts.used
         try:
             whole, drift = self._octaves.lines_and_drift(lane, self.h)
@@ -110,7 +112,7 @@ class LiveAxes:
                 whole,
                 used * self.h,
                 used,
-                cells=self._octaves.cells(lane, self.h),
+                cells=self._cells(lane),
                 drift=drift,
                 level=level,
                 warm=self._warm[lane],
@@ -120,6 +122,10 @@ class LiveAxes:
             text = f"Too few samples yet: {needed}."
             return AxisFit("too few samples", text, self.unit, left_out=left_out)
         return self._said(lane, seen, whole if curves else None, used, left_out)
+
+    def _cells(self, lane: int) -> Iterator[BandCells]:
+        """Made only where a change is looked for."""
+        yield from self._octaves.cells(lane, self.h)
 
     def _said(
         self, lane: int, seen: Spectral, drawn: Periodogram | None, used: int, left_out: dict[str, int]

@@ -18,7 +18,7 @@ from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import BandCells, Drift
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
 from fltea.spectrum.rivals import Fits, contest, fit_all
-from fltea.spectrum.stationarity import find_change
+from fltea.spectrum.stationarity import Change, find_change
 from fltea.spectrum.verdict import DRIFT_HZ, LEVEL, Evidence
 from fltea.spectrum.warm import Warm
 
@@ -87,7 +87,8 @@ def examine(
     if peaks is None:
         # Of peaks and of changes there are as few false alarms as they are looked for all over the spectrum.
         false_alarm = FALSE_ALARM * level / LEVEL
-        peaks = (find_peaks if whole.weight is None else find_octave_peaks)(whole, false_alarm)
+        find = find_peaks if whole.weight is None else find_octave_peaks
+        peaks = warm.looked("peaks", ordinates, lambda: find(whole, false_alarm))
         found = tuple(peak.notch_hz for peak in peaks)
     else:
         found = around(whole, tuple(peak.notch_hz for peak in peaks))
@@ -100,8 +101,12 @@ def examine(
     else:
         fits = fit_all(clean, warm.of("clean"))
     rivals = contest(clean, fits)
-    # Where a sharp resonance rules, neighbouring blocks are alike, and parts of the record differ for that.
-    compared = [one for one in cells if _share_of_peaks(whole, one, found) < LARGEST_SHARE]
+
+    def change() -> Change | None:
+        # Where a sharp resonance rules, neighbouring blocks are alike: parts of the record differ for that.
+        compared = [one for one in cells if _share_of_peaks(whole, one, found) < LARGEST_SHARE]
+        return find_change(compared, clean.h, FALSE_ALARM * level / LEVEL, from_hz, notch)
+
     evidence = Evidence(
         duration_s=duration_s,
         samples=samples,
@@ -111,7 +116,7 @@ def examine(
         peaks=peaks,
         contest=rivals,
         drift_ratio=_drift_ratio(clean, drift),
-        change=find_change(compared, clean.h, FALSE_ALARM * level / LEVEL, from_hz, notch),
+        change=warm.looked("change", ordinates, change),
         level=level,
     )
     return Spectral(

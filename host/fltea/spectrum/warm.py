@@ -1,6 +1,7 @@
 """Fits that begin at the last answers, for one axis that is fitted again and again."""
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +10,14 @@ from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.whittle import Fit, Model, fit
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 AGAIN = 2.0
 """Growth of the record after which the grid of starts is searched again."""
 AGAIN_ON_BOUND = 1.1
 """The same for an answer at the edge of what is possible."""
+LOOK_AGAIN = 1.1
+"""The same, after which peaks and changes are looked for again; the fits themselves are made every time."""
 EDGE = 13.0
 """Coordinates beyond: a share of 2e-6, and the likelihood is flat."""
 
@@ -33,11 +37,20 @@ class Warm:
         self._last: dict[tuple[str, str, float], tuple[Array, float]] = {}
         self.ends: Array | None = None
         """of the intervals, as `profile.fractional_fit` keeps them"""
+        self._looked: dict[str, tuple[Any, float]] = {}
 
     def forget(self) -> None:
         """Begin on the grid again."""
         self._last.clear()
+        self._looked.clear()
         self.ends = None
+
+    def looked(self, name: str, ordinates: float, look: Callable[[], T]) -> T:
+        """What `look` found last under this name, or finds now if the record has grown too far since."""
+        found, then = self._looked.get(name, (None, 0.0))
+        if ordinates > LOOK_AGAIN * then:
+            found, then = self._looked[name] = look(), ordinates
+        return cast(T, found)
 
     def of(self, name: str) -> Search:
         """Fits to the ordinates that are called `name`."""

@@ -128,7 +128,8 @@ class LiveFits:
             number += end - begin - 1
             if number >= self._times.due:
                 done = self._times.done(number, self._samples)
-                fit = self._fit(curves=done.curves)
+                # A fit that settles does not depend on those between, which a replay does not make.
+                fit = self._fit(curves=done.curves, fresh=done.settles)
                 if done.settles:
                     self._settled = {axis: _said_of(one) for axis, one in fit.axes.items()}
                 yield fit
@@ -176,12 +177,12 @@ class LiveFits:
         seq, device_us, host_ns = last
         self._at = _Place(seq, block.epoch, device_us, host_ns)
 
-    def _fit(self, *, curves: bool, last: bool = False) -> Fit:
+    def _fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> Fit:
         """The fit after the sample that was taken last."""
         assert self._at is not None
         found: dict[str, AxisFit] = {}
         for sensor in self._sensors.values():
-            found |= sensor.live.fit(curves=curves, last=last)
+            found |= sensor.live.fit(curves=curves, last=last, fresh=fresh)
         if curves:
             self._drawn_samples = self._samples
         return Fit(*self._at, self._samples, found, device=self._config.name)
