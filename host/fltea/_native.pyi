@@ -276,7 +276,8 @@ class Octaves:
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
 
-# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp).
+# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp);
+# near: those of an earlier search, about which they are looked for first.
 # ValueError as for whittle_fit.
 def whittle_intervals(
     lam: NDArray[np.float64],
@@ -288,5 +289,6 @@ def whittle_intervals(
     critical: float,
     h: float,
     what: NDArray[np.float64],
+    near: NDArray[np.float64] | None,
     ends: NDArray[np.float64],
 ) -> None: ...

@@ -187,14 +187,15 @@ void slopes(Column lam, Column counts, Rows power, int family, double highest_or
 }
 
 // Ends of intervals of the fractional model's numbers: rows of `what` are hold, logarithm (0 or 1), here, low
-// and high (Profiled); rows of `ends` low and high.
+// and high (Profiled); rows of `ends` low and high, and so those of `near`, of an earlier search, if given.
 void intervals(Column lam, Column counts, Rows power, Column theta, double scale, double nll, double critical,
-               double h, Rows what, OutRows ends) {
+               double h, Rows what, std::optional<Rows> near, OutRows ends) {
     using namespace fltea::whittle;
     if (power.shape(0) != 1 || theta.shape(0) != 3 || what.shape(1) != 5 || ends.shape(0) != what.shape(0) ||
-        ends.shape(1) != 2) {
+        ends.shape(1) != 2 || (near && (near->shape(0) != what.shape(0) || near->shape(1) != 2))) {
         refuse("one series, a fit of the fractional model, and rows of 5 and 2 numbers are needed");
     }
+    if (near) check_finite(near->data(), near->size());
     check_finite(theta.data(), theta.size());
     check_finite(what.data(), what.size());
     if (!(std::isfinite(nll) && scale > 0 && scale <= kLargest && critical > 0 && std::isfinite(h) && h > 0))
@@ -211,8 +212,10 @@ void intervals(Column lam, Column counts, Rows power, Column theta, double scale
     const Data data(lam, counts, power);
     const nb::gil_scoped_release release;
     Profile profile(fastest(), *data, theta.data(), scale, nll, critical, h);
-    std::vector<Ends> found(profiled.size());
-    profile.ends(profiled.data(), profiled.size(), found.data());
+    std::vector<Ends> found(profiled.size()), before;
+    for (size_t i = 0; near && i < found.size(); ++i)
+        before.push_back(Ends{near->data()[2 * i], near->data()[2 * i + 1]});
+    profile.ends(profiled.data(), profiled.size(), found.data(), near ? before.data() : nullptr);
     for (size_t i = 0; i < found.size(); ++i) {
         ends.data()[2 * i] = found[i].low;
         ends.data()[2 * i + 1] = found[i].high;
@@ -231,5 +234,5 @@ void bind_fit(nb::module_& m) {
           nb::arg("nll"), nb::arg("gradient"), nb::arg("information"));
     m.def("whittle_intervals", &intervals, nb::arg("lam"), nb::arg("counts"), nb::arg("power"),
           nb::arg("theta"), nb::arg("scale"), nb::arg("nll"), nb::arg("critical"), nb::arg("h"),
-          nb::arg("what"), nb::arg("ends"));
+          nb::arg("what"), nb::arg("near").none(), nb::arg("ends"));
 }

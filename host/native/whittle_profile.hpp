@@ -3,7 +3,8 @@
 //
 // The likelihood is looked at 1/2, 1/4, ... of the possible range away from the best value on both sides, so
 // that a second maximum far away is seen; the interval's ends are beyond the outermost values inside. A value
-// is outside only if neither the search from its neighbour nor that from a grid leads inside.
+// is outside only if neither the search from its neighbour nor that from a grid leads inside. Of an axis that
+// is fitted again and again only the surroundings of the last ends are looked at, most times.
 #pragma once
 
 #include "whittle_held.hpp"
@@ -37,19 +38,25 @@ class Profile {
 
     // Of `count` numbers. What is found inside for one is inside for the others too: where that is farther
     // out than their own search has come they are searched once more.
-    void ends(const Profiled* what, std::size_t count, Ends* found) {
+    //
+    // near: the ends of the same numbers a little earlier, or null. Where those of now are near them they are
+    // found without looking at all that is possible.
+    void ends(const Profiled* what, std::size_t count, Ends* found, const Ends* near = nullptr) {
         std::vector<Scan> scans(count);
         known_.assign(count, Known{best_, best_});
         what_ = what;
         for (std::size_t i = 0; i < count; ++i) {
+            if (near != nullptr && nearby(what[i], near[i], found[i])) continue;
             scan(what[i], scans[i]);
             found[i] = ends(what[i], scans[i]);
         }
         for (std::size_t i = 0; i < count; ++i) {
             const double margin = 0.02 * (found[i].high - found[i].low);
             if (fits_.value(what[i], known_[i].low) < found[i].low - margin ||
-                fits_.value(what[i], known_[i].high) > found[i].high + margin)
+                fits_.value(what[i], known_[i].high) > found[i].high + margin) {
+                if (scans[i].count == 0) scan(what[i], scans[i]);
                 found[i] = ends(what[i], scans[i]);
+            }
         }
     }
 
@@ -60,7 +67,7 @@ class Profile {
     struct Scan {
         double values[kMostValues];
         Point<double> points[kMostValues];
-        int count, first, last;
+        int count = 0, first, last;
     };
 
     // Spectra inside with the lowest and the highest value.
@@ -79,6 +86,34 @@ class Profile {
             if (look(what, out.values[i], out.points[i + 1], out.points[i])) out.first = i;
         for (int i = here + 1; i < out.count; ++i)
             if (look(what, out.values[i], out.points[i - 1], out.points[i])) out.last = i;
+    }
+
+    // False if the ends are not both near those before.
+    bool nearby(const Profiled& what, const Ends& before, Ends& found) {
+        if (!(before.low <= what.here && what.here <= before.high)) return false;
+        const double margin = kNearby * (before.high - before.low);
+        return near_end(what, before.low, -margin, what.low, found.low) &&
+               near_end(what, before.high, margin, what.high, found.high);
+    }
+
+    // The end about `before`, towards `edge`, the end of what is possible; false if it is not there.
+    bool near_end(const Profiled& what, double before, double margin, double edge, double& found) {
+        const double sign = margin < 0 ? -1 : 1;
+        Bracket bracket = Bracket();
+        const bool at_edge = (edge - before - margin) * sign <= 0;
+        bracket.inner = at_edge ? edge : before - margin;
+        if ((bracket.inner - what.here) * sign <= 0) return false;
+        bracket.in = fits_.from(what, bracket.inner, best_);
+        fits_.search(fits_.model(what, bracket.inner), until(), bracket.in);
+        if (!inside(fits_.model(what, bracket.inner), bracket.in)) return false;
+        if (at_edge) {
+            found = edge;
+            return true;
+        }
+        bracket.outer = before + margin;
+        if (look(what, bracket.outer, bracket.in, bracket.out)) return false;
+        found = crossing(what, bracket);
+        return true;
     }
 
     Ends ends(const Profiled& what, const Scan& scan) {
@@ -267,6 +302,8 @@ class Profile {
 
     static const int kTurns = 3, kSteps = 12;
     static constexpr double kNear = 0.02;
+    // Share of the interval's width within which an end is looked for about the one before.
+    static constexpr double kNearby = 0.1;
 
     HeldFits fits_;
     double nll_, critical_;

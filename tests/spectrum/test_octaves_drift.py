@@ -30,18 +30,18 @@ def test_what_was_taken_out_is_told() -> None:
     octaves = Octaves(lanes)
     y = np.random.default_rng(4).standard_normal((20_000, lanes))
     octaves.add(y[:3000])
-    assert octaves.drift(0) is None
+    assert octaves.lines_and_drift(0, H)[1] is None
     octaves.add(y[3000:])
-    found = [octaves.drift(lane) for lane in range(lanes)]
+    found = [octaves.lines_and_drift(lane, H)[1] for lane in range(lanes)]
     assert {one.amplitudes for one in found if one} == {3}
     assert np.mean([one.power for one in found if one]) == pytest.approx(1, abs=4 * np.sqrt(2 / 3 / lanes))
     octaves.skip(1000)
     octaves.add(y[:5000] + 3)
-    gap = octaves.drift(0)
+    gap = octaves.lines_and_drift(0, H)[1]
     assert gap is not None
     assert (gap.amplitudes, gap.power < 5) == (6, True)
     ramp = Octaves(1)
     ramp.add(y[:, :1] + np.linspace(0, 1, 20_000)[:, np.newaxis])
-    steep = ramp.drift(0)
+    steep = ramp.lines_and_drift(0, H)[1]
     assert steep is not None
     assert steep.power == pytest.approx(20_000 / 12 / 3, rel=0.1)

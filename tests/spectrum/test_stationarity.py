@@ -85,6 +85,13 @@ def test_what_is_left_out_is_not_looked_at() -> None:
     assert decide(examined(y, H, notch=((29.0, 31.0),)).evidence).kind == "white"
 
 
+def test_a_sharp_resonance_does_not_change() -> None:
+    """It fills whole blocks alike: without care one in four would be called so."""
+    phi = 2 * 0.995 * np.cos(1.97), -(0.995**2)
+    kinds = [decide(examined(y, H).evidence).kind for y in ar(phi, 6000, 20, 1)]
+    assert kinds == ["filter or resonance"] * 20
+
+
 def test_too_few_blocks_say_nothing() -> None:
     assert change(white(300, 1, 6)[0]) is None
     assert find_change([], H, LEVEL) is None

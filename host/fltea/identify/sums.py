@@ -53,7 +53,7 @@ def examined(y: Array, h: float, from_hz: float = 0.0, notch: Bands = ()) -> Spe
         len(y) * h,
         len(y),
         cells=sums.cells(0, h),
-        drift=sums.drift(0),
+        drift=sums.lines_and_drift(0, h)[1],
         peaks=peaks,
         from_hz=from_hz,
         notch=notch,

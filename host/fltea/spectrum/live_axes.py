@@ -105,13 +105,13 @@ class LiveAxes:
             self._warm[lane].forget()
         used = min(counts.used, round(REMEMBERED * self._memory)) if self._memory else counts.used
         try:
-            whole = self._octaves.periodogram(lane, self.h)
+            whole, drift = self._octaves.lines_and_drift(lane, self.h)
             seen = examine(
                 whole,
                 used * self.h,
                 used,
                 cells=self._octaves.cells(lane, self.h),
-                drift=self._octaves.drift(lane),
+                drift=drift,
                 level=level,
                 warm=self._warm[lane],
             )
@@ -128,7 +128,7 @@ class LiveAxes:
         e, data, full = seen.evidence, seen.fits.data, seen.fits.full
         verdict = decide(e)
         p = parameters(full.theta[0])
-        found = fractional_fit(data, full, self.h, white=e.p_clean >= e.level)
+        found = fractional_fit(data, full, self.h, white=e.p_clean >= e.level, warm=self._warm[lane])
         seconds = None
         if found.alpha.defined:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None

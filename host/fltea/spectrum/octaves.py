@@ -166,6 +166,14 @@ class Octaves:
         Raises:
             ValueError: the lane is constant, h is not positive, or there is too little yet.
         """
+        return self.lines_and_drift(lane, h)[0]
+
+    def lines_and_drift(self, lane: int, h: float) -> tuple[Periodogram, Drift | None]:
+        """Return what `periodogram` does, and the drift that was taken out of it: none of a short record.
+
+        Raises:
+            ValueError: as `periodogram`.
+        """
         if not (math.isfinite(h) and h > 0):
             raise ValueError(f"h is a sampling period in s and must be > 0, got {h}")
         if self.counts(lane).constant:
@@ -178,14 +186,15 @@ class Octaves:
             if blocks > 0
         ]
         stretches = _stretches(np.frombuffer(values, np.float32), np.frombuffer(lengths, np.int32))
-        parts += [_whole_lines(depth, y) for y in stretches]
+        amplitudes: list[Array] = []
+        parts += [_whole_lines(depth, y, amplitudes) for y in stretches]
         longest = max((len(y) for y in stretches), default=0)
         n = (longest << depth) if longest else BLOCK << max(depth - 1, 0)
         if not parts:
             check_enough(0, self.samples)
         lam, power, weight = _in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
         check_enough(len(lam), n)
-        return Periodogram(lam, power, h, n, weight)
+        return Periodogram(lam, power, h, n, weight), _drift_of(amplitudes, depth)
 
     def cells(self, lane: int, h: float) -> list[BandCells]:
         """Return how the power of each octave went on, highest band first; h as of `periodogram`."""
@@ -202,20 +211,6 @@ class Octaves:
             scale = math.log(2.0**level)
             result.append(BandCells(low, high, counts, mean + scale, variance, first.astype(np.int64)))
         return result
-
-    def drift(self, lane: int) -> Drift | None:
-        """Return what was taken out of the lines of a lane; None if nothing was (of a short record)."""
-        welch, values, lengths = self._native.spectrum(lane)
-        if not welch:
-            return None
-        found = []
-        for one in _stretches(np.frombuffer(values, np.float32), np.frombuffer(lengths, np.int32)):
-            stretch = one.astype(np.float64)
-            found.append(_drift(stretch - stretch.mean())[1])
-        if not found:
-            return None
-        amplitudes = np.concatenate(found)
-        return Drift(float(amplitudes @ amplitudes) / len(amplitudes) * 2.0 ** len(welch), len(amplitudes))
 
     def allan(self, lane: int) -> AllanPoints:
         """Return the Allan variances of a lane."""
@@ -244,14 +239,25 @@ def _drift(values: Array) -> tuple[Array, Array]:
     return amplitudes @ basis, amplitudes
 
 
-def _whole_lines(level: int, y: NDArray[np.float32]) -> tuple[Array, Array, Array]:
+def _drift_of(amplitudes: list[Array], level: int) -> Drift | None:
+    if not amplitudes:
+        return None
+    all_of_them = np.concatenate(amplitudes)
+    power = float(all_of_them @ all_of_them) / len(all_of_them) * 2.0**level
+    return Drift(power, len(all_of_them))
+
+
+def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> tuple[Array, Array, Array]:
+    """Frequencies, powers and weights; of drift that is taken out `amplitudes` takes note."""
     m = len(y)
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(_JOIN * m / (2 * np.pi)) - 1)
     j = np.arange(LOWEST, last + 1)
     values = y.astype(np.float64)
     values -= values.mean()
     if level:
-        values -= _drift(values)[0]
+        cubic, found = _drift(values)
+        values -= cubic
+        amplitudes.append(found)
     spectrum = np.fft.rfft(values)[j]
     own = np.asarray(2 * np.pi * j / m, dtype=np.float64)
     power = (spectrum.real**2 + spectrum.imag**2) / m * 2.0**level

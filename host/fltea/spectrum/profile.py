@@ -17,6 +17,7 @@ from fltea import _native
 from fltea.noise import spectra as spectrum
 from fltea.spectrum.models import WHITE, parameters
 from fltea.spectrum.periodogram import Binned
+from fltea.spectrum.warm import Warm
 from fltea.spectrum.whittle import HOLDS, Fit, fit
 
 Array = NDArray[np.float64]
@@ -88,10 +89,13 @@ class _Profile(NamedTuple):
         return Parameter(self.value, min(low, self.value), max(high, self.value))
 
 
-def fractional_fit(data: Binned, found: Fit, h: float, *, white: bool = False) -> FractionalFit:
+def fractional_fit(
+    data: Binned, found: Fit, h: float, *, white: bool = False, warm: Warm | None = None
+) -> FractionalFit:
     """Profile the one series of `data`, whose fit of the model FULL is `found`; h in s.
 
-    white: the null test does not reject white noise, in which none of the parameters is defined.
+    white: the null test does not reject white noise, in which none of the parameters is defined. warm: holds
+    the ends of the last search, about which those of now are looked for first; they are replaced.
 
     Raises:
         ValueError: no spectrum can be fitted to the data, as for `whittle.fit`.
@@ -111,7 +115,9 @@ def fractional_fit(data: Binned, found: Fit, h: float, *, white: bool = False) -
     if white:
         F, order, minus_g, minus_f, state, noise = (Parameter(one.value, None, None) for one in profiles)
     else:
-        ends = _ends(data, found, h, profiles)
+        ends = _ends(data, found, h, profiles, warm.ends if warm else None)
+        if warm:
+            warm.ends = ends
         F, order, minus_g, minus_f, state, noise = (
             one.parameter(*pair) for one, pair in zip(profiles, ends.tolist(), strict=True)
         )
@@ -127,7 +133,7 @@ def fractional_fit(data: Binned, found: Fit, h: float, *, white: bool = False) -
     )
 
 
-def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...]) -> Array:
+def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...], near: Array | None) -> Array:
     """Low and high of each as they are searched for, (profiles, 2)."""
     ends = np.empty((len(profiles), 2))
     _native.whittle_intervals(
@@ -140,6 +146,7 @@ def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...]) ->
         critical=CRITICAL,
         h=h,
         what=np.array([one.row() for one in profiles]),
+        near=near,
         ends=ends,
     )
     return ends

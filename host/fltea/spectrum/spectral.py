@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 
 
+LARGEST_SHARE = 0.3
+"""Of a band's power in peaks: of bands with more it is not asked whether they changed."""
 LEVEL_ORDINATES = 100
 """The lowest ones give the level that drift is compared with."""
 
@@ -98,6 +100,8 @@ def examine(
     else:
         fits = fit_all(clean, warm.of("clean"))
     rivals = contest(clean, fits)
+    # Where a sharp resonance rules, neighbouring blocks are alike, and parts of the record differ for that.
+    compared = [one for one in cells if _share_of_peaks(whole, one, found) < LARGEST_SHARE]
     evidence = Evidence(
         duration_s=duration_s,
         samples=samples,
@@ -107,12 +111,26 @@ def examine(
         peaks=peaks,
         contest=rivals,
         drift_ratio=_drift_ratio(clean, drift),
-        change=find_change(cells, clean.h, FALSE_ALARM * level / LEVEL, from_hz, notch),
+        change=find_change(compared, clean.h, FALSE_ALARM * level / LEVEL, from_hz, notch),
         level=level,
     )
     return Spectral(
         evidence, ratio, round(ordinates), fits, Band(clean_from_hz, notch + found, round(clean.ordinates))
     )
+
+
+def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
+    """The share of a band's power that is in peaks."""
+    if not peaks:
+        return 0.0
+    hz = whole.lam / (2 * np.pi * whole.h)
+    inside = (hz >= band.low_hz) & (hz < band.high_hz)
+    total = float(whole.power[inside].sum())
+    if not total > 0:
+        return 0.0
+    for low, high in peaks:
+        inside &= (hz < low) | (hz > high)
+    return 1 - float(whole.power[inside].sum()) / total
 
 
 def _drift_ratio(clean: Periodogram, drift: Drift | None) -> float:

@@ -31,10 +31,13 @@ class Warm:
 
     def __init__(self) -> None:
         self._last: dict[tuple[str, str, float], tuple[Array, float]] = {}
+        self.ends: Array | None = None
+        """of the intervals, as `profile.fractional_fit` keeps them"""
 
     def forget(self) -> None:
         """Begin on the grid again."""
         self._last.clear()
+        self.ends = None
 
     def of(self, name: str) -> Search:
         """Fits to the ordinates that are called `name`."""
