@@ -12,8 +12,8 @@ GROWTH = 10
 """From one fit that settles to the next the record grows by one part in so many: an hour has some 70, which
 takes a replay 0.7 s; 50 would take 2.4 s."""
 
-DEVICES_A_SECOND = 20
-"""Devices of three axes whose fits, once a second, take a fifth of a core."""
+DEVICES_A_SECOND = 12
+"""Devices of three axes whose fits, once a second, take a fifth of a core: 1.7 % each, curves included."""
 
 
 def period_s(config: Config, devices: int) -> float:
