@@ -36,6 +36,7 @@ UNDECIDED = AxisFit(
     f=Interval(-2.1, -6.0, 0.4),
     rate_left_out=[(11.4, 12.7), (24.0, 25.0)],
     left_out={"knocked": 256, "bridged": 7, "lost": 12},
+    breaks={"gaps": 1, "knocks": 2, "steps": 1, "changes": 0},
     until_s=Until(0.05, 440.0),
 )
 

@@ -93,11 +93,18 @@ def test_large_is_only_what_the_data_support_well() -> None:
 def test_what_is_left_out_is_said_in_a_line() -> None:
     assert answer(FRACTIONAL).left_out == ""
     assert answer(UNDECIDED).left_out == (
-        "Left out: 11.4 to 12.7 Hz, 24 to 25 Hz; 256 samples in knocks; 7 samples bridged; 12 samples lost"
+        "Left out: 11.4 to 12.7 Hz, 24 to 25 Hz; 256 samples in knocks; 7 samples bridged; 12 samples lost; "
+        "1 step of the offset"
     )
-    many = replace(WHITE, rate_left_out=[(k, k + 0.5) for k in range(1, 7)], left_out={"lost": 1, "odd": 0})
+    many = replace(
+        WHITE,
+        rate_left_out=[(k, k + 0.5) for k in range(1, 7)],
+        left_out={"lost": 1, "odd": 0},
+        breaks={"changes": 2},
+    )
     assert answer(many).left_out == (
-        "Left out: 1 to 1.5 Hz, 2 to 2.5 Hz, 3 to 3.5 Hz and 3 bands more; 1 sample lost"
+        "Left out: 1 to 1.5 Hz, 2 to 2.5 Hz, 3 to 3.5 Hz and 3 bands more; 1 sample lost; "
+        "2 lasting changes of the power"
     )
 
 

@@ -67,6 +67,8 @@ class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     verdict: what the noise is; text: the same in sentences. null_p: of the null test at the time. F = g + α,
     g = h^α f; s2, R: variances in the square of `unit`. rate_left_out: bands in Hz of lines and
     resonances, which are not fitted. left_out: samples that are not used, and bridged ones, by cause.
+    breaks: how often the stretch of samples was broken, by cause: gaps, knocks (of 128 samples), steps of
+    the offset, lasting changes of the noise's power.
     allan, spectrum: null between times (at most every 10 s).
     """
 
@@ -81,6 +83,7 @@ class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     R: Interval = Interval()
     rate_left_out: list[tuple[float, float]] = []
     left_out: dict[str, int] = {}
+    breaks: dict[str, int] = {}
     until_s: Until | None = None
     allan: FitAllan | None = None
     spectrum: FitSpectrum | None = None

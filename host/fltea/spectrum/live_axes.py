@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from fltea.noise.spectra import f_of
@@ -81,7 +82,12 @@ class LiveAxes:
         level = LEVEL if last else ANYTIME_LEVEL
         for warm in self._warm if fresh or curves else ():
             warm.forget()
-        return {axis: self._fit(lane, curves, level) for lane, axis in enumerate(self.axes)}
+        found = {}
+        for lane, axis in enumerate(self.axes):
+            counts = self._octaves.counts(lane)
+            fit = self._fit(lane, counts, curves, level)
+            found[axis] = replace(fit, left_out=_left_out(counts), breaks=_breaks(counts))
+        return found
 
     def save(self) -> bytes:
         """All of it, for a later run."""
@@ -99,12 +105,10 @@ class LiveAxes:
             raise ValueError("the saved sums are of other axes, another rate, unit or memory")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
-    def _fit(self, lane: int, curves: bool, level: float) -> AxisFit:
-        counts = self._octaves.counts(lane)
-        left_out = _left_out(counts)
+    def _fit(self, lane: int, counts: Counts, curves: bool, level: float) -> AxisFit:
         if counts.constant and counts.used >= SHORTEST_MEMORY:
             text = "Constant: all samples are the same. Is the sensor asleep, or its range far too wide?"
-            return AxisFit("constant", text, self.unit, left_out=left_out)
+            return AxisFit("constant", text, self.unit)
         used = min(counts.used, round(REMEMBERED * self._memory)) if self._memory else counts.used
         try:
             whole, drift = self._octaves.lines_and_drift(lane, self.h)
@@ -120,16 +124,14 @@ class LiveAxes:
         except ValueError:
             needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
             text = f"Too few samples yet: {needed}."
-            return AxisFit("too few samples", text, self.unit, left_out=left_out)
-        return self._said(lane, seen, whole if curves else None, used, left_out)
+            return AxisFit("too few samples", text, self.unit)
+        return self._said(lane, seen, whole if curves else None, used)
 
     def _cells(self, lane: int) -> Iterator[BandCells]:
         """Made only where a change is looked for."""
         yield from self._octaves.cells(lane, self.h)
 
-    def _said(
-        self, lane: int, seen: Spectral, drawn: Periodogram | None, used: int, left_out: dict[str, int]
-    ) -> AxisFit:
+    def _said(self, lane: int, seen: Spectral, drawn: Periodogram | None, used: int) -> AxisFit:
         """What the record says of an axis; drawn: what the curves are drawn from."""
         e, data, full = seen.evidence, seen.fits.data, seen.fits.full
         verdict = decide(e)
@@ -155,10 +157,9 @@ class LiveAxes:
             _interval(found.s2),
             _interval(found.R),
             [(float(a), float(b)) for a, b in seen.band.notch_hz],
-            left_out,
-            Until(self._target, seconds),
-            allan,
-            spectrum,
+            until_s=Until(self._target, seconds),
+            allan=allan,
+            spectrum=spectrum,
         )
 
 
@@ -177,6 +178,10 @@ def _spectrum(whole: Periodogram, seen: Spectral) -> FitSpectrum:
 
 def _left_out(counts: Counts) -> dict[str, int]:
     return {"lost": counts.lost, "bridged": counts.bridged, "knocked": counts.knocked}
+
+
+def _breaks(counts: Counts) -> dict[str, int]:
+    return {"gaps": counts.gaps, "knocks": counts.knocks, "steps": counts.steps, "changes": counts.changes}
 
 
 def _interval(p: Parameter) -> Interval:

@@ -41,6 +41,9 @@ def fit_families(fits: Sequence[tuple[str, Fit]]) -> Iterator[Metric]:
     left_out: Rows = [((*names, why), n) for names, one in axes for why, n in one.left_out.items()]
     text = "Samples that are not in the fit, and bridged ones, by cause."
     yield gauge_family("fltea_fit_left_out_samples", text, (*labels, "reason"), left_out)
+    breaks: Rows = [((*names, why), n) for names, one in axes for why, n in one.breaks.items()]
+    text = "How often its samples were broken, by cause."
+    yield gauge_family("fltea_fit_breaks", text, (*labels, "reason"), breaks)
     samples: Rows = [((device,), fit.samples) for device, fit in fits]
     yield gauge_family("fltea_fit_samples", "Samples that the newest fit is of.", ("device",), samples)
     times: Rows = [((device,), fit.host_ns * 1e-9) for device, fit in fits]

@@ -31,6 +31,12 @@ LEFT_OUT = {
 }
 """What became of samples, by cause."""
 
+BREAKS = {
+    "steps": ("step of the offset", "steps of the offset"),
+    "changes": ("lasting change of the power", "lasting changes of the power"),
+}
+"""What broke the record and is not seen from samples that are left out: of one, and of more."""
+
 
 NARROW = 1.25
 """An interval is as narrow as asked for if it is no more than so many times as wide."""
@@ -132,6 +138,9 @@ def _left_out(fit: AxisFit) -> str:
         for cause, count in fit.left_out.items()
         if count
     ]
+    for cause, (one, more_of) in BREAKS.items():
+        if often := fit.breaks.get(cause, 0):
+            counts.append(f"{often:,} {one if often == 1 else more_of}")
     if not bands and not counts:
         return ""
     more = f" and {len(bands) - 3} bands more" if len(bands) > 3 else ""
