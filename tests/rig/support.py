@@ -50,7 +50,7 @@ class Daemon:
             [sys.executable, "-m", "fltea", "run", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            env={**os.environ, "COLUMNS": "200"},
+            env={**os.environ, "COLUMNS": "200", "PYTHONFAULTHANDLER": "1"},
         )
         self.records: list[dict[str, Any]] = []
         self._thread = threading.Thread(target=self._read)
@@ -79,12 +79,20 @@ class Daemon:
         """Exit code and stderr, after a signal or by itself."""
         if number is not None:
             self.process.send_signal(number)
-        code = self.process.wait(PATIENCE_S)
+        hangs = False
+        try:
+            code = self.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            hangs = True
+            self.process.send_signal(signal.SIGABRT)  # where every thread stands goes to stderr
+            code = self.process.wait(PATIENCE_S)
         self._thread.join(PATIENCE_S)
         assert self.process.stderr is not None
         assert self.process.stdout is not None
         with self.process.stderr, self.process.stdout:
-            return code, self.process.stderr.read().decode()
+            text = self.process.stderr.read().decode()
+        assert not hangs, f"it did not end within {PATIENCE_S} s:\n{text}"
+        return code, text
 
 
 class Processes:
