@@ -42,6 +42,11 @@ class StandIn:
         return self.process.wait(PATIENCE_S)
 
 
+def _hear_hangups() -> None:
+    """Tests may run under nohup, which whoever they start would inherit."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 class Daemon:
     """`fltea run` with its records collected as they come."""
 
@@ -51,6 +56,7 @@ class Daemon:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env={**os.environ, "COLUMNS": "200", "PYTHONFAULTHANDLER": "1"},
+            preexec_fn=_hear_hangups,
         )
         self.records: list[dict[str, Any]] = []
         self._thread = threading.Thread(target=self._read)
