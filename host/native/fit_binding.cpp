@@ -91,17 +91,19 @@ class Data {
 // hold: enum Hold, with the value that is held; h is the sampling period in s.
 Model<double> model_of(int family, double highest_order, int hold, double held, double h) {
     using namespace fltea::whittle;
-    if (family < fltea::whittle::kWhite || family > fltea::whittle::kTwoAr1) refuse("no such model");
+    if (family < 0 || family >= kFamilies) refuse("no such model");
     if (!(highest_order > 0 && highest_order <= 2)) refuse("orders are fitted up to 2");
-    if (hold < kNothing || hold > kHoldWeight || (hold != kNothing && family != kFractional))
-        refuse("only one number of the fractional model can be held");
+    const Family of = static_cast<Family>(family);
+    const bool one = hold == kHoldOne && (of == kRising || (poles(of) > 0 && !low_pass(of)));
+    if (!one && (hold < kNothing || hold > kHoldWeight || (hold != kNothing && of != kFractional)))
+        refuse(
+            "held can be one number of the fractional model, or 1 of a sum's first pole or a rising order");
     if (!std::isfinite(held) || !(std::isfinite(h) && h > 0))
         refuse("a held number and h must be finite, and h > 0");
     const bool negative = hold == kHoldFeedback || hold == kHoldParameter;
     if (negative && !(held < 0)) refuse("g and f can be held below 0 only");
     if (hold == kHoldOrder && !(held >= 0 && held < 2)) refuse("orders can be held from 0 to below 2");
-    return Model<double>{
-        static_cast<Family>(family), highest_order, static_cast<Hold>(hold), held, std::log(h), 0};
+    return Model<double>{of, highest_order, static_cast<Hold>(hold), held, std::log(h), 0};
 }
 
 void check_finite(const double* values, size_t count) {

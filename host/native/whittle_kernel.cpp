@@ -24,9 +24,10 @@ double sum(Number number) {
 }
 
 // Each family: spectra of its parts for unit innovations, and the slopes of their logarithms by the shapes,
-// of which shape k belongs to part k, or to the last.
+// of which shape k belongs to the part `part_of(k)`.
 struct White {
     enum { kShapes = 0, kParts = 0 };
+    static int part_of(int) { return 0; }
     explicit White(const Natural&) {}
     void at(const Bins&, std::size_t, Number*, Number*) const {}
     void parts(const Bins&, std::size_t, Number*) const {}
@@ -34,6 +35,7 @@ struct White {
 
 struct Fractional {
     enum { kShapes = 2, kParts = 1 };
+    static int part_of(int) { return 0; }
     explicit Fractional(const Natural& natural) : alpha(natural.shape[0]), g(natural.shape[1]) {}
 
     void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
@@ -66,24 +68,9 @@ struct Fractional {
 
 Number ar1(Number phi, Number square) { return 1.0 / ((1.0 - phi) * (1.0 - phi) + phi * square); }
 
-struct Ar1 {
-    enum { kShapes = 1, kParts = 1 };
-    explicit Ar1(const Natural& natural) : phi(natural.shape[0]) {}
-    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
-        const Number square = load(bins.square + i);
-        part[0] = ar1(phi, square);
-        slope[0] = (2.0 * (1.0 - phi) - square) * part[0];
-    }
-    void parts(const Bins& bins, std::size_t i, Number* part) const {
-        part[0] = ar1(phi, load(bins.square + i));
-    }
-
-  private:
-    Number phi;
-};
-
 struct Ar2 {
     enum { kShapes = 2, kParts = 1 };
+    static int part_of(int) { return 0; }
     explicit Ar2(const Natural& natural) : phi1(natural.shape[0]), phi2(natural.shape[1]) {}
     void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
         const Number cos1 = load(bins.cos1 + i), sin1 = load(bins.sin1 + i);
@@ -102,24 +89,70 @@ struct Ar2 {
     Number phi1, phi2;
 };
 
-struct TwoAr1 {
-    enum { kShapes = 2, kParts = 2 };
-    explicit TwoAr1(const Natural& natural) : phi1(natural.shape[0]), phi2(natural.shape[1]) {}
+// K relaxations; with quantisation noise there is one part more.
+template <int K, bool quantised>
+struct Sum {
+    enum { kShapes = K, kParts = K + quantised };
+    static int part_of(int k) { return k; }
+    explicit Sum(const Natural& natural) {
+        for (int k = 0; k < K; ++k) phi[k] = Number(natural.shape[k]);
+    }
     void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+        parts(bins, i, part);
         const Number square = load(bins.square + i);
-        part[0] = ar1(phi1, square);
-        part[1] = ar1(phi2, square);
-        slope[0] = (2.0 * (1.0 - phi1) - square) * part[0];
-        slope[1] = (2.0 * (1.0 - phi2) - square) * part[1];
+        for (int k = 0; k < K; ++k) slope[k] = (2.0 * (1.0 - phi[k]) - square) * part[k];
     }
     void parts(const Bins& bins, std::size_t i, Number* part) const {
         const Number square = load(bins.square + i);
-        part[0] = ar1(phi1, square);
-        part[1] = ar1(phi2, square);
+        for (int k = 0; k < K; ++k) part[k] = ar1(phi[k], square);
+        if (quantised) part[K] = square;
     }
 
   private:
-    Number phi1, phi2;
+    Number phi[K];
+};
+
+// White noise through a low-pass, and K slower relaxations.
+template <int K>
+struct LowPass {
+    enum { kShapes = K + 2, kParts = K + 1 };
+    static int part_of(int k) { return k < 2 ? 0 : k - 1; }
+    explicit LowPass(const Natural& natural) : log_c(natural.shape[0]), n(natural.shape[1]) {
+        for (int k = 0; k < K; ++k) phi[k] = Number(natural.shape[k + 2]);
+    }
+    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+        parts(bins, i, part);
+        const Number square = load(bins.square + i), above = 1.0 - part[0];
+        slope[0] = n * above;
+        slope[1] = (log_c - 2.0 * load(bins.ln_size + i)) * above;
+        for (int k = 0; k < K; ++k) slope[k + 2] = (2.0 * (1.0 - phi[k]) - square) * part[k + 1];
+    }
+    void parts(const Bins& bins, std::size_t i, Number* part) const {
+        const Number square = load(bins.square + i);
+        // Far above the corner it is as good as nothing, and the power would leave the range of doubles.
+        const Number power = n * (2.0 * load(bins.ln_size + i) - log_c);
+        part[0] = 1.0 / (1.0 + engine::exp(-max(-power, Number(-200.0))));
+        for (int k = 0; k < K; ++k) part[k + 1] = ar1(phi[k], square);
+    }
+
+  private:
+    Number log_c, n, phi[K + 1];
+};
+
+struct Rising {
+    enum { kShapes = 1, kParts = 1 };
+    static int part_of(int) { return 0; }
+    explicit Rising(const Natural& natural) : delta(natural.shape[0]) {}
+    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+        parts(bins, i, part);
+        slope[0] = 2.0 * load(bins.ln_size + i);
+    }
+    void parts(const Bins& bins, std::size_t i, Number* part) const {
+        part[0] = engine::exp(2.0 * delta * load(bins.ln_size + i));
+    }
+
+  private:
+    Number delta;
 };
 
 template <class Shape>
@@ -143,10 +176,7 @@ void sums_of(const Bins& bins, const double* power, const Natural& natural, Sums
         log_spectrum += count * engine::log(spectrum);
         ratio += over;
         for (int k = 0; k < Shape::kParts; ++k) D[Shape::kShapes + k] = part[k] * inverse;
-        for (int k = 0; k < Shape::kShapes; ++k) {
-            const int of = k < Shape::kParts ? k : Shape::kParts - 1;
-            D[k] = by[k] * D[Shape::kShapes + of];
-        }
+        for (int k = 0; k < Shape::kShapes; ++k) D[k] = by[k] * D[Shape::kShapes + Shape::part_of(k)];
         D[kNumbers - 1] = white * inverse;
         int square = 0;
         for (int k = 0; k < kNumbers; ++k) {
@@ -203,36 +233,33 @@ double ratios_of(const Bins& bins, const double* power, std::size_t series, cons
     return sum(log_spectrum);
 }
 
+struct Functions {
+    void (*sums)(const Bins&, const double*, const Natural&, Sums&);
+    double (*ratios)(const Bins&, const double*, std::size_t, const Natural&, bool, double*, double*);
+};
+
+template <class Shape>
+constexpr Functions functions() {
+    return Functions{sums_of<Shape>, ratios_of<Shape>};
+}
+
+const Functions kTable[kFamilies] = {
+    functions<White>(),         functions<Fractional>(),    functions<Sum<1, false>>(),
+    functions<Ar2>(),           functions<Sum<2, false>>(), functions<Sum<3, false>>(),
+    functions<Sum<4, false>>(), functions<Sum<5, false>>(), functions<Sum<6, false>>(),
+    functions<Sum<1, true>>(),  functions<Sum<2, true>>(),  functions<Sum<3, true>>(),
+    functions<Sum<4, true>>(),  functions<Sum<5, true>>(),  functions<Sum<6, true>>(),
+    functions<LowPass<0>>(),    functions<LowPass<1>>(),    functions<LowPass<2>>(),
+    functions<Rising>(),
+};
+
 void sums(Family family, const Bins& bins, const double* power, const Natural& at, Sums& out) {
-    switch (family) {
-        case kWhite:
-            return sums_of<White>(bins, power, at, out);
-        case kFractional:
-            return sums_of<Fractional>(bins, power, at, out);
-        case kAr1:
-            return sums_of<Ar1>(bins, power, at, out);
-        case kAr2:
-            return sums_of<Ar2>(bins, power, at, out);
-        case kTwoAr1:
-            return sums_of<TwoAr1>(bins, power, at, out);
-    }
+    kTable[family].sums(bins, power, at, out);
 }
 
 double ratios(Family family, const Bins& bins, const double* power, std::size_t series, const Natural& at,
               bool same, double* parts, double* ratio) {
-    switch (family) {
-        case kFractional:
-            return ratios_of<Fractional>(bins, power, series, at, same, parts, ratio);
-        case kAr1:
-            return ratios_of<Ar1>(bins, power, series, at, same, parts, ratio);
-        case kAr2:
-            return ratios_of<Ar2>(bins, power, series, at, same, parts, ratio);
-        case kTwoAr1:
-            return ratios_of<TwoAr1>(bins, power, series, at, same, parts, ratio);
-        case kWhite:
-            break;
-    }
-    return ratios_of<White>(bins, power, series, at, same, parts, ratio);
+    return kTable[family].ratios(bins, power, series, at, same, parts, ratio);
 }
 
 #define FLTEA_STRING_(name) #name

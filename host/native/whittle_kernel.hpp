@@ -8,11 +8,33 @@
 namespace fltea {
 namespace whittle {
 
-// A spectrum is made of parts of unit innovations, each with a variance, and of white noise of variance R.
-enum Family : int { kWhite, kFractional, kAr1, kAr2, kTwoAr1 };
+// A spectrum is made of parts, each with a variance, and of white noise of variance R. Parts are of unit
+// innovations, but a low-pass has the gain 1 at frequency 0.
+enum Family : int {
+    kWhite,
+    kFractional,
+    kAr1,  // sums of one to six AR(1), but for kAr2
+    kAr2,
+    kTwoAr1,
+    kThreeAr1,
+    kFourAr1,
+    kFiveAr1,
+    kSixAr1,
+    kQuantisedAr1,  // the same sums, and quantisation noise: differences of white noise
+    kQuantisedTwoAr1,
+    kQuantisedThreeAr1,
+    kQuantisedFourAr1,
+    kQuantisedFiveAr1,
+    kQuantisedSixAr1,
+    kLowPass,  // white noise through a low-pass, and none to two AR(1)
+    kLowPassAr1,
+    kLowPassTwoAr1,
+    kRising,  // |1 - e^{-iλ}|^2δ: differences of a fractional order
+    kFamilies
+};
 
-const int kMostShapes = 2;  // numbers that give the parts their shapes: α and g, φ1 and φ2
-const int kMostParts = 2;   // besides white noise
+const int kMostShapes = 6;  // numbers that give the parts their shapes: α and g, or the poles
+const int kMostParts = 7;   // besides white noise
 const int kMost = kMostShapes + kMostParts + 1;  // all numbers of a spectrum
 const std::size_t kPadding = 8;                  // the number of bins is a multiple of it
 
@@ -30,8 +52,8 @@ struct Bins {
     const double* square;  // |1 - e^{-iλ}|²
 };
 
-// Numbers of a spectrum: fractional α, g; AR(1) φ; AR(2) φ1, φ2; two AR(1) φ and φ. Then the variances of the
-// parts' innovations, and R.
+// Numbers of a spectrum: fractional α, g; AR(2) φ1, φ2; sums of AR(1) their φ; a low-pass log c and n of
+// 1 / (1 + (|1 - e^{-iλ}|²/c)^n), then the φ; rising δ. Then the variances of the parts, and R.
 struct Natural {
     double shape[kMostShapes];
     double variance[kMostParts];
@@ -61,8 +83,32 @@ extern const Kernel kernel_baseline;
 extern const Kernel kernel_avx2;
 extern const Kernel kernel_avx512;
 
-inline int shapes(Family family) { return family == kWhite ? 0 : family == kAr1 ? 1 : 2; }
-inline int parts(Family family) { return family == kWhite ? 0 : family == kTwoAr1 ? 2 : 1; }
+// AR(1) in it.
+inline int poles(Family family) {
+    switch (family) {
+        case kAr1:
+            return 1;
+        case kWhite:
+        case kFractional:
+        case kAr2:
+        case kRising:
+            return 0;
+        default:
+            return family >= kLowPass        ? family - kLowPass
+                   : family >= kQuantisedAr1 ? family - kQuantisedAr1 + 1
+                                             : family - kTwoAr1 + 2;
+    }
+}
+inline bool quantised(Family family) { return family >= kQuantisedAr1 && family < kLowPass; }
+inline bool low_pass(Family family) { return family >= kLowPass && family < kRising; }
+inline int shapes(Family family) {
+    if (family == kFractional || family == kAr2) return 2;
+    return family == kRising ? 1 : poles(family) + (low_pass(family) ? 2 : 0);
+}
+inline int parts(Family family) {
+    if (family == kFractional || family == kAr2 || family == kRising) return 1;
+    return poles(family) + (quantised(family) || low_pass(family) ? 1 : 0);
+}
 
 }  // namespace whittle
 }  // namespace fltea

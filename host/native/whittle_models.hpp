@@ -10,10 +10,20 @@
 namespace fltea {
 namespace whittle {
 
-const int kFree = 4;  // coordinates, at most
+const int kFree = 13;  // coordinates, at most
 
-// What is held of the fractional model. F = g + α; f = h^-α g.
-enum Hold : int { kNothing, kHoldOrder, kHoldFeedback, kHoldParameter, kHoldWeight, kHoldState, kHoldNoise };
+// What is held of the fractional model. F = g + α; f = h^-α g. Of a sum of AR(1) the first may be held, at
+// φ = 1, where it is a random walk, and the order of `kRising`, at δ = 1: quantisation noise.
+enum Hold : int {
+    kNothing,
+    kHoldOrder,
+    kHoldFeedback,
+    kHoldParameter,
+    kHoldWeight,
+    kHoldState,
+    kHoldNoise,
+    kHoldOne
+};
 
 template <class R>
 struct Model {
@@ -28,6 +38,10 @@ struct Model {
 const double kSmallest = 1e-7;  // shares are at least so far from 0 and 1
 const double kTop = 16.0;       // where their coordinates end
 const double kBelowHighest = 1e-6;
+// Of a low-pass, log c: from a millionth of the sample rate to beyond half of it, where only its skirt is
+// seen.
+const double kLowestCorner = -24.0, kHighestCorner = 2.0;
+const double kMostPolesOfFilter = 8.0;
 
 // A share, and its slope by the coordinate.
 template <class R>
@@ -47,18 +61,13 @@ R logit(R share) {
 template <class R>
 int free_of(const Model<R>& model) {
     switch (model.family) {
-        case kWhite:
-            return 0;
-        case kAr1:
-            return 2;
+        case kFractional:
+            return model.hold == kNothing || model.hold == kHoldState || model.hold == kHoldNoise ? 3 : 2;
         case kAr2:
             return 3;
-        case kTwoAr1:
-            return 4;
-        case kFractional:
-            break;
+        default:
+            return shapes(model.family) + parts(model.family);
     }
-    return model.hold == kNothing || model.hold == kHoldState || model.hold == kHoldNoise ? 3 : 2;
 }
 
 // Whether the scale of the spectrum is free, and found in closed form.
@@ -99,6 +108,11 @@ void bounds(const Model<R>& model, R* low, R* high) {
     for (int i = 0; i < kFree; ++i) {
         low[i] = R(-kTop);
         high[i] = R(kTop);
+    }
+    if (model.hold == kHoldOne) low[0] = high[0];
+    if (low_pass(model.family)) {
+        low[0] = R(kLowestCorner);
+        high[0] = R(kHighestCorner);
     }
     if (model.family != kFractional || model.hold == kHoldOrder) return;
     low[0] = 0;
@@ -142,6 +156,22 @@ void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
     out.natural.white = 1 - share.value;
     out.chain[row][column] = 1 - share.value;
     out.chain[row + 1][column] = -share.value;
+}
+
+// Parts and white noise of the scale 1: each of the last coordinates is the logit of a part's share in what
+// the parts before have left, and white noise has the rest.
+template <class R>
+void map_shares(const R* theta, int shapes, int parts, Mapped<R>& out) {
+    R rest = 1;
+    for (int k = 0; k < parts; ++k) {
+        const int column = shapes + k;
+        const Share<R> share(theta[column]);
+        out.natural.variance[k] = rest * share.value;
+        rest *= 1 - share.value;
+        out.chain[column][column] = 1 - share.value;
+        for (int row = column + 1; row <= shapes + parts; ++row) out.chain[row][column] = -share.value;
+    }
+    out.natural.white = rest;
 }
 
 // False if there is no such spectrum.
@@ -202,10 +232,6 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
             return true;
         case kFractional:
             return map_fractional(model, theta, out);
-        case kAr1:
-            map_pole(theta[0], natural.shape[0], out.chain[0][0]);
-            map_weight(theta[1], 1, 1, out);
-            return true;
         case kAr2: {  // partial correlations
             R k1, k2, slope1, slope2;
             map_pole(theta[0], k1, slope1);
@@ -218,17 +244,30 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
             map_weight(theta[2], 2, 2, out);
             return true;
         }
-        case kTwoAr1: {
-            map_pole(theta[0], natural.shape[0], out.chain[0][0]);
-            map_pole(theta[1], natural.shape[1], out.chain[1][1]);
-            const Share<R> first(theta[2]), second(theta[3]);
-            natural.variance[0] = first.value;
-            natural.variance[1] = (1 - first.value) * second.value;
-            natural.white = (1 - first.value) * (1 - second.value);
-            out.chain[2][2] = 1 - first.value;
-            out.chain[3][2] = out.chain[4][2] = -first.value;
-            out.chain[3][3] = 1 - second.value;
-            out.chain[4][3] = -second.value;
+        case kRising: {
+            const Share<R> share(theta[0]);
+            natural.shape[0] = model.hold == kHoldOne ? 1 : share.value;
+            if (model.hold != kHoldOne) out.chain[0][0] = share.slope;
+            map_weight(theta[1], 1, 1, out);
+            return true;
+        }
+        default: {
+            int first = 0;
+            if (low_pass(model.family)) {
+                const Share<R> share(theta[1]);
+                natural.shape[0] = theta[0];
+                natural.shape[1] = 1 + R(kMostPolesOfFilter - 1) * share.value;
+                out.chain[0][0] = 1;
+                out.chain[1][1] = R(kMostPolesOfFilter - 1) * share.slope;
+                first = 2;
+            }
+            const int count = shapes(model.family);
+            for (int k = first; k < count; ++k) map_pole(theta[k], natural.shape[k], out.chain[k][k]);
+            if (model.hold == kHoldOne) {
+                natural.shape[0] = 1;
+                out.chain[0][0] = 0;
+            }
+            map_shares(theta, count, parts(model.family), out);
             return true;
         }
     }

@@ -101,6 +101,7 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
 template <class R>
 R longest(const Model<R>& model, int i, R theta, bool up) {
     if (i == 0 && order_first(model)) return R(0.3);
+    if (i == 0 && low_pass(model.family)) return R(1);  // the logarithm of the corner has no tails
     const R tail = theta - centre(model, i);
     if (std::fabs(tail) > 2 && up == (tail < 0)) return R(kImpossible);
     return std::fmax(R(1), std::fabs(tail) / 2);
@@ -108,7 +109,7 @@ R longest(const Model<R>& model, int i, R theta, bool up) {
 
 template <class R>
 R applied(const Model<R>& model, int i, R theta, R step) {
-    if (i == 0 && order_first(model)) return step;
+    if (i == 0 && (order_first(model) || low_pass(model.family))) return step;
     const R tail = theta - centre(model, i);
     if (!(std::fabs(tail) > 2 && (step > 0) == (tail < 0))) return step;
     return step > 0 ? std::log1p(step) : -std::log1p(-step);

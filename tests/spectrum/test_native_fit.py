@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from fltea.noise import spectra as spectrum
 from fltea.spectrum import models
+from fltea.spectrum.low_pass import LOW_PASS
 from fltea.spectrum.periodogram import Binned, binned, used_ordinates
 from fltea.spectrum.profile import CRITICAL, fractional_fit
+from fltea.spectrum.relaxations import sum_of
+from fltea.spectrum.rising import QUANTISED, RISING
 from fltea.spectrum.whittle import Fit, Model, fit, slopes
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -136,21 +139,28 @@ def check_that_it_is_that_wide(data: Binned, found: Fit, key: str, end: float | 
     assert 2 * (nll - found.nll[0]) <= CRITICAL + 0.2
 
 
+SUMS = [
+    sum_of(count, walk=walk, quantised=quantised)
+    for count in (1, 2, 3, 6)
+    for walk in (False, True)
+    for quantised in (False, True)
+]
+FILTERS = [*LOW_PASS, RISING, QUANTISED]
 HELD = [models.held("alpha", 0.7), models.held("g", -0.3), models.held("f", -3.0, H), models.held("F", 0.3)]
 
 
 @settings(max_examples=60)
 @given(
-    st.sampled_from([models.FULL, models.AR1, models.AR2, models.TWO_AR1, *HELD]),
+    st.sampled_from([models.FULL, models.AR1, models.AR2, models.TWO_AR1, *HELD, *SUMS, *FILTERS]),
     st.integers(0, 1_000),
-    st.lists(st.floats(0.05, 1.6), min_size=4, max_size=4),
+    st.lists(st.floats(0.05, 1.6), min_size=13, max_size=13),
 )
 def test_slopes_are_differences(model: Model, seed: int, coordinates: list[float]) -> None:
     data = series(lambda lam: 1 + 1 / lam, 400, range(seed, seed + 1))
     theta = np.array([coordinates[: model.starts.shape[1]]])
     if model.held.name == "F":
         theta[0, 0] -= 1.5
-    elif model.held.name:
+    elif model.held.name and model.name == "fractional":
         theta[0, 0] = 0.2 + theta[0, 0]
     found = slopes(data, model, theta)
     step = 1e-5

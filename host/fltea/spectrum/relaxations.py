@@ -1,0 +1,119 @@
+"""Sums of relaxations, which are AR(1) or Gauss–Markov, in white noise (pure).
+
+One of them may be a random walk, and there may be quantisation noise: the composite models of Guerrier et al.
+(*J. Am. Stat. Assoc.* 108, 2013). A sum of several passes for a fractional order, of which it is a finite
+piece: over some decades each can be made as like the other as one wants.
+"""
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.noise import spectra as spectrum
+from fltea.spectrum.models import AR1, TWO_AR1, logit, share
+from fltea.spectrum.periodogram import Binned
+from fltea.spectrum.whittle import Fit, Held, Model
+
+Array = NDArray[np.float64]
+
+MOST = 6
+"""Relaxations: one a decade of all that a record of hours shows."""
+NAMES = ("white", "ar1", "two_ar1", "three_ar1", "four_ar1", "five_ar1", "six_ar1")
+"""Of the sums, by their number of relaxations."""
+CORNERS_A_DECADE = 2
+NEW_PARTS = (0.1, 1.0)
+"""Plateaus of a new relaxation over the spectrum where it has its corner, as starts."""
+WALK = Held("one", 1.0)
+
+
+class Parts(NamedTuple):
+    """Of a sum of scale 1: what `Fit.scale` is to be multiplied with."""
+
+    poles: Array
+    """(..., K) φ of each; of a random walk 1"""
+    shares: Array
+    """(..., K) variances of their innovations"""
+    quantisation: Array
+    """(...,) of differences of white noise, its variance"""
+    white: Array
+    """(...,)"""
+
+
+@functools.cache
+def sum_of(count: int, *, walk: bool = False, quantised: bool = False) -> Model:
+    """A sum of 1 to `MOST` AR(1) in white noise.
+
+    walk: the first of them is a random walk. quantised: with quantisation noise.
+    """
+    if not 1 <= count <= MOST:
+        raise ValueError(f"sums are of 1 to {MOST} relaxations, got {count}")
+    plain = not walk and not quantised
+    if plain and count <= 2:
+        return AR1 if count == 1 else TWO_AR1
+    free = 2 * count + quantised
+
+    def shape(lam: Array, theta: Array) -> Array:
+        p = sum_parameters(theta, count, walk=walk, quantised=quantised)
+        total = p.white[:, np.newaxis] + p.quantisation[:, np.newaxis] * 4 * np.sin(lam / 2) ** 2
+        for k in range(count):
+            total = total + p.shares[:, k, np.newaxis] * spectrum.ar1(lam, p.poles[:, k])
+        return np.asarray(total)
+
+    # Poles spread over all that can be; what is known better comes as a start of its own.
+    poles = logit((1 + np.exp(-(10.0 ** np.linspace(-4, 0.5, count)))) / 2)
+    start = np.concatenate([poles, np.linspace(-8, -1, count), [0.0] * quantised])
+    name = ("quantised_" if quantised else "") + NAMES[count]
+    return Model(
+        name,
+        free + 1 - walk,
+        start[np.newaxis],
+        np.zeros(1, dtype=np.intp),
+        shape,
+        held=WALK if walk else Held(),
+    )
+
+
+def sum_parameters(theta: Array, count: int, *, walk: bool = False, quantised: bool = False) -> Parts:
+    """Of coordinates (..., 2 count + quantised) of `sum_of`."""
+    poles = 2 * share(theta[..., :count]) - 1
+    if walk:
+        poles[..., 0] = 1.0
+    taken, rest = [], np.ones(theta.shape[:-1])
+    for k in range(count, theta.shape[-1]):
+        part = rest * share(theta[..., k])
+        taken.append(part)
+        rest = rest - part
+    shares = np.stack(taken[:count], axis=-1)
+    return Parts(poles, shares, taken[count] if quantised else np.zeros_like(rest), rest)
+
+
+def sum_coordinates(poles: Array, shares: Array, white: Array, quantisation: Array | None = None) -> Array:
+    """The inverse for (..., K), (..., K), (...,) and (...,), which need not add up to 1."""
+    parts = shares if quantisation is None else np.concatenate([shares, quantisation[..., np.newaxis]], -1)
+    total = parts.sum(axis=-1) + white
+    before = np.cumsum(parts, axis=-1) - parts
+    left = np.maximum(total[..., np.newaxis] - before, 1e-300)
+    return np.concatenate([logit((1 + poles) / 2), logit(parts / left)], axis=-1)
+
+
+def grown(data: Binned, found: Fit, count: int) -> Array:
+    """Starts (1, k, p) of a sum of count + 1, from the fit of one of `count` to the one series of `data`."""
+    p = sum_parameters(found.theta[:1], count)
+    # New corners all over the frequencies that the data have.
+    low, high = math.log10(data.lam[0] / 2), math.log10(np.pi)
+    lam = 10.0 ** np.linspace(low, high, round(CORNERS_A_DECADE * (high - low)) + 1)
+    phi = np.exp(-lam)
+    level = found.model.shape(np.minimum(lam, np.pi), found.theta[:1])[0]
+    starts = []
+    for part in NEW_PARTS:
+        new = part * level * (1 - phi) ** 2
+        poles = np.concatenate([np.broadcast_to(p.poles, (len(lam), count)), phi[:, np.newaxis]], axis=1)
+        shares = np.concatenate([np.broadcast_to(p.shares, (len(lam), count)), new[:, np.newaxis]], axis=1)
+        starts.append(sum_coordinates(poles, shares, np.broadcast_to(p.white, len(lam))))
+    # The same without: the sum is then no worse.
+    pole, none = logit((1 + phi[:1]) / 2), np.array([-13.0])
+    same = np.concatenate([found.theta[0, :count], pole, found.theta[0, count:], none])
+    return np.concatenate([*starts, same[np.newaxis]])[np.newaxis]
