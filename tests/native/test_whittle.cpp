@@ -39,11 +39,13 @@ double held_value(Hold hold) {
 
 // Slopes by differences about a point well inside.
 void check_slopes(const Target& target, const Model<double>& model, std::mt19937& random) {
-    std::uniform_real_distribution<double> some(0.2, 1.2);
+    std::uniform_real_distribution<double> some(0.3, 1.2);
     Point<double> at = Point<double>();
     for (double& coordinate : at.theta) coordinate = some(random);
     if (model.hold == kHoldWeight) at.theta[0] = -at.theta[0];
     evaluate(target, model, at);
+    CAPTURE(model.family);
+    CAPTURE(model.hold);
     REQUIRE(at.nll < kImpossible);
     for (int i = 0; i < free_of(model); ++i) {
         Point<double> less = at, more = at;
@@ -51,8 +53,6 @@ void check_slopes(const Target& target, const Model<double>& model, std::mt19937
         more.theta[i] += 1e-5;
         evaluate(target, model, less);
         evaluate(target, model, more);
-        CAPTURE(model.family);
-        CAPTURE(model.hold);
         CAPTURE(i);
         CHECK(at.gradient[i] == doctest::Approx((more.nll - less.nll) / 2e-5).epsilon(1e-4).scale(10));
         CHECK(at.fisher[i][i] >= 0);

@@ -35,9 +35,9 @@ class LowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def low_pass_parameters(theta: Array, slow: int) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Of coordinates (..., 3 + 2 slow): log c, n, φ (..., slow), share of the low-pass, theirs, white noise's.
+    """Of coordinates (..., 3 + 2 slow): log c, n, φ (..., slow), share of the filter, theirs, white noise's.
 
-    The share of the low-pass is its density at frequency 0, theirs are variances of innovations.
+    The share of the filter is its density at frequency 0, theirs are variances of innovations.
     """
     first = 2 + slow
     poles = 1 + (MOST_POLES - 1) * share(theta[..., 1])

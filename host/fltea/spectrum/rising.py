@@ -1,7 +1,7 @@
 """Spectra that rise with frequency: |1 - e^{-iλ}|^2δ in white noise, 0 < δ <= 1 (pure).
 
 δ is the -d of ARFIMA(0, d, 0) with d < 0; δ = 1 is the difference of white noise, as quantisation of an
-angle makes it. No other family here has such a spectrum, but for AR(1) with φ < 0, which has its bend in mid-band.
+angle makes it. No other family here has such a spectrum, but for AR(1) with φ < 0, whose bend is in mid-band.
 """
 
 import numpy as np
