@@ -112,7 +112,8 @@ struct Sum {
     Number phi[K];
 };
 
-// White noise through a low-pass, and K slower relaxations.
+// White noise through a low-pass and then sampled, so that three branches of its spectrum lie over each
+// other, and K relaxations.
 template <int K>
 struct LowPass {
     enum { kShapes = K + 2, kParts = K + 1 };
@@ -121,21 +122,33 @@ struct LowPass {
         for (int k = 0; k < K; ++k) phi[k] = Number(natural.shape[k + 2]);
     }
     void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
-        parts(bins, i, part);
-        const Number square = load(bins.square + i), above = 1.0 - part[0];
-        slope[0] = n * above;
-        slope[1] = (log_c - 2.0 * load(bins.ln_size + i)) * above;
-        for (int k = 0; k < K; ++k) slope[k + 2] = (2.0 * (1.0 - phi[k]) - square) * part[k + 1];
+        const Number lam = load(bins.turn + i), square = load(bins.square + i);
+        part[0] = slope[0] = slope[1] = Number(0.0);
+        const Number branches[] = {lam, 2 * kPi - lam, 2 * kPi + lam};
+        for (const Number& branch : branches) {
+            const Number log_ratio = 2.0 * engine::log(branch) - log_c, one = gain(log_ratio);
+            part[0] += one;
+            slope[0] += one * (1.0 - one);
+            slope[1] += one * (1.0 - one) * log_ratio;
+        }
+        slope[0] = n * slope[0] / part[0];
+        slope[1] = -slope[1] / part[0];
+        for (int k = 0; k < K; ++k) {
+            part[k + 1] = ar1(phi[k], square);
+            slope[k + 2] = (2.0 * (1.0 - phi[k]) - square) * part[k + 1];
+        }
     }
     void parts(const Bins& bins, std::size_t i, Number* part) const {
-        const Number square = load(bins.square + i);
-        // Far above the corner it is as good as nothing, and the power would leave the range of doubles.
-        const Number power = n * (2.0 * load(bins.ln_size + i) - log_c);
-        part[0] = 1.0 / (1.0 + engine::exp(-max(-power, Number(-200.0))));
-        for (int k = 0; k < K; ++k) part[k + 1] = ar1(phi[k], square);
+        Number slope[kShapes];
+        at(bins, i, part, slope);
     }
 
   private:
+    // Far above the corner it is as good as nothing, and the power would leave the range of doubles.
+    Number gain(Number log_ratio) const {
+        return 1.0 / (1.0 + engine::exp(-max(-n * log_ratio, Number(-200.0))));
+    }
+    static constexpr double kPi = 3.141592653589793;
     Number log_c, n, phi[K + 1];
 };
 

@@ -53,7 +53,7 @@ struct Bins {
 };
 
 // Numbers of a spectrum: fractional α, g; AR(2) φ1, φ2; sums of AR(1) their φ; a low-pass log c and n of
-// 1 / (1 + (|1 - e^{-iλ}|²/c)^n), then the φ; rising δ. Then the variances of the parts, and R.
+// 1 / (1 + (λ²/c)^n), then the φ; rising δ. Then the variances of the parts, and R.
 struct Natural {
     double shape[kMostShapes];
     double variance[kMostParts];

@@ -38,12 +38,11 @@ struct Model {
 const double kSmallest = 1e-7;  // shares are at least so far from 0 and 1
 const double kTop = 16.0;       // where their coordinates end
 const double kBelowHighest = 1e-6;
-// Of a low-pass, log c: from a millionth of the sample rate to beyond half of it, where only its skirt is
-// seen.
-const double kLowestCorner = -24.0, kHighestCorner = 2.0;
-const double kMostPolesOfFilter = 8.0;
+// Of a low-pass, log c: from a millionth of the sample rate to three times half of it, where only its skirt
+// is seen.
+const double kLowestCorner = -24.0, kHighestCorner = 4.5;
+const double kMostPolesOfFilter = 24.0;
 
-// A share, and its slope by the coordinate.
 template <class R>
 struct Share {
     R value, slope;

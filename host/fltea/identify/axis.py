@@ -12,6 +12,7 @@ from fltea.identify.fltea_fit import FlteaFit, fltea_fit
 from fltea.identify.shuffled import Copies, ShuffledBand, shuffled_band
 from fltea.identify.sums import examined
 from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.evidence import LEVEL
 from fltea.spectrum.innovation_whiteness import Innovations
 from fltea.spectrum.likelihood_ratio import critical_values
 from fltea.spectrum.lines import Peak
@@ -19,7 +20,7 @@ from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.profile import FractionalFit, fractional_fit
 from fltea.spectrum.rivals import Contest
 from fltea.spectrum.spectral import Band
-from fltea.spectrum.verdict import LEVEL, Verdict, decide
+from fltea.spectrum.verdict import Verdict, decide
 
 Variant = Literal["triple", "joint"]
 

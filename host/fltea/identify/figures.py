@@ -12,8 +12,8 @@ from fltea.identify.findings import MODELS, model_name
 from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
 from fltea.identify.run import AxisReport
 from fltea.spectrum.allan_coefficients import FLICKER
+from fltea.spectrum.evidence import LEVEL
 from fltea.spectrum.profile import CRITICAL
-from fltea.spectrum.verdict import LEVEL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -149,9 +149,10 @@ def identified(
     verdict: a filter, a resonance or drift is not given as a fractional model, though one may fit best.
     std: standard deviation of the whole axis, of which the peaks' shares are taken. h in s.
     """
-    best = contest.best
-    if best == "fractional" and verdict in ("filter or resonance", "drift"):
-        best = contest.best_rival
+    names = [name for name in ("white", "ar1", "ar2", "two_ar1", "fractional") if name in contest.models]
+    if verdict in ("line", "resonance", "low-pass", "drift", "relaxations"):
+        names.remove("fractional")
+    best = min(names, key=lambda name: contest.models[name].bic)
     return AxisModel(
         noise_of(best, contest, h),
         tuple(
@@ -175,10 +176,10 @@ def noise_of(name: str, contest: Contest, h: float) -> NoiseKind:
         case "two_ar1":
             return TwoAR1(
                 R_dps2=R,
-                phi_slow=p["phi_slow"],
-                s2_slow_dps2=p["s2_slow"],
-                phi_fast=p["phi_fast"],
-                s2_fast_dps2=p["s2_fast"],
+                phi_slow=p["phi_1"],
+                s2_slow_dps2=p["s2_1"],
+                phi_fast=p["phi_2"],
+                s2_fast_dps2=p["s2_2"],
             )
         case _:
             alpha = p["alpha"]

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.spectrum.lines import Peak
-from fltea.spectrum.verdict import LEAST_S, LEAST_SAMPLES
 
 Array = NDArray[np.float64]
 
 Severity = Literal["note", "warning", "bad"]
 
+SHORT_S = 580.0
+"""About ten minutes."""
 BLOCKS = 20
 """Of the record, whose means tell offset and drift."""
 SIGNIFICANT = 5.0
@@ -131,7 +132,7 @@ def timing_traps(
 
 def _too_short(n: int, h: float) -> tuple[Trap, ...]:
     seconds = n * h
-    if seconds >= LEAST_S and n >= LEAST_SAMPLES:
+    if seconds >= SHORT_S:
         return ()
     return (
         Trap(

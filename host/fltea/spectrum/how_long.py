@@ -7,10 +7,12 @@ import numpy as np
 from fltea.noise.information import log_slopes
 from fltea.spectrum.models import parameters
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.whittle import Fit
+from fltea.spectrum.whittle import Fit, fit
 
 DEVIATIONS = 1.96
 """Half of a 95 % interval in standard deviations."""
+LONGEST_S = 30 * 86_400.0
+"""No record is that long."""
 NO_WHITE = 1e-4
 """Share of the innovations: less white noise is none, and is no parameter."""
 
@@ -49,3 +51,25 @@ def seconds_more(
     if longest_s is not None and needed > max(longest_s, have):
         return None
     return max(needed - have, 0.0)
+
+
+def seconds_to_tell(data: Binned, one: Fit, other: Fit, duration_s: float, apart: float) -> float | None:
+    """Length of a record of which 2 log L tells two models apart by so much, whichever of them is true.
+
+    one, other: their fits to `data`, of a record of duration_s. That longer records also show slower waves is
+    not counted, so that it may well be shorter. None if it is longer than any record.
+    """
+    gain = min(_gain(data, one, other), _gain(data, other, one))
+    needed = apart + abs(one.model.parameters - other.model.parameters)
+    if not gain * LONGEST_S > needed * duration_s:
+        return None
+    return duration_s * max(needed / gain, 1.0)
+
+
+def _gain(data: Binned, true: Fit, other: Fit) -> float:
+    """What 2 log L of the other model lacks on average, if this one is true."""
+    expected = data._replace(power=true.spectrum(data.lam))
+    lacks = fit(expected, other.model, other.theta[:, np.newaxis])
+    m = float(data.counts.sum())
+    best = float(data.counts @ np.log(expected.power[0])) + m
+    return max(2 * (float(lacks.nll[0]) - best), 0.0)

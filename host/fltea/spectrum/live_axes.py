@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fltea.noise.spectra import f_of
 from fltea.records.fit import AxisFit, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
+from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
 from fltea.spectrum.fit_allan import fit_allan
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.models import parameters
@@ -18,7 +19,7 @@ from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
 from fltea.spectrum.profile import Parameter, fractional_fit
 from fltea.spectrum.spectral import Spectral, examine
-from fltea.spectrum.verdict import ANYTIME_LEVEL, LEVEL, decide
+from fltea.spectrum.verdict import decide
 from fltea.spectrum.warm import Warm
 
 Array = NDArray[np.float64]
@@ -145,7 +146,7 @@ class LiveAxes:
         if drawn is not None:
             spectrum = _spectrum(drawn, seen)
             *sums, samples = self._octaves.allan(lane)
-            allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: full.spectrum(lam)[0])
+            allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: seen.spectrum(lam, self.h))
         return AxisFit(
             verdict.kind,
             verdict.text,
@@ -171,7 +172,7 @@ def _spectrum(whole: Periodogram, seen: Spectral) -> FitSpectrum:
     lam = np.add.reduceat(data.lam * data.counts, starts) / counts
     power = np.add.reduceat(data.power[0] * data.counts, starts) / counts
     to_density = 2 * whole.h
-    model = np.sqrt(seen.fits.full.spectrum(lam)[0] * to_density)
+    model = np.sqrt(seen.spectrum(lam, whole.h) * to_density)
     hz = lam / (2 * np.pi * whole.h)
     return FitSpectrum(hz.tolist(), np.sqrt(power * to_density).tolist(), model.tolist())
 

@@ -1,10 +1,14 @@
 """Low-pass filters: a family, whether a spectrum has gone through one, and the spectrum without it (pure).
 
 A chip's own low-pass is the commonest colour of noise that there is. The family is Butterworth's with any
-slope: gain² = 1 / (1 + (x²/c)^n), x = 2 sin(λ/2), with n poles and the gain² 1/2 at x² = c. n = 1 is the
-low-pass of one pole to the last digit, also sampled at any lower rate: AR(1). There may be slow relaxations
-and a floor of white noise beside it, which comes in after the filter or from above half the rate.
+slope, sampled: gain² = sum over branches ν = λ + 2πk of 1 / (1 + (ν²/c)^n), with n poles and its corner at
+ν² = c. Relaxations slower than it and a floor of white noise, which comes in after the filter, are fitted
+beside it. A low-pass of one pole, sampled, is AR(1): it is told from a relaxation in white noise only by the
+floor, of which it has next to none.
 """
+
+import math
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -12,82 +16,176 @@ from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
 from fltea.spectrum.models import logit, share
-from fltea.spectrum.whittle import Model
+from fltea.spectrum.periodogram import Binned, Periodogram, check_enough
+from fltea.spectrum.warm import Search
+from fltea.spectrum.whittle import Fit, Model, fit
 
 Array = NDArray[np.float64]
 
-MOST_POLES = 8.0
-MOST_SLOW = 2
-"""Relaxations beside it."""
+MOST_POLES = 24.0
+BRANCHES = (0, -1, 1)
+"""Of the spectrum before it was sampled, in multiples of the sample rate."""
+NAMES = ("low_pass", "low_pass_ar1", "low_pass_two_ar1")
+"""Alone, and with one and two relaxations beside it."""
+DEEPEST = 0.05
+"""Gain² of the filter below which the family is not fitted: far down filters differ."""
+FEWEST_BINS = 16
+VERY_STEEP = 3.0
+"""Poles."""
+LEAST_GAIN = 0.7
+"""Of the ordinates that are kept: the shape of the family errs by little there."""
+STEEP = 1.15
+"""Poles from which on it is no relaxation."""
 
 
 class LowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A low-pass filter that a spectrum has gone through."""
 
     corner_hz: float
-    """where it lets half of the power through"""
+    """where it lets half of the power through; may be above half the sample rate"""
     poles: float
     """how steep it is: 20 dB a decade each"""
     floor: float
-    """density of what has not gone through it, over that of what has, below the corner"""
+    """density of what has not gone through it over that of what has, well below the corner"""
     gain: float
-    """by how much 2 log L is higher than of the best model without"""
+    """2 log L above the best model without a steep filter; 0 for a filter of one pole"""
 
 
-def low_pass_parameters(theta: Array, slow: int) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Of coordinates (..., 3 + 2 slow): log c, n, φ (..., slow), share of the filter, theirs, white noise's.
+class _Numbers(NamedTuple):
+    """Of the family, (k,) each, but for the relaxations."""
 
-    The share of the filter is its density at frequency 0, theirs are variances of innovations.
-    """
-    first = 2 + slow
-    poles = 1 + (MOST_POLES - 1) * share(theta[..., 1])
-    phi = 2 * share(theta[..., 2:first]) - 1
-    taken, rest = [], np.ones(theta.shape[:-1])
-    for k in range(first, theta.shape[-1]):
-        part = rest * share(theta[..., k])
+    log_c: Array
+    poles: Array
+    phi: Array
+    """(k, slow)"""
+    through: Array
+    """density of the low-pass at frequency 0"""
+    shares: Array
+    """(k, slow) variances of the relaxations' innovations"""
+    white: Array
+
+
+def low_pass_parameters(theta: Array) -> _Numbers:
+    """Of coordinates (k, 3 + 2 slow); the spectrum is of scale 1."""
+    first = (theta.shape[1] - 3) // 2 + 2
+    taken, rest = [], np.ones(len(theta))
+    for column in theta.T[first:]:
+        part = rest * share(column)
         taken.append(part)
         rest = rest - part
-    shares = np.stack(taken, axis=-1)
-    return np.asarray(theta[..., 0]), poles, phi, shares[..., 0], shares[..., 1:], rest
+    return _Numbers(
+        theta[:, 0],
+        1 + (MOST_POLES - 1) * share(theta[:, 1]),
+        2 * share(theta[:, 2:first]) - 1,
+        taken[0],
+        np.stack([*taken, rest], axis=-1)[:, 1:-1],
+        rest,
+    )
+
+
+def squared_gain(lam: Array, log_c: Array, poles: Array) -> Array:
+    """Of the family, (k, len(lam)), for numbers (k,); not scaled: at λ = 0 it is 1 and a little."""
+    total = np.zeros((len(log_c), len(lam)))
+    for branch in BRANCHES:
+        ratio = 2 * np.log(np.abs(lam + 2 * np.pi * branch)) - log_c[:, np.newaxis]
+        total += 1 / (1 + np.exp(np.minimum(poles[:, np.newaxis] * ratio, 200.0)))
+    return total
+
+
+def _shape(lam: Array, theta: Array) -> Array:
+    p = low_pass_parameters(theta)
+    total = p.through[:, np.newaxis] * squared_gain(lam, p.log_c, p.poles) + p.white[:, np.newaxis]
+    for k in range(p.phi.shape[1]):
+        total = total + p.shares[:, k, np.newaxis] * spectrum.ar1(lam, p.phi[:, k])
+    return np.asarray(total)
 
 
 def _low_pass(slow: int) -> Model:
-    def shape(lam: Array, theta: Array) -> Array:
-        log_c, n, phi, through, shares, white = low_pass_parameters(theta, slow)
-        total = through[:, np.newaxis] * squared_gain(lam, log_c, n) + white[:, np.newaxis]
-        for k in range(slow):
-            total = total + shares[:, k, np.newaxis] * spectrum.ar1(lam, phi[:, k])
-        return np.asarray(total)
-
     corners = np.pi * np.array([0.003, 0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.92])
-    slow_corners = np.array([1e-3, 1e-2, 0.1, 0.3])
-    plateaus = np.array([1.0, 30.0])
     axes = [np.arange(len(corners)), np.array([1.3, 3.0]), np.array([1e-4, 0.03])]
-    if slow:
-        axes += [slow_corners, plateaus]
-    which, n, floor, *beside = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+    if slow:  # corners over that of the filter, and plateaus over its
+        axes += [np.array([1e-3, 1e-2, 0.1, 0.3]), np.array([1.0, 30.0])]
+    which, poles, floor, *beside = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
     index = which.astype(np.intp)
     lam = corners[index]
-    columns = [2 * np.log(2 * np.sin(lam / 2)), logit((n - 1) / (MOST_POLES - 1))]
-    shares = []
+    columns = [2 * np.log(lam), logit((poles - 1) / (MOST_POLES - 1))]
+    shares = [np.ones_like(lam)]
     for k in range(slow):
         phi = np.exp(-beside[0] * lam * 0.1**k)
         columns.append(logit((1 + phi) / 2))
         shares.append(beside[1] * 3.0**k * (1 - phi) ** 2)
-    columns.append(logit(1 / (1 + floor + sum(shares))))
     left = floor + sum(shares)
     for one in shares:
         columns.append(logit(one / left))
         left = left - one
-    name = ("low_pass", "low_pass_ar1", "low_pass_two_ar1")[slow]
-    return Model(name, 4 + 2 * slow, np.stack(columns, axis=-1), index, shape)
+    return Model(NAMES[slow], 4 + 2 * slow, np.stack(columns, axis=-1), index, _shape)
 
 
-def squared_gain(lam: Array, log_c: Array, n: Array) -> Array:
-    """Of the family, (k, len(lam)) for (k,) numbers each."""
-    x = 2 * np.log(2 * np.sin(lam / 2)) - log_c[:, np.newaxis]
-    return np.asarray(1 / (1 + np.exp(np.minimum(n[:, np.newaxis] * x, 200.0))))
+LOW_PASS = tuple(_low_pass(slow) for slow in range(len(NAMES)))
 
 
-LOW_PASS = tuple(_low_pass(slow) for slow in range(MOST_SLOW + 1))
-"""Alone, and with one and two relaxations beside it."""
+def fit_low_pass(data: Binned, search: Search) -> Fit:
+    """The low-pass of lowest BIC, with as many relaxations as it takes.
+
+    Steep ones are fitted down to `DEEPEST` of their own gain: below, filters differ. -log L is of all bins.
+    """
+    best = _best(data, search)
+    p = low_pass_parameters(best.theta)
+    keep = squared_gain(data.lam, p.log_c, p.poles)[0] > DEEPEST
+    bins = int(keep.sum())
+    if p.poles[0] < VERY_STEEP or bins == len(keep) or bins < FEWEST_BINS:
+        return best
+    inside = _best(Binned(data.lam[:bins], data.counts[:bins], data.power[:, :bins]), fit)
+    return inside._replace(nll=best.nll)
+
+
+def _best(data: Binned, search: Search) -> Fit:
+    penalty = math.log(data.ordinates)
+    fits = [search(data, model) for model in LOW_PASS]
+    return min(fits, key=lambda f: 2 * float(f.nll[0]) + f.model.parameters * penalty)
+
+
+def steep(found: Fit, h: float, gain: float) -> LowPass | None:
+    """The filter of a fit of `LOW_PASS`; None if it is no steeper than one pole, or does not attenuate.
+
+    gain: 2 log L above the best model without it. h in s.
+    """
+    p = low_pass_parameters(found.theta)
+    through, floor = float(p.through[0]), float(p.white[0] / p.through[0])
+    ends = squared_gain(np.array([1e-9, np.pi]), p.log_c, p.poles)[0]
+    if p.poles[0] < STEEP or not through > 0 or ends[1] + floor > (ends[0] + floor) / 2:
+        return None
+    corner_hz = math.exp(float(p.log_c[0]) / 2) / (2 * np.pi * h)
+    return LowPass(corner_hz, float(p.poles[0]), floor, gain)
+
+
+def of_one_pole(phi: float, floor: float, h: float) -> LowPass:
+    """White noise through a low-pass of one pole: AR(1). h in s; floor as in `LowPass`."""
+    return LowPass(-math.log(phi) / (2 * np.pi * h), 1.0, floor, 0.0)
+
+
+def power_gain(lam: Array, found: LowPass, h: float) -> Array:
+    """What it has made of the density at λ, (len(lam),); 1 at 0."""
+    lam = np.append(1e-9, lam)
+    if found.poles == 1.0:
+        phi = math.exp(-2 * np.pi * found.corner_hz * h)
+        gain = spectrum.ar1(lam, phi)
+    else:
+        log_c = np.array([2 * math.log(2 * np.pi * found.corner_hz * h)])
+        gain = squared_gain(lam, log_c, np.array([found.poles]))[0]
+    gain = gain / gain[0]
+    return np.asarray((gain[1:] + found.floor) / (1 + found.floor))
+
+
+def divided(p: Periodogram, found: LowPass) -> Periodogram:
+    """The one series without the filter, as far up as it lets `LEAST_GAIN` through.
+
+    Raises:
+        ValueError: too few ordinates are left.
+    """
+    gain = power_gain(p.lam, found, p.h)
+    inside = gain > LEAST_GAIN
+    last = len(gain) if inside.all() else int(np.argmin(inside))
+    check_enough(last, p.n)
+    weight = None if p.weight is None else p.weight[:last]
+    return p._replace(lam=p.lam[:last], power=p.power[..., :last] / gain[:last], weight=weight)

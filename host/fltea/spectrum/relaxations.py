@@ -117,3 +117,11 @@ def grown(data: Binned, found: Fit, count: int) -> Array:
     pole, none = logit((1 + phi[:1]) / 2), np.array([-13.0])
     same = np.concatenate([found.theta[0, :count], pole, found.theta[0, count:], none])
     return np.concatenate([*starts, same[np.newaxis]])[np.newaxis]
+
+
+def corner_hz(phi: float, h: float) -> float:
+    """Where a relaxation of φ > 0 at h s has its corner; 1 / 2π of it is the correlation time.
+
+    It may be above half the sample rate.
+    """
+    return -math.log(phi) / (2 * math.pi * h)

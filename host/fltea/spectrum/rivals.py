@@ -1,16 +1,20 @@
-"""The fractional model beside its rivals: choice by BIC, and a test of what each leaves over (pure).
+"""The fractional model and its rivals: choice by BIC, and a test of what each leaves over (pure).
 
-The rivals are white noise, AR(1), AR(2) and the sum of two AR(1), each in white noise. BIC (Schwarz 1978)
-hardly ever calls white noise anything else; AIC does so in every seventh series.
+The rivals are white noise, AR(2), noise that rises with frequency, and sums of AR(1), each in white noise.
+BIC (Schwarz 1978) hardly ever calls white noise anything else; AIC does so in every seventh series. A sum of
+so many relaxations as there are decades looks like a fractional order: more of them are tried as long as the
+fractional model is ahead.
 """
 
 import math
+from collections.abc import Iterable
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.spectrum.likelihood_ratio import NullFits, null_fits
+from fltea.noise.spectra import fractional as fractional_spectrum
+from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
 from fltea.spectrum.models import (
     AR2,
     FULL,
@@ -18,15 +22,26 @@ from fltea.spectrum.models import (
     ar1_parameters,
     ar2_parameters,
     coordinates,
+    held,
     logit,
     parameters,
-    two_ar1_parameters,
 )
 from fltea.spectrum.periodogram import AT_ONCE, Binned, Periodogram, binned
+from fltea.spectrum.pole_pair import peak_of, pole_pair
+from fltea.spectrum.relaxations import MOST, NAMES, corner_hz, grown, sum_of, sum_parameters
+from fltea.spectrum.rising import RISING, rising_parameters
 from fltea.spectrum.warm import Search
 from fltea.spectrum.whittle import Fit, fit
 
 Array = NDArray[np.float64]
+
+LOOKED_AT = 0.05
+"""Of the null test: where white noise is not rejected only the oldest rivals are fitted."""
+LEAST_ORDER, MOST_ORDER = 0.15, 0.85
+"""Orders that neither white noise nor a relaxation has; those close to 0 and 1 are nearly these."""
+ORDERS = (LEAST_ORDER, 0.3, 0.5, 0.7, MOST_ORDER)
+APART = 6.0
+"""In 2 log L, from which on two models are told apart."""
 
 
 class Rival(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -39,25 +54,42 @@ class Rival(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     residual_ks: float
     """of the cumulative periodogram over the spectrum; above 1.36 the model is rejected at 5 %"""
     parameters: dict[str, float]
-    """variances in the square of the unit of y; *_hz: where its spectrum bends or peaks"""
+    """variances in the square of the unit of y; *_hz: corners and peaks, which may be above half the sample
+    rate"""
 
 
 class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All models on the same ordinates."""
 
     models: dict[str, Rival]
-    """white, ar1, ar2, two_ar1, fractional"""
+    """white, ar1, ar2, two_ar1, fractional; where white noise is rejected rising and more sums too"""
     best: str
     """the one of lowest BIC"""
     ratio_white: float
     """2 log L of the fractional model with α <= 1 above white noise"""
     ratio_ar1: float
     """the same above AR(1)"""
+    order_gain: float = 0.0
+    """2 log L of the best with an order from `LEAST_ORDER` to `MOST_ORDER` above white noise"""
+    order: float = 0.5
+    """of that one"""
 
     @property
     def best_rival(self) -> str:
         """The one of lowest BIC that is neither white nor fractional."""
-        names = (name for name in self.models if name not in ("white", "fractional"))
+        return self._lowest(name for name in self.models if name not in ("white", "fractional"))
+
+    @property
+    def best_sum(self) -> str:
+        """The sum of relaxations of lowest BIC."""
+        return self._lowest(name for name in NAMES[1:] if name in self.models)
+
+    @property
+    def sum_gain(self) -> float:
+        """2 log L of any sum of relaxations above white noise, the highest."""
+        return 2 * max(self.models[name].log_likelihood for name in NAMES[1:] if name in self.models)
+
+    def _lowest(self, names: Iterable[str]) -> str:
         return min(names, key=lambda name: self.models[name].bic)
 
 
@@ -68,7 +100,22 @@ class Fits(msgspec.Struct, frozen=True):
     null: NullFits
     full: Fit
     ar2: Fit
-    two_ar1: Fit
+    sums: tuple[Fit, ...]
+    """of 1, 2, ... relaxations"""
+    rising: Fit | None
+    order: Fit
+    """of an order from `LEAST_ORDER` to `MOST_ORDER`"""
+
+    def named(self) -> dict[str, Fit]:
+        """All but the last, by name."""
+        found = {"white": self.null.white, "ar1": self.sums[0], "ar2": self.ar2, "fractional": self.full}
+        found |= {NAMES[i + 1]: one for i, one in enumerate(self.sums)}
+        return found | ({"rising": self.rising} if self.rising else {})
+
+
+def bic(found: Fit, data: Binned) -> float:
+    """Of one series; differences count."""
+    return 2 * float(found.nll[0]) + found.model.parameters * math.log(data.ordinates)
 
 
 def fit_all(
@@ -83,20 +130,40 @@ def fit_all(
     pole, part = np.hsplit(null.ar1.theta, 2)
     ar2 = search(data, AR2, np.stack([pole, 0 * pole, part], axis=-1))
     two_ar1 = search(data, TWO_AR1, np.stack([pole, 0 * pole, part, logit(0 * part)], axis=-1))
-    return Fits(data, null, search(data, FULL, inside), ar2, two_ar1)
+    full = search(data, FULL, inside)
+    sums: tuple[Fit, ...] = (null.ar1, two_ar1)
+    rising, order = None, full
+    if p_value(float(null.likelihood_ratio[0]), data.ordinates) < LOOKED_AT:
+        order = _between(data, full, search)
+        sums = _more_sums(data, sums, order, search)
+        rising = search(data, RISING)
+    return Fits(data, null, full, ar2, sums, rising, order)
+
+
+def _more_sums(data: Binned, sums: tuple[Fit, ...], order: Fit, search: Search) -> tuple[Fit, ...]:
+    """Further sums, as long as the last one was better, or the fractional order is still ahead."""
+    while len(sums) < MOST:
+        better = bic(sums[-1], data) < bic(sums[-2], data)
+        ahead = 2 * float(min(one.nll[0] for one in sums) - order.nll[0]) > APART
+        if not (better or ahead):
+            break
+        count = len(sums)
+        sums = (*sums, search(data, sum_of(count + 1), grown(data, sums[-1], count)))
+    return sums
+
+
+def _between(data: Binned, full: Fit, search: Search) -> Fit:
+    """The best of an order that is told from white noise and from a relaxation."""
+    if LEAST_ORDER <= float(parameters(full.theta[0]).alpha) <= MOST_ORDER:
+        return full
+    return min((search(data, held("alpha", order)) for order in ORDERS), key=lambda f: float(f.nll[0]))
 
 
 def contest(p: Periodogram, fits: Fits) -> Contest:
     """Compare the fits to the one series p."""
     white = fits.null.white
     models = {}
-    for name, f in (
-        ("white", white),
-        ("ar1", fits.null.ar1),
-        ("ar2", fits.ar2),
-        ("two_ar1", fits.two_ar1),
-        ("fractional", fits.full),
-    ):
+    for name, f in fits.named().items():
         gain = float(white.nll[0] - f.nll[0])
         extra = f.model.parameters - white.model.parameters
         models[name] = Rival(
@@ -105,11 +172,14 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
             _farthest(_over_spectrum(p, f), p.weight),
             _described(name, f, p.h),
         )
+    held_order = fits.order.model.held
     return Contest(
         models,
         min(models, key=lambda name: models[name].bic),
         float(fits.null.likelihood_ratio[0]),
         float(fits.null.ratio_to_ar1[0]),
+        2 * float(white.nll[0] - fits.order.nll[0]),
+        held_order.value if held_order.name else float(parameters(fits.order.theta[0]).alpha),
     )
 
 
@@ -147,43 +217,35 @@ def _over_spectrum(p: Periodogram, f: Fit) -> Array:
     return found
 
 
-def bend_hz(phi: float, h: float) -> float:
-    """Where the spectrum of AR(1) with φ > 0 has fallen by half, in Hz; at most Nyquist's frequency."""
-    if phi <= 0:
-        return 0.5 / h
-    return float(2 * np.arcsin(min((1 - phi) / (2 * math.sqrt(phi)), 1.0)) / (2 * math.pi * h))
-
-
 def _described(name: str, f: Fit, h: float) -> dict[str, float]:
     scale, theta = float(f.scale[0]), f.theta[0]
     if name == "white":
         return {"R": scale}
-    if name == "ar1":
-        phi, weight = (float(v) for v in ar1_parameters(theta))
-        return {"phi": phi, "bend_hz": bend_hz(phi, h), "s2": weight * scale, "R": (1 - weight) * scale}
+    if name == "rising":
+        delta, weight = (float(v) for v in rising_parameters(theta))
+        return {"delta": delta, "s2": weight * scale, "R": (1 - weight) * scale}
     if name == "ar2":
         phi1, phi2, weight = (float(v) for v in ar2_parameters(theta))
         described = {"phi1": phi1, "phi2": phi2, "s2": weight * scale, "R": (1 - weight) * scale}
-        under = phi1 * phi1 + 4 * phi2
-        if under < 0:
-            return described | {
-                "resonance_hz": math.atan2(math.sqrt(-under), phi1) / (2 * math.pi * h),
-                "damping": -math.log(-phi2) / 2,
-            }
-        return described | {"bend_hz": bend_hz((phi1 + math.sqrt(under)) / 2, h)}
-    if name == "two_ar1":
-        phi1, phi2, first, second = (float(v) for v in two_ar1_parameters(theta))
-        slow, fast = sorted([(phi1, first), (phi2, second)], reverse=True)
-        return {
-            "phi_slow": slow[0],
-            "bend_slow_hz": bend_hz(slow[0], h),
-            "s2_slow": slow[1] * scale,
-            "phi_fast": fast[0],
-            "bend_fast_hz": bend_hz(fast[0], h),
-            "s2_fast": fast[1] * scale,
-            "R": (1 - first - second) * scale,
-        }
+        return described | pole_pair(phi1, phi2, h)
+    if name in NAMES:
+        return _described_sum(theta, scale, h)
     q = parameters(theta)
     alpha, g, weight = float(q.alpha), float(q.g), float(q.weight)
     bend = float(2 * np.arcsin(min((-g) ** (1 / max(alpha, 1e-3)) / 2, 1.0)) / (2 * math.pi * h))
-    return {"alpha": alpha, "g": g, "bend_hz": bend, "s2": weight * scale, "R": (1 - weight) * scale}
+    found = {"alpha": alpha, "g": g, "bend_hz": bend, "s2": weight * scale, "R": (1 - weight) * scale}
+    return found | peak_of(lambda lam: fractional_spectrum(lam, alpha, g), h)
+
+
+def _described_sum(theta: Array, scale: float, h: float) -> dict[str, float]:
+    count = len(theta) // 2
+    p = sum_parameters(theta[np.newaxis], count)
+    order = np.argsort(-p.poles[0])
+    found = {"R": float(p.white[0]) * scale}
+    for i, k in enumerate(order.tolist(), start=1):
+        phi, s2 = float(p.poles[0, k]), float(p.shares[0, k]) * scale
+        number = "" if count == 1 else f"_{i}"
+        found |= {f"phi{number}": phi, f"s2{number}": s2}
+        if phi > 0:
+            found[f"bend{number}_hz"] = corner_hz(phi, h)
+    return found

@@ -1,41 +1,47 @@
-"""What the spectrum of one axis says: null tests, peaks, stationarity, and the contest of the models.
+"""What the spectrum of one axis says: null tests, peaks, filter, stationarity, and the contest of the models.
 
-There are three sets of ordinates: all that the user left in; these without lines and resonances; and of these
-those above what is called drift. The last are the clean ones, to which the models are fitted.
+There are several sets of ordinates: all that the user left in; these without lines and resonances; of these
+those above what is called drift; and these without the low-pass that all have gone through. The last are the
+clean ones, to which the models are fitted.
 
 The same for a recording and for a sensor that is looked at every second; only the level differs.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.spectrum.drift import drift_hz, slow_power
+from fltea.spectrum.evidence import LEVEL, Evidence
+from fltea.spectrum.find_low_pass import find_low_pass
+from fltea.spectrum.how_long import seconds_to_tell
 from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
 from fltea.spectrum.lines import FALSE_ALARM, Peak, find_peaks
+from fltea.spectrum.low_pass import LowPass, divided, power_gain
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import BandCells, Drift
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
-from fltea.spectrum.rivals import Fits, contest, fit_all
+from fltea.spectrum.rivals import APART, Contest, Fits, contest, fit_all
 from fltea.spectrum.stationarity import Change, find_change
-from fltea.spectrum.verdict import DRIFT_HZ, LEVEL, Evidence
 from fltea.spectrum.warm import Warm
 
 Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 
 
+NEAR = 1.8
+"""Ratio of frequencies: a resonance so near to the corner of a low-pass is what falls there."""
 LARGEST_SHARE = 0.3
 """Of a band's power in peaks: of bands with more it is not asked whether they changed."""
-LEVEL_ORDINATES = 100
-"""The lowest ones give the level that drift is compared with."""
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The clean ordinates."""
 
     from_hz: float
+    to_hz: float
     notch_hz: Bands
     ordinates: int
     """effective ones"""
@@ -52,6 +58,12 @@ class Spectral(msgspec.Struct, frozen=True):
     fits: Fits
     """to the clean ones"""
     band: Band
+
+    def spectrum(self, lam: Array, h: float) -> Array:
+        """Of the fractional model through the low-pass, (len(lam),); h in s."""
+        found: Array = self.fits.full.spectrum(lam)[0]
+        low_pass = self.evidence.low_pass
+        return found if low_pass is None else found * power_gain(lam, low_pass, h)
 
 
 def examine(
@@ -92,14 +104,14 @@ def examine(
         found = tuple(peak.notch_hz for peak in peaks)
     else:
         found = around(whole, tuple(peak.notch_hz for peak in peaks))
-    clean_from_hz = max(from_hz, DRIFT_HZ)
+    slow_hz = drift_hz(duration_s)
+    clean_from_hz = max(from_hz, slow_hz)
     clean, kept = _clean(whole, clean_from_hz, found)
     peaks, found = peaks[:kept], found[:kept]
     p_without_peaks = _null_p(whole.without(from_hz, found), warm) if peaks else p_all
-    if len(clean.lam) == len(whole.lam):
-        fits = fit_all(clean, warm.of("all"), data, null)
-    else:
-        fits = fit_all(clean, warm.of("clean"))
+    fits = fit_all(clean, warm.of("clean"))
+    clean, fits, low_pass = _without_low_pass(clean, fits, warm, peaks)
+    peaks = _not_ripples(peaks, low_pass)
     rivals = contest(clean, fits)
 
     def change() -> Change | None:
@@ -107,21 +119,95 @@ def examine(
         compared = [one for one in cells if _share_of_peaks(whole, one, found) < LARGEST_SHARE]
         return find_change(compared, clean.h, FALSE_ALARM * level / LEVEL, from_hz, notch)
 
+    def decides() -> float | None:
+        return seconds_to_tell(fits.data, fits.order, fits.sums[-1], duration_s, APART)
+
+    p_clean = p_value(rivals.ratio_white, clean.ordinates)
+    to_hz = float(clean.lam[-1]) / (2 * np.pi * clean.h)
     evidence = Evidence(
         duration_s=duration_s,
         samples=samples,
+        rate_hz=1 / whole.h,
         p_all=p_all,
         p_without_peaks=p_without_peaks,
-        p_clean=p_value(rivals.ratio_white, clean.ordinates),
+        p_clean=p_clean,
         peaks=peaks,
         contest=rivals,
-        drift_ratio=_drift_ratio(clean, drift),
+        from_hz=clean_from_hz,
+        to_hz=to_hz,
+        slow=slow_power(
+            slow_hz, _slow(whole, from_hz, slow_hz, found), _highest(rivals, fits), whole.h, drift
+        ),
+        low_pass=low_pass,
         change=warm.looked("change", ordinates, change),
+        decides_s=warm.looked("decides", ordinates, decides) if _close(rivals) and p_clean < level else None,
         level=level,
     )
     return Spectral(
-        evidence, ratio, round(ordinates), fits, Band(clean_from_hz, notch + found, round(clean.ordinates))
+        evidence,
+        ratio,
+        round(ordinates),
+        fits,
+        Band(clean_from_hz, to_hz, notch + found, round(clean.ordinates)),
     )
+
+
+def _without_low_pass(
+    clean: Periodogram, fits: Fits, warm: Warm, peaks: tuple[Peak, ...]
+) -> tuple[Periodogram, Fits, LowPass | None]:
+    """What has gone into the filter, and the fits to that; the same again if there is none."""
+    low_pass = find_low_pass(clean.h, fits, warm.of("clean"))
+    if low_pass is None or _skirts(peaks, low_pass):
+        return clean, fits, None
+    try:
+        through = divided(clean, low_pass)
+    except ValueError:  # of too few ordinates nothing else can be said
+        return clean, fits, low_pass
+    return through, fit_all(through, warm.of("through")), low_pass
+
+
+def _skirts(peaks: tuple[Peak, ...], low_pass: LowPass) -> bool:
+    """Whether it is a resonance that falls so, and no filter."""
+    return any(
+        peak.kind != "line" and 1 / NEAR < peak.frequency_hz / low_pass.corner_hz < NEAR for peak in peaks
+    )
+
+
+def _not_ripples(peaks: tuple[Peak, ...], low_pass: LowPass | None) -> tuple[Peak, ...]:
+    """The peaks but for the side lobes of a filter of finite length."""
+    if low_pass is None:
+        return peaks
+    return tuple(peak for peak in peaks if peak.kind == "line" or peak.frequency_hz < low_pass.corner_hz)
+
+
+def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> Periodogram | None:
+    """The ordinates below slow_hz, if there are any."""
+    hz = whole.lam / (2 * np.pi * whole.h)
+    keep = (hz < slow_hz) & (hz >= from_hz)
+    for low, high in found:
+        keep &= (hz < low) | (hz > high)
+    if not keep.any():
+        return None
+    weight = None if whole.weight is None else whole.weight[keep]
+    return whole._replace(lam=whole.lam[keep], power=whole.power[keep], weight=weight)
+
+
+def _highest(rivals: Contest, fits: Fits) -> Callable[[Array], Array]:
+    """The highest spectrum of the models that may be right."""
+    named = fits.named()
+    possible = [named[rivals.best]]
+    if rivals.best != "white":
+        possible += [named[rivals.best_sum], fits.order]
+
+    def spectrum(lam: Array) -> Array:
+        return np.asarray(np.max([one.spectrum(lam)[0] for one in possible], axis=0))
+
+    return spectrum
+
+
+def _close(rivals: Contest) -> bool:
+    """Whether the fractional model and a sum of relaxations are not told apart."""
+    return abs(rivals.order_gain - rivals.sum_gain) <= APART
 
 
 def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
@@ -136,15 +222,6 @@ def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
     for low, high in peaks:
         inside &= (hz < low) | (hz > high)
     return 1 - float(whole.power[inside].sum()) / total
-
-
-def _drift_ratio(clean: Periodogram, drift: Drift | None) -> float:
-    """Power of the drift that was taken out over that of the noise at the lowest clean frequencies."""
-    if drift is None:
-        return 0.0
-    weight = np.ones_like(clean.lam) if clean.weight is None else clean.weight
-    last = int(np.searchsorted(weight.cumsum(), LEVEL_ORDINATES)) + 1
-    return drift.power / float(np.average(clean.power[:last], weights=weight[:last]))
 
 
 def _clean(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:

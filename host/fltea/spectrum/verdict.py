@@ -1,66 +1,26 @@
 """The verdict on one axis by stated rules, in the order in which they are asked (pure).
 
 Each rule is a question whose answer is kept with the figure that gave it, so that a reader can follow.
-"Fractional" is claimed only where nothing simpler does, and never of a short record: a sum of two relaxations
-passes for it until there are about ten minutes of data.
+"Fractional" is claimed only where no sum of relaxations comes near, and a sum of relaxations only where no
+fractional order does: over a few decades the two look the same.
 """
 
 import math
-from statistics import NormalDist
 
 import msgspec
 
 from fltea.records.fit import VerdictKind
-from fltea.spectrum.lines import Peak
-from fltea.spectrum.rivals import Contest
-from fltea.spectrum.stationarity import Change
+from fltea.spectrum import wording
+from fltea.spectrum.evidence import Evidence
+from fltea.spectrum.relaxations import MOST
+from fltea.spectrum.rivals import MOST_ORDER
 
-LEVEL = 0.05
-"""The null test rejects below, of a recording that is looked at once."""
-ANYTIME_LEVEL = 1e-5
-"""The same of a sensor that is looked at every second for a day: with it at most one white sensor in a
-hundred is ever called anything else."""
-DRIFT_HZ = 0.02
-"""What is slower is drift, of which a record of ten minutes has too few periods to say more."""
-MODEL_LEAVES_OUT = (
-    f"The model is fitted above {DRIFT_HZ:g} Hz and leaves out what is slower: it does not reproduce "
-    "averaging times of more than some 10 s."
-)
-ALPHA_BELOW_ONE = 0.2
-"""α < 1 has to be better than AR(1) at this share of the level: at 1 % of one look."""
+SLOW = 2.0
+"""Times the lowest frequency: a corner below is as good as none."""
 LEAST_RESIDUAL_LEVEL = 0.01
 """Of the test of residuals, which speaks against a claim and not for one."""
-LEAST_DRIFT = 10.0
-"""Power of drift over that of noise: of less nobody needs to know. White noise has as much with p = 3e-6."""
-HIGHEST_FRACTIONAL = 0.95
-"""From this order on a spectrum is that of a filter or of a resonance."""
-MOSTLY_ONE_STEP = 0.6
-"""Share of the differences that one step has to explain to be called so."""
-LEAST_S = 580.0
-LEAST_SAMPLES = 50_000
-"""About ten minutes at 100 Hz."""
-
-
-class Evidence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the verdict is drawn from."""
-
-    duration_s: float
-    samples: int
-    p_all: float
-    """null test of all ordinates that the user left in"""
-    p_without_peaks: float
-    """of these without lines and resonances"""
-    p_clean: float
-    """of these above DRIFT_HZ"""
-    peaks: tuple[Peak, ...]
-    contest: Contest
-    """of the clean ordinates"""
-    drift_ratio: float = 0.0
-    """power of the cubic taken out of a long record over that of the noise at the lowest frequencies"""
-    change: Change | None = None
-    """of the noise during the record"""
-    level: float = LEVEL
-    """at which the null test rejects"""
+NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
+NEXT_PEAK = "Look for the cause: mains, a motor, a loose mount; --notch leaves a band out."
 
 
 class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -72,11 +32,21 @@ class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """kind is one word or two; text is for people; rules are those that were asked."""
+    """kind is one word or two; text is for people: what, why and next, one after the other."""
 
     kind: VerdictKind
-    text: str
+    what: str
+    """the noise is"""
+    why: str
+    """how sure that is, and what it rests on"""
+    next: str
+    """what to do about it"""
     rules: tuple[Rule, ...]
+
+    @property
+    def text(self) -> str:
+        """All of it."""
+        return " ".join(part.strip() for part in (self.what, self.why, self.next) if part)
 
 
 class _Questions:
@@ -87,221 +57,279 @@ class _Questions:
         self.asked.append(Rule(question, answer, figure))
         return answer
 
-    def say(self, kind: VerdictKind, text: str) -> Verdict:
-        return Verdict(kind, text, tuple(self.asked))
+    def say(self, kind: VerdictKind, what: str, why: str, then: str) -> Verdict:
+        return Verdict(kind, what, why, then, tuple(self.asked))
 
 
 def decide(e: Evidence) -> Verdict:
     """Ask the rules of the evidence until one settles it."""
     q = _Questions()
-    if q.ask(
-        "Did the noise change during the record?",
-        e.change is not None,
+    changed = (
         "no"
         if e.change is None
-        else f"{e.change.low_hz:.3g} … {e.change.high_hz:.3g} Hz, p = {e.change.p:.2g}",
-    ):
-        return q.say("not stationary", _change_text(e))
-    peaks = _peaks_text(e.peaks)
-    found = q.ask("Are there lines or resonances?", bool(e.peaks), peaks or "none")
-    all_white = (
-        q.ask("Does the null test reject white noise?", e.p_all < e.level, f"p = {e.p_all:.2g}") is False
+        else f"{e.change.low_hz:.3g} … {e.change.high_hz:.3g} Hz, p = {e.change.p:.2g}"
     )
-    if all_white and not found:
-        if (broad := _broad(e, q)) is not None:
-            return broad
-        if _drifts(e, q):
-            return q.say("drift", _on_drift())
-        return q.say("white", "White noise: no order can be told from it, α and f are undefined.")
-    if found and not q.ask(
-        "Does it without them?", e.p_without_peaks < e.level, f"p = {e.p_without_peaks:.2g}"
-    ):
-        if (broad := _broad(e, q, f" There is also {peaks}.")) is not None:
-            return broad
-        if _drifts(e, q):
-            return q.say("drift", f"{_on_drift()} There is also {peaks}.")
+    if q.ask("Did the noise change during the record?", e.change is not None, changed):
         return q.say(
-            "filter or resonance",
-            f"{_capital(peaks)}; without that the noise is white, α and f are undefined.",
+            "not stationary",
+            f"The noise changed during the record: {wording.change(e)}.{wording.beside(e)}",
+            "All figures are averages over different noises.",
+            "Judge the parts by themselves, or follow slow changes with a live.memory that is shorter than "
+            "they are.",
         )
-    also = f" There is also {peaks}." if found else ""
-    if not q.ask(f"Does it above {DRIFT_HZ:g} Hz?", e.p_clean < e.level, f"p = {e.p_clean:.2g}"):
-        if (broad := _broad(e, q, f" There is also drift below {DRIFT_HZ:g} Hz.{also}")) is not None:
-            return broad
-        return q.say("drift", _on_drift() + also)
-    return _coloured(e, q, also)
-
-
-def _drifts(e: Evidence, q: _Questions) -> bool:
-    return q.ask(
-        f"Does its offset drift over the record, {LEAST_DRIFT:g} times as much as noise makes it?",
-        e.drift_ratio >= LEAST_DRIFT,
-        f"{e.drift_ratio:.1f} times",
+    q.ask("Are there lines or resonances?", bool(e.peaks), wording.peaks(e.peaks) if e.peaks else "none")
+    q.ask(
+        f"Is there drift below {wording.hz(e.slow.below_hz)}?",
+        e.drifts,
+        f"{e.slow.ratio:.3g} times the model's power, p = {e.slow.p:.2g}; offset {e.slow.offset:.3g} times",
     )
-
-
-def _on_drift() -> str:
-    return (
-        f"White noise on a slow drift below {DRIFT_HZ:g} Hz: no order can be told from it, α and f are "
-        f"undefined. {MODEL_LEAVES_OUT}"
+    q.ask(
+        "Has it all gone through a low-pass?",
+        e.low_pass is not None,
+        "none is seen" if e.low_pass is None else wording.low_pass(e),
     )
-
-
-def _broad(e: Evidence, q: _Questions, also: str = "") -> Verdict | None:
-    """What is too broad for a peak, and nothing that the null test's orders up to 1 could describe."""
+    coloured = q.ask(
+        "Is what is left no white noise, by the null test?", e.p_clean < e.level, f"p = {e.p_clean:.2g}"
+    )
     ar2 = e.contest.models["ar2"]
-    better = ar2.bic < -2 * math.log(LEVEL / e.level)
-    if not q.ask("Is AR(2), a broad resonance, better by BIC all the same?", better, f"{ar2.bic:+.1f}"):
-        return None
-    return _of_second_order(ar2.parameters, q, also)
-
-
-def _of_second_order(parameters: dict[str, float], q: _Questions, also: str) -> Verdict:
-    where = (
-        f"a resonance at {parameters['resonance_hz']:.3g} Hz"
-        if "resonance_hz" in parameters
-        else f"a low-pass filter from {parameters['bend_hz']:.3g} Hz on"
-    )
-    return q.say("filter or resonance", f"The spectrum is that of {where} (AR(2)), not of memory.{also}")
-
-
-def _coloured(e: Evidence, q: _Questions, also: str) -> Verdict:
-    """Neither white nor white on drift: which of the models is it?"""
-    best, models = e.contest.best, e.contest.models
-    bic = ", ".join(
-        f"{name} {model.bic:.1f}" for name, model in sorted(models.items(), key=lambda m: m[1].bic)
-    )
-    slow_hz = max(DRIFT_HZ, 3 / e.duration_s)
-    if not q.ask("Is any model better than white noise by BIC?", best != "white", bic):
-        if _drifts(e, q):
-            return q.say("drift", _on_drift() + also)
-        if e.peaks:
-            return q.say(
-                "filter or resonance",
-                f"{_capital(_peaks_text(e.peaks))}; what is left is not quite white, but too faint to say "
-                "more.",
-            )
-        return q.say(
-            "undecided", "Not quite white, but too faint to say what it is; a longer record would tell."
+    broad = (
+        not coloured
+        and "resonance_hz" in ar2.parameters
+        and q.ask(
+            "Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < -e.more, f"{ar2.bic:+.1f}"
         )
-    parameters = models[best].parameters
-    bend_hz = parameters.get("bend_slow_hz", parameters.get("bend_hz"))
-    if bend_hz is not None and q.ask(
-        f"Is the best model's spectrum flat only below {slow_hz:.2g} Hz?",
-        bend_hz < slow_hz and parameters.get("alpha", 1.0) >= HIGHEST_FRACTIONAL,
-        f"{best}: bends at {bend_hz:.2g} Hz",
+    )
+    if broad:
+        return _resonance(e, q)
+    return _coloured(e, q) if coloured else _white(e, q)
+
+
+def _white(e: Evidence, q: _Questions) -> Verdict:
+    """White but for what was found beside it, or too near to white to say more."""
+    accepted = f"The null test does not reject white noise (p = {e.p_clean:.2g})"
+    if e.p_clean < e.level:
+        accepted = f"No model is better than white noise by BIC (null test: p = {e.p_clean:.2g})"
+    if e.low_pass is not None:
+        one = e.low_pass.poles == wording.ABOUT_ONE_POLE
+        gain = (
+            "A relaxation that has nearly all of the power would look the same"
+            if one
+            else f"2 log L is {e.low_pass.gain:.0f} higher than of any noise without a filter"
+        )
+        return q.say(
+            "low-pass",
+            f"White noise through {wording.low_pass(e)}.{wording.beside(e, with_low_pass=False)}",
+            f"{gain}. {accepted} below the corner: {wording.UNDEFINED}.",
+            NEXT_FILTER,
+        )
+    if e.peaks:
+        return q.say(
+            "line" if e.peaks[0].kind == "line" else "resonance",
+            f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
+            f"{wording.beside(e, with_peaks=False)}",
+            f"{accepted} without that: {wording.UNDEFINED}.",
+            NEXT_PEAK,
+        )
+    if e.drifts:
+        return q.say(
+            "drift",
+            f"White noise, and {wording.drift(e)}.",
+            f"{accepted} above that: {wording.UNDEFINED}.",
+            "Let the sensor warm up, and let the navigation filter estimate its offset; a longer record "
+            "shows what the drift is.",
+        )
+    return q.say(
+        "white",
+        "White noise.",
+        f"{accepted}: no order can be told from it, {wording.UNDEFINED}.",
+        "A filter needs its density only (the Allan deviation's N).",
+    )
+
+
+def _resonance(e: Evidence, q: _Questions) -> Verdict:
+    p = e.contest.models["ar2"].parameters
+    return q.say(
+        "resonance",
+        f"A broad resonance at {wording.hz(p['resonance_hz'])}, {p['height']:.2g} times as high as the "
+        f"lowest frequencies.{wording.beside(e)}",
+        f"AR(2) has the lowest BIC ({e.contest.models['ar2'].bic:.0f}): no memory, α and f say nothing.",
+        NEXT_PEAK,
+    )
+
+
+def _coloured(e: Evidence, q: _Questions) -> Verdict:
+    """Not white: which of the models is it?"""
+    c = e.contest
+    bic = ", ".join(
+        f"{name} {model.bic:.1f}" for name, model in sorted(c.models.items(), key=lambda m: m[1].bic)
+    )
+    if not q.ask("Is any model better than white noise by BIC?", c.models[c.best].bic < -e.more, bic):
+        if e.low_pass is not None or e.peaks or e.drifts:
+            return _white(e, q)
+        return q.say(
+            "undecided",
+            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is.",
+            "No model is better than white noise by BIC.",
+            "Record longer.",
+        )
+    p = c.models[c.best].parameters
+    rising = c.best == "rising" or (
+        c.best in ("ar1", "ar2") and "bend_hz" not in p and "resonance_hz" not in p
+    )
+    if q.ask("Does the power rise with frequency?", rising, f"{c.best} is the best by BIC"):
+        return _rising(e, q)
+    if q.ask("Is there a broad peak?", "resonance_hz" in p, f"{c.best} is the best by BIC"):
+        if any(peak.kind != "line" for peak in e.peaks):
+            return q.say(
+                "resonance",
+                f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
+                f"{wording.beside(e, with_peaks=False)}",
+                f"What is left is its skirts ({c.best} is the best by BIC): {wording.UNDEFINED}.",
+                NEXT_PEAK,
+            )
+        if c.best == "ar2":
+            return _resonance(e, q)
+        return q.say(
+            "resonance",
+            f"A broad maximum at {wording.hz(p['resonance_hz'])}.{wording.beside(e)}",
+            f"The best order is {p['alpha']:.2f}: more than 1 is a filter or a resonance, not memory.",
+            NEXT_PEAK,
+        )
+    if c.best == "ar2":
+        return q.say(
+            "low-pass",
+            f"The power falls from {wording.hz(p['bend_hz'])} on, as behind a low-pass.{wording.beside(e)}",
+            f"AR(2) without a peak has the lowest BIC ({c.models['ar2'].bic:.0f}).",
+            NEXT_FILTER,
+        )
+    return _order_or_relaxations(e, q)
+
+
+def _rising(e: Evidence, q: _Questions) -> Verdict:
+    c = e.contest
+    p = c.models[c.best].parameters
+    if c.best == "rising":
+        how = f"as f^{2 * p['delta']:.2g} (d = {-p['delta']:.2f})"
+        differences = p["delta"] > 0.9
+    else:
+        how, differences = f"neighbours are of opposite sign ({c.best})", False
+    return q.say(
+        "anti-persistent",
+        f"Noise whose power rises with frequency, {how}, in white noise.{wording.beside(e)}",
+        f"{c.best} has the lowest BIC ({c.models[c.best].bic:.0f}). The order is below 0, where f and α are "
+        "not defined.",
+        "So looks quantisation noise, or the difference of an angle."
+        if differences
+        else "Look for a differentiator, or a high-pass, before the output.",
+    )
+
+
+def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
+    """Power that falls with frequency, without a peak: a fractional order, or relaxations."""
+    c = e.contest
+    apart = e.apart
+    best_sum = c.models[c.best_sum]
+    # More parameters fit better by chance alone.
+    more = 2.0 * max(sum(name.startswith("phi") for name in best_sum.parameters) * 2 - 3, 0)
+    behind = 2 * best_sum.log_likelihood - c.order_gain
+    lead = c.order_gain - c.sum_gain
+    sums = wording.relaxations(best_sum.parameters)
+    where = wording.corners(best_sum.parameters, e)
+    worse = q.ask(
+        f"Is every order up to {MOST_ORDER:g} worse than {sums} by more than {apart + more:.0f}?",
+        behind > apart + more,
+        f"2 log L {-behind:+.1f}",
+    )
+    bends = [value for name, value in best_sum.parameters.items() if name.startswith("bend")]
+    fastest = max(bends, default=0.0)
+    if q.ask(
+        f"Is its corner below {wording.hz(SLOW * e.from_hz)}, about the lowest frequency?",
+        fastest < SLOW * e.from_hz,
+        f"at {wording.hz(fastest)}",
     ):
         return q.say(
             "drift",
-            "Drift, slower than the record can tell apart from a random walk: α says nothing more. "
-            f"{MODEL_LEAVES_OUT}{also}",
+            "White noise, and drift that is slower than the record can tell from a random walk."
+            f"{wording.beside(e, with_drift=False)}",
+            f"The corner of the best model is below {wording.hz(SLOW * e.from_hz)}: there are too few periods "
+            "to tell it from an order below 1.",
+            "Use the Allan deviation's K for a random walk in a filter; a longer record shows where it ends.",
         )
-    if best == "ar1" and parameters["phi"] < 0:
+    residual_ks = c.models["fractional"].residual_ks
+    critical = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL))
+    misfit = _misfit(e, c.best_sum if worse else c.best, critical)
+    if worse:
         return q.say(
-            "AR(1)",
-            f"Neighbours are of opposite sign (AR(1), φ = {parameters['phi']:.2f}), as after differencing, "
-            f"in white noise: not of fractional order.{also}",
+            "relaxations",
+            f"{wording.capital(sums)} in white noise, with {_word(best_sum.parameters)} {where}."
+            f"{wording.beside(e)}",
+            f"The fractional model with an order of up to {MOST_ORDER:g} is worse by {behind:.0f} in 2 log L."
+            f"{misfit}",
+            "A navigation filter takes them as Gauss-Markov processes: σ and correlation time are given.",
         )
-    if best == "ar1":
-        return q.say(
-            "AR(1)",
-            f"One relaxation with its corner at {parameters['bend_hz']:.3g} Hz (AR(1), α = 1) in white "
-            f"noise: not of fractional order.{also}",
-        )
-    if best == "two_ar1":
-        return q.say(
-            "AR(1)",
-            f"Two relaxations, with corners at {parameters['bend_slow_hz']:.3g} and "
-            f"{parameters['bend_fast_hz']:.3g} Hz (a sum of two AR(1)), in white noise: not of fractional "
-            f"order.{also}",
-        )
-    if best == "ar2":
-        return _of_second_order(parameters, q, also)
-    return _fractional(e, q, also)
-
-
-def _fractional(e: Evidence, q: _Questions, also: str) -> Verdict:
-    """The fractional model has the lowest BIC: may it be claimed?"""
-    model = e.contest.models["fractional"]
-    alpha = model.parameters["alpha"]
-    if q.ask(f"Is its order {HIGHEST_FRACTIONAL} or more?", alpha >= HIGHEST_FRACTIONAL, f"α = {alpha:.3f}"):
-        return q.say(
-            "filter or resonance",
-            f"The best order is {alpha:.2f}: that is a filter or a resonance, not memory.{also}",
-        )
-    ar1_critical = chi_square_one(ALPHA_BELOW_ONE * e.level)
-    residual_critical = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL))
-    better = q.ask(
-        f"Is α < 1 better than AR(1) by more than {ar1_critical:.2f}?",
-        e.contest.ratio_ar1 > ar1_critical,
-        f"likelihood ratio {e.contest.ratio_ar1:.1f}",
+    claim = q.ask(
+        f"Is every sum of up to {MOST} relaxations worse than an order by more than {apart:.0f}?",
+        lead > apart,
+        f"2 log L {lead:+.1f}",
     )
+    lowest = q.ask("Has the fractional model the lowest BIC?", c.best == "fractional", bic_of(e, c.best))
     fits = q.ask(
-        "Are the residuals white?",
-        model.residual_ks < residual_critical,
-        f"Kolmogorov-Smirnov {model.residual_ks:.2f}, at most {residual_critical:.2f}",
+        "Are its residuals white?", residual_ks < critical, f"{residual_ks:.2f}, at most {critical:.2f}"
     )
-    enough = q.ask(
-        "Is the record about ten minutes long?",
-        e.duration_s >= LEAST_S and e.samples >= LEAST_SAMPLES,
-        f"{e.duration_s:.0f} s, {e.samples} samples",
-    )
-    if not (better and fits):
-        return q.say("undecided", f"Not white, and none of the models describes it.{also}")
-    if not enough:
+    if claim and lowest and fits:
+        return q.say(
+            "fractional",
+            f"Noise of fractional order, α = {c.order:.2f}, in white noise.{wording.beside(e)}",
+            f"Every sum of up to {MOST} relaxations is worse by {lead:.0f} or more in 2 log L.",
+            "Believe the maximum-likelihood figures with their intervals.",
+        )
+    if claim:
         return q.say(
             "undecided",
-            f"Not white; it looks fractional (α = {alpha:.2f}), but in {e.duration_s:.0f} s a sum of "
-            f"relaxations looks the same: record ten minutes or more.{also}",
+            f"Not white, and none of the models describes it.{wording.beside(e)}",
+            f"The nearest is {c.best}.{_misfit(e, c.best, critical)}",
+            "Look at the spectrum in the report.",
         )
-    return q.say("fractional", f"Noise of fractional order, α = {alpha:.2f}, in white noise.{also}")
-
-
-def _change_text(e: Evidence) -> str:
-    c = e.change
-    assert c is not None
-    band = f"between {c.low_hz:.3g} and {c.high_hz:.3g} Hz"
-    if c.share >= MOSTLY_ONE_STEP:
-        how = "grew" if c.ratio > 1 else "fell"
-        ratio = max(c.ratio, 1 / c.ratio)
-        when = f"around {_time(c.at_s)} of {_time(e.duration_s)}"
-        what = f"its power {band} {how} by a factor of {ratio:.2g} {when}"
-    else:
-        what = f"its power {band} went up and down by a factor of about {c.size:.2g}"
-    also = f" There is also {_peaks_text(e.peaks)}." if e.peaks else ""
-    return (
-        f"The noise changed during the record: {what}. All figures are averages over different noises: judge "
-        "the parts by themselves, or follow slow changes with a live.memory that is shorter than they are."
-        f"{also}"
+    return q.say(
+        "fractional or relaxations",
+        f"Noise of the order {c.order:.2f}, or {sums} with {_word(best_sum.parameters)} {where}, in white "
+        f"noise: the data do not tell.{wording.beside(e)}",
+        f"Both describe {_band(e)}: 2 log L differs by {abs(behind):.1f}, which tells nothing.{misfit}",
+        _record_for(e),
     )
 
 
-def _time(seconds: float) -> str:
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+def _misfit(e: Evidence, name: str, critical: float) -> str:
+    ks = e.contest.models[name].residual_ks
+    if ks < critical:
+        return ""
+    figure = f"Kolmogorov-Smirnov {ks:.2f}, at most {critical:.2f}"
+    return f" But the residuals are not white ({figure}): it is a summary."
 
 
-def chi_square_one(p: float) -> float:
-    """What χ² with one degree exceeds with probability p."""
-    return NormalDist().inv_cdf(1 - p / 2) ** 2
+def bic_of(e: Evidence, name: str) -> str:
+    """The model of lowest BIC."""
+    return f"{name} {e.contest.models[name].bic:.1f}"
+
+
+def _word(parameters: dict[str, float]) -> str:
+    return "its corner" if "bend_hz" in parameters else "corners"
+
+
+def _band(e: Evidence) -> str:
+    """Where the data are."""
+    decades = math.log10(e.to_hz / e.from_hz)
+    return f"{wording.hz(e.from_hz)} to {wording.hz(e.to_hz)}, {decades:.1f} decades"
+
+
+def _record_for(e: Evidence) -> str:
+    if e.decides_s is None:
+        tell = "No record of up to a month would tell"
+    else:
+        tell = f"A record of some {wording.duration(e.decides_s)} would tell"
+    return f"{tell}; a navigation filter can take either, and the sum is the easier one."
 
 
 def kolmogorov(p: float) -> float:
     """What the statistic of Kolmogorov and Smirnov exceeds with the small probability p."""
     return math.sqrt(-math.log(p / 2) / 2)
-
-
-def _peaks_text(peaks: tuple[Peak, ...]) -> str:
-    """The strongest few in words."""
-    parts = [
-        f"a {peak.kind} at {peak.frequency_hz:.1f} Hz ({peak.power_share:.1%} of the power)"
-        for peak in peaks[:3]
-    ]
-    if len(peaks) > 3:
-        parts.append(f"{len(peaks) - 3} more")
-    return ", ".join(parts)
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.whittle import Fit, Model, fit
+from fltea.spectrum.whittle import Fit, Held, Model, fit
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -34,7 +34,7 @@ class Warm:
     """The last answers of one axis, by set of ordinates and model."""
 
     def __init__(self) -> None:
-        self._last: dict[tuple[str, str, float], tuple[Array, float]] = {}
+        self._last: dict[tuple[str, str, float, Held], tuple[Array, float]] = {}
         self.ends: Array | None = None
         """of the intervals, as `profile.fractional_fit` keeps them"""
         self._looked: dict[str, tuple[Any, float]] = {}
@@ -56,7 +56,7 @@ class Warm:
         """Fits to the ordinates that are called `name`."""
 
         def search(data: Binned, model: Model, extra_starts: Array | None = None) -> Fit:
-            key = name, model.name, model.highest_order
+            key = name, model.name, model.highest_order, model.held
             theta, fitted_at = self._last.get(key, (None, 0.0))
             ordinates = float(data.counts.sum())
             if theta is not None:

@@ -17,8 +17,8 @@ from fltea.records.events import Event, Ints
 from fltea.records.fit import AxisFit
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
+from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
-from fltea.spectrum.verdict import ANYTIME_LEVEL
 from fltea.stream.fit_times import CURVES_S, FitTimes, period_s
 from fltea.stream.stages import Beginning, Item, Saved, SavedFits, Standing
 

@@ -9,16 +9,20 @@ from fltea.sinks.page.words import duration
 HEADS: dict[VerdictKind, str] = {
     "white": "White noise: order undefined",
     "drift": "Drift",
-    "filter or resonance": "Filter or resonance",
-    "AR(1)": "Relaxation, AR(1)",
+    "line": "Line in white noise",
+    "resonance": "Resonance",
+    "low-pass": "White noise through a low-pass",
+    "relaxations": "Relaxations (Gauss-Markov)",
     "fractional": "Fractional",
+    "fractional or relaxations": "Fractional, or relaxations",
+    "anti-persistent": "Anti-persistent",
     "undecided": "Undecided",
     "not stationary": "Not stationary",
     "constant": "Constant",
     "too few samples": "Still too short",
 }
 
-WITH_ORDER = ("fractional", "undecided")
+WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 """Verdicts that leave room for an order; all others say that there is none to speak of."""
 
 NO_FIT = "It comes within seconds of the first samples."

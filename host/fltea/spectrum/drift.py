@@ -1,0 +1,71 @@
+"""Drift: power below the lowest frequency of which a record has some periods; it is not fitted (pure)."""
+
+import math
+from collections.abc import Callable
+from statistics import NormalDist
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.spectrum.octaves import Drift
+from fltea.spectrum.periodogram import Periodogram
+
+Array = NDArray[np.float64]
+
+PERIODS = 10.0
+"""In a record, of the slowest wave that is fitted. Of fewer nobody can say what they are a part of."""
+CUBIC_PERIODS = 0.7
+"""In a record, of the waves that a cubic is most like."""
+LEAST_OFFSET = 10.0
+"""Power of the offset's drift over that of noise: of less nobody needs to know. White noise has as much with
+p = 3e-6."""
+LEAST_RATIO = 2.0
+FALSE_ALARM = 1e-3
+"""Of a record that is looked at once."""
+
+
+class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Power below the frequencies that are fitted."""
+
+    below_hz: float
+    ratio: float = 1.0
+    """of the power there to what the best model has there"""
+    p: float = 1.0
+    """probability of so much, if that model were right there too"""
+    offset: float = 0.0
+    """power of the cubic that was taken out of a long record, over what the model has there"""
+
+    def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:
+        """Whether it is more than the model explains, and enough to matter."""
+        return self.offset >= LEAST_OFFSET or (self.ratio >= LEAST_RATIO and self.p < false_alarm)
+
+
+def drift_hz(duration_s: float) -> float:
+    """The frequency below which there is drift in a record of this length."""
+    return PERIODS / duration_s
+
+
+def slow_power(
+    below_hz: float, slow: Periodogram | None, model: Callable[[Array], Array], h: float, cubic: Drift | None
+) -> SlowPower:
+    """Compare what is slow with the model of what is not.
+
+    slow: the ordinates below below_hz, if there are any. model: λ to its spectrum. cubic: what was taken out
+    of all ordinates. h in s.
+    """
+    offset = 0.0
+    if cubic is not None:
+        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz
+        offset = cubic.power / float(model(np.array([wave]))[0])
+    if slow is None:
+        return SlowPower(below_hz, offset=offset)
+    weight = np.ones_like(slow.lam) if slow.weight is None else slow.weight
+    ratio = float(np.average(slow.power / model(slow.lam), weights=weight))
+    return SlowPower(below_hz, ratio, _tail(ratio, 2 * float(weight.sum())), offset)
+
+
+def _tail(ratio: float, degrees: float) -> float:
+    """How often chi-squared over its degrees exceeds ratio, by Wilson and Hilferty's cube root."""
+    spread = 2 / (9 * degrees)
+    return NormalDist().cdf(-(ratio ** (1 / 3) - 1 + spread) / math.sqrt(spread))

@@ -1,0 +1,70 @@
+"""Whether a spectrum has gone through a low-pass filter (pure)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.spectrum.low_pass import LowPass, fit_low_pass, of_one_pole, steep
+from fltea.spectrum.models import AR1, ar1_coordinates, ar2_parameters
+from fltea.spectrum.periodogram import Binned
+from fltea.spectrum.pole_pair import pole_pair
+from fltea.spectrum.profile import CRITICAL
+from fltea.spectrum.relaxations import sum_parameters
+from fltea.spectrum.rivals import APART, Fits, bic
+from fltea.spectrum.warm import Search
+from fltea.spectrum.whittle import Fit, negative_log_likelihood
+
+Array = NDArray[np.float64]
+
+LARGEST_FLOOR = 0.01
+"""Of AR(1) in white noise that is called a low-pass; but where the filter's own skirt is higher that is."""
+LEAST_PHI = 0.05
+"""The spectrum of AR(1) with less falls by less than a fifth."""
+
+
+def find_low_pass(h: float, fits: Fits, search: Search) -> LowPass | None:
+    """The filter that the noise of `fits` has gone through; None if none is seen. h in s."""
+    if fits.rising is None:  # it is white
+        return None
+    data = fits.data
+    found = fit_low_pass(data, search)
+    phi1, phi2, _ = (float(v) for v in ar2_parameters(fits.ar2.theta[0]))
+    peak = "resonance_hz" in pole_pair(phi1, phi2, h)
+    others = [*fits.sums, fits.null.alternative, fits.rising, *([fits.ar2] if peak else [])]
+    without = min(others, key=lambda one: bic(one, data))
+    filtered = min(bic(one, data) for one in (found, *([] if peak else [fits.ar2])))
+    gain = 2 * float(without.nll[0] - found.nll[0])
+    if filtered < bic(without, data) and gain > APART:
+        low_pass = steep(found, h, gain)
+        if low_pass is not None:
+            return low_pass
+    return _one_pole(h, fits)
+
+
+def _one_pole(h: float, fits: Fits) -> LowPass | None:
+    """The fastest relaxation, if what is faster is next to nothing, and no fractional order says the same."""
+    data = fits.data
+    best = min(fits.sums, key=lambda one: bic(one, data))
+    if 2 * float(fits.order.nll[0] - best.nll[0]) <= APART:
+        return None
+    p = sum_parameters(best.theta, best.theta.shape[1] // 2)
+    fastest = int(p.poles[0].argmin())
+    phi, white = float(p.poles[0, fastest]), float(p.white[0])
+    if phi < LEAST_PHI:
+        return None
+    plateau = float(p.shares[0, fastest]) / (1 - phi) ** 2
+    corner = np.array([min(-np.log(phi), np.pi)])
+    if float(best.model.shape(corner, best.theta)[0, 0]) > 2 * (plateau / 2 + white):
+        return None
+    if white <= max(LARGEST_FLOOR, ((1 - phi) / (1 + phi)) ** 2) * plateau:
+        return of_one_pole(phi, white / plateau, h)
+    pure = _pure(data, best) if len(p.poles[0]) == 1 else None
+    return None if pure is None else of_one_pole(pure, 0.0, h)
+
+
+def _pure(data: Binned, found: Fit) -> float | None:
+    """φ of AR(1) without white noise, if that describes the data as well."""
+    phi = np.linspace(LEAST_PHI, 0.98, 94)
+    shapes = AR1.shape(data.lam, ar1_coordinates(phi, 1.0))
+    nll, _ = negative_log_likelihood(data, shapes, np.zeros(len(phi), dtype=np.intp))
+    best = int(nll.argmin())
+    return float(phi[best]) if 2 * float(nll[best] - found.nll[0]) < CRITICAL else None
