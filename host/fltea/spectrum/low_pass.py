@@ -27,13 +27,16 @@ BRANCHES = (0, -1, 1)
 """Of the spectrum before it was sampled, in multiples of the sample rate."""
 NAMES = ("low_pass", "low_pass_ar1", "low_pass_two_ar1")
 """Alone, and with one and two relaxations beside it."""
-DEEPEST = 0.05
+DEEPEST = 0.1
 """Gain² of the filter below which the family is not fitted: far down filters differ."""
 FEWEST_BINS = 16
-VERY_STEEP = 3.0
-"""Poles."""
+PASSES = 3
 LEAST_GAIN = 0.7
 """Of the ordinates that are kept: the shape of the family errs by little there."""
+MUCH_SLOWER = 0.2
+"""Corners of relaxations over that of the filter, at most."""
+LEAST_FALL = 0.8
+"""At half the sample rate, of the density: what falls less may be anything."""
 STEEP = 1.15
 """Poles from which on it is no relaxation."""
 
@@ -127,22 +130,30 @@ LOW_PASS = tuple(_low_pass(slow) for slow in range(len(NAMES)))
 def fit_low_pass(data: Binned, search: Search) -> Fit:
     """The low-pass of lowest BIC, with as many relaxations as it takes.
 
-    Steep ones are fitted down to `DEEPEST` of their own gain: below, filters differ. -log L is of all bins.
+    It is fitted down to `DEEPEST` of its own gain: below, filters differ. -log L is of all bins.
     """
     best = _best(data, search)
-    p = low_pass_parameters(best.theta)
-    keep = squared_gain(data.lam, p.log_c, p.poles)[0] > DEEPEST
-    bins = int(keep.sum())
-    if p.poles[0] < VERY_STEEP or bins == len(keep) or bins < FEWEST_BINS:
-        return best
-    inside = _best(Binned(data.lam[:bins], data.counts[:bins], data.power[:, :bins]), fit)
-    return inside._replace(nll=best.nll)
+    nll = best.nll
+    for _ in range(PASSES):
+        p = low_pass_parameters(best.theta)
+        bins = int((squared_gain(data.lam, p.log_c, p.poles)[0] > DEEPEST).sum())
+        if not FEWEST_BINS <= bins < len(data.lam):
+            break
+        best = _best(Binned(data.lam[:bins], data.counts[:bins], data.power[:, :bins]), fit)
+    return best._replace(nll=nll)
 
 
 def _best(data: Binned, search: Search) -> Fit:
     penalty = math.log(data.ordinates)
-    fits = [search(data, model) for model in LOW_PASS]
+    fits = [one for one in (search(data, model) for model in LOW_PASS) if _much_slower(one)]
     return min(fits, key=lambda f: 2 * float(f.nll[0]) + f.model.parameters * penalty)
+
+
+def _much_slower(found: Fit) -> bool:
+    """Whether what is fitted beside the low-pass is no part of its shape."""
+    p = low_pass_parameters(found.theta)
+    corners = -np.log(np.maximum(p.phi[0], 1e-9))
+    return bool((corners < MUCH_SLOWER * math.exp(float(p.log_c[0]) / 2)).all())
 
 
 def steep(found: Fit, h: float, gain: float) -> LowPass | None:
@@ -153,7 +164,7 @@ def steep(found: Fit, h: float, gain: float) -> LowPass | None:
     p = low_pass_parameters(found.theta)
     through, floor = float(p.through[0]), float(p.white[0] / p.through[0])
     ends = squared_gain(np.array([1e-9, np.pi]), p.log_c, p.poles)[0]
-    if p.poles[0] < STEEP or not through > 0 or ends[1] + floor > (ends[0] + floor) / 2:
+    if p.poles[0] < STEEP or not through > 0 or ends[1] + floor > LEAST_FALL * (ends[0] + floor):
         return None
     corner_hz = math.exp(float(p.log_c[0]) / 2) / (2 * np.pi * h)
     return LowPass(corner_hz, float(p.poles[0]), floor, gain)

@@ -17,6 +17,9 @@ from fltea.spectrum.rivals import MOST_ORDER
 
 SLOW = 2.0
 """Times the lowest frequency: a corner below is as good as none."""
+NEAR_THE_FILTER = 0.1
+AS_FILTERS_DIFFER = 0.6
+"""Of the density in the pass band."""
 LEAST_RESIDUAL_LEVEL = 0.01
 """Of the test of residuals, which speaks against a claim and not for one."""
 NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
@@ -91,17 +94,36 @@ def decide(e: Evidence) -> Verdict:
     coloured = q.ask(
         "Is what is left no white noise, by the null test?", e.p_clean < e.level, f"p = {e.p_clean:.2g}"
     )
+    coloured = coloured and not _shape_of_filter(e, q)
     ar2 = e.contest.models["ar2"]
     broad = (
         not coloured
         and "resonance_hz" in ar2.parameters
         and q.ask(
-            "Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < -e.more, f"{ar2.bic:+.1f}"
+            "Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < -e.apart, f"{ar2.bic:+.1f}"
         )
     )
     if broad:
         return _resonance(e, q)
     return _coloured(e, q) if coloured else _white(e, q)
+
+
+def _shape_of_filter(e: Evidence, q: _Questions) -> bool:
+    """Whether the colour that is left is the difference of the true filter from the fitted one."""
+    if e.low_pass is None:
+        return False
+    name = e.contest.best_sum
+    p = e.contest.models[name].parameters
+    phi = [value for key, value in p.items() if key.startswith("phi")]
+    s2 = [value for key, value in p.items() if key.startswith("s2")]
+    bends = [value for key, value in p.items() if key.startswith("bend")]
+    height = sum(one / (1 - pole) ** 2 for one, pole in zip(s2, phi, strict=True)) / max(p["R"], 1e-300)
+    near = bool(bends) and min(bends) > NEAR_THE_FILTER * e.low_pass.corner_hz
+    return q.ask(
+        "Is the colour that is left near the corner, and no more than filters differ by?",
+        near and height < AS_FILTERS_DIFFER,
+        f"{name}, {height:.2g} times the white noise",
+    )
 
 
 def _white(e: Evidence, q: _Questions) -> Verdict:
@@ -251,8 +273,8 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
             "drift",
             "White noise, and drift that is slower than the record can tell from a random walk."
             f"{wording.beside(e, with_drift=False)}",
-            f"The corner of the best model is below {wording.hz(SLOW * e.from_hz)}: there are too few periods "
-            "to tell it from an order below 1.",
+            f"The corner of the best model is below {wording.hz(SLOW * e.from_hz)}: too few periods tell it "
+            "from an order below 1.",
             "Use the Allan deviation's K for a random walk in a filter; a longer record shows where it ends.",
         )
     residual_ks = c.models["fractional"].residual_ks
