@@ -152,6 +152,26 @@ struct LowPass {
     Number log_c, n, phi[K + 1];
 };
 
+struct Arfima {
+    enum { kShapes = 2, kParts = 1 };
+    static int part_of(int) { return 0; }
+    explicit Arfima(const Natural& natural) : d(natural.shape[0]), phi(natural.shape[1]) {}
+    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number ln_size = load(bins.ln_size + i), square = load(bins.square + i);
+        const Number relaxation = ar1(phi, square);
+        part[0] = engine::exp(-2.0 * d * ln_size) * relaxation;
+        slope[0] = -2.0 * ln_size;
+        slope[1] = (2.0 * (1.0 - phi) - square) * relaxation;
+    }
+    void parts(const Bins& bins, std::size_t i, Number* part) const {
+        Number slope[kShapes];
+        at(bins, i, part, slope);
+    }
+
+  private:
+    Number d, phi;
+};
+
 struct Rising {
     enum { kShapes = 1, kParts = 1 };
     static int part_of(int) { return 0; }
@@ -263,7 +283,7 @@ const Functions kTable[kFamilies] = {
     functions<Sum<1, true>>(),  functions<Sum<2, true>>(),  functions<Sum<3, true>>(),
     functions<Sum<4, true>>(),  functions<Sum<5, true>>(),  functions<Sum<6, true>>(),
     functions<LowPass<0>>(),    functions<LowPass<1>>(),    functions<LowPass<2>>(),
-    functions<Rising>(),
+    functions<Arfima>(),        functions<Rising>(),
 };
 
 void sums(Family family, const Bins& bins, const double* power, const Natural& at, Sums& out) {

@@ -29,6 +29,7 @@ enum Family : int {
     kLowPass,  // white noise through a low-pass, and none to two AR(1)
     kLowPassAr1,
     kLowPassTwoAr1,
+    kArfima,  // AR(1) of which a difference of a fractional order, not of white noise, is the cause
     kRising,  // |1 - e^{-iλ}|^2δ: differences of a fractional order
     kFamilies
 };
@@ -52,8 +53,8 @@ struct Bins {
     const double* square;  // |1 - e^{-iλ}|²
 };
 
-// Numbers of a spectrum: fractional α, g; AR(2) φ1, φ2; sums of AR(1) their φ; a low-pass log c and n of
-// 1 / (1 + (λ²/c)^n), then the φ; rising δ. Then the variances of the parts, and R.
+// Numbers of a spectrum: fractional α, g; ARFIMA d, φ; AR(2) φ1, φ2; sums of AR(1) their φ; a low-pass log c
+// and n of 1 / (1 + (λ²/c)^n), then the φ; rising δ. Then the variances of the parts, and R.
 struct Natural {
     double shape[kMostShapes];
     double variance[kMostParts];
@@ -91,6 +92,7 @@ inline int poles(Family family) {
         case kWhite:
         case kFractional:
         case kAr2:
+        case kArfima:
         case kRising:
             return 0;
         default:
@@ -100,13 +102,13 @@ inline int poles(Family family) {
     }
 }
 inline bool quantised(Family family) { return family >= kQuantisedAr1 && family < kLowPass; }
-inline bool low_pass(Family family) { return family >= kLowPass && family < kRising; }
+inline bool low_pass(Family family) { return family >= kLowPass && family < kArfima; }
 inline int shapes(Family family) {
-    if (family == kFractional || family == kAr2) return 2;
+    if (family == kFractional || family == kAr2 || family == kArfima) return 2;
     return family == kRising ? 1 : poles(family) + (low_pass(family) ? 2 : 0);
 }
 inline int parts(Family family) {
-    if (family == kFractional || family == kAr2 || family == kRising) return 1;
+    if (family == kFractional || family == kAr2 || family >= kArfima) return 1;
     return poles(family) + (quantised(family) || low_pass(family) ? 1 : 0);
 }
 

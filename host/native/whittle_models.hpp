@@ -42,6 +42,8 @@ const double kBelowHighest = 1e-6;
 // is seen.
 const double kLowestCorner = -24.0, kHighestCorner = 4.5;
 const double kMostPolesOfFilter = 24.0;
+// Of ARFIMA's d: what is neither white noise nor a random walk.
+const double kLeastDifference = 0.15, kMostDifference = 0.85;
 
 template <class R>
 struct Share {
@@ -240,6 +242,15 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
             out.chain[0][0] = slope1 * (1 - k2);
             out.chain[0][1] = -k1 * slope2;
             out.chain[1][1] = slope2;
+            map_weight(theta[2], 2, 2, out);
+            return true;
+        }
+        case kArfima: {
+            const Share<R> share(theta[0]);
+            const R range = R(kMostDifference - kLeastDifference);
+            natural.shape[0] = R(kLeastDifference) + range * share.value;
+            out.chain[0][0] = range * share.slope;
+            map_pole(theta[1], natural.shape[1], out.chain[1][1]);
             map_weight(theta[2], 2, 2, out);
             return true;
         }

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fltea.noise import spectra as spectrum
 from fltea.spectrum import models
+from fltea.spectrum.arfima import ARFIMA
 from fltea.spectrum.low_pass import LOW_PASS
 from fltea.spectrum.periodogram import Binned, binned, used_ordinates
 from fltea.spectrum.profile import CRITICAL, fractional_fit
@@ -145,7 +146,7 @@ SUMS = [
     for walk in (False, True)
     for quantised in (False, True)
 ]
-FILTERS = [*LOW_PASS, RISING, QUANTISED]
+FILTERS = [*LOW_PASS, ARFIMA, RISING, QUANTISED]
 HELD = [models.held("alpha", 0.7), models.held("g", -0.3), models.held("f", -3.0, H), models.held("F", 0.3)]
 
 

@@ -37,7 +37,7 @@ def find_low_pass(h: float, fits: Fits, search: Search) -> LowPass | None:
         low_pass = steep(found, h, gain)
         if low_pass is not None:
             return low_pass
-    return _one_pole(h, fits)
+    return None if without is fits.ar2 else _one_pole(h, fits)
 
 
 def _one_pole(h: float, fits: Fits) -> LowPass | None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise.spectra import fractional as fractional_spectrum
+from fltea.spectrum.arfima import ARFIMA, LEAST_ORDER, MOST_ORDER, arfima_parameters
 from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
 from fltea.spectrum.models import (
     AR2,
@@ -37,8 +38,6 @@ Array = NDArray[np.float64]
 
 LOOKED_AT = 0.05
 """Of the null test: where white noise is not rejected only the oldest rivals are fitted."""
-LEAST_ORDER, MOST_ORDER = 0.15, 0.85
-"""Orders that neither white noise nor a relaxation has; those close to 0 and 1 are nearly these."""
 ORDERS = (LEAST_ORDER, 0.3, 0.5, 0.7, MOST_ORDER)
 APART = 6.0
 """In 2 log L, from which on two models are told apart."""
@@ -70,7 +69,8 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio_ar1: float
     """the same above AR(1)"""
     order_gain: float = 0.0
-    """2 log L of the best with an order from `LEAST_ORDER` to `MOST_ORDER` above white noise"""
+    """2 log L of the best with an order from `LEAST_ORDER` to `MOST_ORDER` above white noise: the fractional
+    model, or ARFIMA"""
     order: float = 0.5
     """of that one"""
 
@@ -83,6 +83,12 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def best_sum(self) -> str:
         """The sum of relaxations of lowest BIC."""
         return self._lowest(name for name in NAMES[1:] if name in self.models)
+
+    def sum_within(self, apart: float) -> str:
+        """The smallest sum of which 2 log L is not more than so much below that of the order."""
+        names = [name for name in NAMES[1:] if name in self.models]
+        near = (one for one in names if 2 * self.models[one].log_likelihood > self.order_gain - apart)
+        return next(near, self.best_sum)
 
     @property
     def sum_gain(self) -> float:
@@ -154,9 +160,12 @@ def _more_sums(data: Binned, sums: tuple[Fit, ...], order: Fit, search: Search) 
 
 def _between(data: Binned, full: Fit, search: Search) -> Fit:
     """The best of an order that is told from white noise and from a relaxation."""
+    candidates = [search(data, ARFIMA)]
     if LEAST_ORDER <= float(parameters(full.theta[0]).alpha) <= MOST_ORDER:
-        return full
-    return min((search(data, held("alpha", order)) for order in ORDERS), key=lambda f: float(f.nll[0]))
+        candidates.append(full)
+    else:
+        candidates += [search(data, held("alpha", order)) for order in ORDERS]
+    return min(candidates, key=lambda f: float(f.nll[0]))
 
 
 def contest(p: Periodogram, fits: Fits) -> Contest:
@@ -172,15 +181,22 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
             _farthest(_over_spectrum(p, f), p.weight),
             _described(name, f, p.h),
         )
-    held_order = fits.order.model.held
     return Contest(
         models,
         min(models, key=lambda name: models[name].bic),
         float(fits.null.likelihood_ratio[0]),
         float(fits.null.ratio_to_ar1[0]),
         2 * float(white.nll[0] - fits.order.nll[0]),
-        held_order.value if held_order.name else float(parameters(fits.order.theta[0]).alpha),
+        _order(fits.order),
     )
+
+
+def _order(found: Fit) -> float:
+    """α, or the d of ARFIMA."""
+    if found.model.held.name:
+        return found.model.held.value
+    of = arfima_parameters(found.theta[0])[0] if found.model is ARFIMA else parameters(found.theta[0]).alpha
+    return float(of)
 
 
 def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:

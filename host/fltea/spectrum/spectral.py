@@ -31,8 +31,12 @@ Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 
 
-NEAR = 1.8
-"""Ratio of frequencies: a resonance so near to the corner of a low-pass is what falls there."""
+LEAST_CORNER = 10.0
+"""Of a low-pass, over the lowest frequency: what is slower is drift, or a relaxation."""
+NEAR = (0.4, 1.5)
+"""Of frequencies of resonances over the corner of a low-pass: these are what falls there."""
+LARGE_SHARE = 0.05
+"""Of the power, in a resonance that has skirts to be seen."""
 LARGEST_SHARE = 0.3
 """Of a band's power in peaks: of bands with more it is not asked whether they changed."""
 
@@ -157,7 +161,8 @@ def _without_low_pass(
 ) -> tuple[Periodogram, Fits, LowPass | None]:
     """What has gone into the filter, and the fits to that; the same again if there is none."""
     low_pass = find_low_pass(clean.h, fits, warm.of("clean"))
-    if low_pass is None or _skirts(peaks, low_pass):
+    lowest_hz = float(clean.lam[0]) / (2 * np.pi * clean.h)
+    if low_pass is None or low_pass.corner_hz < LEAST_CORNER * lowest_hz or _skirts(peaks, low_pass):
         return clean, fits, None
     try:
         through = divided(clean, low_pass)
@@ -168,8 +173,12 @@ def _without_low_pass(
 
 def _skirts(peaks: tuple[Peak, ...], low_pass: LowPass) -> bool:
     """Whether it is a resonance that falls so, and no filter."""
+    low, high = NEAR
     return any(
-        peak.kind != "line" and 1 / NEAR < peak.frequency_hz / low_pass.corner_hz < NEAR for peak in peaks
+        peak.kind != "line"
+        and peak.power_share > LARGE_SHARE
+        and low < peak.frequency_hz / low_pass.corner_hz < high
+        for peak in peaks
     )
 
 

@@ -11,12 +11,14 @@ import msgspec
 
 from fltea.records.fit import VerdictKind
 from fltea.spectrum import wording
+from fltea.spectrum.arfima import MOST_ORDER
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.relaxations import MOST
-from fltea.spectrum.rivals import MOST_ORDER
 
 SLOW = 2.0
 """Times the lowest frequency: a corner below is as good as none."""
+LARGE_SHARE = 0.05
+"""Of the power in a resonance that has skirts to be seen."""
 NEAR_THE_FILTER = 0.1
 AS_FILTERS_DIFFER = 0.6
 """Of the density in the pass band."""
@@ -94,7 +96,8 @@ def decide(e: Evidence) -> Verdict:
     coloured = q.ask(
         "Is what is left no white noise, by the null test?", e.p_clean < e.level, f"p = {e.p_clean:.2g}"
     )
-    coloured = coloured and not _shape_of_filter(e, q)
+    if coloured and _shape_of_filter(e, q):
+        return _white(e, q, "What is left below the corner is as little as filters differ by")
     ar2 = e.contest.models["ar2"]
     broad = (
         not coloured
@@ -126,11 +129,13 @@ def _shape_of_filter(e: Evidence, q: _Questions) -> bool:
     )
 
 
-def _white(e: Evidence, q: _Questions) -> Verdict:
+def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
     """White but for what was found beside it, or too near to white to say more."""
-    accepted = f"The null test does not reject white noise (p = {e.p_clean:.2g})"
-    if e.p_clean < e.level:
-        accepted = f"No model is better than white noise by BIC (null test: p = {e.p_clean:.2g})"
+    below = " below the corner" if e.low_pass is not None else ""
+    if not accepted and e.p_clean < e.level:
+        accepted = f"No model{below} is better than white noise by BIC (null test: p = {e.p_clean:.2g})"
+    elif not accepted:
+        accepted = f"The null test does not reject white noise{below} (p = {e.p_clean:.2g})"
     if e.low_pass is not None:
         one = e.low_pass.poles == wording.ABOUT_ONE_POLE
         gain = (
@@ -141,7 +146,7 @@ def _white(e: Evidence, q: _Questions) -> Verdict:
         return q.say(
             "low-pass",
             f"White noise through {wording.low_pass(e)}.{wording.beside(e, with_low_pass=False)}",
-            f"{gain}. {accepted} below the corner: {wording.UNDEFINED}.",
+            f"{gain}. {accepted}: {wording.UNDEFINED}.",
             NEXT_FILTER,
         )
     if e.peaks:
@@ -195,20 +200,23 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
             "Record longer.",
         )
     p = c.models[c.best].parameters
-    rising = c.best == "rising" or (
-        c.best in ("ar1", "ar2") and "bend_hz" not in p and "resonance_hz" not in p
-    )
+    bends = "bend_hz" in p or "resonance_hz" in p
+    rising = c.best == "rising" or (c.best in ("ar1", "ar2") and not bends)
+    if (rising or "resonance_hz" in p) and q.ask(
+        "Is it the skirts of the resonance that was found?",
+        any(peak.kind != "line" and peak.power_share > LARGE_SHARE for peak in e.peaks),
+        f"{c.best} is the best by BIC",
+    ):
+        return q.say(
+            "resonance",
+            f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
+            f"{wording.beside(e, with_peaks=False)}",
+            f"What is left is its skirts ({c.best} is the best by BIC): {wording.UNDEFINED}.",
+            NEXT_PEAK,
+        )
     if q.ask("Does the power rise with frequency?", rising, f"{c.best} is the best by BIC"):
         return _rising(e, q)
     if q.ask("Is there a broad peak?", "resonance_hz" in p, f"{c.best} is the best by BIC"):
-        if any(peak.kind != "line" for peak in e.peaks):
-            return q.say(
-                "resonance",
-                f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
-                f"{wording.beside(e, with_peaks=False)}",
-                f"What is left is its skirts ({c.best} is the best by BIC): {wording.UNDEFINED}.",
-                NEXT_PEAK,
-            )
         if c.best == "ar2":
             return _resonance(e, q)
         return q.say(
@@ -252,7 +260,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     apart = e.apart
     best_sum = c.models[c.best_sum]
     # More parameters fit better by chance alone.
-    more = 2.0 * max(sum(name.startswith("phi") for name in best_sum.parameters) * 2 - 3, 0)
+    more = 2.0 * max(_more(best_sum.parameters), 0)
     behind = 2 * best_sum.log_likelihood - c.order_gain
     lead = c.order_gain - c.sum_gain
     sums = wording.relaxations(best_sum.parameters)
@@ -312,11 +320,15 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
             f"The nearest is {c.best}.{_misfit(e, c.best, critical)}",
             "Look at the spectrum in the report.",
         )
+    near = c.models[c.sum_within(apart)]
+    sums, where = wording.relaxations(near.parameters), wording.corners(near.parameters, e)
+    apart_by = abs(2 * near.log_likelihood - c.order_gain)
     return q.say(
         "fractional or relaxations",
-        f"Noise of the order {c.order:.2f}, or {sums} with {_word(best_sum.parameters)} {where}, in white "
+        f"Noise of the order {c.order:.2f}, or {sums} with {_word(near.parameters)} {where}, in white "
         f"noise: the data do not tell.{wording.beside(e)}",
-        f"Both describe {_band(e)}: 2 log L differs by {abs(behind):.1f}, which tells nothing.{misfit}",
+        f"Both describe {_band(e)}: 2 log L differs by {apart_by:.1f}, which does not tell models with "
+        f"{_more(near.parameters) + 4} and 4 parameters apart.{misfit}",
         _record_for(e),
     )
 
@@ -336,6 +348,11 @@ def bic_of(e: Evidence, name: str) -> str:
 
 def _word(parameters: dict[str, float]) -> str:
     return "its corner" if "bend_hz" in parameters else "corners"
+
+
+def _more(parameters: dict[str, float]) -> int:
+    """Of a sum, than the fractional model has."""
+    return 2 * sum(name.startswith("phi") for name in parameters) - 3
 
 
 def _band(e: Evidence) -> str:

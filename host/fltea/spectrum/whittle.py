@@ -24,7 +24,7 @@ _FAMILIES = (
     *("white", "fractional", "ar1", "ar2", "two_ar1", "three_ar1", "four_ar1", "five_ar1", "six_ar1"),
     *("quantised_ar1", "quantised_two_ar1", "quantised_three_ar1", "quantised_four_ar1"),
     *("quantised_five_ar1", "quantised_six_ar1"),
-    *("low_pass", "low_pass_ar1", "low_pass_two_ar1", "rising"),
+    *("low_pass", "low_pass_ar1", "low_pass_two_ar1", "arfima", "rising"),
 )
 FAMILIES = {name: number for number, name in enumerate(_FAMILIES)}
 """Numbers of the models in the native part (enum Family)."""
