@@ -1,8 +1,8 @@
 """ARFIMA(1, d, 0) in white noise: memory of another kind than the fractional state's (pure).
 
 S = |1 - e^{-iλ}|^-2d / |1 - φ e^{-iλ}|². The fractional state bends to a flat spectrum at low frequencies;
-this does not, but may bend at high ones (Granger and Joyeux, *J. Time Ser. Anal.* 1, 1980). It is fitted so that
-noise of this kind is not taken for a sum of relaxations.
+this does not, but may bend at high ones (Granger and Joyeux, *J. Time Ser. Anal.* 1, 1980). It is fitted so
+that noise of this kind is not taken for a sum of relaxations.
 """
 
 import numpy as np

@@ -44,7 +44,7 @@ def _one_pole(h: float, fits: Fits) -> LowPass | None:
     """The fastest relaxation, if what is faster is next to nothing, and no fractional order says the same."""
     data = fits.data
     best = min(fits.sums, key=lambda one: bic(one, data))
-    if 2 * float(fits.order.nll[0] - best.nll[0]) <= APART:
+    if 2 * float(fits.bounded.nll[0] - best.nll[0]) <= APART:
         return None
     p = sum_parameters(best.theta, best.theta.shape[1] // 2)
     fastest = int(p.poles[0].argmin())

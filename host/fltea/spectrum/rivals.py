@@ -109,8 +109,16 @@ class Fits(msgspec.Struct, frozen=True):
     sums: tuple[Fit, ...]
     """of 1, 2, ... relaxations"""
     rising: Fit | None
-    order: Fit
-    """of an order from `LEAST_ORDER` to `MOST_ORDER`"""
+    bounded: Fit
+    """the fractional state of an order from `LEAST_ORDER` to `MOST_ORDER`"""
+    arfima: Fit | None
+
+    @property
+    def order(self) -> Fit:
+        """The better of the two that have such an order."""
+        if self.arfima is not None and self.arfima.nll[0] < self.bounded.nll[0]:
+            return self.arfima
+        return self.bounded
 
     def named(self) -> dict[str, Fit]:
         """All but the last, by name."""
@@ -138,19 +146,20 @@ def fit_all(
     two_ar1 = search(data, TWO_AR1, np.stack([pole, 0 * pole, part, logit(0 * part)], axis=-1))
     full = search(data, FULL, inside)
     sums: tuple[Fit, ...] = (null.ar1, two_ar1)
-    rising, order = None, full
+    rising, arfima, bounded = None, None, full
     if p_value(float(null.likelihood_ratio[0]), data.ordinates) < LOOKED_AT:
-        order = _between(data, full, search)
-        sums = _more_sums(data, sums, order, search)
+        bounded, arfima = _between(data, full, search), search(data, ARFIMA)
+        lowest = min(float(bounded.nll[0]), float(arfima.nll[0]))
+        sums = _more_sums(data, sums, lowest, search)
         rising = search(data, RISING)
-    return Fits(data, null, full, ar2, sums, rising, order)
+    return Fits(data, null, full, ar2, sums, rising, bounded, arfima)
 
 
-def _more_sums(data: Binned, sums: tuple[Fit, ...], order: Fit, search: Search) -> tuple[Fit, ...]:
-    """Further sums, as long as the last one was better, or the fractional order is still ahead."""
+def _more_sums(data: Binned, sums: tuple[Fit, ...], lowest: float, search: Search) -> tuple[Fit, ...]:
+    """Further sums, as long as the last one was better, or an order is ahead, whose -log L is `lowest`."""
     while len(sums) < MOST:
         better = bic(sums[-1], data) < bic(sums[-2], data)
-        ahead = 2 * float(min(one.nll[0] for one in sums) - order.nll[0]) > APART
+        ahead = 2 * (min(float(one.nll[0]) for one in sums) - lowest) > APART
         if not (better or ahead):
             break
         count = len(sums)
@@ -160,12 +169,9 @@ def _more_sums(data: Binned, sums: tuple[Fit, ...], order: Fit, search: Search) 
 
 def _between(data: Binned, full: Fit, search: Search) -> Fit:
     """The best of an order that is told from white noise and from a relaxation."""
-    candidates = [search(data, ARFIMA)]
     if LEAST_ORDER <= float(parameters(full.theta[0]).alpha) <= MOST_ORDER:
-        candidates.append(full)
-    else:
-        candidates += [search(data, held("alpha", order)) for order in ORDERS]
-    return min(candidates, key=lambda f: float(f.nll[0]))
+        return full
+    return min((search(data, held("alpha", order)) for order in ORDERS), key=lambda f: float(f.nll[0]))
 
 
 def contest(p: Periodogram, fits: Fits) -> Contest:
