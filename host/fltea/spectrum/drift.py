@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.octaves import Drift
-from fltea.spectrum.periodogram import Periodogram
+from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
 
 Array = NDArray[np.float64]
 
@@ -41,9 +41,13 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.offset >= LEAST_OFFSET or (self.ratio >= LEAST_RATIO and self.p < false_alarm)
 
 
-def drift_hz(duration_s: float) -> float:
-    """The frequency below which there is drift in a record of this length."""
-    return PERIODS / duration_s
+def drift_hz(duration_s: float, samples: int) -> float:
+    """The frequency below which there is drift in a record of this length.
+
+    Of very few samples all that can be fitted is.
+    """
+    enough = samples >= 2 * (FEWEST + PERIODS + 1)
+    return (PERIODS if enough else LOWEST) / duration_s
 
 
 def slow_power(
@@ -56,7 +60,7 @@ def slow_power(
     """
     offset = 0.0
     if cubic is not None:
-        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz
+        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz  # many samples have a cubic only
         offset = cubic.power / float(model(np.array([wave]))[0])
     if slow is None:
         return SlowPower(below_hz, offset=offset)

@@ -85,9 +85,9 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self._lowest(name for name in NAMES[1:] if name in self.models)
 
     def sum_within(self, apart: float) -> str:
-        """The smallest sum of which 2 log L is not more than so much below that of the order."""
+        """The smallest sum of which 2 log L is at most so much below that of the order."""
         names = [name for name in NAMES[1:] if name in self.models]
-        near = (one for one in names if 2 * self.models[one].log_likelihood > self.order_gain - apart)
+        near = (one for one in names if 2 * self.models[one].log_likelihood >= self.order_gain - apart)
         return next(near, self.best_sum)
 
     @property

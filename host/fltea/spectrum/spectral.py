@@ -108,7 +108,7 @@ def examine(
         found = tuple(peak.notch_hz for peak in peaks)
     else:
         found = around(whole, tuple(peak.notch_hz for peak in peaks))
-    slow_hz = drift_hz(duration_s)
+    slow_hz = drift_hz(duration_s, samples)
     clean_from_hz = max(from_hz, slow_hz)
     clean, kept = _clean(whole, clean_from_hz, found)
     peaks, found = peaks[:kept], found[:kept]

@@ -37,9 +37,11 @@ class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """kind is one word or two; text is for people: what, why and next, one after the other."""
+    """What the noise is, in a word or two and in sentences for people."""
 
     kind: VerdictKind
+    text: str
+    """what, why and next, one after the other"""
     what: str
     """the noise is"""
     why: str
@@ -47,11 +49,7 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     next: str
     """what to do about it"""
     rules: tuple[Rule, ...]
-
-    @property
-    def text(self) -> str:
-        """All of it."""
-        return " ".join(part.strip() for part in (self.what, self.why, self.next) if part)
+    """those that were asked"""
 
 
 class _Questions:
@@ -63,7 +61,7 @@ class _Questions:
         return answer
 
     def say(self, kind: VerdictKind, what: str, why: str, then: str) -> Verdict:
-        return Verdict(kind, what, why, then, tuple(self.asked))
+        return Verdict(kind, f"{what} {why} {then}", what, why, then, tuple(self.asked))
 
 
 def decide(e: Evidence) -> Verdict:
@@ -103,7 +101,7 @@ def decide(e: Evidence) -> Verdict:
         not coloured
         and "resonance_hz" in ar2.parameters
         and q.ask(
-            "Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < -e.apart, f"{ar2.bic:+.1f}"
+            "Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < -e.more, f"{ar2.bic:+.1f}"
         )
     )
     if broad:
@@ -149,6 +147,14 @@ def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
             f"{gain}. {accepted}: {wording.UNDEFINED}.",
             NEXT_FILTER,
         )
+    if e.drifts:
+        return q.say(
+            "drift",
+            f"White noise, and {wording.drift(e)}.{wording.beside(e, with_drift=False)}",
+            f"{accepted} above that: {wording.UNDEFINED}.",
+            "Let the sensor warm up, and let the navigation filter estimate its offset; a longer record "
+            "shows what the drift is.",
+        )
     if e.peaks:
         return q.say(
             "line" if e.peaks[0].kind == "line" else "resonance",
@@ -156,14 +162,6 @@ def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
             f"{wording.beside(e, with_peaks=False)}",
             f"{accepted} without that: {wording.UNDEFINED}.",
             NEXT_PEAK,
-        )
-    if e.drifts:
-        return q.say(
-            "drift",
-            f"White noise, and {wording.drift(e)}.",
-            f"{accepted} above that: {wording.UNDEFINED}.",
-            "Let the sensor warm up, and let the navigation filter estimate its offset; a longer record "
-            "shows what the drift is.",
         )
     return q.say(
         "white",
@@ -205,18 +203,18 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
     if (rising or "resonance_hz" in p) and q.ask(
         "Is it the skirts of the resonance that was found?",
         any(peak.kind != "line" and peak.power_share > LARGE_SHARE for peak in e.peaks),
-        f"{c.best} is the best by BIC",
+        f"{wording.MODELS[c.best]} is the best by BIC",
     ):
         return q.say(
             "resonance",
             f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
             f"{wording.beside(e, with_peaks=False)}",
-            f"What is left is its skirts ({c.best} is the best by BIC): {wording.UNDEFINED}.",
+            f"What is left is its skirts ({wording.MODELS[c.best]} is the best by BIC): {wording.UNDEFINED}.",
             NEXT_PEAK,
         )
-    if q.ask("Does the power rise with frequency?", rising, f"{c.best} is the best by BIC"):
+    if q.ask("Does the power rise with frequency?", rising, f"{wording.MODELS[c.best]} is the best by BIC"):
         return _rising(e, q)
-    if q.ask("Is there a broad peak?", "resonance_hz" in p, f"{c.best} is the best by BIC"):
+    if q.ask("Is there a broad peak?", "resonance_hz" in p, f"{wording.MODELS[c.best]} is the best by BIC"):
         if c.best == "ar2":
             return _resonance(e, q)
         return q.say(
@@ -242,11 +240,11 @@ def _rising(e: Evidence, q: _Questions) -> Verdict:
         how = f"as f^{2 * p['delta']:.2g} (d = {-p['delta']:.2f})"
         differences = p["delta"] > 0.9
     else:
-        how, differences = f"neighbours are of opposite sign ({c.best})", False
+        how, differences = f"neighbours are of opposite sign ({wording.MODELS[c.best]})", False
     return q.say(
         "anti-persistent",
         f"Noise whose power rises with frequency, {how}, in white noise.{wording.beside(e)}",
-        f"{c.best} has the lowest BIC ({c.models[c.best].bic:.0f}). The order is below 0, where f and α are "
+        f"{wording.capital(wording.MODELS[c.best])} has the lowest BIC ({c.models[c.best].bic:.0f}). The order is below 0, where f and α are "
         "not defined.",
         "So looks quantisation noise, or the difference of an angle."
         if differences
@@ -317,7 +315,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
         return q.say(
             "undecided",
             f"Not white, and none of the models describes it.{wording.beside(e)}",
-            f"The nearest is {c.best}.{_misfit(e, c.best, critical)}",
+            f"The nearest is {wording.MODELS[c.best]}.{_misfit(e, c.best, critical)}",
             "Look at the spectrum in the report.",
         )
     near = c.models[c.sum_within(apart)]
@@ -343,7 +341,7 @@ def _misfit(e: Evidence, name: str, critical: float) -> str:
 
 def bic_of(e: Evidence, name: str) -> str:
     """The model of lowest BIC."""
-    return f"{name} {e.contest.models[name].bic:.1f}"
+    return f"{wording.MODELS[name]} {e.contest.models[name].bic:.1f}"
 
 
 def _word(parameters: dict[str, float]) -> str:
