@@ -186,7 +186,8 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
     """Not white: which of the models is it?"""
     c = e.contest
     bic = ", ".join(
-        f"{name} {model.bic:.1f}" for name, model in sorted(c.models.items(), key=lambda m: m[1].bic)
+        f"{wording.MODELS[name]} {model.bic:.1f}"
+        for name, model in sorted(c.models.items(), key=lambda m: m[1].bic)
     )
     if not q.ask("Is any model better than white noise by BIC?", c.models[c.best].bic < -e.more, bic):
         if e.low_pass is not None or e.peaks or e.drifts:
@@ -244,8 +245,8 @@ def _rising(e: Evidence, q: _Questions) -> Verdict:
     return q.say(
         "anti-persistent",
         f"Noise whose power rises with frequency, {how}, in white noise.{wording.beside(e)}",
-        f"{wording.capital(wording.MODELS[c.best])} has the lowest BIC ({c.models[c.best].bic:.0f}). The order is below 0, where f and α are "
-        "not defined.",
+        f"{wording.capital(wording.MODELS[c.best])} has the lowest BIC ({c.models[c.best].bic:.0f}). The order "
+        "is below 0, where f and α are not defined.",
         "So looks quantisation noise, or the difference of an angle."
         if differences
         else "Look for a differentiator, or a high-pass, before the output.",

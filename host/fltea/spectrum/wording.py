@@ -132,20 +132,7 @@ def change(e: Evidence) -> str:
     c = e.change
     assert c is not None
     band = f"between {c.low_hz:.3g} and {c.high_hz:.3g} Hz"
-    if c.share >= MODELS = {
-    "white": "white noise",
-    "ar1": "AR(1)",
-    "ar2": "AR(2)",
-    "two_ar1": "two AR(1)",
-    "three_ar1": "three AR(1)",
-    "four_ar1": "four AR(1)",
-    "five_ar1": "five AR(1)",
-    "six_ar1": "six AR(1)",
-    "rising": "a power of the frequency",
-    "fractional": "the fractional model",
-}
-"""The names of the contest, for people."""
-MOSTLY_ONE_STEP:
+    if c.share >= MOSTLY_ONE_STEP:
         how = "grew" if c.ratio > 1 else "fell"
         ratio = max(c.ratio, 1 / c.ratio)
         when = f"around {duration(c.at_s)} of {duration(e.duration_s)}"
