@@ -54,7 +54,7 @@ def test_as_json_and_back() -> None:
     assert plain["fltea_other"]["settings"]["variant"] == "triple"
     assert "p_value" in plain["null"]
     assert {"F", "alpha", "g", "f", "s2", "R"} <= set(plain["whittle"])
-    assert {"kind", "text", "rules"} == set(plain["verdict"])
+    assert {"kind", "text", "what", "why", "next", "rules"} == set(plain["verdict"])
 
 
 def test_broad_resonance_is_not_called_white() -> None:
@@ -63,8 +63,8 @@ def test_broad_resonance_is_not_called_white() -> None:
     assert seen.p_all > 0.05
     assert not seen.peaks
     verdict = decide(seen)
-    assert verdict.kind == "filter or resonance"
-    assert "(AR(2))" in verdict.text
+    assert verdict.kind == "resonance"
+    assert "broad resonance at" in verdict.text
 
 
 def test_short_fractional_noise_is_not_called_so() -> None:
@@ -73,27 +73,29 @@ def test_short_fractional_noise_is_not_called_so() -> None:
         assert kind(y) not in ("white", "fractional")
 
 
-def test_long_fractional_noise_is() -> None:
-    for seed in range(1):
-        y = long_recursion(0.6, -0.19, 60_000, seed) + 0.5 * white(60_000, 1, seed + 10)[0]
-        assert kind(y) == "fractional"
+def test_fractional_noise_is_called_so_with_the_sum_that_does_as_well() -> None:
+    y = long_recursion(0.6, -0.19, 60_000, 0) + 0.5 * white(60_000, 1, 10)[0]
+    verdict = decide(examined(y, H).evidence)
+    assert verdict.kind == "fractional or relaxations"
+    assert "Noise of the order 0.5" in verdict.text or "Noise of the order 0.6" in verdict.text
+    assert "record of" in verdict.next
 
 
 @pytest.mark.parametrize(
     ("wanted", "make"),
     [
-        ("AR(1)", lambda: ar((0.5,), 60_000, 1, 1)[0] + white(60_000, 1, 2)[0]),
-        ("AR(1)", lambda: ar((0.99,), 60_000, 1, 3)[0] / 4 + ar((0.5,), 60_000, 1, 4)[0]),
+        ("relaxations", lambda: ar((0.5,), 60_000, 1, 1)[0] + white(60_000, 1, 2)[0]),
+        ("fractional or relaxations", lambda: ar((0.99,), 60_000, 1, 3)[0] / 4 + ar((0.5,), 60_000, 1, 4)[0]),
         ("drift", lambda: np.cumsum(white(60_000, 1, 5)[0]) / 50 + white(60_000, 1, 6)[0]),
         ("drift", lambda: np.linspace(0, 3, 60_000) + white(60_000, 1, 7)[0]),
-        ("filter or resonance", lambda: ar((-0.7, -0.9), 60_000, 1, 8)[0] / 4 + white(60_000, 1, 9)[0]),
+        ("resonance", lambda: ar((-0.7, -0.9), 60_000, 1, 8)[0] / 4 + white(60_000, 1, 9)[0]),
         (
-            "filter or resonance",
+            "line",
             lambda: 0.4 * np.sin(0.84 * np.arange(60_000)) + white(60_000, 1, 10)[0],
         ),
     ],
 )
-def test_what_is_not_fractional(wanted: str, make: object) -> None:
+def test_what_is_not_claimed_to_be_fractional(wanted: str, make: object) -> None:
     assert kind(make()) == wanted  # type: ignore[operator]
 
 
@@ -130,22 +132,22 @@ def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.Monkey
     """More than half of them would be left, but fewer than a periodogram may have."""
     monkeypatch.setattr("fltea.identify.sums.find_peaks", lambda p: peaks((10, 25)))
     seen = examined(white(180, 1, 2)[0], H)
-    assert FEWEST <= seen.band.ordinates == seen.ordinates
+    assert FEWEST <= seen.band.ordinates == seen.ordinates - 6
     assert seen.evidence.peaks == ()
 
 
 def test_drift_is_not_among_what_is_fitted() -> None:
-    """The clean ordinates begin at 0.02 Hz, whatever is asked for below; p of the others is kept apart."""
+    """The clean ordinates begin at ten periods a record; p of the others is kept apart."""
     n = 30_000
     y = white(n, 1, 3)[0] + 0.1 * np.sin(2 * np.pi * 5 * np.arange(n) / n)
     seen = examined(y, H)
-    assert seen.band.from_hz == 0.02
-    assert seen.ordinates - seen.band.ordinates == 2  # of 0.0133 Hz, the lowest in use, and 0.0167
+    assert seen.band.from_hz == pytest.approx(1 / 30)
+    assert 4 <= seen.ordinates - seen.band.ordinates <= 6  # of those in use 4 to 9
     assert seen.evidence.p_all < 1e-3
     assert seen.evidence.p_clean > 0.05
     assert decide(seen.evidence).kind == "drift"
-    assert "leaves out what is slower" in decide(seen.evidence).text
-    assert examined(y, H, from_hz=0.01).band.from_hz == 0.02
+    assert "drift below 0.0333 Hz" in decide(seen.evidence).text
+    assert examined(y, H, from_hz=0.01).band.from_hz == pytest.approx(1 / 30)
     assert examined(y, H, from_hz=0.5).band.from_hz == 0.5
 
 
@@ -192,8 +194,8 @@ def test_real_recordings(recordings: Path) -> None:
     assert kinds == {
         "sunx": "drift",
         "suny": "drift",
-        "sunz": "filter or resonance",
+        "sunz": "resonance",
         "tomx": "white",
-        "tomy": "filter or resonance",
+        "tomy": "line",
         "tomz": "white",
     }

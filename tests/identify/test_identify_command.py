@@ -58,7 +58,7 @@ def test_json(recording: Path) -> None:
         assert 0 <= axis["null"]["p_value"] <= 1
         assert axis["null"]["shuffled"]["copies"] == 5
         assert {"F", "alpha", "f", "R"} <= set(axis["whittle"])
-        assert {"kind", "text", "rules"} == set(axis["verdict"])
+        assert {"kind", "text", "what", "why", "next", "rules"} == set(axis["verdict"])
         assert axis["unit"] == "deg/s"
         assert axis["allan"]["N_deg_per_sqrt_s"]["value"] == pytest.approx(16 / 131 / 10, rel=0.1)
         assert axis["fltea"]["variant"] == "joint"
@@ -118,7 +118,7 @@ def test_table_files_and_notch(
     flags = ("--notch", "20±0.5", "--variant", "triple", "--export-model", model, "--imu-yaml", yaml)
     assert here(monkeypatch, recording, *flags) == 0
     out = capsys.readouterr().out
-    assert out.count(": white. White noise: no order can be told from it") == 2
+    assert out.count(": white. White noise. The null test does not reject") == 2
     for text in ("3,000 samples, 30.0 s", "FLTEA triple α", "FLTEA joint α", "shuffled gives", "undefined"):
         assert text in out
     assert out.index("FLTEA triple α") < out.index("FLTEA joint α")  # the one asked for first

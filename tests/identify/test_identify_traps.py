@@ -173,7 +173,7 @@ def test_peaks() -> None:
 
 @pytest.mark.parametrize(
     ("n", "h", "short"),
-    [(60_000, 0.01, False), (49_999, 0.02, True), (60_000, 0.001, True), (30, 0.01, True)],
+    [(60_000, 0.01, False), (49_999, 0.02, False), (60_000, 0.001, True), (30, 0.01, True)],
 )
 def test_too_short(n: int, h: float, short: bool) -> None:
     y = white(n, 1, 1)[0]

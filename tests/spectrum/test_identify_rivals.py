@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from fltea.spectrum.periodogram import periodogram
-from fltea.spectrum.rivals import Contest, bend_hz, contest, fit_all, residual_ks
+from fltea.spectrum.pole_pair import pole_pair
+from fltea.spectrum.relaxations import corner_hz
+from fltea.spectrum.rivals import Contest, contest, fit_all, residual_ks
 from identify_support import H, ar, long_recursion, white
 
 
@@ -28,7 +30,8 @@ def test_the_right_one_wins(name: str, make: object) -> None:
     winners = [c for c in found if c.best == name]
     assert sum(c.models[name].residual_ks > 1.36 for c in winners) <= 1
     for c in found:
-        assert set(c.models) == {"white", "ar1", "ar2", "two_ar1", "fractional"}
+        assert {"white", "ar1", "ar2", "two_ar1", "fractional"} <= set(c.models)
+        assert ("rising" in c.models) == (c.ratio_white > 8.3 or name != "white")
         assert c.models["white"].log_likelihood == 0
         # Models within others.
         gain = {key: model.log_likelihood for key, model in c.models.items()}
@@ -77,12 +80,24 @@ def averaged(spectrum: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray
     return rng.gamma(weight) / weight * spectrum, np.ones(len(spectrum)), weight
 
 
-def test_bend_is_where_the_spectrum_has_halved() -> None:
-    phi = 0.9
-    lam = 2 * np.pi * H * bend_hz(phi, H)
-    assert (1 - phi) ** 2 / abs(1 - phi * np.exp(-1j * lam)) ** 2 == pytest.approx(0.5)
-    for flat in (-0.5, 0.01):
-        assert bend_hz(flat, H) == pytest.approx(50)
+def test_corner_is_that_of_the_relaxation_before_it_was_sampled() -> None:
+    """Also where that is above half the sample rate."""
+    for hz in (0.01, 5.0, 41.0, 73.0):
+        assert corner_hz(np.exp(-2 * np.pi * hz * H), H) == pytest.approx(hz)
+
+
+@pytest.mark.parametrize(
+    ("phi1", "phi2", "known"),
+    [
+        (2 * 0.9 * np.cos(1.2), -0.81, {"resonance_hz"}),
+        (0.5, -0.06, {"bend_hz"}),  # two real poles
+        (2 * 0.4 * np.cos(0.3), -0.16, {"bend_hz"}),  # a pair, but no peak
+        (-0.5, 0.0, set()),
+        (0.0, 0.0, set()),
+    ],
+)
+def test_a_resonance_needs_a_peak(phi1: float, phi2: float, known: set[str]) -> None:
+    assert set(pole_pair(phi1, phi2, H)) - {"height"} == known
 
 
 def test_parameters_in_units() -> None:
@@ -92,8 +107,8 @@ def test_parameters_in_units() -> None:
     assert found["resonance_hz"] == pytest.approx(1.2 / (2 * np.pi * H), rel=0.02)
     assert found["s2"] == pytest.approx(scale**2, rel=0.2)
     assert found["R"] == pytest.approx(scale**2, rel=0.2)
-    assert found["damping"] == pytest.approx(-np.log(0.9), rel=0.2)
+    assert found["height"] > 10
     two = of(ar((0.995,), 20_000, 1, 6)[0] / 5 + ar((0.5,), 20_000, 1, 7)[0]).models["two_ar1"].parameters
-    assert two["phi_slow"] > two["phi_fast"]
-    assert two["bend_slow_hz"] < two["bend_fast_hz"]
-    assert two["s2_fast"] + two["R"] == pytest.approx(1, rel=0.2)
+    assert two["phi_1"] > two["phi_2"]
+    assert two["bend_1_hz"] < two["bend_2_hz"]
+    assert two["s2_2"] + two["R"] == pytest.approx(1, rel=0.2)

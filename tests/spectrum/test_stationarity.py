@@ -5,10 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from fltea.identify.sums import examined
+from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import Change, find_change
-from fltea.spectrum.verdict import ANYTIME_LEVEL, decide
+from fltea.spectrum.verdict import decide
 from identify_support import Array, H, ar, long_recursion, white
 
 LEVEL = 0.01
@@ -24,7 +25,7 @@ NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = {
     "gauss": lambda n, rng: rng.standard_normal(n),
     "t4": lambda n, rng: rng.standard_t(4, n),
     "lsb": lambda n, rng: np.rint(rng.standard_normal(n)),
-    "AR(1)": lambda n, rng: ar((0.99,), n, 1, int(rng.integers(1 << 30)))[0],
+    "a relaxation": lambda n, rng: ar((0.99,), n, 1, int(rng.integers(1 << 30)))[0],
     "fractional": lambda n, rng: long_recursion(0.6, -0.02, n, int(rng.integers(1 << 30))),
     "random walk": lambda n, rng: rng.standard_normal(n).cumsum(),
 }
@@ -89,7 +90,7 @@ def test_a_sharp_resonance_does_not_change() -> None:
     """It fills whole blocks alike: without care one in four would be called so."""
     phi = 2 * 0.995 * np.cos(1.97), -(0.995**2)
     kinds = [decide(examined(y, H).evidence).kind for y in ar(phi, 6000, 20, 1)]
-    assert kinds == ["filter or resonance"] * 20
+    assert kinds == ["resonance"] * 20
 
 
 def test_too_few_blocks_say_nothing() -> None:

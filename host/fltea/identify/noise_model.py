@@ -152,7 +152,7 @@ def identified(
     names = [name for name in ("white", "ar1", "ar2", "two_ar1", "fractional") if name in contest.models]
     if verdict in ("line", "resonance", "low-pass", "drift", "relaxations"):
         names.remove("fractional")
-    best = min(names, key=lambda name: contest.models[name].bic)
+    best = contest.best if contest.best in names else min(names, key=lambda name: contest.models[name].bic)
     return AxisModel(
         noise_of(best, contest, h),
         tuple(

@@ -157,7 +157,7 @@ def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
         )
     if e.peaks:
         return q.say(
-            "line" if e.peaks[0].kind == "line" else "resonance",
+            "resonance" if e.peaks[0].kind == "resonance" else "line",
             f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
             f"{wording.beside(e, with_peaks=False)}",
             f"{accepted} without that: {wording.UNDEFINED}.",
@@ -245,8 +245,8 @@ def _rising(e: Evidence, q: _Questions) -> Verdict:
     return q.say(
         "anti-persistent",
         f"Noise whose power rises with frequency, {how}, in white noise.{wording.beside(e)}",
-        f"{wording.capital(wording.MODELS[c.best])} has the lowest BIC ({c.models[c.best].bic:.0f}). The order "
-        "is below 0, where f and α are not defined.",
+        f"{wording.capital(wording.MODELS[c.best])} has the lowest BIC ({c.models[c.best].bic:.0f}). The "
+        "order is below 0, where f and α are not defined.",
         "So looks quantisation noise, or the difference of an angle."
         if differences
         else "Look for a differentiator, or a high-pass, before the output.",
