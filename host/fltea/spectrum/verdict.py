@@ -24,6 +24,8 @@ AS_FILTERS_DIFFER = 0.6
 """Of the density in the pass band."""
 LEAST_RESIDUAL_LEVEL = 0.01
 """Of the test of residuals, which speaks against a claim and not for one."""
+PEAKS: dict[str, VerdictKind] = {"line": "line", "resonance": "resonance", "peak": "line or resonance"}
+"""What a peak is called: live, the resolution does not tell narrow ones."""
 NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
 NEXT_PEAK = "Look for the cause: mains, a motor, a loose mount; --notch leaves a band out."
 
@@ -157,7 +159,7 @@ def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
         )
     if e.peaks:
         return q.say(
-            "resonance" if e.peaks[0].kind == "resonance" else "line",
+            PEAKS[e.peaks[0].kind],
             f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
             f"{wording.beside(e, with_peaks=False)}",
             f"{accepted} without that: {wording.UNDEFINED}.",

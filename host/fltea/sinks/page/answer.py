@@ -11,6 +11,7 @@ HEADS: dict[VerdictKind, str] = {
     "drift": "Drift",
     "line": "Line in white noise",
     "resonance": "Resonance",
+    "line or resonance": "Line or narrow resonance",
     "low-pass": "White noise through a low-pass",
     "relaxations": "Relaxations (Gauss-Markov)",
     "fractional": "Fractional",
