@@ -8,8 +8,8 @@ from fltea.records.events import RawSample, block_of
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import Estimate, Fit
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
+from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
-from fltea.spectrum.verdict import ANYTIME_LEVEL
 from fltea.stream import live
 from fltea.stream.tuning import handed_over
 from host_support import hello
