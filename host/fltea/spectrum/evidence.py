@@ -18,7 +18,7 @@ hundred is ever called anything else."""
 
 
 def more_than_once(level: float) -> float:
-    """What 2 log L has to gain more than of one look, where a claim at this level has to hold for all looks."""
+    """What 2 log L has to gain more than of one look, where a claim at this level holds for all looks."""
     return -2 * math.log(level / LEVEL)
 
 

@@ -40,7 +40,7 @@ def find_low_pass(h: float, fits: Fits, search: Search, more: float = 0.0) -> Lo
         low_pass = steep(found, h, gain)
         if low_pass is not None:
             return low_pass
-    return None if without in (fits.ar2, fits.null.white) else _one_pole(h, fits, more)
+    return None if any(without is one for one in (fits.ar2, fits.null.white)) else _one_pole(h, fits, more)
 
 
 def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
