@@ -67,7 +67,7 @@ def test_json(recording: Path) -> None:
         assert isinstance(axis["fltea"]["alpha_drift"], float)
     assert file["axes"]["gyro_x"]["verdict"]["kind"] == "white"
     assert file["axes"]["gyro_x"]["whittle"]["alpha"]["low"] is None
-    assert file["axes"]["gyro_y"]["verdict"]["kind"] == "filter or resonance"
+    assert file["axes"]["gyro_y"]["verdict"]["kind"] == "line"
     assert "line" in [trap["kind"] for trap in file["axes"]["gyro_y"]["traps"]]
 
 

@@ -209,7 +209,7 @@ def test_a_model_is_found_again_in_its_noise(kind: str) -> None:
 @pytest.mark.parametrize(
     ("verdict", "kind"),
     [
-        ("filter or resonance", "ar2"),
+        ("resonance", "ar2"),
         ("drift", "ar2"),
         ("fractional", "fractional"),
         ("undecided", "fractional"),

@@ -83,6 +83,7 @@ CASES = {
     "white at the level of all looks": (evidence(p_clean=1e-4, level=ANYTIME_LEVEL), "white", "undefined"),
     "a line": (white(peaks=(LINE,)), "line", "A line at 31.4 Hz (10.0% of the power), in white noise"),
     "a resonance": (white(peaks=(RESONANCE,)), "resonance", "A resonance at 20.0 Hz"),
+    "a peak": (white(peaks=(msgspec.structs.replace(LINE, kind="peak"),)), "line or resonance", "A peak at"),
     "drift": (white(slow=DRIFT), "drift", "drift below 0.0167 Hz, 8 times"),
     "a cubic": (white(slow=CUBIC), "drift", "25 times the power"),
     "hardly drift": (white(slow=SlowPower(1 / 60, 1.9, 1e-9)), "white", "undefined"),

@@ -176,5 +176,7 @@ def test_at_the_end_it_says_what_identify_says(recordings: Path, name: str) -> N
     fits, y, h = fits_of(recordings / f"{name}.npz")
     for i, fit in enumerate(fits.values()):
         seen = examined(y[:, i], h)
-        assert fit.verdict == decide(seen.evidence).kind
+        kind = decide(seen.evidence).kind
+        # Live, the resolution does not tell a line from a narrow resonance.
+        assert fit.verdict == ("line or resonance" if kind in ("line", "resonance") else kind)
         assert fit.null_p == pytest.approx(seen.evidence.p_all, rel=0.05)

@@ -16,12 +16,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
 from fltea.spectrum.lines import FALSE_ALARM
 from fltea.spectrum.octave_lines import find_octave_peaks
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import find_change
-from fltea.spectrum.verdict import ANYTIME_LEVEL, LEVEL, decide
+from fltea.spectrum.verdict import decide
 from fltea.spectrum.warm import Warm
 from numpy.typing import NDArray
 from scipy.signal import lfilter

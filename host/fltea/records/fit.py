@@ -9,6 +9,7 @@ VerdictKind = Literal[
     "drift",
     "line",
     "resonance",
+    "line or resonance",
     "low-pass",
     "relaxations",
     "fractional",
@@ -65,6 +66,13 @@ class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: list[float]
 
 
+class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A low-pass that all of the noise has gone through; its corner may be above half the sample rate."""
+
+    corner_hz: float
+    poles: float
+
+
 class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One axis, of all its samples so far.
 
@@ -73,6 +81,7 @@ class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     resonances, which are not fitted. left_out: samples that are not used, and bridged ones, by cause.
     breaks: how often the stretch of samples was broken, by cause: gaps, knocks (of 128 samples), steps of
     the offset, lasting changes of the noise's power.
+    low_pass: a filter that was found; the parameters are then those of the noise that went into it.
     allan, spectrum: null between times (at most every 10 s).
     """
 
@@ -88,6 +97,7 @@ class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rate_left_out: list[tuple[float, float]] = []
     left_out: dict[str, int] = {}
     breaks: dict[str, int] = {}
+    low_pass: FitLowPass | None = None
     until_s: Until | None = None
     allan: FitAllan | None = None
     spectrum: FitSpectrum | None = None

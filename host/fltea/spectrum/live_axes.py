@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from fltea.noise.spectra import f_of
-from fltea.records.fit import AxisFit, FitSpectrum, Interval, Until
+from fltea.records.fit import AxisFit, FitLowPass, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
 from fltea.spectrum.fit_allan import fit_allan
@@ -158,6 +158,7 @@ class LiveAxes:
             _interval(found.s2),
             _interval(found.R),
             [(float(a), float(b)) for a, b in seen.band.notch_hz],
+            low_pass=None if e.low_pass is None else FitLowPass(e.low_pass.corner_hz, e.low_pass.poles),
             until_s=Until(self._target, seconds),
             allan=allan,
             spectrum=spectrum,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.drift import drift_hz, slow_power
-from fltea.spectrum.evidence import LEVEL, Evidence
+from fltea.spectrum.evidence import LEVEL, Evidence, more_than_once
 from fltea.spectrum.find_low_pass import find_low_pass
 from fltea.spectrum.how_long import seconds_to_tell
 from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
@@ -113,8 +113,9 @@ def examine(
     clean, kept = _clean(whole, clean_from_hz, found)
     peaks, found = peaks[:kept], found[:kept]
     p_without_peaks = _null_p(whole.without(from_hz, found), warm) if peaks else p_all
-    fits = fit_all(clean, warm.of("clean"))
-    clean, fits, low_pass = _without_low_pass(clean, fits, warm, peaks)
+    kept_peaks = peaks
+    low_pass = warm.looked("low-pass", ordinates, lambda: _low_pass(clean, warm, kept_peaks, level))
+    clean, fits = _through(clean, low_pass, warm)
     peaks = _not_ripples(peaks, low_pass)
     rivals = contest(clean, fits)
 
@@ -156,19 +157,25 @@ def examine(
     )
 
 
-def _without_low_pass(
-    clean: Periodogram, fits: Fits, warm: Warm, peaks: tuple[Peak, ...]
-) -> tuple[Periodogram, Fits, LowPass | None]:
-    """What has gone into the filter, and the fits to that; the same again if there is none."""
-    low_pass = find_low_pass(clean.h, fits, warm.of("clean"))
+def _low_pass(clean: Periodogram, warm: Warm, peaks: tuple[Peak, ...], level: float) -> LowPass | None:
+    """The filter, unless it is a resonance or drift that looks so."""
+    search = warm.of("clean")
+    low_pass = find_low_pass(clean.h, fit_all(clean, search), search, more_than_once(level))
     lowest_hz = float(clean.lam[0]) / (2 * np.pi * clean.h)
     if low_pass is None or low_pass.corner_hz < LEAST_CORNER * lowest_hz or _skirts(peaks, low_pass):
-        return clean, fits, None
-    try:
-        through = divided(clean, low_pass)
-    except ValueError:  # of too few ordinates nothing else can be said
-        return clean, fits, low_pass
-    return through, fit_all(through, warm.of("through")), low_pass
+        return None
+    return low_pass
+
+
+def _through(clean: Periodogram, low_pass: LowPass | None, warm: Warm) -> tuple[Periodogram, Fits]:
+    """What has gone into the filter, and the fits to that; the same again if there is none."""
+    if low_pass is not None:
+        try:
+            through = divided(clean, low_pass)
+            return through, fit_all(through, warm.of("through"))
+        except ValueError:  # too few ordinates are left to say anything else
+            pass
+    return clean, fit_all(clean, warm.of("clean"))
 
 
 def _skirts(peaks: tuple[Peak, ...], low_pass: LowPass) -> bool:

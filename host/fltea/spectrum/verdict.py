@@ -24,6 +24,8 @@ AS_FILTERS_DIFFER = 0.6
 """Of the density in the pass band."""
 LEAST_RESIDUAL_LEVEL = 0.01
 """Of the test of residuals, which speaks against a claim and not for one."""
+PEAKS: dict[str, VerdictKind] = {"line": "line", "resonance": "resonance", "peak": "line or resonance"}
+"""What a peak is called: live, the resolution does not tell narrow ones."""
 NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
 NEXT_PEAK = "Look for the cause: mains, a motor, a loose mount; --notch leaves a band out."
 
@@ -157,7 +159,7 @@ def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
         )
     if e.peaks:
         return q.say(
-            "resonance" if e.peaks[0].kind == "resonance" else "line",
+            PEAKS[e.peaks[0].kind],
             f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
             f"{wording.beside(e, with_peaks=False)}",
             f"{accepted} without that: {wording.UNDEFINED}.",
@@ -296,6 +298,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
             f"{misfit}",
             "A navigation filter takes them as Gauss-Markov processes: σ and correlation time are given.",
         )
+    kind = " (ARFIMA)" if c.order_of == "arfima" else ""
     claim = q.ask(
         f"Is every sum of up to {MOST} relaxations worse than an order by more than {apart:.0f}?",
         lead > apart,
@@ -308,7 +311,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     if claim and lowest and fits:
         return q.say(
             "fractional",
-            f"Noise of fractional order, α = {c.order:.2f}, in white noise.{wording.beside(e)}",
+            f"Noise of fractional order, α = {c.order:.2f}{kind}, in white noise.{wording.beside(e)}",
             f"Every sum of up to {MOST} relaxations is worse by {lead:.0f} or more in 2 log L.",
             "Believe the maximum-likelihood figures with their intervals.",
         )
@@ -324,7 +327,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     apart_by = abs(2 * near.log_likelihood - c.order_gain)
     return q.say(
         "fractional or relaxations",
-        f"Noise of the order {c.order:.2f}, or {sums} with {_word(near.parameters)} {where}, in white "
+        f"Noise of the order {c.order:.2f}{kind}, or {sums} with {_word(near.parameters)} {where}, in white "
         f"noise: the data do not tell.{wording.beside(e)}",
         f"Both describe {_band(e)}: 2 log L differs by {apart_by:.1f}, which does not tell models with "
         f"{_more(near.parameters) + 4} and 4 parameters apart.{misfit}",
