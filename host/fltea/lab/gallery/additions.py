@@ -31,13 +31,14 @@ class Line(NamedTuple):
         return min(at, rate_hz - at)
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """n samples of any phase."""
+        """So many samples, of any phase."""
         phase = rng.uniform(0, 2 * math.pi)
-        return self.amplitude * np.sin(2 * math.pi * self.at(rate_hz) / rate_hz * np.arange(n) + phase)
+        step = 2 * math.pi * self.at(rate_hz) / rate_hz
+        return np.asarray(self.amplitude * np.sin(step * np.arange(n) + phase))
 
 
 class Drift(NamedTuple):
-    """An offset that moves, in terms of the record: a ramp, or a warm-up with a fifth of it as time constant."""
+    """An offset that moves over the record: a ramp, or a warm-up with a fifth of it as time constant."""
 
     size: float
     """in standard deviations of the white noise, over the record"""
@@ -65,7 +66,7 @@ class Rounded(NamedTuple):
 
     def treat(self, y: Array, rng: np.random.Generator) -> Array:
         """See `Treatment`."""
-        return np.rint(self.sigma * y / y.std() + 0.3)
+        return np.asarray(np.rint(self.sigma * y / y.std() + 0.3))
 
 
 class Outliers(NamedTuple):

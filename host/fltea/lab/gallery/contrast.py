@@ -1,8 +1,9 @@
 """How much any member of a family falls short of the truth, in expected 2 log L (pure).
 
-Of a record whose ordinates have the true spectrum S, a model M is on average 2 Σ (log(M / S) + S / M - 1) worse
-in 2 log L than the truth: no fit of that family can do better than its least, but for chance. It says what a
-record can tell at all. Searches are by grids that shrink around their best; nothing is shared with the fits.
+Of a record whose ordinates have the true spectrum S, a model M is on average 2 Σ (log(M / S) + S / M - 1)
+worse in 2 log L than the truth: no fit of that family can do better than its least, but for chance. It says
+what a record can tell at all. Searches are by grids that shrink around their best; nothing is shared with
+the fits.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +23,9 @@ DEEPEST = 1e-6
 """Of the highest density: a filter's zeros are no deeper in any periodogram."""
 ROUNDS = 8
 SHRINK = 0.4
-UPDATES = 150
+UPDATES = 400
+LEAST_MOVE, LEAST_GAIN = 0.05, 0.05
+"""Of the logarithm of a corner, and in 2 log L: from there on the search is over."""
 FLOOR = -3.0
 """Logarithm of the largest white noise behind a low-pass, over what passes."""
 
@@ -91,12 +94,12 @@ def order(bins: Bins) -> float:
 
 def one_relaxation(bins: Bins) -> float:
     """AR(1) in white noise."""
-    return least(bins, _one_relaxation, ((-7.0, 2.0), (-8.0, 6.0)), 25)
+    return least(bins, _one_relaxation, ((-7.0, 2.0), (-8.0, 10.0)), 31)
 
 
 def walk(bins: Bins) -> float:
     """A random walk in white noise."""
-    return least(bins, _walk, ((-14.0, 4.0),), 61)
+    return least(bins, _walk, ((-14.0, 14.0),), 91)
 
 
 def low_pass(bins: Bins) -> float:
@@ -110,48 +113,53 @@ def rising(bins: Bins) -> float:
 
 
 def six_relaxations(bins: Bins) -> float:
-    """Six relaxations, evenly apart on the logarithmic axis, in white noise.
+    """Six relaxations of any corners and sizes, in white noise.
 
-    Where they begin and end is searched for; their sizes are found by multiplicative updates.
+    They begin evenly apart on the logarithmic axis; then each moves as long as that helps. Sizes are found by
+    multiplicative updates, which go on from the last answer.
     """
     bottom, top = float(np.log(bins.lam[0])), float(np.log(np.pi))
-    low, high = np.array([bottom - 3.0, bottom + 1.0]), np.array([bottom + 3.0, top + 1.5])
-    best = np.inf
-    for _ in range(5):
-        ends = np.meshgrid(np.linspace(low[0], high[0], 6), np.linspace(low[1], high[1], 6), indexing="ij")
-        first, last = (one.ravel() for one in ends)
-        found = _mixed(bins, np.linspace(first, np.maximum(last, first + 0.5), 6, axis=1))
+    starts = [(low, high) for low in (bottom - 2, bottom, bottom + 2) for high in (top - 2, top, top + 1.5)]
+    corners = np.array([np.linspace(low, max(high, low + 0.5), 6) for low, high in starts])
+    sizes = np.full((len(corners), 7, 1), float(np.median(bins.truth)) / 7)
+    found, sizes = _mixed(bins, corners, sizes, UPDATES)
+    at = int(np.argmin(found))
+    best, corner, size, step = float(found[at]), corners[at], sizes[at], 0.6
+    moves = np.concatenate([np.eye(6), -np.eye(6), np.ones((1, 6)), -np.ones((1, 6)), np.zeros((1, 6))])
+    while step > LEAST_MOVE:
+        corners = corner + step * moves
+        found, sizes = _mixed(bins, corners, np.repeat(size[np.newaxis], len(moves), axis=0), UPDATES // 2)
         at = int(np.argmin(found))
-        best = min(best, float(found[at]))
-        half = 0.25 * (high - low)
-        middle = np.array([first[at], last[at]])
-        low, high = middle - half, middle + half
+        if best - found[at] < LEAST_GAIN:
+            step /= 2
+        if found[at] < best:
+            best, corner, size = float(found[at]), corners[at], sizes[at]
     return best
 
 
-def _mixed(bins: Bins, log_corners: Array) -> Array:
-    """Relaxations of these corners (count, several), each of the size that is best: shortfalls."""
+def _mixed(bins: Bins, log_corners: Array, size: Array, updates: int) -> tuple[Array, Array]:
+    """Relaxations of these corners (count, 6), each of the size that is best: shortfalls and sizes."""
     poles = np.exp(-np.exp(log_corners))[..., np.newaxis]
     shapes = _scaled(1 / ((1 - poles) ** 2 + 4 * poles * np.sin(bins.lam / 2) ** 2))
     shapes = np.concatenate([np.ones_like(shapes[:, :1]), shapes], axis=1)
-    size = np.full((len(shapes), shapes.shape[1], 1), float(np.median(bins.truth)) / 7)
-    for _ in range(UPDATES):
-        model = (size * shapes).sum(axis=1, keepdims=True)
-        up = (shapes * (bins.weight * bins.truth / model**2)).sum(axis=2, keepdims=True)
-        size *= up / (shapes * (bins.weight / model)).sum(axis=2, keepdims=True)
-    return shortfall(bins, (size * shapes).sum(axis=1))
+    across = np.swapaxes(shapes, 1, 2)
+    rows = np.swapaxes(size, 1, 2)
+    for _ in range(updates):
+        model = rows @ shapes
+        rows = rows * ((bins.weight * bins.truth / model**2) @ across) / ((bins.weight / model) @ across)
+    return shortfall(bins, (rows @ shapes)[:, 0]), np.swapaxes(rows, 1, 2)
 
 
 def _with_floor(shape: Array, log_floor: Array) -> Array:
     """log_floor: of white noise over the shape's own size."""
-    return shape + np.exp(log_floor)[:, np.newaxis]
+    return np.asarray(shape + np.exp(log_floor)[:, np.newaxis])
 
 
 def _scaled(shape: Array) -> Array:
     return np.asarray(shape / np.exp(np.log(shape).mean(axis=-1, keepdims=True)))
 
 
-_STATE_BOX = ((0.15, 0.85), (-9.0, 0.5), (-8.0, 6.0))
+_STATE_BOX = ((0.15, 0.85), (-9.0, 0.5), (-8.0, 10.0))
 
 
 def _state(p: Array, lam: Array) -> Array:
@@ -161,7 +169,7 @@ def _state(p: Array, lam: Array) -> Array:
     return _with_floor(_scaled(1 / np.abs((1 - z) ** alpha - g * z) ** 2), p[2])
 
 
-_ARFIMA_BOX = ((0.15, 0.85), (-7.0, 1.5), (-8.0, 6.0))
+_ARFIMA_BOX = ((0.15, 0.85), (-7.0, 1.5), (-8.0, 10.0))
 
 
 def _arfima(p: Array, lam: Array) -> Array:
@@ -176,12 +184,13 @@ def _one_relaxation(p: Array, lam: Array) -> Array:
 
 
 def _walk(p: Array, lam: Array) -> Array:
-    return _with_floor(_scaled(1 / (4 * np.sin(lam / 2) ** 2) + np.zeros((p.shape[1], 1))), p[0])
+    shape = 1 / (4 * np.sin(lam / 2) ** 2)
+    return _with_floor(_scaled(np.repeat(shape[np.newaxis], p.shape[1], axis=0)), p[0])
 
 
 def _low_pass(p: Array, lam: Array) -> Array:
     x = (2 * np.sin(lam / 2)) ** 2 / np.exp(2 * p[0])[:, np.newaxis]
-    return 1 / (1 + x ** p[1][:, np.newaxis]) + np.exp(p[2])[:, np.newaxis]
+    return _with_floor(1 / (1 + x ** p[1][:, np.newaxis]), p[2])
 
 
 def _rising(p: Array, lam: Array) -> Array:

@@ -23,8 +23,8 @@ from fltea.lab.gallery.filters import (
 )
 from fltea.lab.gallery.noise import Noise, named
 from fltea.lab.gallery.parts import (
-    AR1,
     A_DECADE,
+    AR1,
     Arfima,
     Differenced,
     Flicker,

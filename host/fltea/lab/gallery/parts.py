@@ -31,7 +31,7 @@ class Part(Protocol):
     """A noise, or a part of one."""
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """n samples."""
+        """So many samples."""
         ...
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
@@ -128,7 +128,7 @@ class Fractional(NamedTuple):
 
     def g(self, rate_hz: float) -> float:
         """h^α f; where a slow rate would make x grow, f is what gives half of the least g, -2^α."""
-        return max(rate_hz**-self.alpha * self.f, -(2.0**self.alpha) / 2)
+        return max(float(rate_hz**-self.alpha) * self.f, -float(2.0**self.alpha) / 2)
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
@@ -196,7 +196,7 @@ class Ladder(NamedTuple):
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
-        return np.sum([one.spectrum(lam, rate_hz) for one in self.steps], axis=0)
+        return np.asarray(np.sum([one.spectrum(lam, rate_hz) for one in self.steps], axis=0))
 
 
 class Walk(NamedTuple):

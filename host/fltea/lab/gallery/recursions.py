@@ -5,6 +5,7 @@ in afterwards. So no compiled filter is needed, and a record can be drawn in pie
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ class OnePole:
         self._pole = pole if isinstance(pole, complex) else float(pole)
         self._state: complex = state
 
-    def run(self, e: "NDArray[np.floating]") -> "NDArray[np.generic]":
+    def run(self, e: Array) -> Any:
         """The x of one piece, (n,)."""
         n = len(e)
         columns = max(1, math.isqrt(n))
@@ -74,7 +75,7 @@ class TwoPoles:
 
 
 def convolved(e: Array, response: Array, n: int) -> Array:
-    """The last n samples of e filtered by `response`, each of which sees all of it; len(e) >= n + len - 1."""
+    """The last n samples of e filtered by `response`; each sees all of it (len(e) >= n + len - 1)."""
     if len(response) <= 64:
         return np.asarray(np.convolve(e, response, mode="valid")[-n:])
     size = 1 << (len(e) - 1).bit_length()

@@ -24,9 +24,11 @@ UNSEEN = 2.0
 """The same against white noise."""
 LUCK = 2.0
 """Standard deviations that chance may take from 2 log L, whose spread is 2 √(expected)."""
+MORE = 9.0
+"""Parameters of six relaxations over those of an order: by so much they fit better by chance alone."""
 SLOW_ORDINATES = 9
 DRIFTS, SURELY = 1.5, 6.0
-"""Expected power of the slowest ordinates over that of white noise: some drift, and more than anybody misses."""
+"""Expected power of the slowest ordinates over white noise: some drift, and more than anybody misses."""
 FEW = 1_000
 """Samples of coarse counts that may all be the same."""
 INSIDE_THE_FILTER = 0.5
@@ -57,7 +59,7 @@ class _Notes:
         self.accepted: dict[VerdictKind, str] = {}
 
     def may(self, kind: VerdictKind, short: float, what: str, more: float = 0.0) -> None:
-        """Accept a kind whose spectrum is so much short of the truth's, unless the record tells them apart."""
+        """Accept a kind that is so much short of the truth, unless the record tells them apart."""
         if short < SAME:
             self.right.add(kind)
         elif not told(short, SAME + more):
@@ -77,10 +79,11 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     seen = told(short, 3 * math.log(bins.weight.sum()))
     if not seen:
         _nearly_white(notes, noise, rate_hz, n, short)
-    if noise.truth != "white":
+    if noise.truth != "white" and short < UNSEEN:
+        # As good as white: that other models are white noise there, too, is no excuse for a claim.
+        notes.right.add(_NAMES[noise.truth])
+    elif noise.truth != "white":
         _RULES[noise.truth](notes, noise, bins, rate_hz, n)
-        if short < UNSEEN:  # as good as white: a model that is white noise there is no excuse for a claim
-            notes.right &= {"white", "drift", _NAMES[noise.truth]}
     if noise.drift is not None and (not seen or noise.truth == "white"):
         notes.right = {"drift"}
         notes.accepted.pop("undecided", None)
@@ -133,7 +136,7 @@ def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int
 
 def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     notes.right.add("fractional")
-    notes.may(EITHER, contrast.six_relaxations(bins), "a sum of six relaxations")
+    notes.may(EITHER, contrast.six_relaxations(bins), "a sum of six relaxations", MORE)
     notes.may("drift", contrast.walk(bins), "a random walk")
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
     if bins.truth[-1] > bins.truth[0]:
@@ -180,7 +183,7 @@ def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: 
         notes.accepted.pop("low-pass", None)
         return
     notes.right |= {"low-pass", "fractional"}
-    notes.may(EITHER, contrast.six_relaxations(passed), "a sum of six relaxations")
+    notes.may(EITHER, contrast.six_relaxations(passed), "a sum of six relaxations", MORE)
 
 
 def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:

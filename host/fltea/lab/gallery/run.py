@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from fltea.identify.sums import examined
 from fltea.identify.workers import Workers
@@ -16,6 +17,8 @@ from fltea.lab.gallery.right import Right, right_verdicts
 from fltea.records.errors import FlteaError
 from fltea.records.fit import VerdictKind
 from fltea.spectrum.verdict import decide
+
+Array = NDArray[np.float64]
 
 RATES_HZ = (5.0, 100.0, 1_000.0)
 LENGTHS_S = (30.0, 600.0, 10_800.0)
@@ -104,20 +107,26 @@ def cells(
     ]
 
 
+def draw(cell: Cell) -> Array:
+    """The samples of one record, always the same."""
+    seed = [cell.series, zlib.crc32(cell.noise.encode()), round(cell.rate_hz), cell.samples]
+    return NOISES[cell.noise].draw(cell.samples, cell.rate_hz, np.random.default_rng(seed))
+
+
 def look(cell: Cell) -> Seen:
     """Draw one record and ask for the verdict on it, on the path of `fltea identify`."""
-    noise, truth = NOISES[cell.noise], _right(cell.noise, cell.rate_hz, cell.samples)
-    seed = [cell.series, zlib.crc32(cell.noise.encode()), round(cell.rate_hz), cell.samples]
-    y = noise.draw(cell.samples, cell.rate_hz, np.random.default_rng(seed))
-    kind: VerdictKind
-    ahead = None
+    y = draw(cell)
     if (y == y[0]).all():
-        kind, text = "constant", "All samples are the same."
-    else:
-        evidence = examined(y, 1 / cell.rate_hz).evidence
-        verdict = decide(evidence)
-        kind, text = verdict.kind, verdict.text
-        ahead = evidence.contest.order_gain - evidence.contest.sum_gain
+        return judged(cell, "constant", "All samples are the same.", None)
+    evidence = examined(y, 1 / cell.rate_hz).evidence
+    verdict = decide(evidence)
+    ahead = evidence.contest.order_gain - evidence.contest.sum_gain
+    return judged(cell, verdict.kind, verdict.text, ahead)
+
+
+def judged(cell: Cell, kind: VerdictKind, text: str, ahead: float | None) -> Seen:
+    """Whether a verdict on a record is right."""
+    truth = _right(cell.noise, cell.rate_hz, cell.samples)
     outcome: Any = truth.outcome(kind)
     reason = truth.accepted.get(kind, "") if outcome == "cannot be told" else ""
     return Seen(cell, kind, text, outcome, tuple(sorted(truth.right)), reason, truth.has_order, ahead)
@@ -143,7 +152,8 @@ def visit(
     Raises:
         FlteaError: a worker died.
     """
-    found = {one.cell: one for one in known}
+    # What is right may have been thought over since.
+    found = {one.cell: judged(one.cell, one.kind, one.text, one.ahead) for one in known}
     # The longest first, so that no process waits for one at the end.
     waiting = sorted((cell for cell in wanted if cell not in found), key=lambda cell: cell.samples)
     pending: dict[Future[Seen], Cell] = {}
