@@ -26,7 +26,7 @@ def test_every_verdict_has_a_head() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_figure_is_shown_only_where_the_verdict_leaves_room_for_an_order(kind: VerdictKind) -> None:
     found = answer(replace(FRACTIONAL, verdict=kind))
-    assert (found.alpha is not None) == (found.f is not None) == (kind in ("fractional", "undecided"))
+    assert (found.alpha is not None) == (found.f is not None) == (kind in WITH_ORDER)
     assert found.text == FRACTIONAL.text
 
 

@@ -5,7 +5,8 @@ import pytest
 from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.pole_pair import pole_pair
 from fltea.spectrum.relaxations import corner_hz
-from fltea.spectrum.rivals import Contest, contest, fit_all, residual_ks
+from fltea.spectrum.residuals import residual_ks
+from fltea.spectrum.rivals import Contest, contest, fit_all
 from identify_support import H, ar, long_recursion, white
 
 

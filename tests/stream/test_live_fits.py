@@ -9,8 +9,8 @@ from estimating_board import Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Hello, Stats
+from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
-from fltea.spectrum.verdict import ANYTIME_LEVEL
 from fltea.stream import live
 from fltea.stream.fit_times import FitTimes
 from fltea.stream.snapshot import DeviceState

@@ -8,8 +8,8 @@ from fltea.records.events import RawSample, block_of
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import Estimate, Fit
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
+from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
-from fltea.spectrum.verdict import ANYTIME_LEVEL
 from fltea.stream import live
 from fltea.stream.tuning import handed_over
 from host_support import hello
@@ -109,15 +109,15 @@ def test_a_saved_walk_goes_on_tuned() -> None:
 
 
 def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
-    """True fits, sixty of them beside thirty: begun elsewhere, they differ in their last digits."""
+    """True fits, ninety of them beside forty: begun elsewhere, they differ in their last digits."""
     generator = NoiseGenerator(parse_noise("alpha=0.8&f=-1&Q=20&R=0.004&seed=7"))
-    rows = [tuple(map(int, generator.step())) for _ in range(6000)]
+    rows = [tuple(map(int, generator.step())) for _ in range(9000)]
     block = block_of([RawSample(k, k * 10_000, k * 10_000_000, row) for k, row in enumerate(rows)])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", LiveAxes)
         (run, a), (replay, b) = (walk([hello(), block], prompt=prompt, **TUNED) for prompt in (True, False))
-    assert len([item for item in run if isinstance(item, Fit)]) == 60
-    assert len([item for item in replay if isinstance(item, Fit)]) < 35
+    assert len([item for item in run if isinstance(item, Fit)]) == 90
+    assert len([item for item in replay if isinstance(item, Fit)]) < 45
     published = [[r for r in records_of(items) if isinstance(r, Estimate)] for items in (run, replay)]
     assert published[0] == published[1]
     assert a.stats().axes == b.stats().axes

@@ -67,7 +67,7 @@ class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A low-pass filter that all of the noise has gone through; its corner may be above half the sample rate."""
+    """A low-pass that all of the noise has gone through; its corner may be above half the sample rate."""
 
     corner_hz: float
     poles: float

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fltea.noise import spectra as spectrum
 from fltea.spectrum.models import logit, share
 from fltea.spectrum.periodogram import Binned, Periodogram, check_enough
+from fltea.spectrum.residuals import residual_ks
 from fltea.spectrum.warm import Search
 from fltea.spectrum.whittle import Fit, Model, fit
 
@@ -29,6 +30,8 @@ NAMES = ("low_pass", "low_pass_ar1", "low_pass_two_ar1")
 """Alone, and with one and two relaxations beside it."""
 DEEPEST = 0.1
 """Gain² of the filter below which the family is not fitted: far down filters differ."""
+CRITICAL_KS = 1.36
+"""95 % point."""
 FEWEST_BINS = 16
 PASSES = 3
 LEAST_GAIN = 0.7
@@ -130,10 +133,13 @@ LOW_PASS = tuple(_low_pass(slow) for slow in range(len(NAMES)))
 def fit_low_pass(data: Binned, search: Search) -> Fit:
     """The low-pass of lowest BIC, with as many relaxations as it takes.
 
-    It is fitted down to `DEEPEST` of its own gain: below, filters differ. -log L is of all bins.
+    One whose residuals are not white is fitted down to `DEEPEST` of its own gain: below, filters differ most.
+    -log L is of all bins.
     """
     best = _best(data, search)
     nll = best.nll
+    if residual_ks(data.power[0], best.spectrum(data.lam)[0], data.counts) < CRITICAL_KS:
+        return best
     for _ in range(PASSES):
         p = low_pass_parameters(best.theta)
         bins = int((squared_gain(data.lam, p.log_c, p.poles)[0] > DEEPEST).sum())

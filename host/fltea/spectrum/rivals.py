@@ -30,6 +30,7 @@ from fltea.spectrum.models import (
 from fltea.spectrum.periodogram import AT_ONCE, Binned, Periodogram, binned
 from fltea.spectrum.pole_pair import peak_of, pole_pair
 from fltea.spectrum.relaxations import MOST, NAMES, corner_hz, grown, sum_of, sum_parameters
+from fltea.spectrum.residuals import farthest
 from fltea.spectrum.rising import RISING, rising_parameters
 from fltea.spectrum.warm import Search
 from fltea.spectrum.whittle import Fit, fit
@@ -73,6 +74,8 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model, or ARFIMA"""
     order: float = 0.5
     """of that one"""
+    order_of: str = "fractional"
+    """which of the two it is: fractional or arfima"""
 
     @property
     def best_rival(self) -> str:
@@ -184,7 +187,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
         models[name] = Rival(
             gain,
             extra * math.log(fits.data.ordinates) - 2 * gain,
-            _farthest(_over_spectrum(p, f), p.weight),
+            farthest(_over_spectrum(p, f), p.weight),
             _described(name, f, p.h),
         )
     return Contest(
@@ -194,6 +197,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
         float(fits.null.ratio_to_ar1[0]),
         2 * float(white.nll[0] - fits.order.nll[0]),
         _order(fits.order),
+        fits.order.model.name,
     )
 
 
@@ -203,31 +207,6 @@ def _order(found: Fit) -> float:
         return found.model.held.value
     of = arfima_parameters(found.theta[0])[0] if found.model is ARFIMA else parameters(found.theta[0]).alpha
     return float(of)
-
-
-def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:
-    """√m times the largest distance between the cumulative sum of I/S, scaled to 1, and a straight line.
-
-    Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
-    weight: effective ordinates of each line, of which there are then m in all.
-    """
-    return _farthest(np.asarray(power / spectrum), weight)
-
-
-def _farthest(ratio: Array, weight: Array | None = None) -> float:
-    """`residual_ks` of I/S, (m,), which is overwritten."""
-    if weight is not None:
-        # A line of weight w adds w I/S, with the variance w: the bridge has W = sum of w in place of m.
-        sums, line = np.cumsum(ratio * weight), weight.cumsum()
-        return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
-    sums = np.cumsum(ratio, out=ratio)
-    m = len(sums)
-    farthest = 0.0
-    for begin in range(0, m, AT_ONCE):
-        part = sums[begin : begin + AT_ONCE]
-        line = np.arange(begin + 1, begin + len(part) + 1) / m
-        farthest = max(farthest, float(np.abs(part / sums[-1] - line).max()))
-    return farthest * math.sqrt(m)
 
 
 def _over_spectrum(p: Periodogram, f: Fit) -> Array:

@@ -10,10 +10,10 @@ STEP = 0.1
 
 
 def handed_over(fit: AxisFit, in_use: Variances | None) -> Variances | None:
-    """s2 and R of a fit that rejects white noise, to three digits; None where they are not known well enough,
-    and behind a low-pass, whose output no Q and R describe.
+    """s2 and R of a fit that rejects white noise, to three digits; None where they are not known well enough.
 
-    in_use: what it handed over before, if anything; None too where both are still the same.
+    Behind a low-pass, whose output no Q and R describe, they are never handed over. in_use: what it handed
+    over before, if anything; None too where both are still the same.
     """
     s2, R = fit.s2, fit.R
     if not (_is_known(s2) and _is_known(R)) or fit.low_pass is not None:

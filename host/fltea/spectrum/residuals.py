@@ -1,0 +1,35 @@
+"""Whether what a model leaves over is white: Kolmogorov and Smirnov on the cumulative periodogram (pure)."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.spectrum.periodogram import AT_ONCE
+
+Array = NDArray[np.float64]
+
+
+def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:
+    """√m times the largest distance between the cumulative sum of I/S, scaled to 1, and a straight line.
+
+    Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
+    weight: effective ordinates of each line, of which there are then m in all.
+    """
+    return farthest(np.asarray(power / spectrum), weight)
+
+
+def farthest(ratio: Array, weight: Array | None = None) -> float:
+    """`residual_ks` of I/S, (m,), which is overwritten."""
+    if weight is not None:
+        # A line of weight w adds w I/S, with the variance w: the bridge has W = sum of w in place of m.
+        sums, line = np.cumsum(ratio * weight), weight.cumsum()
+        return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
+    sums = np.cumsum(ratio, out=ratio)
+    m = len(sums)
+    farthest = 0.0
+    for begin in range(0, m, AT_ONCE):
+        part = sums[begin : begin + AT_ONCE]
+        line = np.arange(begin + 1, begin + len(part) + 1) / m
+        farthest = max(farthest, float(np.abs(part / sums[-1] - line).max()))
+    return farthest * math.sqrt(m)
