@@ -287,6 +287,7 @@ def whittle_intervals(
     scale: float,
     nll: float,
     critical: float,
+    at_bound: float,
     h: float,
     what: NDArray[np.float64],
     near: NDArray[np.float64] | None,

@@ -152,7 +152,8 @@ TEST_CASE("ends of intervals are ordered and within what is possible") {
                                  {kHoldParameter, true, 1, -3.2, 10.6},
                                  {kHoldState, true, most - 1, most - 13, most},
                                  {kHoldNoise, true, most - 13, most - 13, most}};
-        Profile profile(kernel_baseline, spectra, best.theta, best.scale, best.nll, 3.841, 0.01);
+        Profile profile(kernel_baseline, spectra, best.theta, best.scale, best.nll, Critical{3.841, 4.6},
+                        0.01);
         Ends found[6];
         profile.ends(what, 6, found);
         for (int i = 0; i < 6; ++i) {

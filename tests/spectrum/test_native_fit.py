@@ -9,7 +9,7 @@ from fltea.spectrum import models
 from fltea.spectrum.arfima import ARFIMA
 from fltea.spectrum.low_pass import LOW_PASS
 from fltea.spectrum.periodogram import Binned, binned, used_ordinates
-from fltea.spectrum.profile import CRITICAL, fractional_fit
+from fltea.spectrum.profile import CRITICAL, CRITICAL_AT_BOUND, fractional_fit
 from fltea.spectrum.relaxations import sum_of
 from fltea.spectrum.rising import QUANTISED, RISING
 from fltea.spectrum.whittle import Fit, Model, fit, slopes
@@ -136,8 +136,10 @@ def check_that_it_is_that_wide(data: Binned, found: Fit, key: str, end: float | 
     if end is None or (key == "f" and end == 0):
         return
     held = models.held(key, end, H)
-    nll = min(slow_fit(data, held).nll[0], fit(data, held).nll[0])
-    assert 2 * (nll - found.nll[0]) <= CRITICAL + 0.2
+    best = min(slow_fit(data, held), fit(data, held), key=lambda one: one.nll[0])
+    no_white = np.exp(-best.theta[0, -1]) < 1.1e-3
+    critical = CRITICAL_AT_BOUND if no_white else CRITICAL
+    assert 2 * (best.nll[0] - found.nll[0]) <= critical + 0.2
 
 
 SUMS = [

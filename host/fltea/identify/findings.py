@@ -11,14 +11,8 @@ from fltea.identify.run import AxisReport, Failure, FileReport
 from fltea.identify.traps import Trap
 from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.profile import Parameter
+from fltea.spectrum.wording import MODELS
 
-MODELS = {
-    "white": "white",
-    "ar1": "AR(1)",
-    "ar2": "AR(2)",
-    "two_ar1": "two AR(1)",
-    "fractional": "fractional",
-}
 UNDEFINED = "undefined"
 NONE = "–"
 SEVERITIES = ("bad", "warning", "note")
@@ -186,7 +180,7 @@ SHORT_HEADINGS = ("s", "α", "shuffled α", "null p", "verdict")
 def best(r: AxisResult) -> str:
     """The model of lowest BIC, and where its spectrum bends or peaks."""
     found = r.rivals.models[r.rivals.best].parameters
-    at = found.get("resonance_hz", found.get("bend_hz", found.get("bend_slow_hz")))
+    at = found.get("resonance_hz", found.get("bend_hz", found.get("bend_1_hz")))
     return MODELS[r.rivals.best] + (f", {at:.2g} Hz" if at is not None else "")
 
 

@@ -17,6 +17,11 @@ ANYTIME_LEVEL = 1e-5
 hundred is ever called anything else."""
 
 
+def more_than_once(level: float) -> float:
+    """What 2 log L has to gain more than of one look, where a claim at this level holds for all looks."""
+    return -2 * math.log(level / LEVEL)
+
+
 class Evidence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the verdict is drawn from."""
 
@@ -51,8 +56,8 @@ class Evidence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def more(self) -> float:
-        """What 2 log L has to gain more than of one look, where a claim has to hold for all looks."""
-        return -2 * math.log(self.level / LEVEL)
+        """`more_than_once` at its level."""
+        return more_than_once(self.level)
 
     @property
     def apart(self) -> float:

@@ -21,30 +21,33 @@ LEAST_PHI = 0.05
 """The spectrum of AR(1) with less falls by less than a fifth."""
 
 
-def find_low_pass(h: float, fits: Fits, search: Search) -> LowPass | None:
-    """The filter that the noise of `fits` has gone through; None if none is seen. h in s."""
+def find_low_pass(h: float, fits: Fits, search: Search, more: float = 0.0) -> LowPass | None:
+    """The filter that the noise of `fits` has gone through; None if none is seen. h in s.
+
+    more: what 2 log L has to gain more than of one look.
+    """
     if fits.rising is None:  # it is white
         return None
     data = fits.data
     found = fit_low_pass(data, search)
     phi1, phi2, _ = (float(v) for v in ar2_parameters(fits.ar2.theta[0]))
     peak = "resonance_hz" in pole_pair(phi1, phi2, h)
-    others = [*fits.sums, fits.null.alternative, fits.rising, *([fits.ar2] if peak else [])]
+    others = [fits.null.white, *fits.sums, fits.null.alternative, fits.rising, *([fits.ar2] if peak else [])]
     without = min(others, key=lambda one: bic(one, data))
     filtered = min(bic(one, data) for one in (found, *([] if peak else [fits.ar2])))
     gain = 2 * float(without.nll[0] - found.nll[0])
-    if filtered < bic(without, data) and gain > APART:
+    if filtered + more < bic(without, data) and gain > APART + more:
         low_pass = steep(found, h, gain)
         if low_pass is not None:
             return low_pass
-    return None if without is fits.ar2 else _one_pole(h, fits)
+    return None if any(without is one for one in (fits.ar2, fits.null.white)) else _one_pole(h, fits, more)
 
 
-def _one_pole(h: float, fits: Fits) -> LowPass | None:
+def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
     """The fastest relaxation, if what is faster is next to nothing, and no fractional order says the same."""
     data = fits.data
     best = min(fits.sums, key=lambda one: bic(one, data))
-    if 2 * float(fits.bounded.nll[0] - best.nll[0]) <= APART:
+    if 2 * float(fits.bounded.nll[0] - best.nll[0]) <= APART + more:
         return None
     p = sum_parameters(best.theta, best.theta.shape[1] // 2)
     fastest = int(p.poles[0].argmin())

@@ -74,6 +74,8 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model, or ARFIMA"""
     order: float = 0.5
     """of that one"""
+    order_of: str = "fractional"
+    """which of the two it is: fractional or arfima"""
 
     @property
     def best_rival(self) -> str:
@@ -195,6 +197,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
         float(fits.null.ratio_to_ar1[0]),
         2 * float(white.nll[0] - fits.order.nll[0]),
         _order(fits.order),
+        fits.order.model.name,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.drift import drift_hz, slow_power
-from fltea.spectrum.evidence import LEVEL, Evidence
+from fltea.spectrum.evidence import LEVEL, Evidence, more_than_once
 from fltea.spectrum.find_low_pass import find_low_pass
 from fltea.spectrum.how_long import seconds_to_tell
 from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
@@ -114,7 +114,7 @@ def examine(
     peaks, found = peaks[:kept], found[:kept]
     p_without_peaks = _null_p(whole.without(from_hz, found), warm) if peaks else p_all
     kept_peaks = peaks
-    low_pass = warm.looked("low-pass", ordinates, lambda: _low_pass(clean, warm, kept_peaks))
+    low_pass = warm.looked("low-pass", ordinates, lambda: _low_pass(clean, warm, kept_peaks, level))
     clean, fits = _through(clean, low_pass, warm)
     peaks = _not_ripples(peaks, low_pass)
     rivals = contest(clean, fits)
@@ -157,10 +157,10 @@ def examine(
     )
 
 
-def _low_pass(clean: Periodogram, warm: Warm, peaks: tuple[Peak, ...]) -> LowPass | None:
+def _low_pass(clean: Periodogram, warm: Warm, peaks: tuple[Peak, ...], level: float) -> LowPass | None:
     """The filter, unless it is a resonance or drift that looks so."""
     search = warm.of("clean")
-    low_pass = find_low_pass(clean.h, fit_all(clean, search), search)
+    low_pass = find_low_pass(clean.h, fit_all(clean, search), search, more_than_once(level))
     lowest_hz = float(clean.lam[0]) / (2 * np.pi * clean.h)
     if low_pass is None or low_pass.corner_hz < LEAST_CORNER * lowest_hz or _skirts(peaks, low_pass):
         return None

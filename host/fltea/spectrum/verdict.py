@@ -298,6 +298,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
             f"{misfit}",
             "A navigation filter takes them as Gauss-Markov processes: σ and correlation time are given.",
         )
+    kind = " (ARFIMA)" if c.order_of == "arfima" else ""
     claim = q.ask(
         f"Is every sum of up to {MOST} relaxations worse than an order by more than {apart:.0f}?",
         lead > apart,
@@ -310,7 +311,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     if claim and lowest and fits:
         return q.say(
             "fractional",
-            f"Noise of fractional order, α = {c.order:.2f}, in white noise.{wording.beside(e)}",
+            f"Noise of fractional order, α = {c.order:.2f}{kind}, in white noise.{wording.beside(e)}",
             f"Every sum of up to {MOST} relaxations is worse by {lead:.0f} or more in 2 log L.",
             "Believe the maximum-likelihood figures with their intervals.",
         )
@@ -326,7 +327,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     apart_by = abs(2 * near.log_likelihood - c.order_gain)
     return q.say(
         "fractional or relaxations",
-        f"Noise of the order {c.order:.2f}, or {sums} with {_word(near.parameters)} {where}, in white "
+        f"Noise of the order {c.order:.2f}{kind}, or {sums} with {_word(near.parameters)} {where}, in white "
         f"noise: the data do not tell.{wording.beside(e)}",
         f"Both describe {_band(e)}: 2 log L differs by {apart_by:.1f}, which does not tell models with "
         f"{_more(near.parameters) + 4} and 4 parameters apart.{misfit}",

@@ -83,7 +83,7 @@ def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
         fit.text,
         _figure(alpha, 2, 0.3),
         _figure(f, 1, max(0.5, abs(f.value or 0.0) / 2) if f else 0.0),
-        "if the noise is of fractional order" if fit.verdict == "undecided" and alpha else "",
+        "if the noise is of fractional order" if fit.verdict in WITH_ORDER[1:] and alpha else "",
         _until(fit),
         _left_out(fit),
     )
