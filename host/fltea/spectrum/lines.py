@@ -39,7 +39,9 @@ WIDEST_SHARE = 0.08
 LEAST_LEVEL = 1e-12
 """Of the mean: a level of nothing, as that of made-up noise, is taken for this."""
 LINE_ORDINATES = 6
-"""What is not wider at half its height is a line: an oscillation that stays in phase over the record."""
+"""What has nearly all its power in so many is a line: an oscillation that stays in phase over the record."""
+IN_A_LINE = 0.7
+"""Share of the power: the rest is the noise about it."""
 
 
 class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -207,8 +209,9 @@ def _describe(
     top = int(smoothed.argmax())
     half = level + (smoothed[top] - level) / 2
     wide = int((smoothed > half).sum())
-    if wide <= LINE_ORDINATES:
-        top = int(part.argmax())
+    sharp = int(part.argmax())
+    if _in_few_ordinates(part - level, sharp):  # smoothing would widen it
+        top, wide = sharp, min(wide, LINE_ORDINATES)
     return Peak(
         kind="line" if wide <= LINE_ORDINATES else "resonance",
         frequency_hz=float(lam[left + top] * to_hz),
@@ -217,6 +220,13 @@ def _describe(
         height=float(power[core[0] : core[1]].mean() / level),
         notch_hz=(float(lam[left] * to_hz), float(lam[right - 1] * to_hz)),
     )
+
+
+def _in_few_ordinates(excess: Array, top: int) -> bool:
+    """Whether nearly all of a peak's power is about its top."""
+    half = LINE_ORDINATES // 2
+    near = float(excess[max(top - half, 0) : top + half + 1].sum())
+    return near > IN_A_LINE * float(excess.sum())
 
 
 def f_log_tail(m: int, k: int, ratio: float) -> float:
