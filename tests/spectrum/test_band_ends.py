@@ -80,6 +80,13 @@ def test_slopes_at_the_ends_are_no_lines(search: Search, noise: str) -> None:
     assert sum(bool(search(y)) for y in NOISES[noise](3000, 100)) <= 4
 
 
+@both
+@pytest.mark.parametrize("phi", [-0.5, -0.8, -0.9])
+def test_a_spectrum_that_rises_to_nyquist_has_no_peak(search: Search, phi: float) -> None:
+    """Also where a line of the live fit is as wide as what the spectrum changes over."""
+    assert sum(bool(search(y)) for n in (20_000, 60_000) for y in ar((phi,), n, 6, 7)) <= 1
+
+
 def butterworth(hz: float, n: int, seed: int) -> Array:
     """White noise through two poles, by the bilinear transform."""
     c = 1 / np.tan(np.pi * hz * H)

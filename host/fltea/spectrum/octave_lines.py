@@ -42,6 +42,8 @@ END_FLANK = 4
 """Ordinates in the lower flank near frequency 0, of a line."""
 END_WIDTHS = (1, 2)
 """Of stretches at the ends of the band, where only lines are searched for."""
+CONTINUED = 5.0
+"""Variance of near²/far, the level that is continued, over that of near; both are of as many averages."""
 WIDEST = 8
 """Averaged lines in a stretch: a fifth of an octave's."""
 NARROW = 3
@@ -222,7 +224,8 @@ def _at_the_ends(
         last = min(int(np.searchsorted(weights, weights[-1] - LEAST_IN_FLANK, "right")) - 1, m - LEAST_FLANK)
         last -= 2 * width
         tries += [(at, width) for at in range(END_FLANK + width, min(first, last + 1))]
-        tries += [(at, width) for at in range(max(last + 1, first), m - width + 1)]
+        if width == 1 or not lines.averaged[-1]:  # over two averages a level can rise too far
+            tries += [(at, width) for at in range(max(last + 1, first), m - width + 1)]
     if not tries:
         return None
     critical = -NormalDist().inv_cdf(false_alarm / len(tries))
@@ -246,6 +249,7 @@ def _at_the_ends(
             further = _down(weights, begin, FLANK // 2, LEAST_FLANK)
             far = float(sums[begin] - sums[further]) / max(float(weights[begin] - weights[further]), 1e-300)
             levels = [continued(levels[0], far)]
+            others = [others[0] / CONTINUED] if lines.averaged[at] else others
         ratio = mean / max(levels)
         if ratio <= 1:
             continue
