@@ -169,7 +169,7 @@ class Bank:
     def counts(self, out: NDArray[np.int32]) -> None: ...
 
     # (lag 1, NIS) of each axis, NaN while not known.
-    def whiteness(self) -> list[tuple[float, float]]: ...
+    def whiteness(self) -> list[tuple[float, float, float, int]]: ...
 
     # Engine, supervisors.
     def save(self) -> tuple[bytes, bytes]: ...
@@ -287,6 +287,7 @@ def whittle_intervals(
     scale: float,
     nll: float,
     critical: float,
+    at_bound: float,
     h: float,
     what: NDArray[np.float64],
     near: NDArray[np.float64] | None,

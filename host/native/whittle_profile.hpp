@@ -1,5 +1,6 @@
 // Ends of an interval by profile likelihood: where the best spectrum that has a value is worse than the best
-// of all by no more than the critical value of 2 log L (spectrum/profile.py says for which values).
+// of all by no more than the critical value of 2 log L (spectrum/profile.py says for which values). Where
+// that spectrum has no white noise, R is at its bound, and another critical value holds.
 //
 // The likelihood is looked at 1/2, 1/4, ... of the possible range away from the best value on both sides, so
 // that a second maximum far away is seen; the interval's ends are beyond the outermost values inside. A value
@@ -16,6 +17,13 @@ struct Ends {
     double low, high;
 };
 
+// Of 2 log L: where R is more than 0, and where it is 0 without being held.
+struct Critical {
+    double inside, at_bound;
+};
+
+const double kNoWhite = 1e-3;  // R over s2: less is none
+
 const int kHalvings = 7;
 const int kMostValues = 2 * (kHalvings + 1) + 3;
 
@@ -24,7 +32,7 @@ class Profile {
     // `best` as the fit of the whole model has found it, of coordinates and -log L; the one series of
     // `spectra`.
     Profile(const Kernel& kernel, const Spectra& spectra, const double* best, double scale, double nll,
-            double critical, double h)
+            Critical critical, double h)
         : fits_(kernel, spectra, h), nll_(nll), critical_(critical), best_() {
         const Model<double> whole = {kFractional, 2.0, kNothing, 0, 0, 0};
         Point<double> point = Point<double>();
@@ -151,7 +159,7 @@ class Profile {
 
     // Every spectrum inside that is met is remembered, if it has a number farther out than the others.
     bool inside(const Model<double>& held, const Point<double>& point) {
-        if (!(point.nll <= limit())) return false;
+        if (!(point.nll <= nll_ + critical(held, point) / 2)) return false;
         const Numbers now = fits_.numbers(held, point);
         for (std::size_t i = 0; i < known_.size(); ++i) {
             const double here = fits_.value(what_[i], now);
@@ -183,10 +191,16 @@ class Profile {
     // Enough to know whether a value is inside.
     Patience<double> brief() const {
         Patience<double> until = Profile::until();
-        until.inside = until.outside = limit();
+        until.inside = nll_ + std::min(critical_.inside, critical_.at_bound) / 2;
+        until.outside = nll_ + std::max(critical_.inside, critical_.at_bound) / 2;
         return until;
     }
-    double limit() const { return nll_ + critical_ / 2; }
+
+    double critical(const Model<double>& held, const Point<double>& point) const {
+        if (held.hold == kHoldNoise) return critical_.inside;
+        const Numbers now = fits_.numbers(held, point);
+        return now.log_noise - now.log_state < std::log(kNoWhite) ? critical_.at_bound : critical_.inside;
+    }
 
     // Whether a value is inside; `point` is then any spectrum that shows it, else about the best one.
     bool look(const Profiled& what, double value, const Point<double>& neighbour, Point<double>& point) {
@@ -200,8 +214,12 @@ class Profile {
     }
 
     // The signed root of the deviance above the critical one: nearly straight.
-    double excess(const Point<double>& point) const {
-        return std::sqrt(std::min(std::max(2 * (point.nll - nll_), 0.0), 1e8)) - std::sqrt(critical_);
+    double excess(const Model<double>& held, const Point<double>& point) const {
+        return std::sqrt(std::min(std::max(2 * (point.nll - nll_), 0.0), 1e8)) -
+               std::sqrt(critical(held, point));
+    }
+    double excess(const Profiled& what, double value, const Point<double>& point) const {
+        return excess(fits_.model(what, value), point);
     }
 
     // A value inside and one outside, and the best spectra there.
@@ -230,7 +248,8 @@ class Profile {
             }
             walk(what, bracket);
         }
-        const double a = excess(bracket.in), b = excess(bracket.out);
+        const double a = excess(what, bracket.inner, bracket.in);
+        const double b = excess(what, bracket.outer, bracket.out);
         const double share = a < 0 && b > 0 ? a / (a - b) : 0;
         return bracket.inner + share * (bracket.outer - bracket.inner);
     }
@@ -239,7 +258,7 @@ class Profile {
     // for long. False if the end cannot be met.
     bool narrow(const Profiled& what, Bracket& bracket) {
         int side = 0;
-        double a = excess(bracket.in), b = excess(bracket.out);
+        double a = excess(what, bracket.inner, bracket.in), b = excess(what, bracket.outer, bracket.out);
         for (int i = 0; i < kSteps; ++i) {
             const double share = std::min(std::max(-a / (b - a), 0.02), 0.98);
             const double value = bracket.inner + share * (bracket.outer - bracket.inner);
@@ -250,12 +269,12 @@ class Profile {
                 for (int k = 0; k < kNumbersFree; ++k)
                     point.theta[k] += share * (bracket.out.theta[k] - bracket.in.theta[k]);
             fits_.search(held, until(), point);
-            if (between && excess(point) > kNear) {  // which may be another minimum than that inside
+            if (between && excess(held, point) > kNear) {  // which may be another minimum than that inside
                 Point<double> other = bracket.in;
                 fits_.search(held, until(), other);
                 if (other.nll < point.nll) point = other;
             }
-            const double found = excess(point);
+            const double found = excess(held, point);
             if (inside(held, point)) {
                 bracket.inner = value;
                 bracket.in = point;
@@ -306,7 +325,8 @@ class Profile {
     static constexpr double kNearby = 0.1;
 
     HeldFits fits_;
-    double nll_, critical_;
+    double nll_;
+    Critical critical_;
     Numbers best_;
     const Profiled* what_ = nullptr;
     std::vector<Known> known_;

@@ -1,8 +1,9 @@
 """Intervals of the fractional model's parameters by profile likelihood (pure).
 
 A value belongs to the interval if the best fit that has it is at most 3.84 in 2 log L below the best of all
-(95 % of χ² with one degree). Unlike the curvature at the maximum this also holds at R = 0 and where α and g
-cannot be told apart; there the interval takes in nearly all that is possible, and the parameter is undefined.
+(95 % of χ² with one degree), or 4.6 where that fit has no white noise. Unlike the curvature at the maximum
+this also holds at R = 0 and where α and g cannot be told apart; there the interval takes in nearly all that
+is possible, and the parameter is undefined.
 """
 
 from collections.abc import Callable
@@ -22,6 +23,10 @@ Array = NDArray[np.float64]
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
+CRITICAL_AT_BOUND = 4.6
+"""The same where the best fit that has the value has no white noise."""
+NO_WHITE = 1e-3
+"""R over s2: less is none."""
 NEARLY_ALL = 0.9
 """Share of the possible range from which on a parameter is undefined."""
 HALVINGS = 7
@@ -177,7 +182,8 @@ def _crossing(values: Array, deviance: Array, inner: int, outer: int) -> float:
 def _held(data: Binned, found: Fit, values: Array, profile: _Profile) -> Array:
     """-log L of the best fits that have these values of the parameter (in its logarithm if positive).
 
-    values: rising. Each fit is tried again from where its neighbours have ended.
+    Where they have no white noise it is less by what the critical value is more there. values: rising. Each
+    fit is tried again from where its neighbours have ended.
     """
     t = np.exp(values) if profile.positive else values
     k, free = len(t), len(profile.axes)
@@ -200,7 +206,10 @@ def _held(data: Binned, found: Fit, values: Array, profile: _Profile) -> Array:
         ends = ends.reshape(k, each)
         best = points.reshape(k, each, free)[np.arange(k), ends.argmin(axis=1)]
         starts = np.stack([best, np.roll(best, 1, axis=0), np.roll(best, -1, axis=0)], axis=1)
-    return np.asarray(ends.min(axis=1))
+    theta, _, _ = profile.build(t, best)
+    # R that is held is not a bound that was met.
+    at_bound = (np.exp(-theta[:, 2]) < NO_WHITE) & (profile.build is not _hold_white)
+    return np.asarray(ends.min(axis=1) - at_bound * (CRITICAL_AT_BOUND - CRITICAL) / 2)
 
 
 def _of_owner(nll: Callable[[Array, Rows], Array], owner: Rows, points: Array, rows: Rows) -> Array:

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, drawn, long_recursion, white
 from simplex import minimise
+from slow_profile import NO_WHITE
 
 NAMES = ("F", "alpha", "g", "f", "s2", "R")
 
@@ -201,3 +202,25 @@ def test_white_noise_leaves_the_order_undefined() -> None:
     assert not free.f.defined
     told = fractional_fit(data, found, H, white=True)
     assert not any(getattr(told, name).defined for name in NAMES)
+
+
+def test_critical_value_where_there_is_no_white_noise() -> None:
+    """An end of F is where 2 log L has fallen by 3.84, or by 4.6 if the spectrum there has R = 0.
+
+    With 3.84 at R = 0 too, F was held in 90 % of 1,000 series.
+    """
+    alpha, g = 0.4, -(H**0.4)
+    lam = 2 * np.pi * used_ordinates(3_000, H) / 3_000
+    fallen: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(12):
+        data = binned(drawn(spectrum.fractional(lam, alpha, g), lam, 3_000, seed))
+        found = fit(data, models.FULL)
+        F = fractional_fit(data, found, H).F
+        for end in (F.low, F.high):
+            assert end is not None
+            there = fit(data, models.held("F", end, H))
+            no_white = float(np.exp(-there.theta[0, -1])) < NO_WHITE
+            fallen[no_white].append(2 * float(there.nll[0] - found.nll[0]))
+    assert fallen[True] == pytest.approx([4.6] * len(fallen[True]), abs=0.2)
+    assert fallen[False] == pytest.approx([3.841] * len(fallen[False]), abs=0.2)
+    assert min(map(len, fallen.values())) >= 5

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.identify.curves import Curves
-from fltea.identify.findings import MODELS, model_name
+from fltea.identify.findings import model_name
 from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
 from fltea.identify.run import AxisReport
 from fltea.spectrum.allan_coefficients import FLICKER
 from fltea.spectrum.evidence import LEVEL
 from fltea.spectrum.profile import CRITICAL
+from fltea.spectrum.wording import MODELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

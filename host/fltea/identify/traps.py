@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.identify.repeated import repeats
 from fltea.spectrum.lines import Peak
 
 Array = NDArray[np.float64]
@@ -72,27 +73,17 @@ def axis_traps(
 
 def sensor_traps(y: Iterable[ArrayLike], lsb: Sequence[float | None]) -> tuple[Trap, ...]:
     """Look for samples of all axes, each (n,), that were delivered twice; lsb of each axis, if known."""
-    repeated: NDArray[np.bool_] | None = None
-    by_chance, n = 1.0, 0
-    for axis, one in zip(y, lsb, strict=True):
-        samples = np.asarray(axis, dtype=np.float64)
-        again = samples[1:] == samples[:-1]
-        repeated = again if repeated is None else repeated & again
-        by_chance *= _chance(samples, one, int(np.count_nonzero(~again)))
-        n = len(samples) - 1
-    if repeated is None or n < 1:
+    axes = (np.asarray(axis, dtype=np.float64) for axis in y)
+    seen = repeats((axis, one or _step(axis)) for axis, one in zip(axes, lsb, strict=True))
+    if seen is None or not seen.found:
         return ()
-    same = int(repeated.sum())
-    expected = n * by_chance
-    if same <= 3 + 1.5 * expected + 6 * math.sqrt(expected):
-        return ()
-    share = same / n
+    share = (seen.same - seen.expected) / seen.pairs
     return (
         Trap(
             "repeated",
             "bad" if share > 0.05 else "warning",
-            f"{same} samples ({share:.2%}) are the same as the one before on every axis; chance gives "
-            f"{expected:.2g}.",
+            f"{seen.same} samples ({seen.same / seen.pairs:.2%}) are the same as the one before on every "
+            f"axis; chance gives {seen.expected:.0f}.",
             "The sensor is read faster than it measures, or reads fail and the old value is kept: set its "
             "sample-rate divider to the rate of reading, or wait for its data-ready signal.",
         ),
@@ -317,16 +308,6 @@ def _step(y: Array) -> float | None:
 def _thin(values: Array) -> Array:
     """All of them, or of more than LONG every k-th: what is common or typical is then known well enough."""
     return values[:: -(-len(values) // LONG)] if len(values) > LONG else values
-
-
-def _chance(axis: Array, lsb: float | None, moved: int) -> float:
-    """Probability that two neighbours are equal by rounding; `moved` of them are not."""
-    step = lsb or _step(axis)
-    if step is None or not moved:
-        return 0.0 if moved else 1.0
-    moves = _thin(np.diff(axis))
-    spread = float(moves[moves != 0].std()) if moves.any() else 0.0
-    return min(step / (spread * math.sqrt(2 * math.pi)), 1.0) if spread else 0.0  # all moves alike: a ramp
 
 
 def _first(at: NDArray[np.intp], h: float) -> str:

@@ -32,7 +32,7 @@ SHORTEST = 64
 
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
-_JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
+JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
 """Rad a sample of its own rate: the whole level serves below, the level above it from there on."""
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
@@ -250,7 +250,7 @@ def _drift_of(amplitudes: list[Array], level: int) -> Drift | None:
 def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> tuple[Array, Array, Array]:
     """Frequencies, powers and weights; of drift that is taken out `amplitudes` takes note."""
     m = len(y)
-    last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(_JOIN * m / (2 * np.pi)) - 1)
+    last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     j = np.arange(LOWEST, last + 1)
     values = y.astype(np.float64)
     values -= values.mean()

@@ -1,8 +1,11 @@
 """Intervals of the fractional model's parameters by profile likelihood (pure).
 
 A value belongs to the interval if the best fit that has it is at most 3.84 in 2 log L below the best of all
-(95 % of χ² with one degree). Unlike the curvature at the maximum this also holds at R = 0 and where α and g
-cannot be told apart; there the interval takes in nearly all that is possible, and the parameter is undefined.
+(95 % of χ² with one degree). Unlike the curvature at the maximum this also holds where α and g cannot be told
+apart; there the interval takes in nearly all that is possible, and the parameter is undefined.
+
+R cannot be below 0. Where the best fit that has a value has no white noise, the ratio of likelihoods is not
+χ²: R can only be too large, and then α or F is too large with it. The critical value is 4.6 there.
 The search is native (host/native/whittle_profile.hpp).
 """
 
@@ -24,6 +27,12 @@ Array = NDArray[np.float64]
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
+CRITICAL_AT_BOUND = 4.6
+"""The same where the best fit that has the value has no white noise.
+
+Of long records the worst, with R and the parameter fully correlated, is 4.24 (a mixture of χ²; Self & Liang,
+*JASA* 82, 1987), and short ones need more. With 4.6 the intervals of 35 noises without R cover 95 to 96 % on
+average of them (tools/bench/bound_tables.py)."""
 NEARLY_ALL = 0.9
 """Share of the possible range from which on a parameter is undefined."""
 LOWEST = 1e-6
@@ -144,6 +153,7 @@ def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...], ne
         scale=float(found.scale[0]),
         nll=float(found.nll[0]),
         critical=CRITICAL,
+        at_bound=CRITICAL_AT_BOUND,
         h=h,
         what=np.array([one.row() for one in profiles]),
         near=near,

@@ -1,0 +1,175 @@
+"""Samples that were delivered twice, told from neighbours that rounding makes equal (pure).
+
+Rounding makes neighbours equal on each axis by itself, the more often the coarser the counts and the slower
+the noise. A sample that is delivered twice is equal to the one before on all axes at once. With m_i the share
+of equal neighbours on axis i and J that of those equal on all axes, the share q of repeats is the root of
+
+    J = q + (1 - q) Π (m_i - q) / (1 - q)
+
+which asks nothing of distribution or autocorrelation. Two things make axes alike without a repeat: a power
+that changes, and steps that are correlated (vibration). Samples two apart are alike then too, and the excess
+of J over Π m_i, times what the correlation allows, is small within each part of the record.
+
+Of a single axis, steps of one and of two counts tell how many of none there should be.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Equal = NDArray[np.bool_]
+
+PARTS = 32
+"""Of the record: their spread gives the error, whatever the autocorrelation."""
+SIGNIFICANT = 5.5
+"""Of Student's t with PARTS - 1 degrees of freedom: once in 400,000."""
+LEAST_DETERMINANT = 1e-3
+"""Of the correlation of the steps: axes that are more alike are one axis."""
+HALVINGS = 40
+FINE_COUNTS = 3.0
+"""Spread of the steps in LSB from which on their density is that of steps without rounding."""
+UNIFORM_LSB = 0.7
+"""σ from which on the signal lies anywhere between two counts, also with heavy tails."""
+LONG = 1 << 20
+"""Steps from which on the correlation is that of some of them, spread evenly."""
+TAILS = 1.15
+"""Times as many equal neighbours as of Gaussian steps are allowed for other distributions."""
+_STEPS = np.geomspace(0.2, 2 * FINE_COUNTS, 400)
+"""Spreads of steps before rounding, in LSB."""
+
+
+class Repeats(NamedTuple):
+    """Samples that are equal to the one before on every axis."""
+
+    same: int
+    pairs: int
+    """that were compared"""
+    expected: float
+    """how many chance makes equal"""
+    found: bool
+    """whether there are more"""
+
+
+def repeats(axes: Iterable[tuple[ArrayLike, float | None]]) -> Repeats | None:
+    """Compare neighbours on the axes; None if none of them moves.
+
+    axes: the samples (n,) of each, and what one count is in their unit; None: they are not rounded.
+    """
+    near: list[Equal] = []
+    far: list[Equal] = []
+    steps: list[NDArray[np.float32]] = []
+    alone: Repeats | None = None
+    for axis, count in axes:
+        samples = np.asarray(axis, dtype=np.float64)
+        if len(samples) <= 2 * PARTS or not np.ptp(samples) > 0:
+            continue
+        near.append(samples[1:] == samples[:-1])
+        far.append(samples[2:] == samples[:-2])
+        alone = _of_one_axis(samples, count) if not steps else None
+        steps.append(np.diff(samples)[:: -(-len(samples) // LONG)].astype(np.float32))
+    if len(near) < 2:
+        return alone
+    return _of_several(np.array(near), np.array(far), steps)
+
+
+def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDArray[np.float32]]) -> Repeats:
+    all_near: Equal = np.asarray(near.all(axis=0))
+    same, pairs = int(all_near.sum()), len(all_near)
+    alike = _alike(steps, ~all_near[:: -(-(pairs + 1) // LONG)])
+    share, left_out = _repeated(near, all_near)
+    all_far: Equal = np.asarray(far.all(axis=0))
+    share_far, left_out_far = _repeated(far, all_far)
+    error = _jackknife(left_out - left_out_far)
+    each, together = _shares(near), _shares(all_near)
+    over = together - np.minimum(alike * each.prod(axis=0), each.min(axis=0))
+    spread = float(over.std(ddof=1)) / math.sqrt(PARTS)
+    sure = share - share_far > SIGNIFICANT * error and float(over.mean()) > SIGNIFICANT * spread
+    # Of fine counts hardly any neighbours are equal, and a few on all axes are proof enough.
+    chance = max(alike * float(near.mean(axis=1).prod()) * pairs, float(all_far.sum()))
+    few = same > 3 + 1.5 * chance + 6 * math.sqrt(chance)
+    repeated = (share - max(share_far, 0.0) if share_far < share / 2 else share) * pairs
+    return Repeats(same, pairs, max(same - max(repeated, 0.0), 0.0), sure or few)
+
+
+def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
+    """Times as often as independent axes with fine counts they are equal at once, for correlated steps."""
+    if int(moved.sum()) < PARTS:
+        return 1.0
+    correlation = np.atleast_2d(np.corrcoef([one[moved] for one in steps]))
+    return float(1 / math.sqrt(max(float(np.linalg.det(correlation)), LEAST_DETERMINANT)))
+
+
+def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
+    """Share of repeats, and (PARTS,) what it is without each part of the record."""
+    own, all_of_them = _shares(each), _shares(together)
+    others = (PARTS * own.mean(axis=1)[:, np.newaxis] - own) / (PARTS - 1)
+    left_out = _root((PARTS * all_of_them.mean() - all_of_them) / (PARTS - 1), others)
+    return float(_root(all_of_them.mean(keepdims=True), own.mean(axis=1, keepdims=True))[0]), left_out
+
+
+def _shares(equal: NDArray[np.bool_]) -> Array:
+    """(..., PARTS) of (..., n); the last few samples are in none."""
+    size = equal.shape[-1] // PARTS
+    parts = equal[..., : size * PARTS].reshape(*equal.shape[:-1], PARTS, size)
+    return np.asarray(parts.mean(axis=-1), dtype=np.float64)
+
+
+def _root(together: Array, each: Array) -> Array:
+    """The q of the equation above for J (k,) and m (axes, k); negative where J is less than chance."""
+    low, high = np.full(together.shape, -1.0), each.min(axis=0)
+    for _ in range(HALVINGS):
+        q = (low + high) / 2
+        left = np.maximum(1 - q, 1e-9)
+        less = q + left * ((each - q) / left).prod(axis=0) < together
+        low, high = np.where(less, q, low), np.where(less, high, q)
+    return np.asarray((low + high) / 2)
+
+
+def _of_one_axis(samples: Array, count: float | None) -> Repeats:
+    moves = np.diff(samples)
+    same, pairs = int((moves == 0).sum()), len(moves)
+    if count is None:
+        return Repeats(same, pairs, 0.0, same > 3)
+    sizes = np.rint(np.abs(moves) / count)
+    moved = moves[sizes > 0]
+    spread = float(moved.std()) / count if len(moved) else 0.0
+    if spread >= FINE_COUNTS:
+        expected = pairs / (spread * math.sqrt(2 * math.pi))
+        return Repeats(same, pairs, expected, same > 3 + 1.5 * expected + 6 * math.sqrt(expected))
+    if float(samples.std()) < UNIFORM_LSB * count:
+        return Repeats(same, pairs, float(same), False)
+    none, one, two = (_shares(sizes == k) for k in (0, 1, 2))
+    over = none.mean() - TAILS * _none(one.mean(), two.mean())
+    rest = [(PARTS * part.mean() - part) / (PARTS - 1) for part in (none, one, two)]
+    error = _jackknife(rest[0] - TAILS * _none(rest[1], rest[2]))
+    expected = min(float(_none(one.mean(), two.mean())) * pairs, float(same))
+    return Repeats(same, pairs, expected, bool(over > SIGNIFICANT * error))
+
+
+def _none(one: Array, two: Array) -> Array:
+    """Share of steps of no count, from those of one count and of two, for Gaussian steps before rounding."""
+    chance = [_rounded_step(k) for k in range(3)]
+    # Where steps of two are rarer than the finest of these has them, nothing can be told: take all.
+    known = two > one * (chance[2] / chance[1])[0]
+    ratio = np.interp(two / np.maximum(one, 1e-12), chance[2] / chance[1], chance[0] / chance[1] / 2)
+    return np.where(known, one * ratio, 1.0)
+
+
+def _rounded_step(k: int) -> Array:
+    """Share of steps of k counts up or down alike, for the spreads in _STEPS."""
+
+    def integral(x: float) -> Array:
+        z = x / _STEPS
+        erf = np.array([math.erf(one / math.sqrt(2)) for one in z.tolist()])
+        return np.asarray(x * (1 + erf) / 2 + _STEPS * np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi))
+
+    return integral(k + 1.0) - 2 * integral(float(k)) + integral(k - 1.0)
+
+
+def _jackknife(left_out: Array) -> float:
+    away = left_out - left_out.mean()
+    return math.sqrt((PARTS - 1) / PARTS * float(away @ away))
