@@ -31,6 +31,8 @@ DRIFTS, SURELY = 1.5, 6.0
 """Expected power of the slowest ordinates over white noise: some drift, and more than anybody misses."""
 FEW = 1_000
 """Samples of coarse counts that may all be the same."""
+NARROW, FEW_ORDINATES = 2.0, 10.0
+"""Ordinates in the width of a peak that is as good as a line, and of one that is hardly more."""
 INSIDE_THE_FILTER = 0.5
 """Power gain, down to which what is in front of a filter can be seen."""
 
@@ -154,9 +156,11 @@ def _walk(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> No
 def _resonance(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     notes.right.add("resonance")
     for _, width in _peaks(noise):
-        if width * n / (2 * math.pi) < 2:
-            notes.right.add("line")
-            notes.accepted.pop("line", None)
+        ordinates = width * n / (2 * math.pi)
+        if ordinates < NARROW:
+            notes.right |= {"line", "line or resonance"}
+        elif ordinates < FEW_ORDINATES:
+            notes.accepted["line or resonance"] = f"the peak is {ordinates:.1f} ordinates wide"
     notes.accepted.pop("drift", None)
 
 
@@ -232,8 +236,11 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
             surely |= seen
             if not seen:
                 notes.accepted["white"] = notes.accepted["undecided"] = f"{over:.1f} times the noise"
+    if "line" in notes.right:
+        notes.accepted["line or resonance"] = "a resonance narrower than an ordinate has the same spectrum"
     if surely:
-        notes.right, notes.accepted = {"line"}, {}
+        notes.right = {"line"}
+        notes.accepted = {"line or resonance": notes.accepted["line or resonance"]}
     elif "white" in notes.right:
         notes.accepted["undecided"] = "the null test rejects one white record in twenty"
 
