@@ -126,13 +126,15 @@ class Bank {
         lanes().counts(out.data());
     }
 
-    // lag1 and NIS of each axis; NaN before there are enough innovations.
-    std::vector<std::pair<double, double>> whiteness() const {
+    // lag1, NIS, Ljung and Box's statistic and the innovations that they are of, for each axis; NaN before
+    // there are enough.
+    std::vector<std::tuple<double, double, double, int>> whiteness() const {
         const std::lock_guard<std::mutex> alone(mutex_);
-        std::vector<std::pair<double, double>> result;
+        std::vector<std::tuple<double, double, double, int>> result;
         for (size_t axis = 0; axis < bank_.axes(); ++axis) {
             const fltea::Whiteness& one = bank_.whiteness(axis);
-            result.emplace_back(one.lag1(), one.nis());
+            const fltea::Whiteness::LjungBox box = one.ljung_box();
+            result.emplace_back(one.lag1(), one.nis(), box.value, box.n);
         }
         return result;
     }

@@ -94,10 +94,8 @@ Model<double> model_of(int family, double highest_order, int hold, double held, 
     if (family < 0 || family >= kFamilies) refuse("no such model");
     if (!(highest_order > 0 && highest_order <= 2)) refuse("orders are fitted up to 2");
     const Family of = static_cast<Family>(family);
-    const bool one = hold == kHoldOne && (of == kRising || (poles(of) > 0 && !low_pass(of)));
-    if (!one && (hold < kNothing || hold > kHoldWeight || (hold != kNothing && of != kFractional)))
-        refuse(
-            "held can be one number of the fractional model, or 1 of a sum's first pole or a rising order");
+    if (hold < kNothing || hold > kHoldWeight || (hold != kNothing && of != kFractional))
+        refuse("only one number of the fractional model can be held");
     if (!std::isfinite(held) || !(std::isfinite(h) && h > 0))
         refuse("a held number and h must be finite, and h > 0");
     const bool negative = hold == kHoldFeedback || hold == kHoldParameter;

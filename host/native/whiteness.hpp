@@ -1,19 +1,21 @@
 // Whether the innovations of a filter are white, and as large as it thinks. Of a filter whose model is right
 // they are uncorrelated, and their squares over the variance that it predicts have the mean 1 (Bar-Shalom, Li
-// & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2).
+// & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2). Behind a low-pass
+// neighbours may be uncorrelated and later ones not, so that the first lag alone says too little.
 #pragma once
 
 #include <cstddef>
 
 namespace fltea {
 
-// Both figures over the last 1,000 innovations, give or take a hundred; NaN before 200.
+// All figures over the last 1,000 innovations, give or take a hundred; NaN before 200.
 class Whiteness {
   public:
     void add(double innovation, double std) {
-        if (follows_) now_.products += innovation * last_;
-        last_ = innovation;
-        follows_ = true;
+        for (int lag = 0; lag < before_; ++lag) now_.products[lag] += innovation * last_[lag];
+        for (int lag = kLags - 1; lag > 0; --lag) last_[lag] = last_[lag - 1];
+        last_[0] = innovation;
+        if (before_ < kLags) ++before_;
         if (std > 0) now_.normalised += (innovation / std) * (innovation / std);
         now_.squares += innovation * innovation;
         if (++now_.n < kBlock) return;
@@ -25,13 +27,13 @@ class Whiteness {
         now_ = Sums();
     }
 
-    // There was no innovation: what follows has no neighbour.
-    void skip() { follows_ = false; }
+    // There was no innovation: what follows has no neighbours.
+    void skip() { before_ = 0; }
 
     // Correlation of neighbours, 0 ± 1/sqrt(n) for white innovations.
     double lag1() const {
         const Sums all = sum();
-        return all.n >= kFewest && all.squares > 0 ? all.products / all.squares : __builtin_nan("");
+        return all.n >= kFewest && all.squares > 0 ? all.products[0] / all.squares : __builtin_nan("");
     }
 
     // Mean normalised innovation squared; 1 where the filter's variance is right.
@@ -40,10 +42,27 @@ class Whiteness {
         return all.n >= kFewest ? all.normalised / all.n : __builtin_nan("");
     }
 
+    // Ljung and Box's statistic, over innovations in that number: χ² with kLags degrees for white ones.
+    struct LjungBox {
+        double value;
+        int n;
+    };
+    LjungBox ljung_box() const {
+        const Sums all = sum();
+        if (all.n < kFewest || !(all.squares > 0)) return LjungBox{__builtin_nan(""), all.n};
+        double total = 0;
+        for (int lag = 0; lag < kLags; ++lag) {
+            const double r = all.products[lag] / all.squares;
+            total += r * r / (all.n - lag - 1);
+        }
+        return LjungBox{total * all.n * (all.n + 2.0), all.n};
+    }
+
   private:
+    static const int kLags = 20;
     struct Sums {
         int n = 0;
-        double products = 0, squares = 0, normalised = 0;
+        double products[kLags] = {}, squares = 0, normalised = 0;
     };
     static const int kBlock = 100, kBlocks = 9, kFewest = 200;
 
@@ -55,7 +74,7 @@ class Whiteness {
     }
     static void add(Sums& to, const Sums& from) {
         to.n += from.n;
-        to.products += from.products;
+        for (int lag = 0; lag < kLags; ++lag) to.products[lag] += from.products[lag];
         to.squares += from.squares;
         to.normalised += from.normalised;
     }
@@ -63,8 +82,8 @@ class Whiteness {
     Sums blocks_[kBlocks];  // oldest first
     Sums now_;
     int kept_ = 0;
-    double last_ = 0;
-    bool follows_ = false;
+    double last_[kLags] = {};  // newest first
+    int before_ = 0;           // of them, those that nothing is missing behind
 };
 
 }  // namespace fltea

@@ -89,10 +89,10 @@ struct Ar2 {
     Number phi1, phi2;
 };
 
-// K relaxations; with quantisation noise there is one part more.
-template <int K, bool quantised>
+// K relaxations.
+template <int K>
 struct Sum {
-    enum { kShapes = K, kParts = K + quantised };
+    enum { kShapes = K, kParts = K };
     static int part_of(int k) { return k; }
     explicit Sum(const Natural& natural) {
         for (int k = 0; k < K; ++k) phi[k] = Number(natural.shape[k]);
@@ -105,7 +105,6 @@ struct Sum {
     void parts(const Bins& bins, std::size_t i, Number* part) const {
         const Number square = load(bins.square + i);
         for (int k = 0; k < K; ++k) part[k] = ar1(phi[k], square);
-        if (quantised) part[K] = square;
     }
 
   private:
@@ -277,13 +276,10 @@ constexpr Functions functions() {
 }
 
 const Functions kTable[kFamilies] = {
-    functions<White>(),         functions<Fractional>(),    functions<Sum<1, false>>(),
-    functions<Ar2>(),           functions<Sum<2, false>>(), functions<Sum<3, false>>(),
-    functions<Sum<4, false>>(), functions<Sum<5, false>>(), functions<Sum<6, false>>(),
-    functions<Sum<1, true>>(),  functions<Sum<2, true>>(),  functions<Sum<3, true>>(),
-    functions<Sum<4, true>>(),  functions<Sum<5, true>>(),  functions<Sum<6, true>>(),
-    functions<LowPass<0>>(),    functions<LowPass<1>>(),    functions<LowPass<2>>(),
-    functions<Arfima>(),        functions<Rising>(),
+    functions<White>(),  functions<Fractional>(), functions<Sum<1>>(),     functions<Ar2>(),
+    functions<Sum<2>>(), functions<Sum<3>>(),     functions<Sum<4>>(),     functions<Sum<5>>(),
+    functions<Sum<6>>(), functions<LowPass<0>>(), functions<LowPass<1>>(), functions<LowPass<2>>(),
+    functions<Arfima>(), functions<Rising>(),
 };
 
 void sums(Family family, const Bins& bins, const double* power, const Natural& at, Sums& out) {

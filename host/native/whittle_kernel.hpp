@@ -20,12 +20,6 @@ enum Family : int {
     kFourAr1,
     kFiveAr1,
     kSixAr1,
-    kQuantisedAr1,  // the same sums, and quantisation noise: differences of white noise
-    kQuantisedTwoAr1,
-    kQuantisedThreeAr1,
-    kQuantisedFourAr1,
-    kQuantisedFiveAr1,
-    kQuantisedSixAr1,
     kLowPass,  // white noise through a low-pass, and none to two AR(1)
     kLowPassAr1,
     kLowPassTwoAr1,
@@ -35,7 +29,7 @@ enum Family : int {
 };
 
 const int kMostShapes = 6;  // numbers that give the parts their shapes: α and g, or the poles
-const int kMostParts = 7;   // besides white noise
+const int kMostParts = 6;   // besides white noise
 const int kMost = kMostShapes + kMostParts + 1;  // all numbers of a spectrum
 const std::size_t kPadding = 8;                  // the number of bins is a multiple of it
 
@@ -84,6 +78,7 @@ extern const Kernel kernel_baseline;
 extern const Kernel kernel_avx2;
 extern const Kernel kernel_avx512;
 
+inline bool low_pass(Family family) { return family >= kLowPass && family < kArfima; }
 // AR(1) in it.
 inline int poles(Family family) {
     switch (family) {
@@ -96,20 +91,16 @@ inline int poles(Family family) {
         case kRising:
             return 0;
         default:
-            return family >= kLowPass        ? family - kLowPass
-                   : family >= kQuantisedAr1 ? family - kQuantisedAr1 + 1
-                                             : family - kTwoAr1 + 2;
+            return low_pass(family) ? family - kLowPass : family - kTwoAr1 + 2;
     }
 }
-inline bool quantised(Family family) { return family >= kQuantisedAr1 && family < kLowPass; }
-inline bool low_pass(Family family) { return family >= kLowPass && family < kArfima; }
 inline int shapes(Family family) {
     if (family == kFractional || family == kAr2 || family == kArfima) return 2;
     return family == kRising ? 1 : poles(family) + (low_pass(family) ? 2 : 0);
 }
 inline int parts(Family family) {
     if (family == kFractional || family == kAr2 || family >= kArfima) return 1;
-    return poles(family) + (quantised(family) || low_pass(family) ? 1 : 0);
+    return poles(family) + (low_pass(family) ? 1 : 0);
 }
 
 }  // namespace whittle

@@ -10,20 +10,10 @@
 namespace fltea {
 namespace whittle {
 
-const int kFree = 13;  // coordinates, at most
+const int kFree = 12;  // coordinates, at most
 
-// What is held of the fractional model. F = g + α; f = h^-α g. Of a sum of AR(1) the first may be held, at
-// φ = 1, where it is a random walk, and the order of `kRising`, at δ = 1: quantisation noise.
-enum Hold : int {
-    kNothing,
-    kHoldOrder,
-    kHoldFeedback,
-    kHoldParameter,
-    kHoldWeight,
-    kHoldState,
-    kHoldNoise,
-    kHoldOne
-};
+// What is held of the fractional model. F = g + α; f = h^-α g.
+enum Hold : int { kNothing, kHoldOrder, kHoldFeedback, kHoldParameter, kHoldWeight, kHoldState, kHoldNoise };
 
 template <class R>
 struct Model {
@@ -110,7 +100,6 @@ void bounds(const Model<R>& model, R* low, R* high) {
         low[i] = R(-kTop);
         high[i] = R(kTop);
     }
-    if (model.hold == kHoldOne) low[0] = high[0];
     if (low_pass(model.family)) {
         low[0] = R(kLowestCorner);
         high[0] = R(kHighestCorner);
@@ -256,8 +245,8 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
         }
         case kRising: {
             const Share<R> share(theta[0]);
-            natural.shape[0] = model.hold == kHoldOne ? 1 : share.value;
-            if (model.hold != kHoldOne) out.chain[0][0] = share.slope;
+            natural.shape[0] = share.value;
+            out.chain[0][0] = share.slope;
             map_weight(theta[1], 1, 1, out);
             return true;
         }
@@ -273,10 +262,6 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
             }
             const int count = shapes(model.family);
             for (int k = first; k < count; ++k) map_pole(theta[k], natural.shape[k], out.chain[k][k]);
-            if (model.hold == kHoldOne) {
-                natural.shape[0] = 1;
-                out.chain[0][0] = 0;
-            }
             map_shares(theta, count, parts(model.family), out);
             return true;
         }

@@ -66,3 +66,16 @@ def test_neighbours_of_a_gap_are_no_pair() -> None:
         if k % 2:
             white.skip()
     assert white.lag1 == pytest.approx(0.5)  # every pair that is left is equal; half as many as squares
+
+
+def test_a_later_lag_is_seen_where_the_first_is_not() -> None:
+    """Every second innovation is like the one before the last."""
+    rng = np.random.default_rng(5)
+    x = np.zeros(1000)
+    for k in range(2, len(x)):
+        x[k] = 0.5 * x[k - 2] + rng.normal()
+    white = filled(x.tolist())
+    assert abs(white.lag1 or 0) < 0.15
+    assert white.describes_noise is False
+    assert filled(rng.normal(size=1000).tolist()).describes_noise is True
+    assert filled(x[: FEWEST - 1].tolist()).describes_noise is None

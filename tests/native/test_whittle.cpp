@@ -79,8 +79,6 @@ TEST_CASE("slopes of all models are the differences of -log L") {
     for (int turn = 0; turn < 20; ++turn) {
         for (int family = 0; family < kFamilies; ++family)
             check_slopes(target, model_of(static_cast<Family>(family)), random);
-        for (Family family : {kAr1, kThreeAr1, kQuantisedTwoAr1, kRising})
-            check_slopes(target, model_of(family, kHoldOne, 1), random);
         for (Hold hold : kScaledHolds)
             check_slopes(target, model_of(kFractional, hold, held_value(hold)), random);
         for (Hold hold : {kHoldState, kHoldNoise})

@@ -29,6 +29,7 @@ class Walked(NamedTuple):
     interventions: dict[str, dict[str, int]]
     lag1: dict[str, float | None]
     nis: dict[str, float | None]
+    describes_noise: dict[str, bool | None]
     bias: tuple[float, ...]
     R: tuple[float, ...]
     constant: tuple[str, ...]
@@ -71,6 +72,7 @@ def by_sample(
         {axis: live.interventions.get(axis, {}) for axis in axes},
         {axis: one.lag1 for axis, one in white.items()},
         {axis: one.nis for axis, one in white.items()},
+        {axis: one.describes_noise for axis, one in white.items()},
         *live.baseline,
     )
 
@@ -101,7 +103,16 @@ def by_bank(
         parts.append(found)
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
     assert bank.baseline is not None
-    return Walked(columns, lost, bank.restarts, bank.interventions, bank.lag1, bank.nis, *bank.baseline)
+    return Walked(
+        columns,
+        lost,
+        bank.restarts,
+        bank.interventions,
+        bank.lag1,
+        bank.nis,
+        bank.describes_noise,
+        *bank.baseline,
+    )
 
 
 def fed_directly(y: Array, config: EstimatorConfig, lsb: float) -> list[dict[str, dict[str, object]]]:
@@ -150,6 +161,7 @@ def assert_close(found: Walked, expected: Walked, tolerance: float = 1e-9) -> No
     assert found.lost == expected.lost
     assert found.restarts == expected.restarts
     assert found.interventions == expected.interventions
+    assert found.describes_noise == expected.describes_noise
     for mine, others in ((found.lag1, expected.lag1), (found.nis, expected.nis)):
         for axis, value in others.items():
             ours = mine[axis]

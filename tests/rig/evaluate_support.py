@@ -21,6 +21,8 @@ TINY = Plan(
     refereed=(),
     alarm_series=100,
     shifts=(),
+    coverage=(),
+    coverage_series=100,
 )
 
 

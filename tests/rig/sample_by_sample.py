@@ -6,6 +6,7 @@ The engine is the native one, whose own oracle is `fltea.estimator.reference`.
 import math
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from fltea.estimator.engine import CAUSES, Engine
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, Reason
 from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.innovation_whiteness import LAGS, describes
 
 STATE_BOUND = CAUSES.index("state_bound")
 
@@ -291,36 +293,54 @@ BLOCKS = 10
 FEWEST = 200
 
 
+@dataclass
+class _Sums:
+    n: int = 0
+    squares: float = 0.0
+    products: list[float] = field(default_factory=lambda: [0.0] * LAGS)
+    normalised: float = 0.0
+
+
 class Whiteness:
-    """Both figures over the last 1,000 innovations, give or take a block; None before `FEWEST`."""
+    """All figures over the last 1,000 innovations, give or take a block; None before `FEWEST`."""
 
     def __init__(self) -> None:
-        self._blocks: deque[tuple[int, float, float, float]] = deque(maxlen=BLOCKS - 1)
-        self._now = (0, 0.0, 0.0, 0.0)
-        self._last: float | None = None
+        self._blocks: deque[_Sums] = deque(maxlen=BLOCKS - 1)
+        self._now = _Sums()
+        self._before: list[float] = []
 
     def add(self, innovation: float, std: float) -> None:
         """Take an innovation and the standard deviation that the filter gave it, in the same unit."""
-        n, products, squares, normalised = self._now
-        if self._last is not None:
-            products += innovation * self._last
-        self._last = innovation
+        now = self._now
+        for lag, before in enumerate(reversed(self._before)):
+            now.products[lag] += innovation * before
+        self._before = [*self._before, innovation][-LAGS:]
         if std > 0:
-            normalised += (innovation / std) ** 2
-        self._now = (n + 1, products, squares + innovation * innovation, normalised)
-        if n + 1 == BLOCK:
-            self._blocks.append(self._now)
-            self._now = (0, 0.0, 0.0, 0.0)
+            now.normalised += (innovation / std) ** 2
+        now.squares += innovation * innovation
+        now.n += 1
+        if now.n == BLOCK:
+            self._blocks.append(now)
+            self._now = _Sums()
 
     def skip(self) -> None:
-        """Take note that there was no innovation: what follows has no neighbour."""
-        self._last = None
+        """Take note that there was no innovation: what follows has no neighbours."""
+        self._before = []
 
     @property
     def lag1(self) -> float | None:
         """Correlation of neighbours, 0 ± 1/√n for white innovations."""
-        n, products, squares, _ = self._sums()
-        return products / squares if n >= FEWEST and squares > 0 else None
+        n, squares, products, _ = self._sums()
+        return products[0] / squares if n >= FEWEST and squares > 0 else None
+
+    @property
+    def describes_noise(self) -> bool | None:
+        """Whether the correlations of all lags are small."""
+        n, squares, products, _ = self._sums()
+        if n < FEWEST or not squares > 0:
+            return None
+        r = np.array(products) / squares
+        return describes(n, n * (n + 2) * float((r**2 / (n - 1 - np.arange(LAGS))).sum()))
 
     @property
     def nis(self) -> float | None:
@@ -328,5 +348,12 @@ class Whiteness:
         n, _, _, normalised = self._sums()
         return normalised / n if n >= FEWEST else None
 
-    def _sums(self) -> tuple[float, ...]:
-        return tuple(sum(column) for column in zip(*self._blocks, self._now, strict=True))
+    def _sums(self) -> tuple[int, float, list[float], float]:
+        every = [*self._blocks, self._now]
+        products = [sum(column) for column in zip(*(one.products for one in every), strict=True)]
+        return (
+            sum(one.n for one in every),
+            sum(one.squares for one in every),
+            products,
+            sum(one.normalised for one in every),
+        )

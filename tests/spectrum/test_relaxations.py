@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from filtered_noise import fractionally_integrated, relaxations
-from fltea.identify.sums import examined, lines_of, octaves_of
+from fltea.identify.sums import examined
 from fltea.spectrum.arfima import ARFIMA, arfima_parameters
 from fltea.spectrum.drift import SlowPower, drift_hz
 from fltea.spectrum.how_long import seconds_to_tell
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.relaxations import MOST, corner_hz, grown, sum_coordinates, sum_of, sum_parameters
-from fltea.spectrum.rising import QUANTISED, RISING, rising_parameters
+from fltea.spectrum.rising import RISING, rising_parameters
 from fltea.spectrum.rivals import fit_all
 from fltea.spectrum.verdict import decide
 from fltea.spectrum.whittle import fit
@@ -23,17 +23,11 @@ from scipy.signal import lfilter
 def test_coordinates_and_back(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     poles, shares = rng.uniform(-0.9, 0.999, count), rng.uniform(0.01, 1, count)
-    white_share, quantised = rng.uniform(0.01, 1), rng.uniform(0.01, 1)
-    theta = sum_coordinates(poles, shares, np.array(white_share), np.array(quantised))
-    total = shares.sum() + white_share + quantised
-    found = sum_parameters(theta[np.newaxis], count, quantised=True)
-    np.testing.assert_allclose(found.poles[0], poles, atol=1e-5)
-    np.testing.assert_allclose(found.shares[0], shares / total, rtol=1e-5)
-    np.testing.assert_allclose(
-        [found.quantisation[0], found.white[0]], np.array([quantised, white_share]) / total
-    )
-    walk = sum_parameters(theta[np.newaxis], count, walk=True, quantised=True)
-    assert walk.poles[0, 0] == 1
+    white_share = rng.uniform(0.01, 1)
+    found = sum_parameters(sum_coordinates(poles, shares, np.array(white_share)), count)
+    np.testing.assert_allclose(found.poles, poles, atol=1e-5)
+    np.testing.assert_allclose(found.shares, shares / (shares.sum() + white_share), rtol=1e-5)
+    assert found.shares.sum() + found.white == pytest.approx(1)
 
 
 def test_so_many_at_most() -> None:
@@ -52,19 +46,6 @@ def test_four_are_found_one_after_the_other() -> None:
         found = more
     poles = np.sort(sum_parameters(found.theta, 4).poles[0])[::-1]
     np.testing.assert_allclose([corner_hz(phi, H) for phi in poles], corners, rtol=0.4)
-
-
-def test_a_random_walk_and_quantisation() -> None:
-    n = 60_000
-    y = np.cumsum(white(n, 1, 1)[0]) * 0.02 + white(n, 1, 2)[0] * 0.3 + np.diff(white(n + 1, 1, 3)[0])
-    data = binned(lines_of(octaves_of(y), H).without(1 / 60, ()))
-    found = fit(data, sum_of(1, walk=True, quantised=True))
-    p = sum_parameters(found.theta, 1, walk=True, quantised=True)
-    np.testing.assert_allclose(
-        found.scale[0] * np.array([p.shares[0, 0], p.quantisation[0], p.white[0]]), [4e-4, 1, 0.09], rtol=0.35
-    )
-    plain = fit(data, QUANTISED)
-    assert plain.nll[0] > found.nll[0] + 100
 
 
 def test_rising_and_arfima_are_found() -> None:

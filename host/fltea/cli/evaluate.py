@@ -137,6 +137,7 @@ def _show(result: "Result") -> None:
             fit_summaries.errors(result),
             (fit_summaries.RATIO_HEADINGS, fit_summaries.ratios(result)),
             (fit_summaries.COVERAGE_HEADINGS, fit_summaries.coverages(result)),
+            (fit_summaries.HELD_HEADINGS, fit_summaries.held(result)),
             (fit_summaries.REFEREE_HEADINGS, fit_summaries.referee(result)),
             (fit_summaries.ALARM_HEADINGS, fit_summaries.alarms(result)),
             (fit_summaries.SHIFT_HEADINGS, fit_summaries.shifts(result)),

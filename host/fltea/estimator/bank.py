@@ -20,6 +20,7 @@ from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lost
 from fltea.estimator.online_state import OnlineState
 from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.innovation_whiteness import describes
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -168,14 +169,22 @@ class Bank:
     def lag1(self) -> dict[str, float | None]:
         """Correlation of neighbouring innovations of each axis; None before there are enough."""
         return {
-            axis: _finite(lag1) for axis, (lag1, _) in zip(self.axes, self._native.whiteness(), strict=True)
+            axis: _finite(lag1) for axis, (lag1, *_) in zip(self.axes, self._native.whiteness(), strict=True)
         }
 
     @property
     def nis(self) -> dict[str, float | None]:
         """Mean normalised innovation squared of each axis; None before there are enough."""
         return {
-            axis: _finite(nis) for axis, (_, nis) in zip(self.axes, self._native.whiteness(), strict=True)
+            axis: _finite(nis) for axis, (_, nis, *_) in zip(self.axes, self._native.whiteness(), strict=True)
+        }
+
+    @property
+    def describes_noise(self) -> dict[str, bool | None]:
+        """Whether the last innovations of each axis are white enough; None before there are enough."""
+        return {
+            axis: describes(samples, ljung_box) if math.isfinite(ljung_box) else None
+            for axis, (*_, ljung_box, samples) in zip(self.axes, self._native.whiteness(), strict=True)
         }
 
     def save(self) -> OnlineState | None:

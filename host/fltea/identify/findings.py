@@ -109,6 +109,7 @@ def rows(axis: AxisReport) -> list[Row]:
     ]
     for fit in (r.fltea, r.fltea_other):
         found.append((f"FLTEA {fit.variant} α", _pm(fit.alpha, fit.alpha_std)))
+        found.append(("  describes the noise", _yes_no(fit.describes_noise)))
         if fit is r.fltea and r.null.shuffled:
             found.append(("  shuffled gives", _span(r.null.shuffled.alpha)))
         found.append(("  over last third", _moved(fit)))
@@ -189,6 +190,20 @@ def settings(axis: AxisReport) -> str:
     )
 
 
+def not_described(axes: Mapping[str, AxisReport]) -> list[str]:
+    """Of which axes a filter's α and f, and their deviations, say nothing: a sentence for each variant."""
+    names: dict[str, list[str]] = {}
+    for name, axis in axes.items():
+        for fit in (axis.result.fltea, axis.result.fltea_other):
+            if fit.describes_noise is False:
+                names.setdefault(fit.variant, []).append(name)
+    return [
+        f"FLTEA {variant} does not describe the noise of {', '.join(those)}: its innovations are not white, "
+        "so its α and f say nothing there, however small their ±."
+        for variant, those in names.items()
+    ]
+
+
 def method(f: FlteaFit) -> str:
     """The settings that the axes have in common."""
     window = "unlimited" if f.settings.window is None else f"{f.settings.window:,} samples"
@@ -240,6 +255,10 @@ def _moved(f: FlteaFit) -> str:
     if f.alpha_drift is None:
         return NONE
     return f"{f.alpha_drift:+.3f}" + ("" if f.converged else ", not converged")
+
+
+def _yes_no(flag: bool | None) -> str:
+    return NONE if flag is None else "yes" if flag else "no"
 
 
 def _guard(f: FlteaFit) -> str:

@@ -12,7 +12,7 @@ from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums
+from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums, describes
 
 Array = NDArray[np.float64]
 
@@ -48,6 +48,9 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     f_drift: float | None
     converged: bool
     """the drift of α is less than its standard deviation or 0.02"""
+    describes_noise: bool | None
+    """False: the innovations of the last two thirds are not white, so that α and f, and their deviations, say
+    nothing of the noise; None: there are too few"""
     settings: EstimatorConfig
     """all of them: window, start-up, tuning"""
 
@@ -77,6 +80,7 @@ def fltea_fit(
     run = _Run(y[config.startup_needed :], bias, h, config, R)
     alpha, alpha_std, f, f_std = (_number(value) if run.valid else None for value in run.last)
     alpha_drift, f_drift = run.alpha.value(), run.f.value()
+    tested = run.innovations
     result = FlteaFit(
         variant=config.variant,
         guard=config.guard,
@@ -94,9 +98,10 @@ def fltea_fit(
         alpha_drift=alpha_drift,
         f_drift=f_drift,
         converged=alpha_drift is not None and abs(alpha_drift) <= max(alpha_std or 0.0, 0.02),
+        describes_noise=None if tested is None else describes(tested.samples, tested.ljung_box),
         settings=config,
     )
-    return result, run.innovations
+    return result, tested
 
 
 class _Run:

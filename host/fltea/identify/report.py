@@ -107,6 +107,8 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
         else:
             yield f'<p class="verdict"><b>{name}</b>: <span class="bad">{escape(axis.error)}</span></p>'
     yield _table(good)
+    for line in findings.not_described(good):
+        yield f"<p>{escape(line)}</p>"
     yield _traps(report)
     for name, axis in good.items():
         yield f'<h3 class="axis">{name}</h3><p>{escape(axis.result.verdict.text)}</p>'

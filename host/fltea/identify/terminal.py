@@ -33,6 +33,8 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
         console.print(table)
         for line in dict.fromkeys(findings.method(axis.result.fltea) for axis in good.values()):
             console.print(_shown(f"{line}."))
+        for line in findings.not_described(good):
+            console.print(_shown(line))
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):

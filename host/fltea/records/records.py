@@ -224,7 +224,8 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the start-up window gave an axis, and how often it had to start again.
 
     bias: in `unit`; R, Q: variances in use, in its square; Q is null where a device estimates. tuned: they
-    are those of the live fit.
+    are those of the live fit. describes_noise: false where the innovations are not white, so that the
+    filter's α and f, and their deviations, say nothing of the noise.
     """
 
     bias: float | None
@@ -236,6 +237,7 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unit: str = GYRO_UNIT
     Q: float | None = None
     tuned: bool = False
+    describes_noise: bool | None = None
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

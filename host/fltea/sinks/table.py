@@ -43,6 +43,7 @@ WHITE_NOTES = {
     "triple": "Pure white noise gives this variant α ≈ 0.4 and f ≈ -2 (0.15 and -0.3 with guard consistent)",
     "joint": "Pure white noise gives this variant α ≈ 0.10 after 3,000 samples, 0.01 after 20,000",
 }
+NOT_DESCRIBED = "* does not describe the noise: innovations are not white. "
 ADVICE = "; believe the fit above. Of a recording ask fltea identify."
 
 
@@ -200,7 +201,8 @@ class DeviceView:
     def note(self) -> str:
         """How far these figures can be trusted."""
         info = self._epoch and (self._epoch.estimator or self._epoch.accel_estimator)
-        return WHITE_NOTES[info.variant if info else "joint"] + ADVICE
+        marked = any(map(self._mark, self._stats.axes)) if self._stats else False
+        return (NOT_DESCRIBED if marked else "") + WHITE_NOTES[info.variant if info else "joint"] + ADVICE
 
     def _head(self) -> str:
         hello = self._hello
@@ -233,13 +235,17 @@ class DeviceView:
                 continue
             table.add_row(
                 name,
-                _with_std(axis.alpha, axis.alpha_std),
-                _with_std(axis.f, axis.f_std),
+                _with_std(axis.alpha, axis.alpha_std) + self._mark(name),
+                _with_std(axis.f, axis.f_std) + self._mark(name),
                 _rate(axis.state),
                 _rate(axis.innovation),
                 *bars,
             )
         return table
+
+    def _mark(self, axis: str) -> str:
+        stats = self._stats.axes.get(axis) if self._stats else None
+        return " *" if stats is not None and stats.describes_noise is False else ""
 
     def _rows_below(self, estimate: Estimate) -> Table:
         rows = Table.grid(padding=(0, 2))

@@ -14,6 +14,11 @@ Array = NDArray[np.float64]
 LAGS = 20
 """Of Ljung and Box's test; even, so that its χ² has a closed form."""
 FEWEST = 100
+COLOURED_P = 1e-3
+"""Innovations are coloured if white ones give such a Ljung–Box statistic no more often,"""
+COLOURED = 0.1
+"""and the root of the sum of the squares of their correlations is more. It is 0.3 to 0.7 behind a low-pass,
+and 0.12 to 0.15 where α is too small by 0.25 to 0.5; in a day something is significant in any noise."""
 
 
 class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -69,6 +74,14 @@ def innovations(innovation: Array, std: Array) -> Innovations | None:
     sums = InnovationSums()
     sums.add(innovation, std)
     return sums.result()
+
+
+def describes(samples: int, ljung_box: float) -> bool:
+    """Tell whether a filter with such innovations describes the noise: they are about white.
+
+    Where they are not, neither its α and f nor their deviations say anything of the noise.
+    """
+    return chi2_tail(ljung_box, LAGS) > COLOURED_P or math.sqrt(ljung_box / samples) <= COLOURED
 
 
 def chi2_tail(x: float, degrees: int) -> float:

@@ -4,6 +4,9 @@ A peak is a stretch of ordinates whose mean is too far above the means of the fl
 Where the spectrum is flat the ratio to one flank has an F distribution, whatever its level, and where it
 slopes one of the flanks is higher. Stretches of 1, 2, 4, ... ordinates are tried; the rate of false alarms is
 shared out among all that are tried (Bonferroni).
+
+At the ends of the band only lines are searched for. Near 0 the lower flank is as short as it has to be. At
+Nyquist's frequency there is a lower one only: its level is continued as it rises from one half to the other.
 """
 
 import math
@@ -13,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.periodogram import AT_ONCE, Periodogram
+from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
 
 Array = NDArray[np.float64]
 
@@ -22,12 +26,22 @@ FLANK = 48
 """Ordinates in the shortest flank; the flanks of wide stretches are twice as long as these."""
 MOST = 12
 """Peaks after which the search ends: a record with more has other troubles."""
+SMOOTHEST = 9
+"""Ordinates that are averaged at least to see whether a hump is a side lobe."""
+LINE_SKIRT = 3
+"""Ordinates on both sides of a line among side lobes that are left out with it."""
+SHORTEST_FLANK = 4
+"""Near frequency 0."""
+END_WIDTHS = (1, 2, 4)
+"""Of stretches at the ends of the band."""
 WIDEST_SHARE = 0.08
 """The widest stretch, as a share of all ordinates."""
 LEAST_LEVEL = 1e-12
 """Of the mean: a level of nothing, as that of made-up noise, is taken for this."""
 LINE_ORDINATES = 6
-"""What is not wider at half its height is a line: an oscillation that stays in phase over the record."""
+"""What has nearly all its power in so many is a line: an oscillation that stays in phase over the record."""
+IN_A_LINE = 0.7
+"""Share of the power: the rest is the noise about it."""
 
 
 class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -49,8 +63,12 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
     """Find the peaks of one series, strongest first; each is taken out before the next is searched for."""
-    power, lam = np.asarray(p.power), p.lam
-    total = float(power.sum())
+    return _search(p, float(p.power.sum()), false_alarm)
+
+
+def _search(p: Periodogram, total: float, false_alarm: float) -> tuple[Peak, ...]:
+    """The peaks of the ordinates of p; total: power of all that there were."""
+    lam, power = p.lam, p.power
     peaks: list[Peak] = []
     while len(peaks) < MOST:
         found = _strongest(power, false_alarm)
@@ -58,10 +76,31 @@ def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, 
             break
         start, stop, level = found
         left, right = _extent(power, start, stop, level)
-        peaks.append(_describe(lam, power, (start, stop), (left, right), level, total, p))
+        peak = _describe(lam, power, (start, stop), (left, right), level, total, p)
+        if peak.kind == "resonance" or peak.height < TELLING:
+            edge = notch_below(lam, power, start, stop, SMOOTHEST)
+            if edge is not None:
+                return _with_stop_band(p, total, false_alarm, edge)
+        peaks.append(peak)
         power = np.concatenate([power[:left], power[right:]])
         lam = np.concatenate([lam[:left], lam[right:]])
     return tuple(peaks)
+
+
+def _with_stop_band(p: Periodogram, total: float, false_alarm: float, edge: float) -> tuple[Peak, ...]:
+    """The peaks of the pass band of a filter, and the lines of its stop band, which begins at `edge`."""
+    begin = int(np.searchsorted(p.lam, edge))
+    below, above = slice(0, begin), slice(begin, None)
+    peaks = _search(p._replace(lam=p.lam[below], power=p.power[below]), total, false_alarm)
+    lam, power = p.lam[above], p.power[above]
+    lines = [
+        _describe(
+            lam, power, (a, b), (max(a - LINE_SKIRT, 0), min(b + LINE_SKIRT, len(lam))), level, total, p
+        )
+        for a, b, level in lines_among_lobes(power, FLANK)
+    ]
+    lines.sort(key=lambda line: -line.power_share)
+    return (*peaks, *lines)[:MOST]
 
 
 def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | None:
@@ -70,7 +109,8 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
     sums = np.zeros(m + 1)
     np.cumsum(power, out=sums[1:])
     widths = [1 << i for i in range(int(math.log2(max(WIDEST_SHARE * m, 1))) + 1)]
-    best: tuple[float, int, int, float] | None = None
+    best = _at_the_ends(sums, false_alarm / 2)
+    false_alarm /= 2
     for width in widths:
         flank, guard = max(FLANK, 2 * width), width
         first, last = flank + guard, m - flank - guard - width
@@ -97,6 +137,47 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
         if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
             best = gain, place, place + width, around
     return None if best is None else best[1:]
+
+
+def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
+    """The likeliest line too near to an end for whole flanks: its gain, begin, end and surrounding level."""
+    m = len(sums) - 1
+    tries = [
+        (at, width)
+        for width in END_WIDTHS
+        for at in (
+            *range(SHORTEST_FLANK + width, min(FLANK + width, m - FLANK - 2 * width)),
+            *range(max(m - FLANK - 2 * width, FLANK + width), m - width + 1),
+        )
+    ]
+    best = None
+    for at, width in tries:
+        mean = float(sums[at + width] - sums[at]) / width
+        one_sided = at >= m - FLANK - 2 * width
+        half = FLANK // 2 if one_sided else FLANK
+        flanks = [(max(at - width - half, 0), at - width)]
+        if not one_sided:
+            flanks.append((at + 2 * width, at + 2 * width + FLANK))
+        levels = [max(float(sums[b] - sums[a]) / (b - a), LEAST_LEVEL * sums[-1] / m) for a, b in flanks]
+        if one_sided:
+            begin = flanks[0][0]
+            levels = [continued(levels[0], float(sums[begin] - sums[begin - half]) / half)]
+        ratio = mean / max(levels)
+        gain = width * (ratio - 1 - math.log(ratio)) if ratio > 1 else -math.inf
+        if ratio <= 1 or (best is not None and gain <= best[0]):
+            continue
+        # Each of them by itself: a short one is low by luck more often.
+        log_p = max(
+            f_log_tail(width, b - a, mean / level) for (a, b), level in zip(flanks, levels, strict=True)
+        )
+        if log_p + math.log(len(tries)) < math.log(false_alarm):
+            best = gain, at, at + width, max(levels)
+    return best
+
+
+def continued(near: float, far: float) -> float:
+    """The level that goes on to rise as it does from far to near."""
+    return near * max(near / far, 1.0) if far > 0 else near
 
 
 def _extent(power: Array, start: int, stop: int, level: float) -> tuple[int, int]:
@@ -128,8 +209,9 @@ def _describe(
     top = int(smoothed.argmax())
     half = level + (smoothed[top] - level) / 2
     wide = int((smoothed > half).sum())
-    if wide <= LINE_ORDINATES:
-        top = int(part.argmax())
+    sharp = int(part.argmax())
+    if _in_few_ordinates(part - level, sharp):  # smoothing would widen it
+        top, wide = sharp, min(wide, LINE_ORDINATES)
     return Peak(
         kind="line" if wide <= LINE_ORDINATES else "resonance",
         frequency_hz=float(lam[left + top] * to_hz),
@@ -138,6 +220,13 @@ def _describe(
         height=float(power[core[0] : core[1]].mean() / level),
         notch_hz=(float(lam[left] * to_hz), float(lam[right - 1] * to_hz)),
     )
+
+
+def _in_few_ordinates(excess: Array, top: int) -> bool:
+    """Whether nearly all of a peak's power is about its top."""
+    half = LINE_ORDINATES // 2
+    near = float(excess[max(top - half, 0) : top + half + 1].sum())
+    return near > IN_A_LINE * float(excess.sum())
 
 
 def f_log_tail(m: int, k: int, ratio: float) -> float:

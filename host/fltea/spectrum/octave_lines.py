@@ -14,8 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.f_tail import f_deviate
-from fltea.spectrum.lines import FALSE_ALARM, FLANK, LINE_ORDINATES, MOST, WIDEST_SHARE, Peak
+from fltea.spectrum.lines import (
+    FALSE_ALARM,
+    FLANK,
+    LINE_ORDINATES,
+    MOST,
+    SMOOTHEST,
+    WIDEST_SHARE,
+    Peak,
+    continued,
+)
 from fltea.spectrum.periodogram import Periodogram
+from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
 
 Array = NDArray[np.float64]
 
@@ -28,6 +38,12 @@ SHORTEST_FLANK = 12
 LEAST_FLANK = 4
 LEAST_IN_FLANK = 16.0
 """Lines and ordinates that a flank must have at the edge of the spectrum."""
+END_FLANK = 4
+"""Ordinates in the lower flank near frequency 0, of a line."""
+END_WIDTHS = (1, 2)
+"""Of stretches at the ends of the band, where only lines are searched for."""
+CONTINUED = 5.0
+"""Variance of near²/far, the level that is continued, over that of near; both are of as many averages."""
 WIDEST = 8
 """Averaged lines in a stretch: a fifth of an octave's."""
 NARROW = 3
@@ -44,10 +60,20 @@ class _Lines(NamedTuple):
     weight: Array
     averaged: NDArray[np.bool_]
     """under Hann's window"""
+    spread: Array
+    """rad a sample that each stands for"""
 
     def without(self, left: int, right: int) -> "_Lines":
         keep = np.r_[0:left, right : len(self.lam)]
-        return _Lines(self.lam[keep], self.power[keep], self.weight[keep], self.averaged[keep])
+        return _Lines(
+            self.lam[keep], self.power[keep], self.weight[keep], self.averaged[keep], self.spread[keep]
+        )
+
+    def part(self, begin: int, end: int) -> "_Lines":
+        part = slice(begin, end)
+        return _Lines(
+            self.lam[part], self.power[part], self.weight[part], self.averaged[part], self.spread[part]
+        )
 
 
 class _Found(NamedTuple):
@@ -59,18 +85,53 @@ class _Found(NamedTuple):
 def find_octave_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
     """Find the peaks of one series, strongest first; each is taken out before the next is searched for."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
-    lines = _Lines(p.lam, p.power, weight, _averaged(weight))
-    spread = np.gradient(lines.lam)
-    total = float(lines.power @ spread)
+    lines = _Lines(p.lam, p.power, weight, _averaged(weight), np.gradient(p.lam))
+    return _search(lines, float(lines.power @ lines.spread), p.h, false_alarm)
+
+
+def _search(lines: _Lines, total: float, h: float, false_alarm: float) -> tuple[Peak, ...]:
+    """The peaks of `lines`; total: power of all that there were."""
+    all_of_them = lines
     peaks: list[Peak] = []
     while len(peaks) < MOST:
         found = _strongest(lines, false_alarm)
         if found is None:
             break
         left, right = _extent(lines, found)
-        peaks.append(_describe(lines, spread, found, (left, right), total, p.h))
-        lines, spread = lines.without(left, right), np.delete(spread, np.s_[left:right])
+        peak = _describe(lines, found, (left, right), total, h)
+        if peak.kind == "resonance" or peak.height < TELLING:
+            edge = _notch_below(lines, found)
+            if edge is not None:
+                return _with_stop_band(all_of_them, total, h, false_alarm, edge)
+        peaks.append(peak)
+        lines = lines.without(left, right)
     return tuple(peaks)
+
+
+def _notch_below(lines: _Lines, found: _Found) -> float | None:
+    """Where the notch of a side lobe begins. Among averages single ordinates would pass for notches."""
+    single = np.flatnonzero(~lines.averaged[: found.start])
+    begin = int(single[-1]) + 1 if lines.averaged[found.start] and single.size else 0
+    least = 1 if lines.averaged[found.start] else SMOOTHEST
+    return notch_below(lines.lam[begin:], lines.power[begin:], found.start - begin, found.stop - begin, least)
+
+
+def _with_stop_band(
+    lines: _Lines, total: float, h: float, false_alarm: float, edge: float
+) -> tuple[Peak, ...]:
+    """The peaks of the pass band of a filter, and the lines of its stop band, which begins at `edge`."""
+    begin = int(np.searchsorted(lines.lam, edge))
+    peaks = _search(lines.part(0, begin), total, h, false_alarm)
+    beyond = lines.part(begin, len(lines.lam))
+    if not len(beyond.lam):
+        return peaks
+    many = SHORTEST_FLANK if beyond.averaged.any() else FLANK
+    told = []
+    for start, stop, level in lines_among_lobes(beyond.power, many, float(np.median(beyond.weight))):
+        skirts = max(start - LOBE, 0), min(stop + LOBE, len(beyond.lam))
+        told.append(_describe(beyond, _Found(start, stop, level), skirts, total, h))
+    told.sort(key=lambda line: -line.power_share)
+    return (*peaks, *told)[:MOST]
 
 
 def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
@@ -118,11 +179,13 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
         after_end, before_end = after_end[whole], before_end[whole]
         if len(at):
             tries.append((width, at, before_end, before, after, after_end))
+    at_the_ends = _at_the_ends(lines, weights, sums, false_alarm / 2)
+    false_alarm /= 2
+    best, most = at_the_ends if at_the_ends is not None else (None, 0.0)
     tested = sum(len(one[1]) for one in tries)
     if not tested:
-        return None
+        return best
     critical = -NormalDist().inv_cdf(false_alarm / tested)
-    best, most = None, 0.0
     for width, at, before_end, before, after, after_end in tries:
         own = weights[at + width] - weights[at]
         mean = (sums[at + width] - sums[at]) / own
@@ -148,6 +211,63 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
         if highest > most:
             most, best = highest, _Found(int(at[i]), int(at[i]) + width, float(level[i]))
     return best
+
+
+def _at_the_ends(
+    lines: _Lines, weights: Array, sums: Array, false_alarm: float
+) -> tuple[_Found, float] | None:
+    """The likeliest line too near to an end for whole flanks, and its gain."""
+    m = len(lines.lam)
+    tries = []
+    for width in END_WIDTHS:
+        first = int(np.searchsorted(weights, LEAST_IN_FLANK)) + width
+        last = min(int(np.searchsorted(weights, weights[-1] - LEAST_IN_FLANK, "right")) - 1, m - LEAST_FLANK)
+        last -= 2 * width
+        tries += [(at, width) for at in range(END_FLANK + width, min(first, last + 1))]
+        if width == 1 or not lines.averaged[-1]:  # over two averages a level can rise too far
+            tries += [(at, width) for at in range(max(last + 1, first), m - width + 1)]
+    if not tries:
+        return None
+    critical = -NormalDist().inv_cdf(false_alarm / len(tries))
+    best: tuple[_Found, float] | None = None
+    for at, width in tries:
+        after = min(at + 2 * width, m)
+        after_to = min(max(int(np.searchsorted(weights, weights[after] + FLANK)), after + LEAST_FLANK), m)
+        two_sided = after_to - after >= LEAST_FLANK and weights[after_to] - weights[after] >= LEAST_IN_FLANK
+        before = at - width
+        if two_sided:
+            flanks = [(_down(weights, before, FLANK, SHORTEST_FLANK), before), (after, after_to)]
+        else:
+            flanks = [(_down(weights, before, FLANK // 2, LEAST_FLANK), before)]
+        own = float(weights[at + width] - weights[at])
+        mean = float(sums[at + width] - sums[at]) / own
+        others = [float(weights[b] - weights[a]) for a, b in flanks]
+        least = 1e-12 * float(sums[-1] / weights[-1])
+        levels = [max(float(sums[b] - sums[a]) / w, least) for (a, b), w in zip(flanks, others, strict=True)]
+        if not two_sided:
+            begin = flanks[0][0]
+            further = _down(weights, begin, FLANK // 2, LEAST_FLANK)
+            far = float(sums[begin] - sums[further]) / max(float(weights[begin] - weights[further]), 1e-300)
+            levels = [continued(levels[0], far)]
+            others = [others[0] / CONTINUED] if lines.averaged[at] else others
+        ratio = mean / max(levels)
+        if ratio <= 1:
+            continue
+        own *= _gathered(width) if lines.averaged[at] else 1.0
+        gain = own * (ratio - 1 - math.log(ratio))
+        if best is not None and gain <= best[1]:
+            continue
+        # Each flank by itself: a short one is low by luck more often.
+        deviates = f_deviate(mean / np.array(levels), 2 * own, 2 * np.array(others))
+        if float(deviates.min()) > critical:
+            best = _Found(at, at + width, max(levels)), gain
+    return best
+
+
+def _down(weights: Array, end: int, ordinates: int, lines: int) -> int:
+    """Where a flank up to `end` begins that has so many ordinates, and lines; 0 if there are fewer."""
+    first = int(np.searchsorted(weights, weights[end] - ordinates, "right")) - 1
+    return max(min(first, end - lines), 0)
 
 
 @functools.cache
@@ -179,12 +299,10 @@ def _extent(lines: _Lines, found: _Found) -> tuple[int, int]:
     return left, right
 
 
-def _describe(
-    lines: _Lines, spread: Array, found: _Found, extent: tuple[int, int], total: float, h: float
-) -> Peak:
+def _describe(lines: _Lines, found: _Found, extent: tuple[int, int], total: float, h: float) -> Peak:
     left, right = extent
     to_hz = 1 / (2 * math.pi * h)
-    part, steps = lines.power[left:right], spread[left:right]
+    part, steps = lines.power[left:right], lines.spread[left:right]
     averaged = bool(lines.averaged[found.start])
     smooth = 1 if averaged else max(1, (found.stop - found.start) // 4)
     smoothed = np.convolve(part, np.ones(smooth) / smooth, mode="same")

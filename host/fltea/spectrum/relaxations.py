@@ -1,8 +1,7 @@
 """Sums of relaxations, which are AR(1) or Gauss–Markov, in white noise (pure).
 
-One of them may be a random walk, and there may be quantisation noise: the composite models of Guerrier et al.
-(*J. Am. Stat. Assoc.* 108, 2013). A sum of several passes for a fractional order, of which it is a finite
-piece: over some decades each can be made as like the other as one wants.
+A sum of several passes for a fractional order, of which it is a finite piece: over some decades each can be
+made as like the other as one wants.
 """
 
 import functools
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from fltea.noise import spectra as spectrum
 from fltea.spectrum.models import AR1, TWO_AR1, logit, share
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.whittle import Fit, Held, Model
+from fltea.spectrum.whittle import Fit, Model
 
 Array = NDArray[np.float64]
 
@@ -26,77 +25,60 @@ NAMES = ("white", "ar1", "two_ar1", "three_ar1", "four_ar1", "five_ar1", "six_ar
 CORNERS_A_DECADE = 2
 NEW_PARTS = (0.1, 1.0)
 """Plateaus of a new relaxation over the spectrum where it has its corner, as starts."""
-WALK = Held("one", 1.0)
 
 
 class Parts(NamedTuple):
     """Of a sum of scale 1: what `Fit.scale` is to be multiplied with."""
 
     poles: Array
-    """(..., K) φ of each; of a random walk 1"""
+    """(..., K) φ of each"""
     shares: Array
     """(..., K) variances of their innovations"""
-    quantisation: Array
-    """(...,) of differences of white noise, its variance"""
     white: Array
     """(...,)"""
 
 
 @functools.cache
-def sum_of(count: int, *, walk: bool = False, quantised: bool = False) -> Model:
+def sum_of(count: int) -> Model:
     """A sum of 1 to `MOST` AR(1) in white noise.
 
-    walk: the first of them is a random walk. quantised: with quantisation noise.
+    Raises:
+        ValueError: there is no such sum.
     """
     if not 1 <= count <= MOST:
         raise ValueError(f"sums are of 1 to {MOST} relaxations, got {count}")
-    plain = not walk and not quantised
-    if plain and count <= 2:
+    if count <= 2:
         return AR1 if count == 1 else TWO_AR1
-    free = 2 * count + quantised
 
     def shape(lam: Array, theta: Array) -> Array:
-        p = sum_parameters(theta, count, walk=walk, quantised=quantised)
-        total = p.white[:, np.newaxis] + p.quantisation[:, np.newaxis] * 4 * np.sin(lam / 2) ** 2
+        p = sum_parameters(theta, count)
+        total = np.repeat(p.white[:, np.newaxis], len(lam), axis=1)
         for k in range(count):
-            total = total + p.shares[:, k, np.newaxis] * spectrum.ar1(lam, p.poles[:, k])
-        return np.asarray(total)
+            total += p.shares[:, k, np.newaxis] * spectrum.ar1(lam, p.poles[:, k])
+        return total
 
     # Poles spread over all that can be; what is known better comes as a start of its own.
     poles = logit((1 + np.exp(-(10.0 ** np.linspace(-4, 0.5, count)))) / 2)
-    start = np.concatenate([poles, np.linspace(-8, -1, count), [0.0] * quantised])
-    name = ("quantised_" if quantised else "") + NAMES[count]
-    return Model(
-        name,
-        free + 1 - walk,
-        start[np.newaxis],
-        np.zeros(1, dtype=np.intp),
-        shape,
-        held=WALK if walk else Held(),
-    )
+    start = np.concatenate([poles, np.linspace(-8, -1, count)])
+    return Model(NAMES[count], 2 * count + 1, start[np.newaxis], np.zeros(1, dtype=np.intp), shape)
 
 
-def sum_parameters(theta: Array, count: int, *, walk: bool = False, quantised: bool = False) -> Parts:
-    """Of coordinates (..., 2 count + quantised) of `sum_of`."""
-    poles = 2 * share(theta[..., :count]) - 1
-    if walk:
-        poles[..., 0] = 1.0
+def sum_parameters(theta: Array, count: int) -> Parts:
+    """Of coordinates (..., 2 count) of `sum_of`."""
     taken, rest = [], np.ones(theta.shape[:-1])
-    for k in range(count, theta.shape[-1]):
+    for k in range(count, 2 * count):
         part = rest * share(theta[..., k])
         taken.append(part)
         rest = rest - part
-    shares = np.stack(taken[:count], axis=-1)
-    return Parts(poles, shares, taken[count] if quantised else np.zeros_like(rest), rest)
+    return Parts(2 * share(theta[..., :count]) - 1, np.stack(taken, axis=-1), rest)
 
 
-def sum_coordinates(poles: Array, shares: Array, white: Array, quantisation: Array | None = None) -> Array:
-    """The inverse for (..., K), (..., K), (...,) and (...,), which need not add up to 1."""
-    parts = shares if quantisation is None else np.concatenate([shares, quantisation[..., np.newaxis]], -1)
-    total = parts.sum(axis=-1) + white
-    before = np.cumsum(parts, axis=-1) - parts
+def sum_coordinates(poles: Array, shares: Array, white: Array) -> Array:
+    """The inverse for (..., K), (..., K) and (...,), which need not add up to 1."""
+    total = shares.sum(axis=-1) + white
+    before = np.cumsum(shares, axis=-1) - shares
     left = np.maximum(total[..., np.newaxis] - before, 1e-300)
-    return np.concatenate([logit((1 + poles) / 2), logit(parts / left)], axis=-1)
+    return np.concatenate([logit((1 + poles) / 2), logit(shares / left)], axis=-1)
 
 
 def grown(data: Binned, found: Fit, count: int) -> Array:

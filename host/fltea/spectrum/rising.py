@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.models import logit, share
-from fltea.spectrum.whittle import Held, Model
+from fltea.spectrum.whittle import Model
 
 Array = NDArray[np.float64]
 
@@ -18,20 +18,16 @@ def rising_parameters(theta: Array) -> tuple[Array, Array]:
     return share(theta[..., 0]), share(theta[..., 1])
 
 
-def _rising(*, quantised: bool) -> Model:
+def _rising() -> Model:
     def shape(lam: Array, theta: Array) -> Array:
         delta, weight = (one[:, np.newaxis] for one in rising_parameters(theta))
-        order = np.ones_like(delta) if quantised else delta
-        return np.asarray(weight * (2 * np.sin(lam / 2)) ** (2 * order) + 1 - weight)
+        return np.asarray(weight * (2 * np.sin(lam / 2)) ** (2 * delta) + 1 - weight)
 
     order, weight = (
         axis.ravel() for axis in np.meshgrid([0.1, 0.3, 0.6, 0.9], [0.03, 0.3, 0.8, 0.99], indexing="ij")
     )
     starts = np.stack([logit(order), logit(weight)], axis=-1)
-    held = Held("one", 1.0) if quantised else Held()
-    return Model("rising", 2 if quantised else 3, starts, np.arange(len(order)), shape, held=held)
+    return Model("rising", 3, starts, np.arange(len(order)), shape)
 
 
-RISING = _rising(quantised=False)
-QUANTISED = _rising(quantised=True)
-"""With δ = 1."""
+RISING = _rising()

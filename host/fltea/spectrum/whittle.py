@@ -22,20 +22,18 @@ Array = NDArray[np.float64]
 
 _FAMILIES = (
     *("white", "fractional", "ar1", "ar2", "two_ar1", "three_ar1", "four_ar1", "five_ar1", "six_ar1"),
-    *("quantised_ar1", "quantised_two_ar1", "quantised_three_ar1", "quantised_four_ar1"),
-    *("quantised_five_ar1", "quantised_six_ar1"),
     *("low_pass", "low_pass_ar1", "low_pass_two_ar1", "arfima", "rising"),
 )
 FAMILIES = {name: number for number, name in enumerate(_FAMILIES)}
 """Numbers of the models in the native part (enum Family)."""
 
 
-HOLDS = {"": 0, "alpha": 1, "g": 2, "f": 3, "F": 4, "s2": 5, "R": 6, "one": 7}
+HOLDS = {"": 0, "alpha": 1, "g": 2, "f": 3, "F": 4, "s2": 5, "R": 6}
 """The same of what is held (enum Hold)."""
 
 
 class Held(NamedTuple):
-    """A number of the fractional model that keeps its value, or the 1 of a random walk or of differences."""
+    """A number of the fractional model that keeps its value."""
 
     name: str = ""
     """one of `HOLDS`"""

@@ -152,7 +152,7 @@ class Channels:
         """Statistics of every axis."""
         bank = self._bank
         baseline, restarts, interventions = bank.baseline, bank.restarts, bank.interventions
-        lag1, nis = bank.lag1, bank.nis
+        lag1, nis, describes_noise = bank.lag1, bank.nis, bank.describes_noise
         for i, name in enumerate(self._names):
             if baseline is None:
                 yield name, AxisStats(None, None, 0, {}, unit=self._unit)
@@ -171,6 +171,7 @@ class Channels:
                     self._unit,
                     None if constant else Q,
                     name in bank.tuned,
+                    describes_noise[name],
                 ),
             )
 

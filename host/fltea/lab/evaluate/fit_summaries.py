@@ -4,11 +4,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from fltea.lab.evaluate.coverage import Coverage
 from fltea.lab.evaluate.fits import QUANTITIES
 from fltea.lab.evaluate.run import LIVE, WHITTLE, Pair, Result, Row
 
 RATIO_HEADINGS = ("s2/R", "samples", "noises", "live / whole: all", "median", "worst", "of bound")
 COVERAGE_HEADINGS = ("fit", "samples", "series", *QUANTITIES)
+HELD_HEADINGS = ("held by intervals", "samples", "series", *QUANTITIES)
 ERROR_HEADINGS = ("error of α at s2/R", "samples")
 REFEREE_HEADINGS = (
     "noise",
@@ -68,6 +70,20 @@ def coverages(result: Result) -> Table:
                 shares.append("–" if share is None else f"{share:.1%}")
             rows.append((estimator, f"{n:,}", f"{number:,}", *shares))
     return rows
+
+
+def held(result: Result) -> Table:
+    """The same of a few noises each by itself, with the interval of the share; then the undefined ones."""
+    cells: dict[tuple[str, int], list[Coverage]] = {}
+    for one in result.coverage:
+        cells.setdefault((one.point.name, one.samples), []).append(one)
+    return [(name, f"{n:,}", f"{each[0].series:,}", *map(_held, each)) for (name, n), each in cells.items()]
+
+
+def _held(one: Coverage) -> str:
+    low, high = one.interval
+    share = f"{one.share:.1%} ({100 * low:.0f}…{100 * high:.0f})"
+    return share if not one.undefined else f"{share}, {one.undefined / one.series:.0%} undefined"
 
 
 def coverage(rows: Iterable[Row]) -> tuple[float | None, int]:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.identify.workers import Workers
-from fltea.lab.evaluate import alarms, cases, cramer_rao, fits, referee, settings, shifts
+from fltea.lab.evaluate import alarms, cases, coverage, cramer_rao, fits, referee, settings, shifts
 from fltea.lab.evaluate.alarms import Alarms
 from fltea.lab.evaluate.cases import Case, H
+from fltea.lab.evaluate.coverage import Coverage, Point
 from fltea.lab.evaluate.online import Reading, read
 from fltea.lab.evaluate.referee import Referee
 from fltea.lab.evaluate.score import Score, score
@@ -78,6 +79,10 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """of each kind of white noise"""
     shifts: tuple[Shift, ...]
     """noises that change"""
+    coverage: tuple[Point, ...]
+    """noises whose intervals are counted"""
+    coverage_series: int
+    """of each, and of each of `coverage.LENGTHS`"""
 
 
 class Result(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -91,6 +96,7 @@ class Result(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pairs: tuple[Pair, ...]
     referee: tuple[Referee, ...]
     alarms: tuple[Alarms, ...]
+    coverage: tuple[Coverage, ...]
     shifts: tuple[ShiftScore, ...]
     changes: tuple[Row, ...]
     """`settings.CHANGES` on a few noises"""
@@ -109,6 +115,8 @@ def full_plan(seeds: int) -> Plan:
         referee.CASES,
         ALARMS_TO_FILTERS * seeds,
         tuple(shifts.SHIFTS),
+        coverage.POINTS,
+        COVERAGE_TO_FILTERS * seeds,
     )
 
 
@@ -126,6 +134,8 @@ def quick_plan(seeds: int) -> Plan:
         referee.CASES[:1],
         ALARMS_TO_FILTERS * seeds // 5,
         tuple(shifts.SHIFTS),
+        coverage.POINTS[2:4],
+        COVERAGE_TO_FILTERS * seeds // 5,
     )
 
 
@@ -133,6 +143,8 @@ FITS_TO_FILTERS = 4
 """A fit costs less than a filter, and a ratio of errors needs more series than an error."""
 ALARMS_TO_FILTERS = 100
 """A share of 5 % needs most."""
+COVERAGE_TO_FILTERS = 50
+"""A share of 95 % needs nearly as many."""
 
 
 class Task(msgspec.Struct, frozen=True):
@@ -155,6 +167,12 @@ def tasks(plan: Plan) -> dict[str, list[Task]]:
             Task(f"white noise, {name}", alarms.count_alarms, (name, alarms.AT_ONCE, lengths, number))
             for name in alarms.MAKERS
             for number in range(max(1, plan.alarm_series // alarms.AT_ONCE))
+        ],
+        "coverage": [
+            Task(one.name, coverage.count_coverage, (one, n, coverage.AT_ONCE, number))
+            for one in plan.coverage
+            for n in coverage.LENGTHS
+            for number in range(max(1, plan.coverage_series // coverage.AT_ONCE))
         ],
         "changes": [
             Task(
@@ -190,6 +208,7 @@ def evaluate(plan: Plan, workers: Workers, progress: Progress = lambda text: Non
         tuple(pair for _, pairs in found["fits"] for pair in pairs),
         tuple(one for part in found["referee"] for one in part),
         alarms.together(found["alarms"]),
+        coverage.together(found["coverage"]),
         tuple(one for part in found["shifts"] for one in part),
         tuple(row for part in found["changes"] for row in part),
     )

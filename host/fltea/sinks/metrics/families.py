@@ -193,6 +193,12 @@ def _axes_stats(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
     nis: Rows = [((device, axis), one.innovation_nis) for device, axis, one in axes]
     text = "Mean square of the innovations over their predicted variance; near 1 if the model fits."
     yield gauge_family("fltea_axis_innovation_nis", text, labels, nis)
+    white: Rows = [
+        ((device, axis), None if one.describes_noise is None else float(one.describes_noise))
+        for device, axis, one in axes
+    ]
+    text = "1: the innovations are about white; 0: alpha and f of the filter do not describe the noise."
+    yield gauge_family("fltea_axis_describes_noise", text, labels, white)
 
 
 def _board(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:

@@ -80,9 +80,11 @@ def _axis(
     e = estimate if estimate is not None and estimate.valid else None
     bias, R = (None, None) if stats is None else (stats.bias, stats.R)
     off = history.stats is not None and history.stats.fit_period_s is None
+    not_described = stats is not None and stats.describes_noise is False
     rows = [
         ["α ± σ", with_std(e.alpha, e.alpha_std) if e else "–"],
         ["f ± σ", f"{with_std(e.f, e.f_std)} s^-α" if e else "–"],
+        *([["these do not describe the noise", "innovations are not white"]] if not_described else []),
         ["state x̂", quantity(e.state if e else None, unit, 4)],
         ["offset removed", quantity(bias, unit, 4)],
         ["R", quantity(R, f"({unit})²", 3, significant=True)],

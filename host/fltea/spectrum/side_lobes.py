@@ -1,0 +1,67 @@
+"""Side lobes of a filter that averages over a window: humps that are no resonances (pure).
+
+Between a hump and higher parts of the spectrum at lower frequencies there lies the notch of the filter, which
+is not much wider than the hump. Beside a resonance there is the floor, which is. From the first notch on is
+the filter's stop band: in it there are lobes and notches, and lines that are far above all of them.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DEPTH, BEYOND = 0.2, 0.6
+"""Of the hump: how low the spectrum is in a notch, and how high on both sides of it, at least."""
+NOTCH_WIDTH = 1.5
+"""Times the width of the hump, at most."""
+TELLING = 30.0
+"""Times the highest of the lobes, from which on something is a line: single ordinates scatter as much."""
+TELLING_AVERAGED = 5.0
+AVERAGED = 8.0
+"""Effective ordinates from which on an average is told sooner."""
+
+
+def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> float | None:
+    """Where the notch begins that makes a side lobe of the hump from start to stop; None of a resonance.
+
+    lam, power: (m,), rising in frequency. least: lines that are averaged at least.
+    """
+    # What is beyond is as wide as the hump, and a notch is narrower.
+    wide, fine = smoothed(power, max(least, stop - start)), smoothed(power, max(least, (stop - start) // 2))
+    top, height = start + int(fine[start:stop].argmax()), float(power[start:stop].mean())
+    low = np.flatnonzero(fine[:top] < DEPTH * height)
+    if not low.size:
+        return None
+    bottom = int(low[-1])
+    # Nothing of the hump itself may be in a mean of what is beyond.
+    higher = np.flatnonzero(wide[: max(min(bottom, start - (stop - start) // 2), 0)] >= BEYOND * height)
+    if not higher.size:
+        return None
+    edge = int(higher[-1])
+    rises = np.flatnonzero(fine[bottom : top + 1] >= BEYOND * height)
+    foot = bottom + int(rises[0]) if rises.size else top
+    low = np.flatnonzero(fine[top:] < DEPTH * height)
+    end = lam[top + int(low[0])] if low.size else 2 * lam[top] - lam[bottom]
+    return float(lam[edge]) if lam[foot] - lam[edge] <= NOTCH_WIDTH * (end - lam[bottom]) else None
+
+
+def smoothed(power: Array, lines: int) -> Array:
+    """Means of so many neighbours; at the ends of those that there are."""
+    lines = min(lines, len(power))
+    window = np.ones(lines)
+    return np.asarray(np.convolve(power, window, "same") / np.convolve(np.ones_like(power), window, "same"))
+
+
+def lines_among_lobes(power: Array, lines: int, weight: float = 1.0) -> list[tuple[int, int, float]]:
+    """Begin, end and surrounding level of what stands out from all lobes of a stop band, power (m,).
+
+    lines: so many have a lobe or a notch in them, and a line in few of them. weight: ordinates in each.
+    """
+    if not len(power):
+        return []
+    telling = TELLING if weight < AVERAGED else TELLING_AVERAGED
+    parts = np.array_split(power, max(len(power) // max(lines, 1), 1))
+    highest = max(float(np.median(part)) for part in parts) / np.log(2)
+    high = np.concatenate([[False], power > telling * highest, [False]])
+    edges = np.flatnonzero(high[1:] != high[:-1]).reshape(-1, 2)
+    return [(int(a), int(b), highest) for a, b in edges]
