@@ -276,7 +276,9 @@ def identify_series(series: Series, h: float, options: IdentifyOptions, figures:
         ValueError: it is too short or constant.
     """
     result = identify_axis(series.y, h, series.lsb, options)
-    model = identified(result.rivals, result.verdict.kind, result.peaks, result.std, h)
+    model = identified(
+        result.rivals, result.verdict.kind, result.peaks, result.std, h, composite=result.composite
+    )
     found, drawn, reason = None, None, ""
     if series.unit != GYRO_UNIT:
         reason = NOT_A_GYROSCOPE
