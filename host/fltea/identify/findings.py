@@ -233,7 +233,15 @@ def best(r: AxisResult) -> str:
     """The model of lowest BIC, and where its spectrum bends or peaks."""
     found = r.rivals.models[r.rivals.best].parameters
     at = found.get("resonance_hz", found.get("bend_hz", found.get("bend_1_hz")))
-    return MODELS[r.rivals.best] + (f", {at:.2g} Hz" if at is not None else "")
+    if at is None:
+        return MODELS[r.rivals.best]
+    # Never a corner that the data do not have.
+    where = f"{at:.2g} Hz"
+    if at < r.band.from_hz:
+        where = f"below {r.band.from_hz:.2g} Hz"
+    elif at > r.band.to_hz:
+        where = f"above {r.band.to_hz:.2g} Hz"
+    return f"{MODELS[r.rivals.best]}, {where}"
 
 
 def model_name(axis: AxisReport) -> str:
