@@ -88,7 +88,7 @@ def test_file(tmp_path: Path) -> None:
         "f": -3.0,
         "Q": 0.15,
     }
-    assert (written["format"], written["version"], written["h_s"]) == ("fltea-noise-model", 1, 0.01)
+    assert (written["format"], written["version"], written["h_s"]) == ("fltea-noise-model", 2, 0.01)
 
 
 def bad(**changes: object) -> str:
@@ -106,7 +106,7 @@ def bad(**changes: object) -> str:
         ("{}", "--export-model"),
         ("\x00\xff", "is no noise model"),
         ('{"format": "other", "version": 1}', "--export-model"),
-        (bad(version=2), "version 2; this fltea reads version 1"),
+        (bad(version=3), "version 3; this fltea reads versions 1 to 2"),
         (bad(version="1"), "is no noise model"),
         (bad(kind="pink"), "pink"),
         (bad(alpha=2.0), r"alpha must be in \[0, 2\)"),

@@ -91,6 +91,13 @@ def identify(
         Path | None,
         typer.Option("--imu-yaml", metavar="FILE", help="Write imu.yaml of one recording, as for Kalibr."),
     ] = None,
+    gauss_markov: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write what a navigation filter needs of one recording: σ, τ, N, K, Q and drift, as JSON.",
+        ),
+    ] = None,
     jobs: Annotated[
         int | None, typer.Option("--jobs", "-j", metavar="N", min=1, help="Processes; default: all cores.")
     ] = None,
@@ -155,8 +162,8 @@ def identify(
         )
         for one in found
     ]
-    if len(requests) > 1 and (export_model or imu_yaml):
-        raise UsageError("--export-model and --imu-yaml are for one recording.")
+    if len(requests) > 1 and (export_model or imu_yaml or gauss_markov):
+        raise UsageError("--export-model, --imu-yaml and --gauss-markov are for one recording.")
     settings = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None)
     reports = _run(requests, settings, jobs, dask)
     # First of all, lest a file that cannot be written costs what took minutes to compute.
@@ -169,7 +176,7 @@ def identify(
     if report is not None:
         written = page.write(report, reports)
         say(f"fltea: {written[0]}, and {len(written) - 1} figures")
-    _export(reports[0], export_model, imu_yaml)
+    _export(reports[0], export_model, imu_yaml, gauss_markov)
     _fail(reports)
 
 
@@ -264,11 +271,11 @@ def _bar() -> "Iterator[Progress]":
         )
 
 
-def _export(report: "FileReport", model: Path | None, yaml: Path | None) -> None:
-    from fltea.identify import model_file
+def _export(report: "FileReport", model: Path | None, yaml: Path | None, navigation: Path | None) -> None:
+    from fltea.identify import model_file, navigation_file
     from fltea.identify.run import AxisReport
 
-    if report.recording is None or not (model or yaml):
+    if report.recording is None or not (model or yaml or navigation):
         return
     axes = {
         name: axis
@@ -276,6 +283,7 @@ def _export(report: "FileReport", model: Path | None, yaml: Path | None) -> None
         if isinstance(axis, AxisReport) and name.startswith("gyro_")
     }
     rate_hz = report.recording.hello.rate_hz
+    composites = {name: axis.result.composite for name, axis in axes.items()}
     if model is not None:
         try:
             models = model_file.NoiseModels(
@@ -289,7 +297,13 @@ def _export(report: "FileReport", model: Path | None, yaml: Path | None) -> None
         if not curves:
             reasons = {axis.allan_reason for axis in axes.values()} or {"no axis of a gyroscope"}
             raise FlteaError(f"--imu-yaml: there is no Allan deviation ({'; '.join(reasons)}).")
-        model_file.write_text(yaml, model_file.imu_yaml_of(curves, rate_hz, report.name))
+        model_file.write_text(
+            yaml, model_file.imu_yaml_of(curves, rate_hz, report.name, composites=composites)
+        )
+    if navigation is not None:
+        if not axes:
+            raise FlteaError("--gauss-markov: no axis of a gyroscope was identified.")
+        navigation_file.write_navigation(navigation, composites, rate_hz, report.name)
 
 
 def _show(reports: "Sequence[FileReport]") -> None:

@@ -12,6 +12,8 @@ class Shown(NamedTuple):
 
     value: float | None
     reason: str = ""
+    origin: str = ""
+    """where it comes from, if not from the Allan deviation"""
 
 
 class AxisNoise(NamedTuple):
@@ -65,6 +67,11 @@ def _entry(
         return [f"# {key}:  # {unit}; not known: {'; '.join(reasons) or without}"]
     worst = max(known, key=lambda axis: known[axis])
     unknown = [axis for axis in found if axis not in known]
-    remark = f"of {worst}" + (f"; not known of {', '.join(unknown)}" if unknown else "")
+    origin = found[worst].origin
+    remark = (
+        f"of {worst}"
+        + (f" ({origin})" if origin else "")
+        + (f"; not known of {', '.join(unknown)}" if unknown else "")
+    )
     value = math.radians(known[worst]) if unit.startswith("rad") else known[worst]
     return [f"{key + ':':<29}{value:.6e}  # {unit}, {remark}"]

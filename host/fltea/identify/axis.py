@@ -6,12 +6,14 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fltea.identify.fltea_fit import FlteaFit, fltea_fit
 from fltea.identify.shuffled import Copies, ShuffledBand, shuffled_band
 from fltea.identify.sums import examined
 from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.composite import Composite, composite
+from fltea.spectrum.drift_rate import drift_rate
 from fltea.spectrum.evidence import LEVEL
 from fltea.spectrum.innovation_whiteness import Innovations
 from fltea.spectrum.likelihood_ratio import critical_values
@@ -19,7 +21,7 @@ from fltea.spectrum.lines import Peak
 from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.profile import FractionalFit, fractional_fit
 from fltea.spectrum.rivals import Contest
-from fltea.spectrum.spectral import Band
+from fltea.spectrum.spectral import Band, Spectral
 from fltea.spectrum.verdict import Verdict, decide
 
 Variant = Literal["triple", "joint"]
@@ -79,6 +81,8 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """fitted to the ordinates of `band`, as the rivals are"""
     band: Band
     rivals: Contest
+    composite: Composite
+    """white noise, Gauss–Markov parts, random walk, quantisation, fitted to the same"""
     peaks: tuple[Peak, ...]
     fltea: FlteaFit
     """the variant of the options"""
@@ -130,10 +134,21 @@ def identify_axis(
         whittle=fractional_fit(seen.fits.data, seen.fits.full, h, white=seen.evidence.p_clean >= LEVEL),
         band=seen.band,
         rivals=seen.evidence.contest,
+        composite=_composite(samples, h, seen),
         peaks=seen.evidence.peaks,
         fltea=own,
         fltea_other=other,
         innovations={o.estimator.variant: own_innovations, other_variant: other_innovations},
+    )
+
+
+def _composite(y: NDArray[np.float64], h: float, seen: Spectral) -> Composite:
+    found = composite(seen.fits.data, h, len(y), seen.fits.sums)
+    low_pass = seen.evidence.low_pass
+    return msgspec.structs.replace(
+        found,
+        low_pass_hz=low_pass.corner_hz if low_pass else None,
+        drift_rate=drift_rate(y, h, found.spectrum),
     )
 
 

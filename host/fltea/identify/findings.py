@@ -5,11 +5,14 @@ from typing import Any
 
 import msgspec
 
+from fltea.identify.allan import SQRT_HOUR
 from fltea.identify.axis import AxisResult
 from fltea.identify.fltea_fit import FlteaFit
+from fltea.identify.load import GYRO_UNIT
 from fltea.identify.run import AxisReport, Failure, FileReport
 from fltea.identify.traps import Trap
-from fltea.spectrum.allan_coefficients import Coefficient
+from fltea.spectrum.allan_coefficients import HOUR, Coefficient
+from fltea.spectrum.composite_intervals import Estimate
 from fltea.spectrum.profile import Parameter
 from fltea.spectrum.wording import MODELS
 
@@ -126,6 +129,7 @@ def rows(axis: AxisReport) -> list[Row]:
         ("best rival", _rival(r)),
         ("fractional", f"BIC {r.rivals.models['fractional'].bic:+.1f}"),
     ]
+    found += composite_rows(axis)
     if innovations := r.innovations.get(r.fltea.variant):
         found += [
             ("innovations' NIS", f"{innovations.nis:.3g}"),
@@ -140,6 +144,39 @@ def rows(axis: AxisReport) -> list[Row]:
             ("Allan K [deg/h/√h]", _coefficient(a.K_dps_per_sqrt_s, a.K_deg_per_h_per_sqrt_h)),
         ]
     return found
+
+
+def composite_rows(axis: AxisReport) -> list[Row]:
+    """What a navigation filter needs; of a gyroscope in the units of data sheets, with the 95 % interval."""
+    c, unit = axis.result.composite, axis.unit
+    degrees = unit == GYRO_UNIT
+    found = [
+        ("composite model", c.name),
+        (
+            f"  N [{'deg/√h' if degrees else f'{unit}/√Hz'}]",
+            _estimate(c.N, SQRT_HOUR if degrees else 1.0),
+        ),
+    ]
+    for i, part in enumerate(c.gauss_markov, start=1):
+        found += [
+            (f"  Gauss–Markov {i} σ [{unit}]", _estimate(part.sigma)),
+            (f"  Gauss–Markov {i} τ [s]", _estimate(part.tau_s)),
+        ]
+    if c.K:
+        walk_unit = "deg/h/√h" if degrees else f"{unit}/√s"
+        found.append((f"  K [{walk_unit}]", _estimate(c.K, HOUR * SQRT_HOUR if degrees else 1.0)))
+    if c.Q:
+        found.append((f"  Q [{'deg' if degrees else f'{unit}·s'}]", _estimate(c.Q)))
+    if c.drift_rate:
+        rate_unit = "deg/h/h" if degrees else f"{unit}/s"
+        found.append((f"  drift rate [{rate_unit}]", _estimate(c.drift_rate, HOUR**2 if degrees else 1.0)))
+    return found
+
+
+def _estimate(e: Estimate, factor: float = 1.0) -> str:
+    """The value and its interval; … without a number: no such end is known."""
+    low, high = ("" if end is None else f"{end * factor:.3g}" for end in (e.low, e.high))
+    return f"{e.value * factor:.3g}" + (f" ({low}…{high})" if low or high else ", not known well")
 
 
 def settings(axis: AxisReport) -> str:
@@ -196,12 +233,21 @@ def best(r: AxisResult) -> str:
     """The model of lowest BIC, and where its spectrum bends or peaks."""
     found = r.rivals.models[r.rivals.best].parameters
     at = found.get("resonance_hz", found.get("bend_hz", found.get("bend_1_hz")))
-    return MODELS[r.rivals.best] + (f", {at:.2g} Hz" if at is not None else "")
+    if at is None:
+        return MODELS[r.rivals.best]
+    # Never a corner that the data do not have.
+    where = f"{at:.2g} Hz"
+    if at < r.band.from_hz:
+        where = f"below {r.band.from_hz:.2g} Hz"
+    elif at > r.band.to_hz:
+        where = f"above {r.band.to_hz:.2g} Hz"
+    return f"{MODELS[r.rivals.best]}, {where}"
 
 
 def model_name(axis: AxisReport) -> str:
     """Which of the models is exported, and compared with the sensor."""
-    return MODELS[str(axis.model.noise.__struct_config__.tag)]
+    tag = str(axis.model.noise.__struct_config__.tag)
+    return MODELS.get(tag, tag)
 
 
 def _rival(r: AxisResult) -> str:
@@ -263,7 +309,15 @@ def _coefficient(c: Coefficient, value: float | None) -> str:
 def side_by_side(axes: Mapping[str, AxisReport]) -> list[tuple[str, list[str]]]:
     """The rows of several axes: a label, and a value for each; nothing where an axis has no such row."""
     columns = [_keyed(rows(axis)) for axis in axes.values()]
-    labels = max(columns, key=len)
+    labels: list[tuple[str, str]] = []
+    for column in columns:
+        place = 0
+        for key in column:
+            if key in labels:
+                place = labels.index(key) + 1
+            else:
+                labels.insert(place, key)
+                place += 1
     return [(key[1], [column.get(key, "") for column in columns]) for key in labels]
 
 

@@ -14,9 +14,13 @@ from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.records.whole_file import whole_file
 from fltea.spectrum.allan_coefficients import Coefficient
+from fltea.spectrum.composite import Composite
+from fltea.spectrum.composite_intervals import Estimate
 
 FORMAT = "fltea-noise-model"
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""Version 1 has no composite noise; all else is the same."""
 
 
 class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -80,23 +84,37 @@ def read_models(path: Path) -> NoiseModels:
             f'{path}: is no noise model (it lacks "format": "{FORMAT}"); `fltea identify --export-model` '
             "writes one."
         )
-    if head.version != VERSION:
+    if head.version not in READABLE:
         raise UsageError(
-            f"{path}: is of version {head.version}; this fltea reads version {VERSION}. Identify again, "
-            "or use the fltea that wrote it."
+            f"{path}: is of version {head.version}; this fltea reads versions 1 to {VERSION}. "
+            "Identify again, or use the fltea that wrote it."
         )
     try:
-        return msgspec.json.decode(data, type=NoiseModels)
+        return msgspec.structs.replace(msgspec.json.decode(data, type=NoiseModels), version=VERSION)
     except msgspec.ValidationError as error:
         raise UsageError(f"{path}: {error}.") from error
 
 
-def imu_yaml_of(curves: Mapping[str, Allan], rate_hz: float, source: str, *, rostopic: str = "/imu0") -> str:
-    """Kalibr's imu.yaml from the Allan deviations of gyroscope axes, by name."""
-    gyro = {
-        axis: AxisNoise(_shown(curve.N_deg_per_sqrt_s), _shown(curve.K_dps_per_sqrt_s))
-        for axis, curve in curves.items()
-    }
+def imu_yaml_of(
+    curves: Mapping[str, Allan],
+    rate_hz: float,
+    source: str,
+    *,
+    composites: Mapping[str, Composite] | None = None,
+    rostopic: str = "/imu0",
+) -> str:
+    """Kalibr's imu.yaml from the Allan deviations of gyroscope axes, by name.
+
+    composites: what is asked for N and K where the curve does not have their slope. A Gauss–Markov part is
+    given for neither: it is no random walk, and Kalibr has no entry for it.
+    """
+    gyro = {}
+    for axis, curve in curves.items():
+        model = (composites or {}).get(axis)
+        gyro[axis] = AxisNoise(
+            _shown(curve.N_deg_per_sqrt_s, model.N if model else None),
+            _shown(curve.K_dps_per_sqrt_s, model.K if model else None),
+        )
     return imu_yaml(gyro, rate_hz, source, rostopic=rostopic)
 
 
@@ -110,5 +128,8 @@ def write_text(path: Path, text: str) -> None:
         file.write(text.encode())
 
 
-def _shown(c: Coefficient) -> Shown:
+def _shown(c: Coefficient, modelled: Estimate | None) -> Shown:
+    """As the curve has it, else as the model does where that is bounded on both sides."""
+    if c.value is None and modelled is not None and modelled.low is not None and modelled.high is not None:
+        return Shown(modelled.value, origin="from the composite model; the Allan deviation does not show it")
     return Shown(c.value, c.reason)

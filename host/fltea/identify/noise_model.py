@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
 from fltea.records.fit import VerdictKind
+from fltea.spectrum.composite import Composite
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.rivals import Contest
 
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 AROUND = 4
 """Noise is drawn for a circle of at least this many records, of which one is cut out."""
 SHORTEST_CIRCLE = 1 << 16
+LEAST_GAIN = 0.5
+"""In BIC, of a composite model over another: one or two AR(1) are both."""
 
 
 class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True):
@@ -35,6 +38,10 @@ class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="
     def state_spectrum(self, lam: Array, h: float) -> Array:
         """Spectrum of x at λ > 0 in rad a sample, normalised so that white noise has its variance."""
         raise NotImplementedError
+
+    def walk_dps2(self, h: float) -> float:
+        """Variance of a step of the random walk within x, at h s."""
+        return 0.0
 
 
 class White(Noise, frozen=True, tag="white"):
@@ -119,7 +126,43 @@ class Fractional(Noise, frozen=True, tag="fractional"):
         return spectrum.step_variance(self.alpha, self.Q, h) * spectrum.fractional(lam, self.alpha, g)
 
 
-NoiseKind = White | AR1 | AR2 | TwoAR1 | Fractional
+class GaussMarkovPart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One Gauss–Markov part, by its standard deviation and correlation time."""
+
+    sigma_dps: float
+    tau_s: float
+
+    def __post_init__(self) -> None:
+        _check(self.sigma_dps >= 0, f"sigma_dps must be 0 or more, got {self.sigma_dps}")
+        _check(0 < self.tau_s < math.inf, f"tau_s is a time and must be > 0, got {self.tau_s}")
+
+
+class CompositeNoise(Noise, frozen=True, tag="composite"):
+    """Gauss–Markov parts, a random walk and quantisation noise, as in `fltea.spectrum.composite`."""
+
+    gauss_markov: tuple[GaussMarkovPart, ...] = ()
+    K_dps_per_sqrt_s: float = 0.0
+    Q_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check(self.K_dps_per_sqrt_s >= 0, f"K_dps_per_sqrt_s must be 0 or more, got {self.K_dps_per_sqrt_s}")
+        _check(self.Q_deg >= 0, f"Q_deg must be 0 or more, got {self.Q_deg}")
+
+    def state_spectrum(self, lam: Array, h: float) -> Array:
+        """The sum of all parts."""
+        total = self.walk_dps2(h) * spectrum.ar1(lam, 1.0) + (2 * np.sin(lam / 2) * self.Q_deg / h) ** 2
+        for part in self.gauss_markov:
+            s2 = -(part.sigma_dps**2) * math.expm1(-2 * h / part.tau_s)
+            total = total + s2 * spectrum.ar1(lam, math.exp(-h / part.tau_s))
+        return np.asarray(total)
+
+    def walk_dps2(self, h: float) -> float:
+        """K² h."""
+        return self.K_dps_per_sqrt_s**2 * h
+
+
+NoiseKind = White | AR1 | AR2 | TwoAR1 | Fractional | CompositeNoise
 
 
 class Resonance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -142,23 +185,45 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def identified(
-    contest: Contest, verdict: VerdictKind, peaks: tuple[Peak, ...], std: float, h: float
+    contest: Contest,
+    verdict: VerdictKind,
+    peaks: tuple[Peak, ...],
+    std: float,
+    h: float,
+    composite: Composite | None = None,
 ) -> AxisModel:
     """The model of lowest BIC that the verdict allows, and the peaks that were left out of its fit.
 
-    verdict: a filter, a resonance or drift is not given as a fractional model, though one may fit best.
-    std: standard deviation of the whole axis, of which the peaks' shares are taken. h in s.
+    verdict: a filter, a resonance or drift is not given as a fractional model, though one may fit best, and
+    what is fractional not as a composite one. std: standard deviation of the whole axis, of which the peaks'
+    shares are taken. h in s.
     """
     names = [name for name in ("white", "ar1", "ar2", "two_ar1", "fractional") if name in contest.models]
     if verdict in ("line", "resonance", "low-pass", "drift", "relaxations"):
         names.remove("fractional")
     best = contest.best if contest.best in names else min(names, key=lambda name: contest.models[name].bic)
+    noise = noise_of(best, contest, h)
+    if composite is not None and verdict != "fractional":
+        gain = contest.models[best].bic - composite.bic[composite.name]
+        noise = composite_noise(composite, h) if gain > LEAST_GAIN else noise
     return AxisModel(
-        noise_of(best, contest, h),
+        noise,
         tuple(
             Resonance(peak.frequency_hz, peak.width_hz, float(max(peak.power_share, 0.0) * std**2))
             for peak in peaks
         ),
+    )
+
+
+def composite_noise(found: Composite, h: float) -> CompositeNoise:
+    """The noise of a composite model of y in deg/s, at h s."""
+    return CompositeNoise(
+        R_dps2=found.N.value**2 / h,
+        gauss_markov=tuple(
+            GaussMarkovPart(part.sigma.value, part.tau_s.value) for part in found.gauss_markov
+        ),
+        K_dps_per_sqrt_s=found.K.value if found.K else 0.0,
+        Q_deg=found.Q.value if found.Q else 0.0,
     )
 
 
@@ -207,7 +272,7 @@ def check_stationary(model: AxisModel, h: float) -> None:
 def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Draw n samples of Gaussian noise with the model's spectrum: y and, of it, what is not white, x; (n,).
 
-    Waves longer than AROUND records are left out, for they are offset.
+    Waves longer than AROUND records are left out, for they are offset; not those of a random walk.
     """
     return next(draws(model, h, n, rng))
 
@@ -220,12 +285,16 @@ def draws(
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
     size = np.sqrt(_of_means(model, lam, h, mean_of) * (circle / 2))
     R = model.noise.R_dps2 / mean_of
+    # Steps of a random walk have a mean, too, which is the one wave that a circle does not have.
+    tilt = math.sqrt(model.noise.walk_dps2(h) * mean_of / circle)
     while True:
         waves = np.zeros(circle // 2 + 1, dtype=np.complex128)
         waves[1:] = rng.standard_normal(circle // 2) + 1j * rng.standard_normal(circle // 2)
         waves[-1] = math.sqrt(2) * waves[-1].real
         waves[1:] *= size
         x = np.fft.irfft(waves, circle)[:n]
+        if tilt:
+            x += tilt * rng.standard_normal() * np.arange(n)
         yield x + math.sqrt(R) * rng.standard_normal(n), x
 
 

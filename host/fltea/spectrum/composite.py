@@ -76,6 +76,10 @@ class Composite(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     h_s: float
     from_hz: float
     """lowest frequency that was fitted: nothing is known of what is slower"""
+    low_pass_hz: float | None = None
+    """corner of the filter that all of it has gone through; the parts are those before it"""
+    drift_rate: Estimate | None = None
+    """of the straight line through the record, in the unit a second; 0 within: it is not told from noise"""
 
     def spectrum(self, lam: Array) -> Array:
         """At λ in rad a sample, (len(lam),)."""

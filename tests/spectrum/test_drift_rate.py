@@ -1,0 +1,47 @@
+"""The rate of a record's drift, and the interval that noise gives it."""
+
+import numpy as np
+import pytest
+from composite_noise import Truth, noise
+from fltea.spectrum.composite import composite
+from fltea.spectrum.drift_rate import drift_rate, slope_variance
+from fltea.spectrum.periodogram import binned, periodogram
+from identify_support import H, white
+
+
+def test_a_ramp() -> None:
+    y = 3.0 + 0.02 * H * np.arange(5000)
+    found = drift_rate(y, H, np.zeros_like)
+    assert (found.value, found.low, found.high) == pytest.approx((0.02,) * 3)
+
+
+def test_variance_of_white_noise() -> None:
+    assert slope_variance(5000, H, np.ones_like) == pytest.approx(12 / (5000**3 * H**2), rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["walk", "gauss_markov"])
+def test_variance_of_coloured_noise(kind: str) -> None:
+    n, series = 2000, 1500
+    truth = Truth(0.0, K=1.0) if kind == "walk" else Truth(0.0, ((1.0, 3.0),))
+    y = np.array([noise(truth, n, H, seed) for seed in range(series)])
+    t = H * (np.arange(n) - (n - 1) / 2)
+    slopes = (y - y.mean(axis=1, keepdims=True)) @ t / (t @ t)
+    phi = np.exp(-H / 3.0)
+
+    def spectrum(lam: np.ndarray) -> np.ndarray:
+        if kind == "walk":
+            return np.asarray(H / (2 - 2 * np.cos(lam)))
+        return np.asarray((1 - phi**2) / (1 - 2 * phi * np.cos(lam) + phi**2))
+
+    assert np.var(slopes) == pytest.approx(slope_variance(n, H, spectrum), rel=0.15)
+
+
+def test_interval_holds_the_rate_of_white_noise() -> None:
+    n, held = 4000, 0
+    for y in white(n, 100, 5):
+        model = composite(binned(periodogram(y, H)), H, n)
+        found = drift_rate(y + 0.01 * H * np.arange(n), H, model.spectrum)
+        assert found.low is not None
+        assert found.high is not None
+        held += found.low < 0.01 < found.high
+    assert held >= 87
