@@ -48,15 +48,13 @@ LOOKED_AT = (
     "differenced",
     "variance steps",
 )
-NOT_YET = {"slow line"}
-"""Wrong today: each that is put right leaves the list."""
 
 
 def test_verdicts() -> None:
     """10 min at 100 Hz, one record each."""
     found = visit(cells(1, LOOKED_AT, (100.0,), (600.0,)), Here())
     wrong = {one.cell.noise: one.kind for one in found.seen if one.outcome == "wrong"}
-    assert set(wrong) <= NOT_YET, wrong
+    assert wrong == {}
     assert found.false_orders == 0
     assert found.close_claims == 0
 
