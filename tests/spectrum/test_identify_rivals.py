@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from fltea.spectrum.periodogram import periodogram
+from fltea.noise.spectra import ar2
+from fltea.spectrum.periodogram import Binned, periodogram
 from fltea.spectrum.pole_pair import pole_pair
 from fltea.spectrum.relaxations import corner_hz
 from fltea.spectrum.residuals import residual_ks
@@ -98,7 +99,11 @@ def test_corner_is_that_of_the_relaxation_before_it_was_sampled() -> None:
     ],
 )
 def test_a_resonance_needs_a_peak(phi1: float, phi2: float, known: set[str]) -> None:
-    assert set(pole_pair(phi1, phi2, H)) - {"height"} == known
+    lam = np.linspace(0.005, 3.1, 400)
+    data = Binned(lam, np.full(400, 10.0), ar2(lam, phi1, phi2)[np.newaxis])
+    assert set(pole_pair(data, phi1, phi2, H)) - {"height"} == known
+    flat = data._replace(power=np.ones((1, 400)))
+    assert "resonance_hz" not in pole_pair(flat, phi1, phi2, H)  # the data have no peak
 
 
 def test_parameters_in_units() -> None:

@@ -21,6 +21,9 @@ from fltea.cli import (
     flash as cli_flash,
 )
 from fltea.cli import (
+    gallery as cli_gallery,
+)
+from fltea.cli import (
     identify as cli_identify,
 )
 from fltea.cli import (
@@ -263,6 +266,7 @@ COMMANDS = (
     cli_reproduce.reproduce,
     cli_reproduce.bench,
     cli_evaluate.evaluate,
+    cli_gallery.gallery,
 )
 for command in COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

@@ -8,11 +8,13 @@ import math
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients, times
 from fltea.spectrum.allan_curve import checked, points
 from fltea.spectrum.allan_dof import full_overlap
+from fltea.spectrum.composite_intervals import Estimate
 
 Array = NDArray[np.float64]
 
@@ -70,6 +72,19 @@ def allan(y_dps: ArrayLike, h: float) -> Allan:
     found = points(factors, overlapping(y, factors), h, lambda power: full_overlap(power, factors, len(y)))
     tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
     return Allan(tau, deviation, low, high, degrees, *coefficients(found, h))
+
+
+def with_white_noise(found: Allan, white: Estimate) -> Allan:
+    """The curve with N from the spectrum, if that has white noise whose ends are known.
+
+    Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
+    there is; the fit of the spectrum knows of both.
+    """
+    N = found.N_deg_per_sqrt_s
+    if white.low is None or white.high is None or not white.low > 0:
+        return found
+    fitted = replace(N, value=white.value, low=white.low, high=white.high, reason="")
+    return replace(found, N_deg_per_sqrt_s=fitted)
 
 
 def averaging_factors(samples: int) -> NDArray[np.int64]:

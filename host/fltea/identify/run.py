@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from fltea.identify.allan import Allan, allan
+from fltea.identify.allan import Allan, allan, with_white_noise
 from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
 from fltea.identify.curves import Curves, curves
 from fltea.identify.load import GYRO_UNIT, Loaded, Request, Series, Unreadable, load
@@ -284,7 +284,7 @@ def identify_series(series: Series, h: float, options: IdentifyOptions, figures:
         reason = NOT_A_GYROSCOPE
     else:
         try:
-            found = allan(series.y, h)
+            found = with_white_noise(allan(series.y, h), result.composite.N)
             drawn = reproduction(series.y, h, model, seed=options.seed)
         except ValueError as error:
             reason = str(error)

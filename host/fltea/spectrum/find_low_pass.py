@@ -1,10 +1,13 @@
 """Whether a spectrum has gone through a low-pass filter (pure)."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.noise import spectra as spectrum
 from fltea.spectrum.low_pass import LowPass, fit_low_pass, of_one_pole, steep
-from fltea.spectrum.models import AR1, ar1_coordinates, ar2_parameters
+from fltea.spectrum.models import ar2_parameters
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.pole_pair import pole_pair
 from fltea.spectrum.profile import CRITICAL
@@ -19,6 +22,8 @@ LARGEST_FLOOR = 0.01
 """Of AR(1) in white noise that is called a low-pass; but where the filter's own skirt is higher that is."""
 LEAST_PHI = 0.05
 """The spectrum of AR(1) with less falls by less than a fifth."""
+PHI = np.linspace(LEAST_PHI, 0.98, 48)
+PLATEAUS = np.linspace(0.7, 1.4, 15)
 
 
 def find_low_pass(h: float, fits: Fits, search: Search, more: float = 0.0) -> LowPass | None:
@@ -31,7 +36,7 @@ def find_low_pass(h: float, fits: Fits, search: Search, more: float = 0.0) -> Lo
     data = fits.data
     found = fit_low_pass(data, search)
     phi1, phi2, _ = (float(v) for v in ar2_parameters(fits.ar2.theta[0]))
-    peak = "resonance_hz" in pole_pair(phi1, phi2, h)
+    peak = "resonance_hz" in pole_pair(data, phi1, phi2, h)
     others = [fits.null.white, *fits.sums, fits.null.alternative, fits.rising, *([fits.ar2] if peak else [])]
     without = min(others, key=lambda one: bic(one, data))
     filtered = min(bic(one, data) for one in (found, *([] if peak else [fits.ar2])))
@@ -60,14 +65,26 @@ def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
         return None
     if white <= max(LARGEST_FLOOR, ((1 - phi) / (1 + phi)) ** 2) * plateau:
         return of_one_pole(phi, white / plateau, h)
-    pure = _pure(data, best) if len(p.poles[0]) == 1 else None
+    pure = _pure(data, best, fastest)
     return None if pure is None else of_one_pole(pure, 0.0, h)
 
 
-def _pure(data: Binned, found: Fit) -> float | None:
-    """φ of AR(1) without white noise, if that describes the data as well."""
-    phi = np.linspace(LEAST_PHI, 0.98, 94)
-    shapes = AR1.shape(data.lam, ar1_coordinates(phi, 1.0))
-    nll, _ = negative_log_likelihood(data, shapes, np.zeros(len(phi), dtype=np.intp))
-    best = int(nll.argmin())
-    return float(phi[best]) if 2 * float(nll[best] - found.nll[0]) < CRITICAL else None
+def _pure(data: Binned, found: Fit, fastest: int) -> float | None:
+    """φ of the fastest relaxation where there is no white noise, if that describes the data as well."""
+    p = sum_parameters(found.theta, found.theta.shape[1] // 2)
+    slow = np.zeros_like(data.lam)
+    for k in range(p.poles.shape[1]):
+        if k != fastest:
+            slow += p.shares[0, k] * spectrum.ar1(data.lam, p.poles[0, k])
+    level = float(p.shares[0, fastest] / (1 - p.poles[0, fastest]) ** 2 + p.white[0])
+    rows = np.zeros(PHI.size * PLATEAUS.size, dtype=np.intp)
+    phis, plateaus, lowest = PHI, level * PLATEAUS, math.inf
+    for _ in range(2):  # coarse, then fine
+        phi, plateau = (axis.ravel() for axis in np.meshgrid(phis, plateaus, indexing="ij"))
+        shapes = slow + (plateau * (1 - phi) ** 2)[:, np.newaxis] * spectrum.ar1(data.lam, phi)
+        nll, _ = negative_log_likelihood(data, shapes, rows)
+        best = int(nll.argmin())
+        lowest = float(nll[best])
+        phis = np.clip(phi[best] + np.linspace(-1, 1, PHI.size) * (phis[1] - phis[0]), LEAST_PHI, 0.999)
+        plateaus = plateau[best] + np.linspace(-1, 1, PLATEAUS.size) * (plateaus[1] - plateaus[0])
+    return float(phi[best]) if 2 * (lowest - float(found.nll[0])) < CRITICAL else None

@@ -147,6 +147,9 @@ class LiveAxes:
             spectrum = _spectrum(drawn, seen)
             *sums, samples = self._octaves.allan(lane)
             allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: seen.spectrum(lam, self.h))
+            if allan is not None and e.low_pass is not None:  # which bends the curve where N would be read
+                R = e.contest.models[e.contest.best].parameters["R"]
+                allan = replace(allan, N=math.sqrt(R * self.h))
         return AxisFit(
             verdict.kind,
             verdict.text,

@@ -169,7 +169,7 @@ class Octaves:
         return self.lines_and_drift(lane, h)[0]
 
     def lines_and_drift(self, lane: int, h: float) -> tuple[Periodogram, Drift | None]:
-        """Return what `periodogram` does, and the drift that was taken out of it: none of a short record.
+        """Return what `periodogram` does, and the drift, which was taken out of it if the record is long.
 
         Raises:
             ValueError: as `periodogram`.
@@ -248,16 +248,16 @@ def _drift_of(amplitudes: list[Array], level: int) -> Drift | None:
 
 
 def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> tuple[Array, Array, Array]:
-    """Frequencies, powers and weights; of drift that is taken out `amplitudes` takes note."""
+    """Frequencies, powers and weights; of drift, taken out of long records, `amplitudes` takes note."""
     m = len(y)
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     j = np.arange(LOWEST, last + 1)
     values = y.astype(np.float64)
     values -= values.mean()
+    cubic, found = _drift(values)
+    amplitudes.append(found)
     if level:
-        cubic, found = _drift(values)
         values -= cubic
-        amplitudes.append(found)
     spectrum = np.fft.rfft(values)[j]
     own = np.asarray(2 * np.pi * j / m, dtype=np.float64)
     power = (spectrum.real**2 + spectrum.imag**2) / m * 2.0**level

@@ -1,4 +1,4 @@
-"""Whether a fitted spectrum has a peak, and so is a resonance, or falls as behind a low-pass (pure)."""
+"""Whether a fitted spectrum has a peak that the data have too, and so is a resonance (pure)."""
 
 import math
 from collections.abc import Callable
@@ -7,18 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
+from fltea.spectrum.f_tail import f_deviate
+from fltea.spectrum.periodogram import Binned
 
 Array = NDArray[np.float64]
 
 LEAST_HEIGHT = 1.2
-"""Of the peak of a resonance over frequency 0: a pole pair without one is a low-pass."""
+"""Of the peak over frequency 0: a pole pair without one is a low-pass."""
+LEAST_DEVIATE = 3.0
+"""Of the data about the peak over those at half its frequency and below: p = 1e-3."""
 POINTS = 2049
 
 
-def peak_of(density: Callable[[Array], Array], h: float) -> dict[str, float]:
+def peak_of(data: Binned, density: Callable[[Array], Array], h: float) -> dict[str, float]:
     """Where a spectrum of λ has a peak (resonance_hz), and how high it is over frequency 0 (height); h in s.
 
-    Nothing if it has none.
+    Nothing if it has none, or if the one series of `data` does not show it.
     """
     lam = np.linspace(1e-6, np.pi, POINTS)
     found = density(lam)
@@ -26,12 +30,21 @@ def peak_of(density: Callable[[Array], Array], h: float) -> dict[str, float]:
     height = float(found[top] / found[0])
     if not 0 < top < POINTS - 1 or height < LEAST_HEIGHT:
         return {}
+    about = density(data.lam) > (found[top] + found[0]) / 2
+    below = data.lam < lam[top] / 2
+    weights = [float(data.counts[part].sum()) for part in (about, below)]
+    if min(weights) < 2:
+        return {}
+    means = [float(np.average(data.power[0][part], weights=data.counts[part])) for part in (about, below)]
+    ratio = means[0] / max(means[1], 1e-300)
+    if f_deviate(ratio, 2 * weights[0], 2 * weights[1]) < LEAST_DEVIATE:
+        return {}
     return {"resonance_hz": float(lam[top]) / (2 * math.pi * h), "height": height}
 
 
-def pole_pair(phi1: float, phi2: float, h: float) -> dict[str, float]:
+def pole_pair(data: Binned, phi1: float, phi2: float, h: float) -> dict[str, float]:
     """The peak of AR(2), or where it has fallen by half (bend_hz); nothing if it rises; h in s."""
-    if found := peak_of(lambda lam: spectrum.ar2(lam, phi1, phi2), h):
+    if found := peak_of(data, lambda lam: spectrum.ar2(lam, phi1, phi2), h):
         return found
     lam = np.linspace(1e-6, np.pi, POINTS)
     density = spectrum.ar2(lam, phi1, phi2)

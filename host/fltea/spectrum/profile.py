@@ -31,8 +31,8 @@ CRITICAL_AT_BOUND = 4.6
 """The same where the best fit that has the value has no white noise.
 
 Of long records the worst, with R and the parameter fully correlated, is 4.24 (a mixture of χ²; Self & Liang,
-*JASA* 82, 1987), and short ones need more. With 4.6 the intervals of 35 noises without R cover 95 to 96 % on
-average of them (tools/bench/bound_tables.py)."""
+*JASA* 82, 1987), and short ones need more. With 4.6 the true α, f and F of 35 noises without R are inside in
+95 to 96 % on average, in 90 % at worst (tools/bench/bound_tables.py)."""
 NEARLY_ALL = 0.9
 """Share of the possible range from which on a parameter is undefined."""
 LOWEST = 1e-6

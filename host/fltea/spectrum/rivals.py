@@ -188,7 +188,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
             gain,
             extra * math.log(fits.data.ordinates) - 2 * gain,
             farthest(_over_spectrum(p, f), p.weight),
-            _described(name, f, p.h),
+            _described(name, f, fits.data, p.h),
         )
     return Contest(
         models,
@@ -218,7 +218,7 @@ def _over_spectrum(p: Periodogram, f: Fit) -> Array:
     return found
 
 
-def _described(name: str, f: Fit, h: float) -> dict[str, float]:
+def _described(name: str, f: Fit, data: Binned, h: float) -> dict[str, float]:
     scale, theta = float(f.scale[0]), f.theta[0]
     if name == "white":
         return {"R": scale}
@@ -228,14 +228,16 @@ def _described(name: str, f: Fit, h: float) -> dict[str, float]:
     if name == "ar2":
         phi1, phi2, weight = (float(v) for v in ar2_parameters(theta))
         described = {"phi1": phi1, "phi2": phi2, "s2": weight * scale, "R": (1 - weight) * scale}
-        return described | pole_pair(phi1, phi2, h)
+        return described | pole_pair(data, phi1, phi2, h)
     if name in NAMES:
         return _described_sum(theta, scale, h)
     q = parameters(theta)
     alpha, g, weight = float(q.alpha), float(q.g), float(q.weight)
     bend = float(2 * np.arcsin(min((-g) ** (1 / max(alpha, 1e-3)) / 2, 1.0)) / (2 * math.pi * h))
     found = {"alpha": alpha, "g": g, "bend_hz": bend, "s2": weight * scale, "R": (1 - weight) * scale}
-    return found | peak_of(lambda lam: fractional_spectrum(lam, alpha, g), h)
+    ends = fractional_spectrum(np.array([np.pi / 1000, np.pi]), alpha, g)
+    found["rise"] = float(ends[1] / ends[0])
+    return found | peak_of(data, lambda lam: fractional_spectrum(lam, alpha, g), h)
 
 
 def _described_sum(theta: Array, scale: float, h: float) -> dict[str, float]:

@@ -7,6 +7,7 @@ clean ones, to which the models are fitted.
 The same for a recording and for a sensor that is looked at every second; only the level differs.
 """
 
+import math
 from collections.abc import Callable, Iterable
 
 import msgspec
@@ -31,6 +32,10 @@ Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 
 
+LEAKS = 3.0
+"""Times the width of its notch, a line above it."""
+SLOW_LINES = 4.0
+"""Times the lowest frequency: lines below are slow ones."""
 LEAST_CORNER = 10.0
 """Of a low-pass, over the lowest frequency: what is slower is drift, or a relaxation."""
 NEAR = (0.4, 1.5)
@@ -110,7 +115,13 @@ def examine(
         found = around(whole, tuple(peak.notch_hz for peak in peaks))
     slow_hz = drift_hz(duration_s, samples)
     clean_from_hz = max(from_hz, slow_hz)
-    clean, kept = _clean(whole, clean_from_hz, found)
+    above_lines_hz = _above_slow_lines(peaks, clean_from_hz)
+    slow_line = above_lines_hz > clean_from_hz
+    try:
+        clean, kept = _clean(whole, above_lines_hz, found)
+        clean_from_hz = above_lines_hz
+    except ValueError:
+        clean, kept = _clean(whole, clean_from_hz, found)
     peaks, found = peaks[:kept], found[:kept]
     p_without_peaks = _null_p(whole.without(from_hz, found), warm) if peaks else p_all
     kept_peaks = peaks
@@ -141,7 +152,11 @@ def examine(
         from_hz=clean_from_hz,
         to_hz=to_hz,
         slow=slow_power(
-            slow_hz, _slow(whole, from_hz, slow_hz, found), _highest(rivals, fits), whole.h, drift
+            slow_hz,
+            None if slow_line else _slow(whole, from_hz, slow_hz, found),
+            _highest(rivals, fits),
+            whole.h,
+            drift,
         ),
         low_pass=low_pass,
         change=warm.looked("change", ordinates, change),
@@ -178,9 +193,20 @@ def _through(clean: Periodogram, low_pass: LowPass | None, warm: Warm) -> tuple[
     return clean, fit_all(clean, warm.of("clean"))
 
 
+def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
+    """Where the clean ordinates begin: beyond what leaks from slow lines."""
+    ends = [
+        high + LEAKS * (high - low)
+        for low, high in (peak.notch_hz for peak in peaks if peak.kind != "resonance")
+        if low < SLOW_LINES * lowest_hz
+    ]
+    return max(lowest_hz, *ends) if ends else lowest_hz
+
+
 def _skirts(peaks: tuple[Peak, ...], low_pass: LowPass) -> bool:
     """Whether it is a resonance that falls so, and no filter."""
-    low, high = NEAR
+    # A filter of one pole is a faint fall: beside a resonance it cannot be told from its skirt.
+    low, high = NEAR if low_pass.poles > 1 else (0.0, math.inf)
     return any(
         peak.kind != "line"
         and peak.power_share > LARGE_SHARE

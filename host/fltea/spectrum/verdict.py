@@ -13,10 +13,15 @@ from fltea.records.fit import VerdictKind
 from fltea.spectrum import wording
 from fltea.spectrum.arfima import MOST_ORDER
 from fltea.spectrum.evidence import Evidence
+from fltea.spectrum.lines import Peak
 from fltea.spectrum.relaxations import MOST
 
-SLOW = 2.0
+SLOW = 3.0
 """Times the lowest frequency: a corner below is as good as none."""
+AS_SKIRTS = 4.0
+"""Ratio of frequencies."""
+LINE_WIDTH = 6.0
+"""Of a line at half the sample rate, in periods a record."""
 LARGE_SHARE = 0.05
 """Of the power in a resonance that has skirts to be seen."""
 NEAR_THE_FILTER = 0.1
@@ -103,7 +108,7 @@ def decide(e: Evidence) -> Verdict:
         not coloured
         and "resonance_hz" in ar2.parameters
         and q.ask(
-            "Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < -e.more, f"{ar2.bic:+.1f}"
+            "Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < -e.apart, f"{ar2.bic:+.1f}"
         )
     )
     if broad:
@@ -191,7 +196,9 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
         f"{wording.MODELS[name]} {model.bic:.1f}"
         for name, model in sorted(c.models.items(), key=lambda m: m[1].bic)
     )
-    if not q.ask("Is any model better than white noise by BIC?", c.models[c.best].bic < -e.more, bic):
+    # A peak that is hardly better may come from a few outliers.
+    enough = e.apart if c.best == "ar2" else e.more
+    if not q.ask("Is any model better than white noise by BIC?", c.models[c.best].bic < -enough, bic):
         if e.low_pass is not None or e.peaks or e.drifts:
             return _white(e, q)
         return q.say(
@@ -202,10 +209,10 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
         )
     p = c.models[c.best].parameters
     bends = "bend_hz" in p or "resonance_hz" in p
-    rising = c.best == "rising" or (c.best in ("ar1", "ar2") and not bends)
-    if (rising or "resonance_hz" in p) and q.ask(
+    rising = c.best == "rising" or p.get("rise", 0.0) > 1 or (c.best in ("ar1", "ar2") and not bends)
+    if q.ask(
         "Is it the skirts of the resonance that was found?",
-        any(peak.kind != "line" and peak.power_share > LARGE_SHARE for peak in e.peaks),
+        any(_is_skirt(peak, p, rising) for peak in e.peaks),
         f"{wording.MODELS[c.best]} is the best by BIC",
     ):
         return q.say(
@@ -236,9 +243,25 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
     return _order_or_relaxations(e, q)
 
 
+def _is_skirt(peak: Peak, parameters: dict[str, float], rising: bool) -> bool:
+    """Whether a model describes what is left of a strong resonance."""
+    if peak.kind == "line" or peak.power_share < LARGE_SHARE:
+        return False
+    corners = [value for name, value in parameters.items() if name.endswith("_hz")]
+    return rising or any(1 / AS_SKIRTS < corner / peak.frequency_hz < AS_SKIRTS for corner in corners)
+
+
 def _rising(e: Evidence, q: _Questions) -> Verdict:
     c = e.contest
     p = c.models[c.best].parameters
+    if c.best == "ar1" and (1 - abs(p["phi"])) * e.rate_hz < 2 * math.pi * LINE_WIDTH / e.duration_s:
+        return q.say(
+            "line",
+            f"A line at {wording.hz(e.rate_hz / 2)}, half the sample rate, or near it, in white noise."
+            f"{wording.beside(e)}",
+            f"It is no wider than the record's resolution: {wording.UNDEFINED}.",
+            "A faster oscillation looks so too once it is sampled. " + NEXT_PEAK,
+        )
     if c.best == "rising":
         how = f"as f^{2 * p['delta']:.2g} (d = {-p['delta']:.2f})"
         differences = p["delta"] > 0.9
@@ -279,7 +302,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
         f"at {wording.hz(fastest)}",
     ):
         return q.say(
-            "drift",
+            "drift" if e.low_pass is None else "low-pass",
             "White noise, and drift that is slower than the record can tell from a random walk."
             f"{wording.beside(e, with_drift=False)}",
             f"The corner of the best model is below {wording.hz(SLOW * e.from_hz)}: too few periods tell it "

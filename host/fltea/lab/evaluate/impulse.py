@@ -1,4 +1,4 @@
-"""Noise drawn from the model's recursion in time, sharing nothing with the spectra that are fitted (pure).
+"""Noise drawn from the model's recursion in time; it shares nothing with the spectra that are fitted (pure).
 
 x_{k+1} = g x_k - sum_{j>=1} c_j(α) x_{k+1-j} + ω_k is ω through a filter, whose impulse response is the
 inverse of the power series 1 - g z + c_1 z + c_2 z² + ...
