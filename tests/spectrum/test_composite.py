@@ -102,10 +102,10 @@ def test_the_parts_are_found(truth: Truth, name: str) -> None:
     for part, (sigma, tau) in zip(found.gauss_markov, truth.gauss_markov, strict=True):
         assert part.sigma.value == pytest.approx(sigma, rel=0.25)
         assert part.tau_s.value == pytest.approx(tau, rel=0.4)
-    for part, true in ((found.K, truth.K), (found.Q, truth.Q)):
-        assert (part is None) == (true == 0)
-        if part is not None:
-            assert part.value == pytest.approx(true, rel=0.3)
+    for estimate, true in ((found.K, truth.K), (found.Q, truth.Q)):
+        assert (estimate is None) == (true == 0)
+        if estimate is not None:
+            assert estimate.value == pytest.approx(true, rel=0.3)
 
 
 def test_a_part_slower_than_the_record_is_a_random_walk() -> None:
