@@ -48,15 +48,13 @@ LOOKED_AT = (
     "differenced",
     "variance steps",
 )
-NOT_YET = {"slow line"}
-"""Wrong today: each that is put right leaves the list."""
 
 
 def test_verdicts() -> None:
     """10 min at 100 Hz, one record each."""
     found = visit(cells(1, LOOKED_AT, (100.0,), (600.0,)), Here())
     wrong = {one.cell.noise: one.kind for one in found.seen if one.outcome == "wrong"}
-    assert set(wrong) <= NOT_YET, wrong
+    assert wrong == {}
     assert found.false_orders == 0
     assert found.close_claims == 0
 
@@ -81,7 +79,8 @@ MADE = Gallery(
 def test_figures_that_count() -> None:
     assert [MADE.count(o) for o in ("right", "cannot be told", "wrong")] == [3, 1, 1]
     assert (MADE.false_orders, len(MADE.without_order), MADE.close_claims) == (1, 4, 1)
-    first, second, third = table.summary(MADE)
+    first, second, power, third = table.summary(MADE)
+    assert power.startswith('Of 1 records of noises with an order 1 are called "fractional", 0 of the 0')
     assert "Of 5 records 3 verdicts are right (60.0%)" in first
     assert "Of 4 records of noises without an order 1 are" in second
     assert third.startswith('Of 2 claims of "fractional" 1')

@@ -293,7 +293,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     where = wording.corners(best_sum.parameters, e)
     worse = q.ask(
         f"Is every order up to {MOST_ORDER:g} worse than {sums} by more than {apart + more:.0f}?",
-        behind > apart + more,
+        behind > apart + more and _all_relax(best_sum.parameters),
         f"2 log L {-behind:+.1f}",
     )
     bends = [value for name, value in best_sum.parameters.items() if name.startswith("bend")]
@@ -377,6 +377,11 @@ def bic_of(e: Evidence, name: str) -> str:
 
 def _word(parameters: dict[str, float]) -> str:
     return "its corner" if "bend_hz" in parameters else "corners"
+
+
+def _all_relax(parameters: dict[str, float]) -> bool:
+    """Whether all parts of a sum are relaxations: one of φ < 0 is none."""
+    return all(value > 0 for name, value in parameters.items() if name.startswith("phi"))
 
 
 def _more(parameters: dict[str, float]) -> int:

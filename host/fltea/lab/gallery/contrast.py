@@ -21,7 +21,7 @@ FIRST = 10
 """The lowest ordinate that is fitted: of fewer periods nobody can say what they are."""
 DEEPEST = 1e-6
 """Of the highest density: a filter's zeros are no deeper in any periodogram."""
-ROUNDS = 8
+ROUNDS = 12
 SHRINK = 0.4
 UPDATES = 400
 LEAST_MOVE, LEAST_GAIN = 0.05, 0.05

@@ -36,6 +36,9 @@ NARROW, FEW_ORDINATES = 2.0, 10.0
 INSIDE_THE_FILTER = 0.5
 """Power gain, down to which what is in front of a filter can be seen."""
 
+_LEAK = (2 * math.pi * contrast.FIRST) ** 2
+"""A ramp of size a has a² n over this in the first ordinate that is fitted."""
+
 EITHER: VerdictKind = "fractional or relaxations"
 
 
@@ -86,6 +89,8 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
         notes.right.add(_NAMES[noise.truth])
     elif noise.truth != "white":
         _RULES[noise.truth](notes, noise, bins, rate_hz, n)
+        if bins.truth[-1] > bins.truth[0]:  # what folds at half the rate may make it rise
+            notes.may("anti-persistent", contrast.rising(bins), "a power that rises with frequency")
     if noise.drift is not None and (not seen or noise.truth == "white"):
         notes.right = {"drift"}
         notes.accepted.pop("undecided", None)
@@ -138,11 +143,12 @@ def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int
 
 def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     notes.right.add("fractional")
+    nearest = contrast.order(bins)
+    if nearest > SAME:
+        notes.accepted["undecided"] = f"of no model here; the nearest order is {nearest:.0f} behind"
     notes.may(EITHER, contrast.six_relaxations(bins), "a sum of six relaxations", MORE)
     notes.may("drift", contrast.walk(bins), "a random walk")
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
-    if bins.truth[-1] > bins.truth[0]:
-        notes.may("anti-persistent", contrast.rising(bins), "a power that rises with frequency")
 
 
 def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
@@ -151,6 +157,7 @@ def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> 
 
 def _walk(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     notes.right.add("drift")
+    notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85")
 
 
 def _resonance(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
@@ -166,9 +173,9 @@ def _resonance(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) 
 
 def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     notes.right.add("low-pass")
-    notes.may("relaxations", contrast.one_relaxation(bins), "one relaxation")
-    if "relaxations" in notes.right or "relaxations" in notes.accepted:
-        notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85")
+    _relaxation_or_order(notes, bins)
+    if noise.drift is not None and noise.drift.size**2 * n / _LEAK > float(bins.truth[0]):
+        notes.right.add("drift")  # the ends of the record leak into what is fitted
     slow = [part for part in noise.parts if not isinstance(part, Through)]
     if slow:
         inside = contrast.white(_passed(noise, bins, rate_hz))
@@ -176,6 +183,12 @@ def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -
             notes.right.add("drift")
         if told(inside, 3 * math.log(bins.weight.sum())):
             notes.right.discard("low-pass")
+
+
+def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
+    notes.may("relaxations", contrast.one_relaxation(bins), "one relaxation")
+    if "relaxations" in notes.right or "relaxations" in notes.accepted:
+        notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85")
 
 
 def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
@@ -207,7 +220,7 @@ def _held(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> No
     """A value that is held is a filter, but of no shape that has a name here."""
     notes.right.add("low-pass")
     notes.accepted["undecided"] = "the spectrum is that of no model here"
-    notes.may("relaxations", contrast.one_relaxation(bins), "one relaxation")
+    _relaxation_or_order(notes, bins)
 
 
 def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:

@@ -85,6 +85,11 @@ class Gallery(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return sum(one.kind == "fractional" for one in self.without_order)
 
     @property
+    def tellable(self) -> list[Seen]:
+        """Records of noises with an order, of which nothing but "fractional" is right."""
+        return [one for one in self.seen if one.has_order and one.right == ("fractional",)]
+
+    @property
     def close_claims(self) -> int:
         """Claims of "fractional" with a rival that is not `MARGIN` behind."""
         claims = [one for one in self.seen if one.kind == "fractional"]

@@ -21,12 +21,16 @@ def summary(gallery: Gallery) -> list[str]:
     """The figures that count, a sentence each."""
     total, without = len(gallery.seen), gallery.without_order
     claims = sum(one.kind == "fractional" for one in gallery.seen)
+    true_claims = sum(one.kind == "fractional" for one in gallery.seen if one.has_order)
+    told = sum(one.kind == "fractional" for one in gallery.tellable)
     right, untold, wrong = (gallery.count(o) for o in ("right", "cannot be told", "wrong"))
     return [
         f"Of {total} records {right} verdicts are right ({_share(right, total)}), {untold} say less since "
         f"the record cannot tell ({_share(untold, total)}), and {wrong} are wrong ({_share(wrong, total)}).",
         f"Of {len(without)} records of noises without an order {gallery.false_orders} are called "
         f'"fractional" ({_share(gallery.false_orders, len(without))}).',
+        f"Of {len(gallery.seen) - len(without)} records of noises with an order {true_claims} are called "
+        f'"fractional", {told} of the {len(gallery.tellable)} whose length tells it from relaxations.',
         f'Of {claims} claims of "fractional" {gallery.close_claims} have a sum of relaxations within '
         f"{MARGIN:g} in 2 log L.",
     ]
