@@ -100,7 +100,8 @@ def test_tables() -> None:
 
 def test_nothing_depends_on_the_workers() -> None:
     wanted = cells(2, ("white", "1 relaxation"), (5.0,), (30.0, 60.0))
-    here, kept = visit(wanted, Here()), []
+    here = visit(wanted, Here())
+    kept: list[Seen] = []
     assert visit(wanted, Backwards(), keep=kept.append) == here
     assert sorted(kept, key=repr) == sorted(here.seen, key=repr)
     assert len(wanted) == 8

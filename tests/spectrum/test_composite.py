@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from composite_noise import Truth, noise
 from fltea.identify.sums import examined
-from fltea.spectrum.composite import Composite, composite
+from fltea.spectrum.composite import Composite, compared, composite
 from fltea.spectrum.composite_fit import Kind, at, bounds, lines, score, slopes
 from fltea.spectrum.composite_intervals import Estimate, interval
 from fltea.spectrum.periodogram import Binned, binned
@@ -102,10 +102,10 @@ def test_the_parts_are_found(truth: Truth, name: str) -> None:
     for part, (sigma, tau) in zip(found.gauss_markov, truth.gauss_markov, strict=True):
         assert part.sigma.value == pytest.approx(sigma, rel=0.25)
         assert part.tau_s.value == pytest.approx(tau, rel=0.4)
-    for part, true in ((found.K, truth.K), (found.Q, truth.Q)):
-        assert (part is None) == (true == 0)
-        if part is not None:
-            assert part.value == pytest.approx(true, rel=0.3)
+    for estimate, true in ((found.K, truth.K), (found.Q, truth.Q)):
+        assert (estimate is None) == (true == 0)
+        if estimate is not None:
+            assert estimate.value == pytest.approx(true, rel=0.3)
 
 
 def test_a_part_slower_than_the_record_is_a_random_walk() -> None:
@@ -121,6 +121,13 @@ def test_a_part_slower_than_the_record_is_a_random_walk() -> None:
         for part in found.gauss_markov:
             corner_hz = 1 / (2 * math.pi * part.tau_s.value)
             assert found.from_hz < corner_hz < 0.5 / H
+
+
+def test_models_with_a_corner_below_the_data_are_not_compared() -> None:
+    """Whatever their BIC: the search then ends at the lowest frequency, which is no corner."""
+    found = compared(lines(theory(Truth(0.005, ((1.0, 3000.0),)), 1), N))
+    assert Kind(0, True, False) in found
+    assert Kind(1, False, False) not in found
 
 
 def test_what_a_filter_is_given_agrees_with_itself() -> None:

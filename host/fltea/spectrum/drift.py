@@ -21,7 +21,7 @@ LEAST_OFFSET = 10.0
 """Power of the offset's drift over that of noise: of less nobody needs to know. White noise has as much with
 p = 3e-6."""
 LEAST_RATIO = 2.0
-FALSE_ALARM = 1e-3
+FALSE_ALARM = 2e-4
 """Of a record that is looked at once."""
 
 

@@ -18,8 +18,8 @@ from fltea.spectrum.whittle import Fit, negative_log_likelihood
 
 Array = NDArray[np.float64]
 
-LARGEST_FLOOR = 0.01
-"""Of AR(1) in white noise that is called a low-pass; but where the filter's own skirt is higher that is."""
+LARGEST_FLOOR = 0.03
+"""Of AR(1) in white noise that is called a low-pass whatever the likelihood says: rounding makes as much."""
 LEAST_PHI = 0.05
 """The spectrum of AR(1) with less falls by less than a fifth."""
 PHI = np.linspace(LEAST_PHI, 0.98, 48)
@@ -63,7 +63,7 @@ def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
     corner = np.array([min(-np.log(phi), np.pi)])
     if float(best.model.shape(corner, best.theta)[0, 0]) > 2 * (plateau / 2 + white):
         return None
-    if white <= max(LARGEST_FLOOR, ((1 - phi) / (1 + phi)) ** 2) * plateau:
+    if white <= LARGEST_FLOOR * plateau:
         return of_one_pole(phi, white / plateau, h)
     pure = _pure(data, best, fastest)
     return None if pure is None else of_one_pole(pure, 0.0, h)

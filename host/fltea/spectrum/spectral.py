@@ -7,7 +7,6 @@ clean ones, to which the models are fitted.
 The same for a recording and for a sensor that is looked at every second; only the level differs.
 """
 
-import math
 from collections.abc import Callable, Iterable
 
 import msgspec
@@ -204,13 +203,13 @@ def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
 
 
 def _skirts(peaks: tuple[Peak, ...], low_pass: LowPass) -> bool:
-    """Whether it is a resonance that falls so, and no filter."""
+    """Whether it is a resonance that falls so, or what leaks from a line, and no filter."""
     # A filter of one pole is a faint fall: beside a resonance it cannot be told from its skirt.
-    low, high = NEAR if low_pass.poles > 1 else (0.0, math.inf)
+    low, high = NEAR
+    if low_pass.poles == 1 and any(p.kind == "resonance" and p.power_share > LARGE_SHARE for p in peaks):
+        return True
     return any(
-        peak.kind != "line"
-        and peak.power_share > LARGE_SHARE
-        and low < peak.frequency_hz / low_pass.corner_hz < high
+        peak.power_share > LARGE_SHARE and low < peak.frequency_hz / low_pass.corner_hz < high
         for peak in peaks
     )
 

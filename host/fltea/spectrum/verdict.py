@@ -18,6 +18,7 @@ from fltea.spectrum.relaxations import MOST
 
 SLOW = 3.0
 """Times the lowest frequency: a corner below is as good as none."""
+LEAKS = 2.0
 AS_SKIRTS = 4.0
 """Ratio of frequencies."""
 LINE_WIDTH = 6.0
@@ -210,21 +211,19 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
     p = c.models[c.best].parameters
     bends = "bend_hz" in p or "resonance_hz" in p
     rising = c.best == "rising" or p.get("rise", 0.0) > 1 or (c.best in ("ar1", "ar2") and not bends)
-    if q.ask(
-        "Is it the skirts of the resonance that was found?",
-        any(_is_skirt(peak, p, rising) for peak in e.peaks),
-        f"{wording.MODELS[c.best]} is the best by BIC",
-    ):
+    source = next((peak for peak in e.peaks if _is_skirt(peak, p, rising)), None)
+    best = f"{wording.MODELS[c.best]} is the best by BIC"
+    if q.ask("Is it the skirts of a peak that was found?", source is not None, best):
         return q.say(
-            "resonance",
+            PEAKS[e.peaks[0].kind],
             f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
             f"{wording.beside(e, with_peaks=False)}",
-            f"What is left is its skirts ({wording.MODELS[c.best]} is the best by BIC): {wording.UNDEFINED}.",
+            f"What is left is its skirts ({best}): {wording.UNDEFINED}.",
             NEXT_PEAK,
         )
-    if q.ask("Does the power rise with frequency?", rising, f"{wording.MODELS[c.best]} is the best by BIC"):
+    if q.ask("Does the power rise with frequency?", rising, best):
         return _rising(e, q)
-    if q.ask("Is there a broad peak?", "resonance_hz" in p, f"{wording.MODELS[c.best]} is the best by BIC"):
+    if q.ask("Is there a broad peak?", "resonance_hz" in p, best):
         if c.best == "ar2":
             return _resonance(e, q)
         return q.say(
@@ -244,9 +243,12 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
 
 
 def _is_skirt(peak: Peak, parameters: dict[str, float], rising: bool) -> bool:
-    """Whether a model describes what is left of a strong resonance."""
-    if peak.kind == "line" or peak.power_share < LARGE_SHARE:
+    """Whether a model describes what is left of a strong resonance, or what leaks from a line."""
+    if peak.power_share < LARGE_SHARE:
         return False
+    if peak.kind == "line":
+        at = parameters.get("resonance_hz", 0.0)
+        return 1 / LEAKS < at / peak.frequency_hz < LEAKS
     corners = [value for name, value in parameters.items() if name.endswith("_hz")]
     return rising or any(1 / AS_SKIRTS < corner / peak.frequency_hz < AS_SKIRTS for corner in corners)
 
@@ -291,7 +293,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     where = wording.corners(best_sum.parameters, e)
     worse = q.ask(
         f"Is every order up to {MOST_ORDER:g} worse than {sums} by more than {apart + more:.0f}?",
-        behind > apart + more,
+        behind > apart + more and _all_relax(best_sum.parameters),
         f"2 log L {-behind:+.1f}",
     )
     bends = [value for name, value in best_sum.parameters.items() if name.startswith("bend")]
@@ -301,6 +303,8 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
         fastest < SLOW * e.from_hz,
         f"at {wording.hz(fastest)}",
     ):
+        if any(peak.kind != "resonance" and peak.frequency_hz < e.from_hz for peak in e.peaks):
+            return _white(e, q, "What is left at low frequencies is no more than what leaks from a slow line")
         return q.say(
             "drift" if e.low_pass is None else "low-pass",
             "White noise, and drift that is slower than the record can tell from a random walk."
@@ -373,6 +377,11 @@ def bic_of(e: Evidence, name: str) -> str:
 
 def _word(parameters: dict[str, float]) -> str:
     return "its corner" if "bend_hz" in parameters else "corners"
+
+
+def _all_relax(parameters: dict[str, float]) -> bool:
+    """Whether all parts of a sum are relaxations: one of φ < 0 is none."""
+    return all(value > 0 for name, value in parameters.items() if name.startswith("phi"))
 
 
 def _more(parameters: dict[str, float]) -> int:
