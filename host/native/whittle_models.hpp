@@ -100,6 +100,9 @@ void bounds(const Model<R>& model, R* low, R* high) {
         low[i] = R(-kTop);
         high[i] = R(kTop);
     }
+    // Of more than two all are relaxations: φ >= 0.
+    if (!low_pass(model.family) && poles(model.family) > 2)
+        for (int i = 0; i < poles(model.family); ++i) low[i] = 0;
     if (low_pass(model.family)) {
         low[0] = R(kLowestCorner);
         high[0] = R(kHighestCorner);

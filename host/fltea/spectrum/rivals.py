@@ -40,6 +40,8 @@ Array = NDArray[np.float64]
 LOOKED_AT = 0.05
 """Of the null test: where white noise is not rejected only the oldest rivals are fitted."""
 ORDERS = (LEAST_ORDER, 0.3, 0.5, 0.7, MOST_ORDER)
+NO_COLOUR = 1e-3
+"""φ of a part that is white."""
 APART = 6.0
 """In 2 log L, from which on two models are told apart."""
 
@@ -85,18 +87,28 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def best_sum(self) -> str:
         """The sum of relaxations of lowest BIC."""
-        return self._lowest(name for name in NAMES[1:] if name in self.models)
+        return self._lowest(self._sums() or [name for name in NAMES[1:] if name in self.models])
 
     def sum_within(self, apart: float) -> str:
         """The smallest sum of which 2 log L is at most so much below that of the order."""
-        names = [name for name in NAMES[1:] if name in self.models]
+        names = self._sums()
         near = (one for one in names if 2 * self.models[one].log_likelihood >= self.order_gain - apart)
         return next(near, self.best_sum)
 
     @property
     def sum_gain(self) -> float:
         """2 log L of any sum of relaxations above white noise, the highest."""
-        return 2 * max(self.models[name].log_likelihood for name in NAMES[1:] if name in self.models)
+        return 2 * max((self.models[name].log_likelihood for name in self._sums()), default=0.0)
+
+    def _sums(self) -> list[str]:
+        """Sums of which all parts are relaxations: one of φ < 0 is none."""
+        found = []
+        for name in NAMES[1:]:
+            p = self.models[name].parameters if name in self.models else {}
+            poles = [value for key, value in p.items() if key.startswith("phi")]
+            if poles and min(poles) > -NO_COLOUR:
+                found.append(name)
+        return found
 
     def _lowest(self, names: Iterable[str]) -> str:
         return min(names, key=lambda name: self.models[name].bic)
@@ -162,12 +174,18 @@ def _more_sums(data: Binned, sums: tuple[Fit, ...], lowest: float, search: Searc
     """Further sums, as long as the last one was better, or an order is ahead, whose -log L is `lowest`."""
     while len(sums) < MOST:
         better = bic(sums[-1], data) < bic(sums[-2], data)
-        ahead = 2 * (min(float(one.nll[0]) for one in sums) - lowest) > APART
+        relaxing = [float(one.nll[0]) for one in sums if _relaxes(one)]
+        ahead = not relaxing or 2 * (min(relaxing) - lowest) > APART
         if not (better or ahead):
             break
         count = len(sums)
         sums = (*sums, search(data, sum_of(count + 1), grown(data, sums[-1], count)))
     return sums
+
+
+def _relaxes(found: Fit) -> bool:
+    """Whether all parts of a sum are relaxations: one of φ < 0 is none."""
+    return bool(sum_parameters(found.theta, found.theta.shape[1] // 2).poles.min() > -NO_COLOUR)
 
 
 def _between(data: Binned, full: Fit, search: Search) -> Fit:
