@@ -8,9 +8,10 @@ from fltea.spectrum.drift import SlowPower
 from fltea.spectrum.evidence import ANYTIME_LEVEL, Evidence
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.low_pass import LowPass
+from fltea.spectrum.residuals import kolmogorov
 from fltea.spectrum.rivals import Contest, Rival
 from fltea.spectrum.stationarity import Change
-from fltea.spectrum.verdict import decide, kolmogorov
+from fltea.spectrum.verdict import decide
 
 LINE = Peak("line", 31.4, 0.02, 0.1, 80.0, (31.2, 31.6))
 RESONANCE = Peak("resonance", 20.0, 2.0, 0.3, 8.0, (17.0, 23.0))

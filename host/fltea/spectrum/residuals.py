@@ -33,3 +33,8 @@ def farthest(ratio: Array, weight: Array | None = None) -> float:
         line = np.arange(begin + 1, begin + len(part) + 1) / m
         farthest = max(farthest, float(np.abs(part / sums[-1] - line).max()))
     return farthest * math.sqrt(m)
+
+
+def kolmogorov(p: float) -> float:
+    """What the statistic of Kolmogorov and Smirnov exceeds with the small probability p."""
+    return math.sqrt(-math.log(p / 2) / 2)

@@ -15,6 +15,7 @@ from fltea.spectrum.arfima import MOST_ORDER
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.relaxations import MOST
+from fltea.spectrum.residuals import kolmogorov
 
 SLOW = 3.0
 """Times the lowest frequency: a corner below is as good as none."""
@@ -290,7 +291,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     behind = 2 * best_sum.log_likelihood - c.order_gain
     lead = c.order_gain - c.sum_gain
     sums = wording.relaxations(best_sum.parameters)
-    where = wording.corners(best_sum.parameters, e)
+    where = wording.its_corners(best_sum.parameters, e)
     worse = q.ask(
         f"Is every order up to {MOST_ORDER:g} worse than {sums} by more than {apart + more:.0f}?",
         behind > apart + more and _all_relax(best_sum.parameters),
@@ -319,8 +320,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     if worse:
         return q.say(
             "relaxations",
-            f"{wording.capital(sums)} in white noise, with {_word(best_sum.parameters)} {where}."
-            f"{wording.beside(e)}",
+            f"{wording.capital(sums)} in white noise, with {where}.{wording.beside(e)}",
             f"The fractional model with an order of up to {MOST_ORDER:g} is worse by {behind:.0f} in 2 log L."
             f"{misfit}",
             "A navigation filter takes them as Gauss-Markov processes: σ and correlation time are given.",
@@ -350,15 +350,15 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
             "Look at the spectrum in the report.",
         )
     near = c.models[c.sum_within(apart)]
-    sums, where = wording.relaxations(near.parameters), wording.corners(near.parameters, e)
+    sums, where = wording.relaxations(near.parameters), wording.its_corners(near.parameters, e)
     apart_by = abs(2 * near.log_likelihood - c.order_gain)
     return q.say(
         "fractional or relaxations",
-        f"Noise of the order {c.order:.2f}{kind}, or {sums} with {_word(near.parameters)} {where}, in white "
+        f"Noise of the order {c.order:.2f}{kind}, or {sums} with {where}, in white "
         f"noise: the data do not tell.{wording.beside(e)}",
-        f"Both describe {_band(e)}: 2 log L differs by {apart_by:.1f}, which does not tell models with "
-        f"{_more(near.parameters) + 4} and 4 parameters apart.{misfit}",
-        _record_for(e),
+        f"Both describe {wording.band(e)}: 2 log L differs by {apart_by:.1f}, which does not tell models "
+        f"with {_more(near.parameters) + 4} and 4 parameters apart.{misfit}",
+        wording.record_for(e),
     )
 
 
@@ -375,10 +375,6 @@ def bic_of(e: Evidence, name: str) -> str:
     return f"{wording.MODELS[name]} {e.contest.models[name].bic:.1f}"
 
 
-def _word(parameters: dict[str, float]) -> str:
-    return "its corner" if "bend_hz" in parameters else "corners"
-
-
 def _all_relax(parameters: dict[str, float]) -> bool:
     """Whether all parts of a sum are relaxations: one of φ < 0 is none."""
     return all(value > 0 for name, value in parameters.items() if name.startswith("phi"))
@@ -387,22 +383,3 @@ def _all_relax(parameters: dict[str, float]) -> bool:
 def _more(parameters: dict[str, float]) -> int:
     """Of a sum, than the fractional model has."""
     return 2 * sum(name.startswith("phi") for name in parameters) - 3
-
-
-def _band(e: Evidence) -> str:
-    """Where the data are."""
-    decades = math.log10(e.to_hz / e.from_hz)
-    return f"{wording.hz(e.from_hz)} to {wording.hz(e.to_hz)}, {decades:.1f} decades"
-
-
-def _record_for(e: Evidence) -> str:
-    if e.decides_s is None:
-        tell = "No record of up to a month would tell"
-    else:
-        tell = f"A record of some {wording.duration(e.decides_s)} would tell"
-    return f"{tell}; a navigation filter can take either, and the sum is the easier one."
-
-
-def kolmogorov(p: float) -> float:
-    """What the statistic of Kolmogorov and Smirnov exceeds with the small probability p."""
-    return math.sqrt(-math.log(p / 2) / 2)

@@ -1,5 +1,6 @@
 """What a verdict says in words: what the noise is, how sure that is, and what to do next (pure)."""
 
+import math
 from collections.abc import Sequence
 
 from fltea.spectrum.evidence import Evidence
@@ -138,3 +139,24 @@ def change(e: Evidence) -> str:
         when = f"around {duration(c.at_s)} of {duration(e.duration_s)}"
         return f"its power {band} {how} by a factor of {ratio:.2g} {when}"
     return f"its power {band} went up and down by a factor of about {c.size:.2g}"
+
+
+def its_corners(parameters: dict[str, float], e: Evidence) -> str:
+    """The same as what a sum has."""
+    one = sum(name.startswith("bend") for name in parameters) == 1
+    return f"{'its corner' if one else 'corners'} {corners(parameters, e)}"
+
+
+def band(e: Evidence) -> str:
+    """Where the data are."""
+    decades = math.log10(e.to_hz / e.from_hz)
+    return f"{hz(e.from_hz)} to {hz(e.to_hz)}, {decades:.1f} decades"
+
+
+def record_for(e: Evidence) -> str:
+    """How long a record would tell an order from relaxations, and what to do until then."""
+    if e.decides_s is None:
+        tell = "No record of up to a month would tell"
+    else:
+        tell = f"A record of some {duration(e.decides_s)} would tell"
+    return f"{tell}; a navigation filter can take either, and the sum is the easier one."
