@@ -18,8 +18,10 @@ from fltea.spectrum.whittle import Fit, negative_log_likelihood
 
 Array = NDArray[np.float64]
 
-LARGEST_FLOOR = 0.03
+LARGEST_FLOOR, LARGEST_OF_SLOW = 0.03, 0.003
 """Of AR(1) in white noise that is called a low-pass whatever the likelihood says: rounding makes as much."""
+SLOW_CORNER = 2 * math.pi / 100
+"""Rad a sample: nobody filters a hundred times as slowly as he samples."""
 LEAST_PHI = 0.05
 """The spectrum of AR(1) with less falls by less than a fifth."""
 PHI = np.linspace(LEAST_PHI, 0.98, 48)
@@ -63,7 +65,7 @@ def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
     corner = np.array([min(-np.log(phi), np.pi)])
     if float(best.model.shape(corner, best.theta)[0, 0]) > 2 * (plateau / 2 + white):
         return None
-    if white <= LARGEST_FLOOR * plateau:
+    if white <= (LARGEST_FLOOR if corner[0] > SLOW_CORNER else LARGEST_OF_SLOW) * plateau:
         return of_one_pole(phi, white / plateau, h)
     pure = _pure(data, best, fastest)
     return None if pure is None else of_one_pole(pure, 0.0, h)
