@@ -357,7 +357,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
         f"Noise of the order {c.order:.2f}{kind}, or {sums} with {where}, in white "
         f"noise: the data do not tell.{wording.beside(e)}",
         f"Both describe {wording.band(e)}: 2 log L differs by {apart_by:.1f}, and models with "
-        f"{_more(near.parameters) + 4} and 4 parameters are told apart by {apart + more:.0f} or more.{misfit}",
+        f"{_more(near.parameters) + 4} and 4 parameters are told apart by {apart + more:.0f}.{misfit}",
         wording.record_for(e),
     )
 
