@@ -182,7 +182,12 @@ def _spectrum(whole: Periodogram, seen: Spectral) -> FitSpectrum:
 
 
 def _left_out(counts: Counts) -> dict[str, int]:
-    return {"lost": counts.lost, "bridged": counts.bridged, "knocked": counts.knocked}
+    return {
+        "lost": counts.lost,
+        "bridged": counts.bridged,
+        "knocked": counts.knocked,
+        "limited": counts.limited,
+    }
 
 
 def _breaks(counts: Counts) -> dict[str, int]:
