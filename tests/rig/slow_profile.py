@@ -119,7 +119,10 @@ def slow_intervals(data: Binned, found: Fit, h: float, *, white: bool = False) -
 def _chance(data: Binned, found: Fit) -> float:
     if float(parameters(found.theta[0]).alpha) <= 1:
         return 0.0
-    below = 2 * float(slow_fit(data, UP_TO_ONE).nll[0] - found.nll[0])
+    other = slow_fit(data, UP_TO_ONE)
+    if float(parameters(other.theta[0]).alpha) > 0.999:
+        return 0.0
+    below = 2 * float(other.nll[0] - found.nll[0])
     return below if 0 < below <= APART else 0.0
 
 

@@ -36,14 +36,16 @@ AT_BOUND = {"alpha": 4.8, "g": 4.6, "f": 4.6, "F": 5.1, "s2": 5.1}
 
 That of two normal estimates with the correlation ρ, of which the second cannot be below 0 and is there while
 the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is Self & Liang's,
-*JASA* 82, 1987). Nine tenths of 35 noises with R = 0 have, by the information, up to 0.9 between f and R, 0.95
-between α and R, 0.99 for F and 1 for s2 (tools/bench/bound_tables.py)."""
+*JASA* 82, 1987). Nine tenths of 35 noises with R = 0 have, by the information, up to 0.9 between f and R,
+0.95 between α and R, 0.99 for F and 1 for s2 (tools/bench/bound_tables.py)."""
 NO_WHITE = 1e-3
 """R over s2: less is none; so in the native search."""
 APART = 6.0
 """In 2 log L, up to which an order above 1 may be chance; `rivals.APART` for the same reason."""
 JUMPS = ("F", "s2", "R")
 """What is far off where chance has made a peak. α itself says which of both it is, and f goes with it."""
+OWN_MAXIMUM = 0.999
+"""Orders up to 1 that do best at a higher one lead up to the order above 1 without a valley between."""
 NEARLY_ALL = 0.9
 """Share of the possible range from which on a parameter is undefined."""
 LOWEST = 1e-6
@@ -170,7 +172,10 @@ def below_by_chance(data: Binned, found: Fit) -> float:
     """2 log L by which orders up to 1 are worse than one above 1 that may be chance; 0: there is none."""
     if float(parameters(found.theta[0]).alpha) <= 1:
         return 0.0
-    below = 2 * float(fit(data, UP_TO_ONE).nll[0] - found.nll[0])
+    other = fit(data, UP_TO_ONE)
+    if float(parameters(other.theta[0]).alpha) > OWN_MAXIMUM:
+        return 0.0
+    below = 2 * float(other.nll[0] - found.nll[0])
     return below if 0 < below <= APART else 0.0
 
 
