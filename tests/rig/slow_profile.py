@@ -91,8 +91,7 @@ def slow_intervals(data: Binned, found: Fit, h: float, *, white: bool = False) -
     def by_g(
         name: str, g_of: Callable[[Array, Array], Array], low: float, high: float, positive: bool
     ) -> _Profile:
-        build, more = _with_g(g_of), chance if name == "F" else 0.0
-        return _Profile(name, build, theta[[0, 2]], (_ORDERS, _WEIGHTS), low, high, more, positive)
+        return _Profile(name, _with_g(g_of), theta[[0, 2]], (_ORDERS, _WEIGHTS), low, high, chance, positive)
 
     def variance(name: str, value: float, other: float, hold: _Hold) -> Parameter:
         best = np.array([*theta[:2], np.log(other)])

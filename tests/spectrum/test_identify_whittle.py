@@ -266,7 +266,7 @@ def test_a_resonance_is_no_chance() -> None:
 
 
 def test_an_order_a_little_above_one_is_no_peak() -> None:
-    """Of α = 1 the best order is above 1 in half of the series, and the best up to 1 is 1: no other maximum."""
+    """Of α = 1 the best order is above 1 in half of the series; the best up to 1 is 1: no other maximum."""
     lam = 2 * np.pi * used_ordinates(3_000, H) / 3_000
     shape = spectrum.fractional(lam, 1.0, -5 * H) + 10
     above = 0

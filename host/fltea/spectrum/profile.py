@@ -8,7 +8,7 @@ R cannot be below 0. Where the best fit that has a value has no white noise, the
 χ²: R can only be too large, and then another parameter is too large or too small with it (`AT_BOUND`).
 
 Where the best order is above 1, a peak in the spectrum, and an order up to 1 does nearly as well, chance may
-have made the peak, since there are many places for one. F, s2 and R of the two are far apart. Their values
+have made the peak, since there are many places for one. F, f, s2 and R of the two are far apart. Their values
 are then inside by what they are below the best order up to 1 (`APART`).
 The search is native (host/native/whittle_profile.hpp).
 """
@@ -42,8 +42,8 @@ NO_WHITE = 1e-3
 """R over s2: less is none; so in the native search."""
 APART = 6.0
 """In 2 log L, up to which an order above 1 may be chance; `rivals.APART` for the same reason."""
-JUMPS = ("F", "s2", "R")
-"""What is far off where chance has made a peak. α itself says which of both it is, and f goes with it."""
+JUMPS = ("F", "g", "f", "s2", "R")
+"""What is far off where chance has made a peak. α itself says which of both it is: its ratio stays χ²."""
 OWN_MAXIMUM = 0.999
 """Orders up to 1 that do best at a higher one lead up to the order above 1 without a valley between."""
 NEARLY_ALL = 0.9
