@@ -286,8 +286,6 @@ def whittle_intervals(
     theta: NDArray[np.float64],
     scale: float,
     nll: float,
-    critical: float,
-    at_bound: float,
     h: float,
     what: NDArray[np.float64],
     near: NDArray[np.float64] | None,

@@ -94,13 +94,15 @@ Model<double> model_of(int family, double highest_order, int hold, double held, 
     if (family < 0 || family >= kFamilies) refuse("no such model");
     if (!(highest_order > 0 && highest_order <= 2)) refuse("orders are fitted up to 2");
     const Family of = static_cast<Family>(family);
-    if (hold < kNothing || hold > kHoldWeight || (hold != kNothing && of != kFractional))
+    if (hold < kNothing || hold > kHoldNoise || (hold != kNothing && of != kFractional))
         refuse("only one number of the fractional model can be held");
     if (!std::isfinite(held) || !(std::isfinite(h) && h > 0))
         refuse("a held number and h must be finite, and h > 0");
     const bool negative = hold == kHoldFeedback || hold == kHoldParameter;
     if (negative && !(held < 0)) refuse("g and f can be held below 0 only");
     if (hold == kHoldOrder && !(held >= 0 && held < 2)) refuse("orders can be held from 0 to below 2");
+    if ((hold == kHoldState || hold == kHoldNoise) && !(held > 0))
+        refuse("variances can be held above 0 only");
     return Model<double>{of, highest_order, static_cast<Hold>(hold), held, std::log(h), 0};
 }
 
@@ -187,32 +189,36 @@ void slopes(Column lam, Column counts, Rows power, int family, double highest_or
 }
 
 // Ends of intervals of the fractional model's numbers: rows of `what` are hold, logarithm (0 or 1), here, low
-// and high (Profiled); rows of `ends` low and high, and so those of `near`, of an earlier search, if given.
-void intervals(Column lam, Column counts, Rows power, Column theta, double scale, double nll, double critical,
-               double at_bound, double h, Rows what, std::optional<Rows> near, OutRows ends) {
+// and high, and both critical values (Profiled); rows of `ends` low and high, and so those of `near`, of an
+// earlier search, if given.
+void intervals(Column lam, Column counts, Rows power, Column theta, double scale, double nll, double h,
+               Rows what, std::optional<Rows> near, OutRows ends) {
     using namespace fltea::whittle;
-    if (power.shape(0) != 1 || theta.shape(0) != 3 || what.shape(1) != 5 || ends.shape(0) != what.shape(0) ||
+    if (power.shape(0) != 1 || theta.shape(0) != 3 || what.shape(1) != 7 || ends.shape(0) != what.shape(0) ||
         ends.shape(1) != 2 || (near && (near->shape(0) != what.shape(0) || near->shape(1) != 2))) {
-        refuse("one series, a fit of the fractional model, and rows of 5 and 2 numbers are needed");
+        refuse("one series, a fit of the fractional model, and rows of 7 and 2 numbers are needed");
     }
     if (near) check_finite(near->data(), near->size());
     check_finite(theta.data(), theta.size());
     check_finite(what.data(), what.size());
-    if (!(std::isfinite(nll) && scale > 0 && scale <= kLargest && critical > 0 && at_bound > 0 &&
-          std::isfinite(h) && h > 0))
+    if (!(std::isfinite(nll) && scale > 0 && scale <= kLargest && std::isfinite(h) && h > 0))
         refuse("the fit must be finite, and h > 0");
     std::vector<Profiled> profiled;
     for (size_t i = 0; i < what.shape(0); ++i) {
-        const double* const row = what.data() + 5 * i;
+        const double* const row = what.data() + 7 * i;
         if (!(row[0] >= kHoldOrder && row[0] <= kHoldNoise) ||
-            !(row[3] < row[4] && row[2] >= row[3] && row[2] <= row[4]))
+            !(row[3] < row[4] && row[2] >= row[3] && row[2] <= row[4]) || !(row[5] > 0 && row[6] > 0))
             refuse("no such profile");
-        profiled.push_back(
-            {static_cast<Hold>(static_cast<int>(row[0])), row[1] != 0, row[2], row[3], row[4]});
+        profiled.push_back({static_cast<Hold>(static_cast<int>(row[0])),
+                            row[1] != 0,
+                            row[2],
+                            row[3],
+                            row[4],
+                            {row[5], row[6]}});
     }
     const Data data(lam, counts, power);
     const nb::gil_scoped_release release;
-    Profile profile(fastest(), *data, theta.data(), scale, nll, Critical{critical, at_bound}, h);
+    Profile profile(fastest(), *data, theta.data(), scale, nll, h);
     std::vector<Ends> found(profiled.size()), before;
     for (size_t i = 0; near && i < found.size(); ++i)
         before.push_back(Ends{near->data()[2 * i], near->data()[2 * i + 1]});
@@ -234,6 +240,6 @@ void bind_fit(nb::module_& m) {
           nb::arg("highest_order"), nb::arg("hold"), nb::arg("held"), nb::arg("h"), nb::arg("theta"),
           nb::arg("nll"), nb::arg("gradient"), nb::arg("information"));
     m.def("whittle_intervals", &intervals, nb::arg("lam"), nb::arg("counts"), nb::arg("power"),
-          nb::arg("theta"), nb::arg("scale"), nb::arg("nll"), nb::arg("critical"), nb::arg("at_bound"),
-          nb::arg("h"), nb::arg("what"), nb::arg("near").none(), nb::arg("ends"));
+          nb::arg("theta"), nb::arg("scale"), nb::arg("nll"), nb::arg("h"), nb::arg("what"),
+          nb::arg("near").none(), nb::arg("ends"));
 }

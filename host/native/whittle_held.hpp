@@ -7,12 +7,19 @@
 namespace fltea {
 namespace whittle {
 
+// Of 2 log L below the best of all, up to which a value is inside: where R is more than 0, and where it is 0
+// without being held.
+struct Critical {
+    double inside, at_bound;
+};
+
 // What is profiled: a number t of the model, or -t of g and f, as it is or in its logarithm.
 struct Profiled {
     Hold hold;
     bool logarithm;
     double here;       // the best value, in the unit in which is searched
     double low, high;  // what is possible, in the same
+    Critical critical;
 };
 
 // A spectrum of the fractional model.

@@ -17,11 +17,6 @@ struct Ends {
     double low, high;
 };
 
-// Of 2 log L: where R is more than 0, and where it is 0 without being held.
-struct Critical {
-    double inside, at_bound;
-};
-
 const double kNoWhite = 1e-3;  // R over s2: less is none
 
 const int kHalvings = 7;
@@ -32,8 +27,8 @@ class Profile {
     // `best` as the fit of the whole model has found it, of coordinates and -log L; the one series of
     // `spectra`.
     Profile(const Kernel& kernel, const Spectra& spectra, const double* best, double scale, double nll,
-            Critical critical, double h)
-        : fits_(kernel, spectra, h), nll_(nll), critical_(critical), best_() {
+            double h)
+        : fits_(kernel, spectra, h), nll_(nll), best_() {
         const Model<double> whole = {kFractional, 2.0, kNothing, 0, 0, 0};
         Point<double> point = Point<double>();
         std::copy(best, best + kNumbersFree, point.theta);
@@ -113,7 +108,7 @@ class Profile {
         if ((bracket.inner - what.here) * sign <= 0) return false;
         bracket.in = fits_.from(what, bracket.inner, best_);
         fits_.search(fits_.model(what, bracket.inner), until(), bracket.in);
-        if (!inside(fits_.model(what, bracket.inner), bracket.in)) return false;
+        if (!inside(what, fits_.model(what, bracket.inner), bracket.in)) return false;
         if (at_edge) {
             found = edge;
             return true;
@@ -154,19 +149,20 @@ class Profile {
     bool finished(const Profiled& what, double value, Point<double>& point) {
         const Model<double> held = fits_.model(what, value);
         if (point.nll < kImpossible) fits_.score_on(held, until(), point);
-        return inside(held, point);
+        return inside(what, held, point);
     }
 
-    // Every spectrum inside that is met is remembered, if it has a number farther out than the others.
-    bool inside(const Model<double>& held, const Point<double>& point) {
-        if (!(point.nll <= nll_ + critical(held, point) / 2)) return false;
+    // Every spectrum that is met and is inside for a number is remembered, if that is farther out than
+    // before.
+    bool inside(const Profiled& what, const Model<double>& held, const Point<double>& point) {
         const Numbers now = fits_.numbers(held, point);
         for (std::size_t i = 0; i < known_.size(); ++i) {
+            if (!within(what_[i], now, point)) continue;
             const double here = fits_.value(what_[i], now);
             if (here < fits_.value(what_[i], known_[i].low)) known_[i].low = now;
             if (here > fits_.value(what_[i], known_[i].high)) known_[i].high = now;
         }
-        return true;
+        return within(what, now, point);
     }
 
     static int scan_values(const Profiled& what, double* values) {
@@ -189,37 +185,40 @@ class Profile {
         return all;
     }
     // Enough to know whether a value is inside.
-    Patience<double> brief() const {
+    Patience<double> brief(const Profiled& what) const {
         Patience<double> until = Profile::until();
-        until.inside = nll_ + std::min(critical_.inside, critical_.at_bound) / 2;
-        until.outside = nll_ + std::max(critical_.inside, critical_.at_bound) / 2;
+        until.inside = nll_ + std::min(what.critical.inside, what.critical.at_bound) / 2;
+        until.outside = nll_ + std::max(what.critical.inside, what.critical.at_bound) / 2;
         return until;
     }
 
-    double critical(const Model<double>& held, const Point<double>& point) const {
-        if (held.hold == kHoldNoise) return critical_.inside;
-        const Numbers now = fits_.numbers(held, point);
-        return now.log_noise - now.log_state < std::log(kNoWhite) ? critical_.at_bound : critical_.inside;
+    bool within(const Profiled& what, const Numbers& now, const Point<double>& point) const {
+        return point.nll <= nll_ + critical(what, now) / 2;
+    }
+
+    static double critical(const Profiled& what, const Numbers& now) {
+        const bool at_bound = what.hold != kHoldNoise && now.log_noise - now.log_state < std::log(kNoWhite);
+        return at_bound ? what.critical.at_bound : what.critical.inside;
     }
 
     // Whether a value is inside; `point` is then any spectrum that shows it, else about the best one.
     bool look(const Profiled& what, double value, const Point<double>& neighbour, Point<double>& point) {
         const Model<double> held = fits_.model(what, value);
         point = neighbour;
-        fits_.search(held, brief(), point);
-        if (inside(held, point)) return true;
-        const Point<double> other = fits_.from_grid(held, brief(), 1);
+        fits_.search(held, brief(what), point);
+        if (inside(what, held, point)) return true;
+        const Point<double> other = fits_.from_grid(held, brief(what), 1);
         if (other.nll < point.nll) point = other;
-        return inside(held, point);
+        return inside(what, held, point);
     }
 
     // The signed root of the deviance above the critical one: nearly straight.
-    double excess(const Model<double>& held, const Point<double>& point) const {
+    double excess(const Profiled& what, const Model<double>& held, const Point<double>& point) const {
         return std::sqrt(std::min(std::max(2 * (point.nll - nll_), 0.0), 1e8)) -
-               std::sqrt(critical(held, point));
+               std::sqrt(critical(what, fits_.numbers(held, point)));
     }
     double excess(const Profiled& what, double value, const Point<double>& point) const {
-        return excess(fits_.model(what, value), point);
+        return excess(what, fits_.model(what, value), point);
     }
 
     // A value inside and one outside, and the best spectra there.
@@ -237,8 +236,8 @@ class Profile {
             // It is an end only if the likelihood does not jump there, as it does where a search has lost its
             // minimum to another, and if the grid does not lead inside.
             const Model<double> held = fits_.model(what, bracket.outer);
-            const Point<double> other = fits_.from_grid(held, brief(), 2);
-            if (inside(held, other)) {
+            const Point<double> other = fits_.from_grid(held, brief(what), 2);
+            if (inside(what, held, other)) {
                 bracket = Bracket{bracket.outer, all.outer, other, all.out};
             } else if (found) {
                 break;
@@ -269,13 +268,14 @@ class Profile {
                 for (int k = 0; k < kNumbersFree; ++k)
                     point.theta[k] += share * (bracket.out.theta[k] - bracket.in.theta[k]);
             fits_.search(held, until(), point);
-            if (between && excess(held, point) > kNear) {  // which may be another minimum than that inside
+            if (between &&
+                excess(what, held, point) > kNear) {  // which may be another minimum than that inside
                 Point<double> other = bracket.in;
                 fits_.search(held, until(), other);
                 if (other.nll < point.nll) point = other;
             }
-            const double found = excess(held, point);
-            if (inside(held, point)) {
+            const double found = excess(what, held, point);
+            if (inside(what, held, point)) {
                 bracket.inner = value;
                 bracket.in = point;
                 a = found;
@@ -302,7 +302,7 @@ class Profile {
             Point<double> point = bracket.in;
             const Model<double> held = fits_.model(what, value);
             fits_.search(held, until(), point);
-            if (!inside(held, point)) {
+            if (!inside(what, held, point)) {
                 bracket.outer = value;
                 bracket.out = point;
                 return;
@@ -326,7 +326,6 @@ class Profile {
 
     HeldFits fits_;
     double nll_;
-    Critical critical_;
     Numbers best_;
     const Profiled* what_ = nullptr;
     std::vector<Known> known_;

@@ -16,6 +16,7 @@ from fltea.identify.run import AxisReport, FileReport, Settings, identify_all
 from fltea.identify.shuffled import estimate
 from fltea.identify.workers import Here
 from fltea.records.errors import UsageError
+from fltea.spectrum.profile import AT_BOUND
 from identify_files import QUICK, counts, npz
 from identify_support import H, long_recursion
 from toolchain import missing
@@ -131,7 +132,10 @@ def test_curves_agree_with_the_result() -> None:
     alpha = result.whittle.alpha
     assert alpha.low is not None
     assert alpha.high is not None
+    # This noise has R = 0: the lower end is where 2 log L has fallen by more.
+    assert set(found.critical) == {3.841, AT_BOUND["alpha"]}
     for end in (alpha.low, alpha.high):
-        assert np.interp(end, found.orders, found.deviance) == pytest.approx(3.84, abs=1.0)
+        critical = found.critical[np.abs(found.orders - end).argmin()]
+        assert np.interp(end, found.orders, found.deviance) == pytest.approx(critical, abs=1.0)
     assert found.spectrum.counts.sum() == len(x) // 2 - 4
     assert np.abs(found.autocorrelation).max() < 1

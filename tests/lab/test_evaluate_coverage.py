@@ -44,7 +44,7 @@ def test_points() -> None:
     assert POINTS[3].name == "α = 0.5, f = -2, s2/R = 1"
 
 
-@pytest.mark.parametrize("point", [POINTS[2], POINTS[3]], ids=lambda one: one.name)
+@pytest.mark.parametrize("point", POINTS[1:4], ids=lambda one: one.name)
 def test_intervals_hold_the_truth(point: Point) -> None:
     """60 series: 95 % give 57, and 51 or fewer one time in a hundred."""
     found = count_coverage(point, 3_000, 60, 1)
@@ -58,6 +58,8 @@ def test_sums_and_their_interval() -> None:
     other = Coverage(POINTS[0], 3_000, "f", 400, 390, 10)
     (both,) = together([[one], [other]])
     assert (both.series, both.held, both.undefined, both.share) == (1_000, 950, 40, 0.95)
+    assert both.share_of_defined == pytest.approx(910 / 960)
+    assert Coverage(POINTS[0], 3_000, "f", 10, 10, 10).share_of_defined is None
     assert both.interval == pytest.approx((0.93470, 0.96187), abs=1e-4)  # Wilson's, 950 of 1,000
     low, high = Coverage(POINTS[0], 3_000, "f", 10, 10, 0).interval
     assert (low, high) == pytest.approx((0.722, 1.0), abs=1e-3)

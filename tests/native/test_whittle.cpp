@@ -144,14 +144,14 @@ TEST_CASE("ends of intervals are ordered and within what is possible") {
         const double start[] = {0.6, -1, 0, 0};
         try_start(spectra.target(kernel_baseline, 0), model_of(kFractional), start, 60, best);
         const double most = std::log(2 * spectra.mean_power(0));
-        const Profiled what[] = {{kHoldWeight, false, 0, -2, 2},
-                                 {kHoldOrder, false, best.theta[0], 0, 2},
-                                 {kHoldFeedback, true, -1, -13, 1.38},
-                                 {kHoldParameter, true, 1, -3.2, 10.6},
-                                 {kHoldState, true, most - 1, most - 13, most},
-                                 {kHoldNoise, true, most - 13, most - 13, most}};
-        Profile profile(kernel_baseline, spectra, best.theta, best.scale, best.nll, Critical{3.841, 4.6},
-                        0.01);
+        const Critical some = {3.841, 4.6};
+        const Profiled what[] = {{kHoldWeight, false, 0, -2, 2, some},
+                                 {kHoldOrder, false, best.theta[0], 0, 2, some},
+                                 {kHoldFeedback, true, -1, -13, 1.38, some},
+                                 {kHoldParameter, true, 1, -3.2, 10.6, some},
+                                 {kHoldState, true, most - 1, most - 13, most, some},
+                                 {kHoldNoise, true, most - 13, most - 13, most, some}};
+        Profile profile(kernel_baseline, spectra, best.theta, best.scale, best.nll, 0.01);
         Ends found[6];
         profile.ends(what, 6, found);
         for (int i = 0; i < 6; ++i) {

@@ -1,9 +1,9 @@
 """Intervals of the fractional model's parameters by profile likelihood (pure).
 
 A value belongs to the interval if the best fit that has it is at most 3.84 in 2 log L below the best of all
-(95 % of χ² with one degree), or 4.6 where that fit has no white noise. Unlike the curvature at the maximum
-this also holds at R = 0 and where α and g cannot be told apart; there the interval takes in nearly all that
-is possible, and the parameter is undefined.
+(95 % of χ² with one degree), or `AT_BOUND` where that fit has no white noise. Unlike the curvature at the
+maximum this also holds at R = 0 and where α and g cannot be told apart; there the interval takes in nearly
+all that is possible, and the parameter is undefined.
 """
 
 from collections.abc import Callable
@@ -12,19 +12,22 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.models import FULL, TINY, coordinates, parameters, share
+from fltea.spectrum.models import FULL, TINY, UP_TO_ONE, coordinates, parameters, share
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.profile import FractionalFit, Parameter
 from fltea.spectrum.whittle import Fit, negative_log_likelihood
 from numpy.typing import NDArray
 from simplex import Rows, minimise
+from slow_fit import slow_fit
 
 Array = NDArray[np.float64]
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
-CRITICAL_AT_BOUND = 4.6
+AT_BOUND = {"alpha": 4.8, "g": 4.6, "f": 4.6, "F": 5.1, "s2": 5.1, "R": CRITICAL}
 """The same where the best fit that has the value has no white noise."""
+APART = 6.0
+"""In 2 log L, up to which an order above 1 may be chance."""
 NO_WHITE = 1e-3
 """R over s2: less is none."""
 NEARLY_ALL = 0.9
@@ -48,6 +51,7 @@ class _Profile(NamedTuple):
     (k, 3), scales (k,) or None for the best ones, and whether there is such a spectrum (k,).
     """
 
+    name: str
     build: Callable[[Array, Array], tuple[Array, Array | None, NDArray[np.bool_]]]
     best: Array
     """(free,) free coordinates of the best fit of all"""
@@ -56,6 +60,8 @@ class _Profile(NamedTuple):
     low: float
     high: float
     """what is possible"""
+    chance: float
+    """by how much an order up to 1 is worse, where that is no reason to leave it out"""
     positive: bool = False
     """searched for in its logarithm"""
 
@@ -77,32 +83,46 @@ def slow_intervals(data: Binned, found: Fit, h: float, *, white: bool = False) -
     f, s2, R = spectrum.f_of(alpha, g, h), weight * scale, (1 - weight) * scale
     power = float(data.power[0] @ data.counts / data.counts.sum())
 
+    chance = _chance(data, found)
+
     def interval(value: float, profile: _Profile) -> Parameter:
         return Parameter(value, None, None) if white else _interval(data, found, value, profile)
 
-    def by_g(g_of: Callable[[Array, Array], Array], low: float, high: float, positive: bool) -> _Profile:
-        build = _with_g(g_of)
-        return _Profile(build, theta[[0, 2]], (_ORDERS, _WEIGHTS), low, high, positive)
+    def by_g(
+        name: str, g_of: Callable[[Array, Array], Array], low: float, high: float, positive: bool
+    ) -> _Profile:
+        return _Profile(name, _with_g(g_of), theta[[0, 2]], (_ORDERS, _WEIGHTS), low, high, chance, positive)
 
-    def variance(value: float, other: float, hold: _Hold) -> Parameter:
+    def variance(name: str, value: float, other: float, hold: _Hold) -> Parameter:
         best = np.array([*theta[:2], np.log(other)])
         axes = _ORDERS[1::2], _FEEDBACKS[::2], _VARIANCES + np.log(power)
-        return interval(value, _Profile(hold, best, axes, 0.0, 2 * power, True))
+        return interval(value, _Profile(name, hold, best, axes, 0.0, 2 * power, chance, True))
 
-    orders = _Profile(_hold_order, theta[1:], (_FEEDBACKS, _WEIGHTS), 0.0, spectrum.HIGHEST_ORDER - 1e-4)
+    highest = spectrum.HIGHEST_ORDER - 1e-4
+    orders = _Profile("alpha", _hold_order, theta[1:], (_FEEDBACKS, _WEIGHTS), 0.0, highest, 0.0)
     order = interval(alpha, orders)
-    minus_g = interval(-g, by_g(lambda t, a: -t, 0.0, 4.0, True))
-    minus_f = interval(-f, by_g(lambda t, a: -t * h**a, 0.0, 4 * max(1.0, h**-2), True))
+    minus_g = interval(-g, by_g("g", lambda t, a: -t, 0.0, 4.0, True))
+    minus_f = interval(-f, by_g("f", lambda t, a: -t * h**a, 0.0, 4 * max(1.0, h**-2), True))
     told_apart = order.defined and minus_g.defined
     return FractionalFit(
-        F=interval(g + alpha, by_g(lambda t, a: t - a, -2.0, 2.0, False)),  # α - 2^α < F < α
+        F=interval(g + alpha, by_g("F", lambda t, a: t - a, -2.0, 2.0, False)),  # α - 2^α < F < α
         alpha=order,
         g=_negative(minus_g),
         f=_negative(minus_f) if told_apart else Parameter(f, None, None),
-        s2=variance(s2, R, _hold_state),
-        R=variance(R, s2, _hold_white),
+        s2=variance("s2", s2, R, _hold_state),
+        R=variance("R", R, s2, _hold_white),
         Q=spectrum.noise_variance(alpha, s2, h),
     )
+
+
+def _chance(data: Binned, found: Fit) -> float:
+    if float(parameters(found.theta[0]).alpha) <= 1:
+        return 0.0
+    other = slow_fit(data, UP_TO_ONE)
+    if float(parameters(other.theta[0]).alpha) > 0.999:
+        return 0.0
+    below = 2 * float(other.nll[0] - found.nll[0])
+    return below if 0 < below <= APART else 0.0
 
 
 _Hold = Callable[[Array, Array], tuple[Array, Array | None, NDArray[np.bool_]]]
@@ -182,7 +202,7 @@ def _crossing(values: Array, deviance: Array, inner: int, outer: int) -> float:
 def _held(data: Binned, found: Fit, values: Array, profile: _Profile) -> Array:
     """-log L of the best fits that have these values of the parameter (in its logarithm if positive).
 
-    Where they have no white noise it is less by what the critical value is more there. values: rising. Each
+    It is less by what the critical value is more there than 3.84. values: rising. Each
     fit is tried again from where its neighbours have ended.
     """
     t = np.exp(values) if profile.positive else values
@@ -208,8 +228,9 @@ def _held(data: Binned, found: Fit, values: Array, profile: _Profile) -> Array:
         starts = np.stack([best, np.roll(best, 1, axis=0), np.roll(best, -1, axis=0)], axis=1)
     theta, _, _ = profile.build(t, best)
     # R that is held is not a bound that was met.
-    at_bound = (np.exp(-theta[:, 2]) < NO_WHITE) & (profile.build is not _hold_white)
-    return np.asarray(ends.min(axis=1) - at_bound * (CRITICAL_AT_BOUND - CRITICAL) / 2)
+    at_bound = np.exp(-theta[:, 2]) < NO_WHITE
+    more = profile.chance + at_bound * (AT_BOUND[profile.name] - CRITICAL)
+    return np.asarray(ends.min(axis=1) - more / 2)
 
 
 def _of_owner(nll: Callable[[Array, Rows], Array], owner: Rows, points: Array, rows: Rows) -> Array:

@@ -8,7 +8,7 @@ from fltea.noise import spectra as spectrum
 from fltea.spectrum import models
 from fltea.spectrum.likelihood_ratio import null_fits
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, periodogram, used_ordinates
-from fltea.spectrum.profile import FractionalFit, fractional_fit
+from fltea.spectrum.profile import FractionalFit, below_by_chance, critical_value, fractional_fit
 from fltea.spectrum.whittle import Fit, fit, negative_log_likelihood
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -204,23 +204,77 @@ def test_white_noise_leaves_the_order_undefined() -> None:
     assert not any(getattr(told, name).defined for name in NAMES)
 
 
-def test_critical_value_where_there_is_no_white_noise() -> None:
-    """An end of F is where 2 log L has fallen by 3.84, or by 4.6 if the spectrum there has R = 0.
+@pytest.mark.parametrize(("name", "at_bound"), [("F", 5.1), ("alpha", 4.8), ("f", 4.6)])
+def test_critical_value_where_there_is_no_white_noise(name: str, at_bound: float) -> None:
+    """An end is where 2 log L has fallen by 3.84, or by more if the spectrum there has R = 0.
 
-    With 3.84 at R = 0 too, F was held in 90 % of 1,000 series.
+    With 4.6 for all of them F was held in 92 % of 1,000 series, with 3.84 in 90 %.
     """
     alpha, g = 0.4, -(H**0.4)
     lam = 2 * np.pi * used_ordinates(3_000, H) / 3_000
     fallen: dict[bool, list[float]] = {True: [], False: []}
-    for seed in range(12):
+    for seed in range(16):
         data = binned(drawn(spectrum.fractional(lam, alpha, g), lam, 3_000, seed))
         found = fit(data, models.FULL)
-        F = fractional_fit(data, found, H).F
-        for end in (F.low, F.high):
-            assert end is not None
-            there = fit(data, models.held("F", end, H))
+        interval = getattr(fractional_fit(data, found, H), name)
+        for end in (interval.low, interval.high):
+            if end == 0:  # all that is possible
+                continue
+            there = fit(data, models.held(name, end, H))
             no_white = float(np.exp(-there.theta[0, -1])) < NO_WHITE
             fallen[no_white].append(2 * float(there.nll[0] - found.nll[0]))
-    assert fallen[True] == pytest.approx([4.6] * len(fallen[True]), abs=0.2)
-    assert fallen[False] == pytest.approx([3.841] * len(fallen[False]), abs=0.2)
-    assert min(map(len, fallen.values())) >= 5
+    assert np.median(fallen[True]) == pytest.approx(at_bound, abs=0.05)
+    assert np.median(fallen[False]) == pytest.approx(3.841, abs=0.05)
+    assert max(fallen[True]) < at_bound + 0.2
+    assert max(fallen[False]) < at_bound  # where R falls to 0 at once
+    assert min(map(len, fallen.values())) >= 4
+
+
+def test_a_peak_that_may_be_chance_leaves_the_rest_in_the_interval() -> None:
+    """Nearly white noise of 30 s, whose best order is above 1 in 4 of 10 series: F, s2 and R of 0.3 remain.
+
+    Without it they were held in 92 % of 1,000 series.
+    """
+    alpha, g = 0.3, -3 * H**0.3
+    lam = 2 * np.pi * used_ordinates(3_000, H) / 3_000
+    shape = 0.3 * spectrum.fractional(lam, alpha, g) + 1
+    peaks = 0
+    for seed in range(30):
+        data = binned(drawn(shape, lam, 3_000, seed))
+        found = fit(data, models.FULL)
+        below = below_by_chance(data, found)
+        if below < 0.5:
+            continue
+        peaks += 1
+        F, best = fractional_fit(data, found, H).F, fit(data, models.UP_TO_ONE)
+        p = models.parameters(best.theta[0])
+        assert 0 < 2 * float(best.nll[0] - found.nll[0]) == below <= 6
+        assert F.low is not None
+        assert F.high is not None
+        assert F.low <= float(p.alpha + p.g) <= F.high
+        there = fit(data, models.held("F", F.high, H))
+        critical = critical_value("F", float(np.exp(-there.theta[0, -1])) < NO_WHITE)
+        assert 2 * float(there.nll[0] - found.nll[0]) == pytest.approx(critical + below, abs=0.1)
+    assert peaks >= 4
+
+
+def test_a_resonance_is_no_chance() -> None:
+    data = binned(periodogram(ar((1.9 * 0.95, -(0.95**2)), 3_000, 1, 1), H))
+    found = fit(data, models.FULL)
+    assert float(models.parameters(found.theta[0]).alpha) > 1
+    assert below_by_chance(data, found) == 0
+
+
+def test_an_order_a_little_above_one_is_no_peak() -> None:
+    """Of α = 1 the best order is above 1 in half of the series; the best up to 1 is 1: no other maximum."""
+    lam = 2 * np.pi * used_ordinates(3_000, H) / 3_000
+    shape = spectrum.fractional(lam, 1.0, -5 * H) + 10
+    above = 0
+    for seed in range(20):
+        data = binned(drawn(shape, lam, 3_000, seed))
+        found, other = fit(data, models.FULL), fit(data, models.UP_TO_ONE)
+        order, below_one = (float(models.parameters(one.theta[0]).alpha) for one in (found, other))
+        if order > 1 and below_one > 0.9999:
+            above += 1
+            assert below_by_chance(data, found) == 0
+    assert above >= 4

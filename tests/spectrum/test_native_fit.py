@@ -9,7 +9,7 @@ from fltea.spectrum import models
 from fltea.spectrum.arfima import ARFIMA
 from fltea.spectrum.low_pass import LOW_PASS
 from fltea.spectrum.periodogram import Binned, binned, used_ordinates
-from fltea.spectrum.profile import CRITICAL, CRITICAL_AT_BOUND, fractional_fit
+from fltea.spectrum.profile import JUMPS, below_by_chance, critical_value, fractional_fit
 from fltea.spectrum.relaxations import sum_of
 from fltea.spectrum.rising import RISING
 from fltea.spectrum.whittle import Fit, Model, fit, slopes
@@ -137,8 +137,8 @@ def check_that_it_is_that_wide(data: Binned, found: Fit, key: str, end: float | 
         return
     held = models.held(key, end, H)
     best = min(slow_fit(data, held), fit(data, held), key=lambda one: one.nll[0])
-    no_white = np.exp(-best.theta[0, -1]) < 1.1e-3
-    critical = CRITICAL_AT_BOUND if no_white else CRITICAL
+    no_white = bool(np.exp(-best.theta[0, -1]) < 1.1e-3)
+    critical = critical_value(key, no_white) + (below_by_chance(data, found) if key in JUMPS else 0)
     assert 2 * (best.nll[0] - found.nll[0]) <= critical + 0.2
 
 

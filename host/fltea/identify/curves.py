@@ -14,8 +14,9 @@ from fltea.identify.shuffled import ACCURACY, BLOCK, PROBABILITIES
 from fltea.identify.sums import lines_of, octaves_of
 from fltea.noise.spectra import HIGHEST_ORDER
 from fltea.settings.config import EstimatorConfig
-from fltea.spectrum.models import FULL, held
+from fltea.spectrum.models import FULL, held, share
 from fltea.spectrum.periodogram import binned
+from fltea.spectrum.profile import NO_WHITE, critical_value
 from fltea.spectrum.whittle import fit
 
 Array = NDArray[np.float64]
@@ -56,6 +57,8 @@ class Curves(NamedTuple):
     orders: Array
     deviance: Array
     """2 log L below the best fit, of the best fit that has the order"""
+    critical: Array
+    """up to which the order is in its interval"""
     path: Path
     autocorrelation: Array
     """of FLTEA's innovations in the last two thirds, lags 1 to `LAGS`"""
@@ -67,7 +70,10 @@ def curves(y: Array, h: float, lsb: float | None, options: IdentifyOptions, resu
     sums = octaves_of(y)
     whole = binned(lines_of(sums, h, options.from_hz, options.notch_hz))
     clean = binned(lines_of(sums, h, result.band.from_hz, result.band.notch_hz))
-    nll = np.array([float(fit(clean, held("alpha", alpha)).nll[0]) for alpha in ORDERS.tolist()])
+    fits = [fit(clean, held("alpha", alpha)) for alpha in ORDERS.tolist()]
+    nll = np.array([float(one.nll[0]) for one in fits])
+    weight = np.array([float(share(one.theta[0, -1])) for one in fits])
+    critical = np.array([critical_value("alpha", one) for one in (1 - weight < NO_WHITE * weight).tolist()])
     lowest = min(float(nll.min()), float(fit(clean, FULL).nll[0]))
     path, innovation = _path(y, h, lsb, options)
     tested = innovation[len(innovation) // 3 :]
@@ -75,6 +81,7 @@ def curves(y: Array, h: float, lsb: float | None, options: IdentifyOptions, resu
         Spectrum(whole.lam / (2 * np.pi * h), whole.power[0], whole.counts),
         ORDERS,
         2 * (nll - lowest),
+        critical,
         path,
         _autocorrelation(tested),
         len(tested),

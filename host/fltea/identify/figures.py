@@ -13,7 +13,6 @@ from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
 from fltea.identify.run import AxisReport
 from fltea.spectrum.allan_coefficients import FLICKER
 from fltea.spectrum.evidence import LEVEL
-from fltea.spectrum.profile import CRITICAL
 from fltea.spectrum.wording import MODELS
 
 if TYPE_CHECKING:
@@ -76,8 +75,12 @@ def _spectrum(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
 def _profile(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes, alpha = figure.subplots(), axis.result.whittle.alpha
     axes.plot(curves.orders, curves.deviance, **FRACTIONAL)
-    axes.axhline(CRITICAL, color="black", linewidth=0.8, linestyle=":")
-    axes.annotate("95 %", (1.99, CRITICAL), (0, 3), textcoords="offset points", ha="right", fontsize=8)
+    axes.plot(
+        curves.orders, curves.critical, color="black", linewidth=0.8, linestyle=":", drawstyle="steps-mid"
+    )
+    axes.annotate(
+        "95 %", (1.99, curves.critical[-1]), (0, 3), textcoords="offset points", ha="right", fontsize=8
+    )
     if alpha.low is not None and alpha.high is not None:
         axes.axvspan(alpha.low, alpha.high, color="#fdbe85", alpha=0.5, linewidth=0)
         axes.axvline(alpha.value, color="black", linewidth=0.8)

@@ -5,7 +5,11 @@ A value belongs to the interval if the best fit that has it is at most 3.84 in 2
 apart; there the interval takes in nearly all that is possible, and the parameter is undefined.
 
 R cannot be below 0. Where the best fit that has a value has no white noise, the ratio of likelihoods is not
-χ²: R can only be too large, and then α or F is too large with it. The critical value is 4.6 there.
+χ²: R can only be too large, and then another parameter is too large or too small with it (`AT_BOUND`).
+
+Where the best order is above 1, a peak in the spectrum, and an order up to 1 does nearly as well, chance may
+have made the peak, since there are many places for one. F, f, s2 and R of the two are far apart. Their values
+are then inside by what they are below the best order up to 1 (`APART`).
 The search is native (host/native/whittle_profile.hpp).
 """
 
@@ -18,7 +22,7 @@ from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.models import WHITE, parameters
+from fltea.spectrum.models import UP_TO_ONE, WHITE, parameters
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.warm import Warm
 from fltea.spectrum.whittle import HOLDS, Fit, fit
@@ -27,12 +31,21 @@ Array = NDArray[np.float64]
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
-CRITICAL_AT_BOUND = 4.6
+AT_BOUND = {"alpha": 4.8, "g": 4.6, "f": 4.6, "F": 5.1, "s2": 5.1}
 """The same where the best fit that has the value has no white noise.
 
-Of long records the worst, with R and the parameter fully correlated, is 4.24 (a mixture of χ²; Self & Liang,
-*JASA* 82, 1987), and short ones need more. With 4.6 the true α, f and F of 35 noises without R are inside in
-95 to 96 % on average, in 90 % at worst (tools/bench/bound_tables.py)."""
+That of two normal estimates with the correlation ρ, of which the second cannot be below 0 and is there while
+the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is Self & Liang's,
+*JASA* 82, 1987). Nine tenths of 35 noises with R = 0 have, by the information, up to 0.9 between f and R,
+0.95 between α and R, 0.99 for F and 1 for s2 (tools/bench/bound_tables.py)."""
+NO_WHITE = 1e-3
+"""R over s2: less is none; so in the native search."""
+APART = 6.0
+"""In 2 log L, up to which an order above 1 may be chance; `rivals.APART` for the same reason."""
+JUMPS = ("F", "g", "f", "s2", "R")
+"""What is far off where chance has made a peak. α itself says which of both it is: its ratio stays χ²."""
+OWN_MAXIMUM = 0.999
+"""Orders up to 1 that do best at a higher one lead up to the order above 1 without a valley between."""
 NEARLY_ALL = 0.9
 """Share of the possible range from which on a parameter is undefined."""
 LOWEST = 1e-6
@@ -72,6 +85,14 @@ class FractionalFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s2 h^-2α"""
 
 
+def critical_value(name: str, no_white: bool) -> float:
+    """Of 2 log L below the best, up to which a value of the parameter is in its interval.
+
+    no_white: the best fit that has the value has no white noise.
+    """
+    return AT_BOUND.get(name, CRITICAL) if no_white else CRITICAL
+
+
 class _Profile(NamedTuple):
     """A parameter: its best value, and what is possible."""
 
@@ -82,12 +103,17 @@ class _Profile(NamedTuple):
     positive: bool = True
     """searched for in its logarithm"""
 
-    def row(self) -> tuple[float, ...]:
-        """What the native search takes: enum Hold, whether in the logarithm, best value, low and high."""
+    def row(self, more: float = 0.0) -> tuple[float, ...]:
+        """What the native search takes.
+
+        That is enum Hold, whether in the logarithm, best value, low and high, and the critical values for
+        R > 0 and R = 0, `more` than they are by themselves.
+        """
         low, high, here = self.low, self.high, self.value
         if self.positive:
             low, high, here = math.log(LOWEST * high), math.log(high), math.log(max(here, 1e-300))
-        return HOLDS[self.hold], self.positive, min(max(here, low), high), low, high
+        critical = (critical_value(self.hold, no_white) + more for no_white in (False, True))
+        return HOLDS[self.hold], self.positive, min(max(here, low), high), low, high, *critical
 
     def parameter(self, low: float, high: float) -> Parameter:
         """Of the ends that the native search returns."""
@@ -142,9 +168,22 @@ def fractional_fit(
     )
 
 
+def below_by_chance(data: Binned, found: Fit) -> float:
+    """2 log L by which orders up to 1 are worse than one above 1 that may be chance; 0: there is none."""
+    if float(parameters(found.theta[0]).alpha) <= 1:
+        return 0.0
+    other = fit(data, UP_TO_ONE)
+    if float(parameters(other.theta[0]).alpha) > OWN_MAXIMUM:
+        return 0.0
+    below = 2 * float(other.nll[0] - found.nll[0])
+    return below if 0 < below <= APART else 0.0
+
+
 def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...], near: Array | None) -> Array:
     """Low and high of each as they are searched for, (profiles, 2)."""
     ends = np.empty((len(profiles), 2))
+    chance = below_by_chance(data, found)
+    rows = [one.row(chance if one.hold in JUMPS else 0.0) for one in profiles]
     _native.whittle_intervals(
         np.ascontiguousarray(data.lam, dtype=np.float64),
         np.ascontiguousarray(data.counts, dtype=np.float64),
@@ -152,10 +191,8 @@ def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...], ne
         np.ascontiguousarray(found.theta[0], dtype=np.float64),
         scale=float(found.scale[0]),
         nll=float(found.nll[0]),
-        critical=CRITICAL,
-        at_bound=CRITICAL_AT_BOUND,
         h=h,
-        what=np.array([one.row() for one in profiles]),
+        what=np.array(rows),
         near=near,
         ends=ends,
     )

@@ -68,6 +68,12 @@ class Coverage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.held / self.series
 
     @property
+    def share_of_defined(self) -> float | None:
+        """The same of those that have ends; None: none has."""
+        defined = self.series - self.undefined
+        return (self.held - self.undefined) / defined if defined else None
+
+    @property
     def interval(self) -> tuple[float, float]:
         """Where that share is with 95 % (Wilson's)."""
         n, p = self.series, self.share

@@ -73,7 +73,11 @@ def coverages(result: Result) -> Table:
 
 
 def held(result: Result) -> Table:
-    """The same of a few noises each by itself, with the interval of the share; then the undefined ones."""
+    """The same of a few noises each by itself, with the interval of the share.
+
+    Where there are undefined ones, which hold everything, their share comes after, and how many of the others
+    hold the truth.
+    """
     cells: dict[tuple[str, int], list[Coverage]] = {}
     for one in result.coverage:
         cells.setdefault((one.point.name, one.samples), []).append(one)
@@ -83,7 +87,10 @@ def held(result: Result) -> Table:
 def _held(one: Coverage) -> str:
     low, high = one.interval
     share = f"{one.share:.1%} ({100 * low:.0f}…{100 * high:.0f})"
-    return share if not one.undefined else f"{share}, {one.undefined / one.series:.0%} undefined"
+    if not one.undefined:
+        return share
+    others = "" if one.share_of_defined is None else f", else {one.share_of_defined:.1%}"
+    return f"{share}, {one.undefined / one.series:.0%} undefined{others}"
 
 
 def coverage(rows: Iterable[Row]) -> tuple[float | None, int]:
