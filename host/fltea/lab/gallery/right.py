@@ -30,8 +30,8 @@ SLOW_ORDINATES = 9
 DRIFTS = 1.5
 """Expected power of the slowest ordinates over white noise, from which on there is some drift."""
 SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
-"""Mean power of the slowest ordinates, and sum of a cubic's three amplitudes, over white noise. White noise has
-the first with p = 1e-5; of less than the second nobody needs to know."""
+"""Mean power of the slowest ordinates, and of a cubic's three amplitudes together, over white noise. It has the
+first with p = 1e-5; of less than the second nobody needs to know."""
 PEAK_ALARM = 3e-3
 FEW = 1_000
 """Samples of coarse counts that may all be the same."""
