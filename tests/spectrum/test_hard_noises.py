@@ -5,7 +5,6 @@ import pytest
 from fltea.identify.sums import examined, limited
 from fltea.lab.gallery.run import Cell, draw
 from fltea.spectrum.evidence import Evidence
-from fltea.spectrum.pole_pair import peak_of
 from fltea.spectrum.verdict import decide
 from identify_support import white
 
@@ -42,20 +41,6 @@ def test_the_ends_of_a_short_record_do_not_leak() -> None:
     e = examined(y, 0.01).evidence
     assert e.p_clean > 0.01
     assert decide(e).kind == "drift"
-
-
-def test_a_peak_at_the_lower_end_of_a_short_record() -> None:
-    """Below half of its frequency there are no ordinates at all."""
-    data = examined(white(150, 1, 1)[0], 0.2).fits.data
-
-    def density(lam: np.ndarray) -> np.ndarray:
-        poles = 0.93 * np.exp(0.8j * np.array([[1], [-1]]))
-        return np.asarray(1 / np.abs((1 - poles * np.exp(-1j * lam)).prod(axis=0)) ** 2)
-
-    assert data.lam[0] > 0.8 / 2
-    assert peak_of(data, density, 0.2) == {}
-    found = peak_of(data._replace(power=density(data.lam)[np.newaxis]), density, 0.2)
-    assert found["resonance_hz"] == pytest.approx(0.8 / (2 * np.pi * 0.2), rel=0.02)
 
 
 @pytest.mark.parametrize("series", range(3))

@@ -30,7 +30,7 @@ SLOW_ORDINATES = 9
 DRIFTS = 1.5
 """Expected power of the slowest ordinates over white noise, from which on there is some drift."""
 SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
-"""Mean power of the slowest ordinates, and of a cubic's three amplitudes together, over white noise. It has the
+"""Mean power of the slowest ordinates, and of a cubic's amplitudes together, over white noise. It has the
 first with p = 1e-5; of less than the second nobody needs to know."""
 PEAK_ALARM = 3e-3
 FEW = 1_000
