@@ -1,5 +1,6 @@
 // The engine for one instruction set (engine.hpp). Compiled once per set, see CMakeLists.txt.
 #include "packs.hpp"
+#include "set_name.hpp"
 
 namespace fltea {
 namespace engine {
@@ -141,11 +142,6 @@ bool load(void* engine, const EngineShape& shape, const unsigned char* in) {
     with_packs(engine, shape, action);
     return action.loaded;
 }
-
-#define FLTEA_STRING_(name) #name
-#define FLTEA_STRING(name) FLTEA_STRING_(name)
-#define FLTEA_JOIN_(a, b) a##b
-#define FLTEA_JOIN(a, b) FLTEA_JOIN_(a, b)
 
 }  // namespace
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -7,6 +7,9 @@
 // noise does by itself: Student's t with four degrees of freedom (one sample in 10^8), a random walk (one
 // chunk in 10^6). After eight knocks in a row the new level is the level.
 //
+// Single samples of a chunk that is kept are limited to twelve deviations of the running level from its mean:
+// a few that stand close together would otherwise rule the whole spectrum, with a shape of their own.
+//
 // A chunk is left out, too, and is a step of the offset, if its mean has jumped against the one before as no
 // jump of the running level does: the step may lie within it.
 //
@@ -31,13 +34,14 @@ struct GateCounts {
     std::uint64_t knocked;  // samples left out, with knocks and with steps
     std::uint64_t steps;
     std::uint64_t changes;  // of the level
+    std::uint64_t limited;  // samples that were handed on smaller than they came
 };
 
 class Gate {
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
     // In power, of the running level: a chunk's, and a sample's.
-    enum { kKnock = 16, kSpike = 10000 };
+    enum { kKnock = 16, kSpike = 10000, kLimit = 144 };
 
     Gate()
         : fill_(0),
@@ -258,15 +262,25 @@ class Gate {
                 note_knock(variance);
                 return false;
             }
+            knocks_ = 0;
+            if (whole && has_mean_ && is_step(mean - mean_, 2 * rounding / kChunk)) return false;
+            if (largest > kLimit * level) limit(mean, std::sqrt(kLimit * level));
         }
-        knocks_ = 0;
         if (!whole) return true;
-        if (has_mean_ && is_step(mean - mean_, 2 * rounding / kChunk)) return false;
         mean_ = mean;
         has_mean_ = 1;
         chunks_ = least(chunks_ + 1, kRunning);
         level_ += (variance - level_) / chunks_;
         return true;
+    }
+
+    void limit(double mean, double most) {
+        for (int i = 0; i < fill_; ++i) {
+            const double apart = chunk_[i] - mean;
+            if (std::fabs(apart) <= most) continue;
+            chunk_[i] = mean + std::copysign(most, apart);
+            ++counts_.limited;
+        }
     }
 
     void note_resolution() {

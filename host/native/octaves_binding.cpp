@@ -69,8 +69,9 @@ class Octaves {
     std::tuple<std::vector<uint64_t>, bool> counts(size_t lane) const {
         const std::lock_guard<std::mutex> alone(mutex_);
         const fltea::GateCounts& c = at(lane).counts();
-        return {{c.taken, c.used, c.bridged, c.lost, c.gaps, c.knocks, c.knocked, c.steps, c.changes},
-                at(lane).constant()};
+        return {
+            {c.taken, c.used, c.bridged, c.lost, c.gaps, c.knocks, c.knocked, c.steps, c.changes, c.limited},
+            at(lane).constant()};
     }
 
     // Of each level that is Welch's: sums of |FFT|^2, blocks, effective blocks. Then the values of the whole

@@ -2,6 +2,7 @@
 #include "whittle_kernel.hpp"
 
 #include "pack_log.hpp"
+#include "set_name.hpp"
 
 namespace fltea {
 namespace whittle {
@@ -290,11 +291,6 @@ double ratios(Family family, const Bins& bins, const double* power, std::size_t 
               bool same, double* parts, double* ratio) {
     return kTable[family].ratios(bins, power, series, at, same, parts, ratio);
 }
-
-#define FLTEA_STRING_(name) #name
-#define FLTEA_STRING(name) FLTEA_STRING_(name)
-#define FLTEA_JOIN_(a, b) a##b
-#define FLTEA_JOIN(a, b) FLTEA_JOIN_(a, b)
 
 }  // namespace
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -10,6 +10,7 @@
 
 constexpr uint64_t kMs = 1000;
 constexpr uint64_t kS = 1000000;
+constexpr uint64_t kWrap = UINT64_C(1) << 32;  // of the clock
 constexpr uint64_t kPeriodUs = fltea::settings::kSamplePeriodUs;
 
 inline fltea::Identity test_identity() {

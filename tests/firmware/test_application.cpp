@@ -11,8 +11,6 @@ using fltea::SamplingMode;
 
 namespace {
 
-constexpr uint64_t kWrap = UINT64_C(1) << 32;
-
 fltea::Sample sample_of(const Frame& frame) { return message_of<fltea::Sample>(frame); }
 
 }  // namespace

@@ -11,8 +11,6 @@ using fltea::SamplingMode;
 
 namespace {
 
-constexpr uint64_t kWrap = UINT64_C(1) << 32;
-
 // Something goes wrong once in half a second on average, until end().
 class Trouble {
   public:

@@ -11,7 +11,6 @@ using fltea::SamplingMode;
 
 namespace {
 
-constexpr uint64_t kWrap = UINT64_C(1) << 32;
 constexpr uint64_t kPeriod = fltea::settings::kSamplePeriodUs;
 
 uint32_t at(uint64_t us) { return static_cast<uint32_t>(us); }

@@ -1,14 +1,13 @@
 """`fltea evaluate` as a user calls it, on a plan that is over in a second."""
 
+import functools
 import json
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from evaluate_support import TINY, Backwards
-from fltea.cli import app as cli
 from fltea.identify import workers
 from fltea.lab.evaluate import figures, run
 from fltea.lab.evaluate.run import Result
@@ -19,30 +18,19 @@ PNGS = ("coverage", "error", "live", "settings")
 
 
 @pytest.fixture
-def fltea(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
-    """Call the command in an empty folder, with TINY for --quick; returns exit code, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
+def evaluate(fltea: Call, monkeypatch: pytest.MonkeyPatch) -> Call:
+    """Call the command with TINY for --quick."""
     monkeypatch.setattr(run, "quick_plan", lambda seeds: TINY)
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["fltea", "evaluate", *arguments])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as end:
-            code = int(end.code or 0)
-        return code, *capsys.readouterr()
-
-    return call
+    return functools.partial(fltea, "evaluate")
 
 
 def test_table_and_files(
-    fltea: Call, tiny: Result, drawn: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    evaluate: Call, tiny: Result, drawn: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The same arguments give the same numbers, whoever works in whatever order."""
     monkeypatch.setattr(workers, "open_local", lambda jobs: Backwards() if jobs == 3 else None)
     monkeypatch.setattr(figures, "draw", lambda result: drawn if result == tiny else {})
-    code, out, err = fltea("--quick", "--jobs", "3")
+    code, out, err = evaluate("--quick", "--jobs", "3")
     folder = tmp_path / "build/evaluate"
     names = ["evaluation.csv", "evaluation.json", *(f"evaluation_{name}.png" for name in PNGS)]
     assert code == 0
@@ -62,8 +50,8 @@ def at_once(monkeypatch: pytest.MonkeyPatch, tiny: Result) -> None:
 
 
 @pytest.mark.usefixtures("at_once")
-def test_json_without_figures(fltea: Call, tiny: Result, tmp_path: Path) -> None:
-    code, out, _ = fltea("--quick", "--jobs", "1", "--json", "--no-figures", "--out", "here")
+def test_json_without_figures(evaluate: Call, tiny: Result, tmp_path: Path) -> None:
+    code, out, _ = evaluate("--quick", "--jobs", "1", "--json", "--no-figures", "--out", "here")
     assert code == 0
     assert json.loads(out) == json.loads(to_json(tiny))
     assert len(list((tmp_path / "here").iterdir())) == 2
@@ -78,16 +66,16 @@ def test_json_without_figures(fltea: Call, tiny: Result, tmp_path: Path) -> None
         (("--nonsense",), "--nonsense"),
     ],
 )
-def test_mistakes(fltea: Call, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_mistakes(evaluate: Call, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
     (tmp_path / "taken").write_text("a file")
-    code, out, err = fltea(*arguments)
+    code, out, err = evaluate(*arguments)
     assert (code, out) == (2, "")
     assert words in err
 
 
 @pytest.mark.usefixtures("at_once")
 def test_a_full_disk_leaves_no_half_file(
-    fltea: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    evaluate: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The file that was there stays."""
     folder = tmp_path / "out"
@@ -98,7 +86,7 @@ def test_a_full_disk_leaves_no_half_file(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)  # a disk may say so only when it has to have it all
-    code, _, err = fltea("--quick", "--jobs", "1", "--no-figures", "--out", "out")
+    code, _, err = evaluate("--quick", "--jobs", "1", "--no-figures", "--out", "out")
     assert code == 1
     assert "evaluation.json: cannot be written" in err
     assert [(path.name, path.read_text()) for path in folder.iterdir()] == [("evaluation.json", "old")]

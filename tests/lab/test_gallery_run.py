@@ -1,14 +1,13 @@
 """The gallery from end to end: verdicts on a part of it, tables, pictures and the command."""
 
+import functools
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import pytest
 from evaluate_support import Backwards
-from fltea.cli import app as cli
 from fltea.identify.workers import Here
 from fltea.lab.gallery import pictures, run, table
 from fltea.lab.gallery.noises import NOISES
@@ -132,25 +131,14 @@ def test_pictures() -> None:
 
 
 @pytest.fixture
-def fltea(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
-    """Call the command on short records of 5 Hz in an empty folder."""
-    monkeypatch.chdir(tmp_path)
+def gallery(fltea: Call, monkeypatch: pytest.MonkeyPatch) -> Call:
+    """Call the command on short records of 5 Hz."""
     monkeypatch.setattr(run, "QUICK", (5.0, 30.0))
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["fltea", "gallery", "--quick", "--jobs", "1", *arguments])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as end:
-            code = int(end.code or 0)
-        return code, *capsys.readouterr()
-
-    return call
+    return functools.partial(fltea, "gallery", "--quick", "--jobs", "1")
 
 
-def test_command(fltea: Call, tmp_path: Path) -> None:
-    code, out, err = fltea("--only", "white", "--only", "outliers", "--no-figures")
+def test_command(gallery: Call, tmp_path: Path) -> None:
+    code, out, err = gallery("--only", "white", "--only", "outliers", "--no-figures")
     assert code == 0
     assert "verdicts are right" in out
     assert "2 files in build/gallery" in err
@@ -159,24 +147,24 @@ def test_command(fltea: Call, tmp_path: Path) -> None:
     assert len((folder / "gallery.ndjson").read_text().splitlines()) == 4
 
 
-def test_command_as_json_and_resumed(fltea: Call, tmp_path: Path) -> None:
+def test_command_as_json_and_resumed(gallery: Call, tmp_path: Path) -> None:
     """A last line that was cut off is done again; what is there is not."""
-    first = fltea("--only", "white", "--no-figures", "--json")
+    first = gallery("--only", "white", "--no-figures", "--json")
     kept = tmp_path / "build/gallery/gallery.ndjson"
     lines = kept.read_text().splitlines(keepends=True)
     kept.write_text(lines[0] + lines[1][:20])
-    code, out, _ = fltea("--only", "white", "--no-figures", "--json", "--resume")
+    code, out, _ = gallery("--only", "white", "--no-figures", "--json", "--resume")
     assert (code, out) == (0, first[1])
     assert sorted(kept.read_text().splitlines(keepends=True)) == sorted(lines)
     assert len(json.loads(out)["seen"]) == 3
 
 
-def test_wrong_arguments(fltea: Call, tmp_path: Path) -> None:
-    code, _, err = fltea("--only", "pink elephants")
+def test_wrong_arguments(gallery: Call, tmp_path: Path) -> None:
+    code, _, err = gallery("--only", "pink elephants")
     assert code == 2
     assert "no noise has this in its name" in err
     (tmp_path / "build/gallery").mkdir(parents=True)
     (tmp_path / "build/gallery/gallery.ndjson").write_text("{}\n")
-    code, _, err = fltea("--only", "white", "--no-figures", "--resume")
+    code, _, err = gallery("--only", "white", "--no-figures", "--resume")
     assert code == 2
     assert "is not of this program" in err

@@ -9,29 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fltea.cli import app as cli
 from fltea.lab import bench as bench_estimator
 from fltea.lab.reproduce import timing
 from fltea.lab.reproduce.scenarios import example
 
 Call = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def fltea(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
-    """Call the command in an empty folder; returns exit code, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["fltea", *arguments])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as end:
-            code = int(end.code or 0)
-        return code, *capsys.readouterr()
-
-    return call
 
 
 def numbers(value: Any) -> list[Any]:

@@ -8,27 +8,11 @@
 #include <vector>
 
 #include "axis_bank.hpp"
+#include "noise.h"
 
 using namespace fltea;
 
 namespace {
-
-// Repeatable noise of about unit size, not white enough for anything but tests.
-class Noise {
-  public:
-    double operator()() {
-        double sum = -6;
-        for (int i = 0; i < 12; ++i) sum += next();
-        return sum;
-    }
-    double next() {
-        state_ = state_ * 6364136223846793005ull + 1442695040888963407ull;
-        return static_cast<double>(state_ >> 11) / 9007199254740992.0;
-    }
-
-  private:
-    unsigned long long state_ = 42;
-};
 
 std::vector<double> noise(std::size_t n, double size = 0.15) {
     Noise next;

@@ -11,27 +11,11 @@
 #include "lane.hpp"
 #include "memory_compressed.hpp"
 #include "memory_direct.hpp"
+#include "noise.h"
 
 using namespace fltea::engine;
 
 namespace {
-
-// Repeatable noise of about unit size, not white enough for anything but tests.
-class Noise {
-  public:
-    double operator()() {
-        double sum = -6;
-        for (int i = 0; i < 12; ++i) sum += next();
-        return sum;
-    }
-    double next() {
-        state_ = state_ * 6364136223846793005ull + 1442695040888963407ull;
-        return static_cast<double>(state_ >> 11) / 9007199254740992.0;
-    }
-
-  private:
-    unsigned long long state_ = 42;
-};
 
 // Section 7.1.
 const LaneSettings kGyroscope = {std::log(0.01), 0,   0.01, 0.15, 0.0235, 1,      0.01, 0.1,

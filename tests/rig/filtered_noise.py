@@ -1,7 +1,5 @@
 """Noise that has gone through filters, by another hand: an oversampled chain of scipy's, as in a chip."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
@@ -43,6 +41,3 @@ def fractionally_integrated(n: int, d: float, seed: int) -> Array:
     waves = np.random.default_rng(seed).standard_normal(2 * n)
     size = 1 << (4 * n).bit_length()
     return np.fft.irfft(np.fft.rfft(weights, size) * np.fft.rfft(waves, size), size)[n : 2 * n]
-
-
-Make = Callable[[int], Array]

@@ -1,6 +1,7 @@
 """A live fit in no time, for walks in which only what it is given and when it is asked matters."""
 
 import hashlib
+from collections.abc import Iterator
 
 import numpy as np
 from fltea.records.fit import AxisFit, FitSpectrum, Interval
@@ -34,8 +35,14 @@ class QuickAxes:
         self._seen = hashlib.sha256(self._seen + b"lost %d" % count).digest()
 
     def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
+        return dict(self.one_by_one(curves=curves, last=last, fresh=fresh))
+
+    def one_by_one(
+        self, *, curves: bool, last: bool = False, fresh: bool = False
+    ) -> Iterator[tuple[str, AxisFit]]:
         spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
-        return {axis: self._fit(axis, spectrum, " at the end" if last else "") for axis in self.axes}
+        found = [self._fit(axis, spectrum, " at the end" if last else "") for axis in self.axes]
+        return zip(self.axes, found, strict=True)
 
     def save(self) -> bytes:
         return b"quick%016x" % self.samples + self._seen

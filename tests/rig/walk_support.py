@@ -37,8 +37,9 @@ def walk(
     *,
     prompt: bool = True,
     devices: int = 1,
+    number: int = 0,
     **set_: object,
 ) -> tuple[list[AnyRecord | Block], Pipeline]:
     config = load_config(None, SMALL | {name.replace("__", "."): value for name, value in set_.items()})
-    pipeline = Pipeline(Source(prompt), config, state=state, devices=devices)  # type: ignore[arg-type]
+    pipeline = Pipeline(Source(prompt), config, state=state, devices=devices, number=number)  # type: ignore[arg-type]
     return [item for event in found for item in pipeline.feed(event)], pipeline

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from filtered_noise import averaged, fractionally_integrated, low_passed, relaxations
 from fltea.identify.sums import examined
+from fltea.lab.gallery.run import Cell, draw
 from fltea.spectrum.low_pass import LowPass, divided, power_gain
 from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.spectral import Spectral
@@ -57,6 +58,30 @@ def test_what_is_below_the_filter_is_seen() -> None:
     assert verdict.kind == "fractional or relaxations"
     assert e.contest.order == pytest.approx(0.5, abs=0.15)
     assert "low-pass with its corner at" in verdict.text
+
+
+def test_flicker_in_front_of_one_pole() -> None:
+    """It looks like relaxations of which the fastest is the filter: the contest has to know of both."""
+    for name, seconds in (("1 pole, 41 Hz, 1/f", 600.0), ("1 pole, 41 Hz, 1/f", 1200.0)):
+        e = examined(draw(Cell(name, 100.0, seconds, 1)), H).evidence
+        assert e.low_pass is not None
+        assert e.low_pass.corner_hz == pytest.approx(41, rel=0.15)
+        assert e.contest.order == pytest.approx(0.5, abs=0.1)
+        assert decide(e).kind == "fractional or relaxations"
+
+
+def test_drift_behind_a_filter_is_the_verdict() -> None:
+    walk = np.cumsum(white(N, 1, 5)[0]) / 300
+    verdict = decide(seen(low_passed(N, 20, 2, 5) + walk).evidence)
+    assert verdict.kind == "drift"
+    assert "low-pass with its corner at" in verdict.text
+
+
+def test_what_rises_behind_a_filter_of_another_shape() -> None:
+    """Each tenth sample twice: 1 + 0.2 cos λ, nearly but not quite one pole."""
+    e = examined(draw(Cell("every 10th repeated", 100.0, 10_800.0, 0)), H).evidence
+    assert e.p_clean < 1e-3
+    assert decide(e).kind == "low-pass"
 
 
 def test_noise_of_the_sensor_is_that_before_the_filter() -> None:

@@ -45,7 +45,27 @@ def mean_power(p: Periodogram) -> float:
 )
 def test_nothing_is_cut_from_noise(y: Array) -> None:
     counts = fed(y).counts(0)
-    assert counts == Counts(len(y), 0, 0, 0, 0, 0, 0, 0, False)
+    assert counts._replace(limited=0) == Counts(len(y), 0, 0, 0, 0, 0, 0, 0, False)
+    assert counts.limited < 1e-3 * len(y)
+
+
+@pytest.mark.parametrize("kind", ["Gaussian", "Laplace", "random walk"])
+def test_noise_without_outliers_is_not_limited(kind: str) -> None:
+    rng = np.random.default_rng(5)
+    y = {"Gaussian": rng.standard_normal, "Laplace": lambda n: rng.laplace(size=n)}.get(kind)
+    samples = np.cumsum(rng.standard_normal(300_000)) if y is None else y(300_000)
+    assert fed(samples).counts(0).limited == 0
+
+
+def test_outliers_are_limited_and_counted() -> None:
+    """Three that stand together would give the spectrum their own shape."""
+    y = noise(60_000)
+    y[[20_003, 20_005, 20_007]] += np.array([25, -25, 25])
+    octaves = fed(y)
+    counts = octaves.counts(0)
+    assert (counts.limited, counts.knocks, counts.used) == (3, 0, 60_000)
+    p, still = octaves.periodogram(0, H), fed(noise(60_000)).periodogram(0, H)
+    assert np.allclose(mean_power(p), mean_power(still), rtol=0.02)
 
 
 def test_a_knock_is_left_out_and_counted() -> None:

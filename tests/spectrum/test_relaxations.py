@@ -94,8 +94,11 @@ def test_drift_follows_the_record() -> None:
     assert drift_hz(10_800, 1_080_000) == pytest.approx(1 / 1080)
     assert drift_hz(1.4, 140) == pytest.approx(4 / 1.4)  # all that can be fitted is
     assert not SlowPower(0.1, 1.9, 1e-12).is_drift()
-    assert SlowPower(0.1, 2.1, 1e-4).is_drift()
-    assert not SlowPower(0.1, 2.1, 1e-4).is_drift(1e-5)
+    assert SlowPower(0.1, 2.1, 5e-5).is_drift()
+    assert not SlowPower(0.1, 2.1, 5e-5).is_drift(1e-5)
+    assert SlowPower(0.1, 1.0, 1.0, 12.0, 1e-6).is_drift()
+    assert not SlowPower(0.1, 1.0, 1.0, 12.0, 1e-6).is_drift(1e-8)
+    assert not SlowPower(0.1, 1.0, 1.0, 9.0, 1e-9).is_drift()
 
 
 def test_slow_flicker_is_fitted_where_the_record_is_long_enough() -> None:

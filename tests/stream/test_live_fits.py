@@ -1,23 +1,26 @@
 """The live fit in the walk: when it is due, what it is of, and what it goes on over."""
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import ClassVar
 
 import pytest
 from blocks import cuts, in_blocks, ndjson, records_of
 from estimating_board import Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown
+from fltea.records.fit import AxisFit
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
-from fltea.stream import live
+from fltea.stream import fit_times, live
 from fltea.stream.fit_times import FitTimes
 from fltea.stream.snapshot import DeviceState
 from host_support import hello
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from quick_fit import QuickAxes
 from walk_support import raw, walk
 
 
@@ -29,7 +32,7 @@ def left_out(fit: Fit) -> int:
     return fit.axes["gyro_x"].left_out["lost"]
 
 
-def test_a_fit_follows_the_last_sample_of_every_second_and_knows_all_until_then() -> None:
+def test_a_fit_knows_all_until_the_last_sample_of_a_second_and_comes_when_all_axes_had_their_turns() -> None:
     items, _ = walk([hello(), raw(range(350))])
     assert [(f.seq, f.samples, f.device_us, f.host_ns) for f in fits(items)] == [
         (k, k + 1, k * 10_000, k * 10_000_000) for k in (99, 199, 299)
@@ -38,7 +41,7 @@ def test_a_fit_follows_the_last_sample_of_every_second_and_knows_all_until_then(
         if isinstance(item, Fit):
             before = items[place - 1]
             assert isinstance(before, Block)
-            assert before.seq[-1] == item.seq
+            assert before.seq[-1] == item.seq + 2 * 5
     assert list(fits(items)[0].axes) == ["gyro_x", "gyro_y", "gyro_z"]
     assert fits(items)[0].device == "due"
 
@@ -129,14 +132,15 @@ def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
 
 def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
     items, pipeline = walk([hello(), raw(range(100))])
-    assert len(fits(items)) == 1
-    assert [type(item) for item in pipeline.finish()] == [Stats]
+    assert not fits(items)  # two axes are to come
+    assert [type(item) for item in pipeline.finish()] == [Fit, Stats]
 
 
 def test_the_last_fit_of_a_recording_is_judged_as_one_look() -> None:
     """Even if a fit of all of it, at the level of all looks, has just been published."""
     items, pipeline = walk([hello(), raw(range(100))], prompt=False)
-    last, _ = pipeline.finish()
+    before, last, _ = pipeline.finish()
+    items.append(before)
     assert isinstance(last, Fit)
     assert last.axes["gyro_x"].text.endswith("at the end")
     assert [type(item) for item in pipeline.finish()] == [Stats]
@@ -181,6 +185,65 @@ def test_another_sensor_begins_again(changes: dict[str, object]) -> None:
 def test_a_break_in_a_recording_breaks_the_stretch() -> None:
     items, _ = walk([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 260))])
     assert [(f.samples, left_out(f)) for f in fits(items)] == [(100, 0), (250, live.BREAK)]
+
+
+# --- turns ---
+
+
+class Watched(QuickAxes):
+    """Notes how many samples there were when an axis was fitted."""
+
+    turns: ClassVar[list[tuple[int, str]]] = []
+
+    def one_by_one(self, **how: bool) -> Iterator[tuple[str, AxisFit]]:
+        for axis, fit in super().one_by_one(**how):
+            self.turns.append((self.samples, axis))
+            yield axis, fit
+
+
+@pytest.mark.parametrize(("devices", "samples"), [(1, 350), (10, 350), (30, 600)])
+@pytest.mark.parametrize("axes", [["gyro_x"], ["gyro_x", "gyro_y", "gyro_z"]])
+def test_no_two_axes_of_devices_that_begin_at_once_are_fitted_at_the_same_sample(
+    devices: int, samples: int, axes: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The figures are those of the sample after which the fit was due."""
+    monkeypatch.setattr(live, "LiveAxes", Watched)
+    at: list[int] = []
+    for number in range(devices):
+        Watched.turns = []
+        items, _ = walk([hello(), raw(range(samples))], devices=devices, number=number, channels=axes)
+        at += [samples for samples, _ in Watched.turns]
+        found = fits(items)
+        assert [axis for _, axis in Watched.turns[: len(axes)]] == axes
+        assert found
+        _, pipeline = walk([hello(), raw(range(found[0].samples))], channels=axes, live__period_s=60)
+        assert found[0].axes == next(fit for fit in pipeline.finish() if isinstance(fit, Fit)).axes
+    assert len(at) == len(set(at))
+
+
+def test_a_fit_of_a_sensor_that_is_gone_is_not_finished_and_one_of_the_same_goes_on() -> None:
+    other = replace(hello(), boot_id=9, device_id="ff")
+    items, _ = walk([hello(), raw(range(102)), LinkDown(1), other, raw(range(200, 320))])
+    assert [(f.epoch, f.samples) for f in fits(items)] == [(2, 100)]
+    items, _ = walk([hello(), raw(range(102)), raw(range(200, 210))])
+    assert [(f.epoch, f.samples) for f in fits(items)] == [(1, 100)]
+
+
+@given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
+@settings(max_examples=25)
+@example([(1, 0, 39), (2, 0, 39), (4, 0, 39), (7, 0, 39)])
+def test_estimates_are_the_same_live_and_at_full_speed_whatever_is_lost(
+    lost: list[tuple[int, int, int]],
+) -> None:
+    """Samples with which fits are due: axes are left when the next one is."""
+    gone = {k for second, before, after in lost for k in range(100 * second - before, 100 * second + after)}
+    block = raw(k for k in range(1300) if k not in gone)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fit_times, "AXIS_S", 1.0)
+        patch.setattr(fit_times, "GROWTH", 2)  # settled soon: 1, 2, 3, 5, 8 and 12 s
+        each = [walk([hello(), block], prompt=prompt)[0] for prompt in (True, False)]
+    told, full = ([r for r in records_of(items) if isinstance(r, Estimate)] for items in each)
+    assert told == full
 
 
 # --- what estimates say of it ---

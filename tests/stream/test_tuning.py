@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from blocks import records_of
 from fltea.estimator.bank import Bank, Variances
+from fltea.records.block import Block
 from fltea.records.events import RawSample, block_of
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import Estimate, Fit
@@ -59,7 +60,7 @@ def test_what_has_moved_by_less_than_a_tenth_of_its_interval_stays(s2: float, R:
 
 
 @pytest.mark.parametrize("variant", ["joint", "triple"])
-def test_a_fit_after_a_sample_tunes_from_the_next_one_on(variant: str) -> None:
+def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
     """The same bank, told by hand."""
     items, pipeline = walk([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
     found = {r.seq: r.axes for r in records_of(items) if isinstance(r, Estimate)}
@@ -68,13 +69,18 @@ def test_a_fit_after_a_sample_tunes_from_the_next_one_on(variant: str) -> None:
     y = raw(range(830)).gyro / 16.4
     bank.run(y[:20])
     at, told = 20, 0
-    for fit in [item for item in items if isinstance(item, Fit)]:
-        columns = bank.run(y[at : fit.seq + 1])
-        for row, seq in enumerate(range(at, fit.seq + 1)):
+    for place, fit in enumerate(items):
+        if not isinstance(fit, Fit):
+            continue
+        sample = items[place - 1]
+        assert isinstance(sample, Block)
+        end = int(sample.seq[-1]) + 1
+        columns = bank.run(y[at:end])
+        for row, seq in enumerate(range(at, end)):
             published = [(axis.alpha, axis.state) for axis in found[seq].values()]
             expected = np.column_stack([columns.alpha[row], columns.x[row]])
             np.testing.assert_array_equal(np.array(published, dtype=np.float64), expected)
-        at = fit.seq + 1
+        at = end
         for axis, one in fit.axes.items():
             before = bank.variances[axis] if axis in bank.tuned else None
             handed = handed_over(one, before)
@@ -111,7 +117,7 @@ def test_a_saved_walk_goes_on_tuned() -> None:
 def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
     """True fits, ninety of them beside forty: begun elsewhere, they differ in their last digits."""
     generator = NoiseGenerator(parse_noise("alpha=0.8&f=-1&Q=20&R=0.004&seed=7"))
-    rows = [tuple(map(int, generator.step())) for _ in range(9000)]
+    rows = [tuple(map(int, generator.step())) for _ in range(9020)]
     block = block_of([RawSample(k, k * 10_000, k * 10_000_000, row) for k, row in enumerate(rows)])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", LiveAxes)

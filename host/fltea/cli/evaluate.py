@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fltea.cli.output import print_result, progress_bar, say
+from fltea.cli.output import print_result, progress_bar, result_console, say, write_files
 
 if TYPE_CHECKING:
     from fltea.lab.evaluate.run import Plan, Result
@@ -108,31 +108,24 @@ def _run(plan: "Plan", jobs: int | None) -> "Result":
 
 
 def _write(result: "Result", folder: Path, *, figures: bool) -> list[Path]:
-    """Everything is made before the first file is written; each is written whole or not at all."""
     from fltea.lab.evaluate.figures import draw
     from fltea.lab.evaluate.summaries import to_csv, to_json
-    from fltea.records.whole_file import whole_file
 
     contents = {"evaluation.json": to_json(result), "evaluation.csv": to_csv(result).encode()}
     if figures:
         contents |= {f"evaluation_{name}.png": data for name, data in draw(result).items()}
-    for name, data in contents.items():
-        with whole_file(folder / name) as file:
-            file.write(data)
-    return [folder / name for name in contents]
+    return write_files(folder, contents)
 
 
 def _show(result: "Result") -> None:
     """Tables and the conclusion on stdout."""
     from rich.box import SIMPLE_HEAD
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     from fltea.lab.evaluate import fit_summaries, summaries
 
-    console = Console()
-    with console.capture() as shown:  # rich itself ends the program if the reader has left
+    with result_console() as console:
         for headings, rows in (
             fit_summaries.errors(result),
             (fit_summaries.RATIO_HEADINGS, fit_summaries.ratios(result)),
@@ -153,4 +146,3 @@ def _show(result: "Result") -> None:
                 table.add_row(*row)
             console.print(table)
         console.print(Text(summaries.conclusion(result)))
-    print_result(shown.get())

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fltea.cli.output import print_result, progress_bar, say
+from fltea.cli.output import print_result, progress_bar, result_console, say, write_files
 
 if TYPE_CHECKING:
     from fltea.lab.gallery.run import Cell, Gallery, Seen
@@ -155,31 +155,24 @@ def _known(kept: Path) -> "list[Seen]":
 
 
 def _write(result: "Gallery", folder: Path, *, figures: bool) -> list[Path]:
-    """Everything is made before the first file is written; each is written whole or not at all."""
     from fltea.lab.gallery.pictures import draw_all
     from fltea.lab.gallery.table import markdown, to_json
-    from fltea.records.whole_file import whole_file
 
     contents = {"gallery.json": to_json(result), "gallery.md": markdown(result).encode()}
     if figures:
         contents |= {f"gallery_{name}.png": data for name, data in draw_all(result).items()}
-    for name, data in contents.items():
-        with whole_file(folder / name) as file:
-            file.write(data)
-    return [folder / name for name in contents]
+    return write_files(folder, contents)
 
 
 def _show(result: "Gallery") -> None:
     """The wrong ones and the figures that count on stdout."""
     from rich.box import SIMPLE_HEAD
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     from fltea.lab.gallery import table
 
-    console = Console()
-    with console.capture() as shown:  # rich itself ends the program if the reader has left
+    with result_console() as console:
         rows = table.wrong_rows(result)
         if rows:
             drawn = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -190,4 +183,3 @@ def _show(result: "Gallery") -> None:
             console.print(drawn)
         for sentence in table.summary(result):
             console.print(Text(sentence))
-    print_result(shown.get())

@@ -2,10 +2,16 @@
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fltea.records.errors import FlteaError
 from fltea.records.visible import visible_lines
+from fltea.records.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 @contextlib.contextmanager
@@ -34,6 +40,25 @@ def say(text: str) -> None:
 def print_lines(text: str) -> None:
     """Write lines for a person to stdout; what they quote of boards and files may hold anything."""
     print(visible_lines(text), flush=True)
+
+
+@contextlib.contextmanager
+def result_console() -> "Iterator[Console]":
+    """What is drawn on it goes to stdout at its end."""
+    from rich.console import Console
+
+    console = Console()
+    with console.capture() as shown:  # rich itself ends the program if the reader has left
+        yield console
+    print_result(shown.get())
+
+
+def write_files(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
+    """Write each file whole or not at all; everything has been made before the first is written."""
+    for name, data in contents.items():
+        with whole_file(folder / name) as file:
+            file.write(data)
+    return [folder / name for name in contents]
 
 
 def print_result(text: str) -> None:

@@ -145,7 +145,7 @@ class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
 
 
 class Fit(Record, frozen=True, tag="fit"):
-    """The maximum-likelihood fit of all axes after the sample `seq`.
+    """The maximum-likelihood fit of all axes after the sample `seq`; comes a few samples later.
 
     samples: of how many. Epochs of the same sensor are fitted together.
     """

@@ -121,8 +121,8 @@ class _Run:
             self._hub.close(PATIENCE_S)
             raise
         self._walks = [
-            Walk(source, config, self._hub, state, len(configs))
-            for source, config in zip(sources, configs, strict=True)
+            Walk(source, config, self._hub, state, len(configs), number)
+            for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
         on_lines = [walk for walk in self._walks if has_line(walk)]
         lines = LineLoop(on_lines, self._end) if on_lines else None

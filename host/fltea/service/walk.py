@@ -25,7 +25,13 @@ class Walk:
     """
 
     def __init__(
-        self, source: Source, config: Config, hub: Hub, state: StateFile | None, devices: int = 1
+        self,
+        source: Source,
+        config: Config,
+        hub: Hub,
+        state: StateFile | None,
+        devices: int = 1,
+        number: int = 0,
     ) -> None:
         self.source = source
         self.name = config.name or ""
@@ -39,6 +45,7 @@ class Walk:
             state.found.get(self.name) if state else None,
             lambda: state.refuse(self.name) if state else None,
             devices,
+            number,
         )
         self._tap = hub.tap(self.name, wait=not source.prompt)
         self._as_wire: AsWire | None = None

@@ -25,7 +25,6 @@ from fltea.spectrum.composite_fit import (
     slopes,
 )
 from fltea.spectrum.composite_intervals import Estimate, interval, of_walk
-from fltea.spectrum.octaves import WHOLE
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.relaxations import sum_parameters
 from fltea.spectrum.whittle import Fit
@@ -95,8 +94,7 @@ class Composite(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def composite(data: Binned, h: float, samples: int, sums: Sequence[Fit] = ()) -> Composite:
     """Fit the one series of `data`, of a record of so many samples at a sampling period of h s.
 
-    sums: fits of sums of 1, 2, ... AR(1), as starts. Of up to `WHOLE` samples K has no interval: no cubic
-    is taken out of so few, and what a random walk has then hangs on a single step.
+    sums: fits of sums of 1, 2, ... AR(1), as starts.
     """
     seen = lines(data, samples)
     found = compared(seen, sums)
@@ -104,7 +102,7 @@ def composite(data: Binned, h: float, samples: int, sums: Sequence[Fit] = ()) ->
     bic = {kind: _bic(seen, kind, point) - white for kind, point in found.items()}
     kind = _simplest(bic)
     by_name = {one.name: value for one, value in bic.items()}
-    return _in_units(seen, h, kind, found[kind], by_name, K_known=samples > WHOLE)
+    return _in_units(seen, h, kind, found[kind], by_name)
 
 
 def compared(data: Lines, sums: Sequence[Fit] = ()) -> dict[Kind, Point]:
@@ -211,9 +209,7 @@ def _has_such_corners(data: Lines, kind: Kind, point: Point) -> bool:
     return bool(((rates > low[corners] + AT_END) & (rates < high[corners] - AT_END)).all())
 
 
-def _in_units(
-    data: Lines, h: float, kind: Kind, point: Point, bic: dict[str, float], *, K_known: bool
-) -> Composite:
+def _in_units(data: Lines, h: float, kind: Kind, point: Point, bic: dict[str, float]) -> Composite:
     count = kind.gauss_markov
     slowest = np.argsort(point.eta[1 + count : 1 + 2 * count])
 
@@ -227,8 +223,6 @@ def _in_units(
         s2 = -variance * math.expm1(-2 * h / tau.value)
         parts.append(GaussMarkov(sigma, tau, 2 * variance / tau.value, phi, s2))
     K = of_walk(data, kind, point, 1 + 2 * count).scaled(h**-0.5, 0.5) if kind.walk else None
-    if K is not None and not K_known:
-        K = Estimate(K.value, None, None)
     return Composite(
         name=kind.name,
         N=estimate(0, math.sqrt(h), 0.5),

@@ -22,9 +22,10 @@ CONVERGED = 1e-7
 SMALLEST = -30.0
 """Logarithm of the smallest part over the mean power."""
 LARGEST = 30.0
-LEAK, LEAK_OF_CUBIC = 1.0, 1 / 9
-"""Of a random walk, mean square of the step from the last sample to the first over what it does in a record:
-so much more power it has at all frequencies of the whole. With a cubic taken out, a ninth."""
+LEAK_OF_CUBIC = 1 / 9
+"""Of a random walk without its cubic, mean square of the step from the last sample to the first over what it
+does in a record: so much more power it has at all frequencies of the whole. Of a short record the cubic is
+taken out only where the walk is large; where it is not the whole step leaks, but is lost in other noise."""
 
 
 class Lines(NamedTuple):
@@ -74,7 +75,7 @@ def lines(data: Binned, samples: int) -> Lines:
     level = max(0, math.ceil(math.log2(samples / WHOLE)))
     leaks = data.lam < JOIN / 2**level if level else np.ones(len(data.lam), dtype=np.bool_)
     rising = 4 * np.sin(data.lam / 2) ** 2
-    walk = (1 + np.where(leaks, LEAK_OF_CUBIC if level else LEAK, 0.0)) / rising
+    walk = (1 + np.where(leaks, LEAK_OF_CUBIC, 0.0)) / rising
     return Lines(data.lam, data.counts, data.power[0], walk, rising, np.asarray(leaks))
 
 

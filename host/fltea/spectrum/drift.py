@@ -18,11 +18,10 @@ PERIODS = 10.0
 CUBIC_PERIODS = 0.7
 """In a record, of the waves that a cubic is most like."""
 LEAST_OFFSET = 10.0
-"""Power of the offset's drift over that of noise: of less nobody needs to know. White noise has as much with
-p = 3e-6."""
+"""Power of the offset's drift over that of noise: of less nobody needs to know."""
 LEAST_RATIO = 2.0
-FALSE_ALARM = 2e-4
-"""Of a record that is looked at once."""
+FALSE_ALARM = 1e-4
+"""Of each of the two tests, in a record that is looked at once."""
 
 
 class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -35,10 +34,13 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """probability of so much, if that model were right there too"""
     offset: float = 0.0
     """power of the cubic that was taken out of a long record, over what the model has there"""
+    offset_p: float = 1.0
+    """probability of so much"""
 
     def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:
         """Whether it is more than the model explains, and enough to matter."""
-        return self.offset >= LEAST_OFFSET or (self.ratio >= LEAST_RATIO and self.p < false_alarm)
+        of_offset = self.offset >= LEAST_OFFSET and self.offset_p < false_alarm
+        return of_offset or (self.ratio >= LEAST_RATIO and self.p < false_alarm)
 
 
 def drift_hz(duration_s: float, samples: int) -> float:
@@ -58,15 +60,16 @@ def slow_power(
     slow: the ordinates below below_hz, if there are any. model: λ to its spectrum. cubic: what was taken out
     of all ordinates. h in s.
     """
-    offset = 0.0
+    offset, offset_p = 0.0, 1.0
     if cubic is not None:
         wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz  # many samples have a cubic only
         offset = cubic.power / float(model(np.array([wave]))[0])
+        offset_p = _tail(offset, cubic.amplitudes)
     if slow is None:
-        return SlowPower(below_hz, offset=offset)
+        return SlowPower(below_hz, offset=offset, offset_p=offset_p)
     weight = np.ones_like(slow.lam) if slow.weight is None else slow.weight
     ratio = float(np.average(slow.power / model(slow.lam), weights=weight))
-    return SlowPower(below_hz, ratio, _tail(ratio, 2 * float(weight.sum())), offset)
+    return SlowPower(below_hz, ratio, _tail(ratio, 2 * float(weight.sum())), offset, offset_p)
 
 
 def _tail(ratio: float, degrees: float) -> float:

@@ -6,15 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
+from fltea.spectrum.arfima import LEAST_ORDER, MOST_ORDER
 from fltea.spectrum.low_pass import LowPass, fit_low_pass, of_one_pole, steep
-from fltea.spectrum.models import ar2_parameters
+from fltea.spectrum.models import ar2_parameters, fractional, parameters
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.pole_pair import pole_pair
 from fltea.spectrum.profile import CRITICAL
 from fltea.spectrum.relaxations import sum_parameters
-from fltea.spectrum.rivals import APART, Fits, bic
+from fltea.spectrum.rivals import APART, Fits, bic, is_order
 from fltea.spectrum.warm import Search
-from fltea.spectrum.whittle import Fit, negative_log_likelihood
+from fltea.spectrum.whittle import Fit, fit, negative_log_likelihood
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,10 @@ LEAST_PHI = 0.05
 """The spectrum of AR(1) with less falls by less than a fifth."""
 PHI = np.linspace(LEAST_PHI, 0.98, 48)
 PLATEAUS = np.linspace(0.7, 1.4, 15)
+BOUNDED = fractional(MOST_ORDER)
+CORNERS = np.linspace(math.log(0.05), math.log(3.0), 7).tolist()
+"""Logarithms of rad a sample, of one pole."""
+HALVINGS = 3
 
 
 def find_low_pass(h: float, fits: Fits, search: Search, more: float = 0.0) -> LowPass | None:
@@ -39,7 +44,9 @@ def find_low_pass(h: float, fits: Fits, search: Search, more: float = 0.0) -> Lo
     found = fit_low_pass(data, search)
     phi1, phi2, _ = (float(v) for v in ar2_parameters(fits.ar2.theta[0]))
     peak = "resonance_hz" in pole_pair(data, phi1, phi2, h)
-    others = [fits.null.white, *fits.sums, fits.null.alternative, fits.rising, *([fits.ar2] if peak else [])]
+    others = [fits.null.white, *fits.sums, fits.null.alternative, fits.rising]
+    others += [fits.ar2] if peak else []
+    others += [fits.order] if is_order(fits.order) else []
     without = min(others, key=lambda one: bic(one, data))
     filtered = min(bic(one, data) for one in (found, *([] if peak else [fits.ar2])))
     gain = 2 * float(without.nll[0] - found.nll[0])
@@ -54,8 +61,12 @@ def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
     """The fastest relaxation, if what is faster is next to nothing, and no fractional order says the same."""
     data = fits.data
     best = min(fits.sums, key=lambda one: bic(one, data))
+    if is_order(fits.order) and bic(fits.order, data) < bic(best, data):
+        return None
     if 2 * float(fits.bounded.nll[0] - best.nll[0]) <= APART + more:
         return None
+    if (phi := _before_an_order(data, bic(best, data) - more)) is not None:
+        return of_one_pole(phi, 0.0, h)
     p = sum_parameters(best.theta, best.theta.shape[1] // 2)
     fastest = int(p.poles[0].argmin())
     phi, white = float(p.poles[0, fastest]), float(p.white[0])
@@ -69,6 +80,38 @@ def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
         return of_one_pole(phi, white / plateau, h)
     pure = _pure(data, best, fastest)
     return None if pure is None else of_one_pole(pure, 0.0, h)
+
+
+def _before_an_order(data: Binned, to_beat: float) -> float | None:
+    """φ of a pole that noise of a fractional order has gone through, if with it BIC is less than `to_beat`.
+
+    Such noise looks like a sum of relaxations of which the fastest is the filter.
+    """
+    found: dict[float, tuple[float, Fit]] = {}
+
+    def fitted(log_corner: float, warm: Fit | None) -> None:
+        gain = spectrum.ar1(data.lam, math.exp(-math.exp(log_corner)))
+        through = fit(data._replace(power=data.power / gain), BOUNDED, warm=warm and warm.theta)
+        of_gain = 2 * float(data.counts @ np.log(gain)) + math.log(data.ordinates)
+        found[log_corner] = bic(through, data) + of_gain, through
+
+    def best() -> float:
+        return min(found, key=lambda one: found[one][0])
+
+    last = None
+    for log_corner in CORNERS:
+        fitted(log_corner, last)
+        last = found[log_corner][1]
+    step = CORNERS[1] - CORNERS[0]
+    for _ in range(HALVINGS):
+        step /= 2
+        middle = best()
+        for log_corner in (middle - step, middle + step):
+            fitted(log_corner, found[middle][1])
+    lowest, through = found[best()]
+    alpha = float(parameters(through.theta[0], MOST_ORDER).alpha)
+    phi = math.exp(-math.exp(best()))
+    return phi if lowest < to_beat and alpha >= LEAST_ORDER and phi > LEAST_PHI else None
 
 
 def _pure(data: Binned, found: Fit, fastest: int) -> float | None:

@@ -20,8 +20,8 @@ from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
 
 Array = NDArray[np.float64]
 
-FALSE_ALARM = 0.01
-"""Probability to find anything in noise without lines."""
+FALSE_ALARM = 3e-3
+"""Probability to find anything in noise without lines, of a record that is looked at once."""
 FLANK = 48
 """Ordinates in the shortest flank; the flanks of wide stretches are twice as long as these."""
 MOST = 12

@@ -74,21 +74,19 @@ class LiveAxes:
         self._octaves.skip(count)
 
     def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
-        """Fit every axis.
+        """Fit every axis at once; arguments as for `one_by_one`."""
+        return dict(self._each(self._octaves, curves, last, fresh))
+
+    def one_by_one(
+        self, *, curves: bool, last: bool = False, fresh: bool = False
+    ) -> Iterator[tuple[str, AxisFit]]:
+        """Fit an axis whenever the next one is asked for, all to the samples that there are now.
 
         curves: with spectrum and Allan deviation. last: of a record that is at its end, and so is judged at
         the level of one look, as `fltea identify` does it. fresh: from all starts, and peaks and changes are
         looked for again, as with curves; else all begins at the last fit.
         """
-        level = LEVEL if last else ANYTIME_LEVEL
-        for warm in self._warm if fresh or curves else ():
-            warm.forget()
-        found = {}
-        for lane, axis in enumerate(self.axes):
-            counts = self._octaves.counts(lane)
-            fit = self._fit(lane, counts, curves, level)
-            found[axis] = replace(fit, left_out=_left_out(counts), breaks=_breaks(counts))
-        return found
+        return self._each(self._copied(), curves, last, fresh)
 
     def save(self) -> bytes:
         """All of it, for a later run."""
@@ -106,18 +104,31 @@ class LiveAxes:
             raise ValueError("the saved sums are of other axes, another rate, unit or memory")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
-    def _fit(self, lane: int, counts: Counts, curves: bool, level: float) -> AxisFit:
+    def _copied(self) -> Octaves:
+        return Octaves.restore(len(self.axes), self._memory, self._octaves.save())
+
+    def _each(self, octaves: Octaves, curves: bool, last: bool, fresh: bool) -> Iterator[tuple[str, AxisFit]]:
+        level = LEVEL if last else ANYTIME_LEVEL
+        for lane, axis in enumerate(self.axes):
+            if fresh or curves:
+                self._warm[lane].forget()
+            counts = octaves.counts(lane)
+            fit = self._fit(octaves, lane, curves, level)
+            yield axis, replace(fit, left_out=_left_out(counts), breaks=_breaks(counts))
+
+    def _fit(self, octaves: Octaves, lane: int, curves: bool, level: float) -> AxisFit:
+        counts = octaves.counts(lane)
         if counts.constant and counts.used >= SHORTEST_MEMORY:
             text = "Constant: all samples are the same. Is the sensor asleep, or its range far too wide?"
             return AxisFit("constant", text, self.unit)
         used = min(counts.used, round(REMEMBERED * self._memory)) if self._memory else counts.used
         try:
-            whole, drift = self._octaves.lines_and_drift(lane, self.h)
+            whole, drift = octaves.lines_and_drift(lane, self.h)
             seen = examine(
                 whole,
                 used * self.h,
                 used,
-                cells=self._cells(lane),
+                cells=_cells(octaves, lane, self.h),
                 drift=drift,
                 level=level,
                 warm=self._warm[lane],
@@ -126,13 +137,9 @@ class LiveAxes:
             needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
             text = f"Too few samples yet: {needed}."
             return AxisFit("too few samples", text, self.unit)
-        return self._said(lane, seen, whole if curves else None, used)
+        return self._said(octaves, lane, seen, whole if curves else None)
 
-    def _cells(self, lane: int) -> Iterator[BandCells]:
-        """Made only where a change is looked for."""
-        yield from self._octaves.cells(lane, self.h)
-
-    def _said(self, lane: int, seen: Spectral, drawn: Periodogram | None, used: int) -> AxisFit:
+    def _said(self, octaves: Octaves, lane: int, seen: Spectral, drawn: Periodogram | None) -> AxisFit:
         """What the record says of an axis; drawn: what the curves are drawn from."""
         e, data, full = seen.evidence, seen.fits.data, seen.fits.full
         verdict = decide(e)
@@ -145,7 +152,7 @@ class LiveAxes:
         allan = spectrum = None
         if drawn is not None:
             spectrum = _spectrum(drawn, seen)
-            *sums, samples = self._octaves.allan(lane)
+            *sums, samples = octaves.allan(lane)
             allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: seen.spectrum(lam, self.h))
             if allan is not None and e.low_pass is not None:  # which bends the curve where N would be read
                 R = e.contest.models[e.contest.best].parameters["R"]
@@ -168,6 +175,11 @@ class LiveAxes:
         )
 
 
+def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
+    """Made only where a change is looked for."""
+    yield from octaves.cells(lane, h)
+
+
 def _spectrum(whole: Periodogram, seen: Spectral) -> FitSpectrum:
     """All lines, also those that are not fitted, in at most POINTS bins."""
     data = binned(whole)
@@ -182,7 +194,12 @@ def _spectrum(whole: Periodogram, seen: Spectral) -> FitSpectrum:
 
 
 def _left_out(counts: Counts) -> dict[str, int]:
-    return {"lost": counts.lost, "bridged": counts.bridged, "knocked": counts.knocked}
+    return {
+        "lost": counts.lost,
+        "bridged": counts.bridged,
+        "knocked": counts.knocked,
+        "limited": counts.limited,
+    }
 
 
 def _breaks(counts: Counts) -> dict[str, int]:

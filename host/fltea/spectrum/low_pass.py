@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.models import logit, share
+from fltea.spectrum.models import broken_stick, logit, share
 from fltea.spectrum.periodogram import Binned, Periodogram, check_enough
 from fltea.spectrum.residuals import residual_ks
 from fltea.spectrum.warm import Search
@@ -74,18 +74,14 @@ class _Numbers(NamedTuple):
 def low_pass_parameters(theta: Array) -> _Numbers:
     """Of coordinates (k, 3 + 2 slow); the spectrum is of scale 1."""
     first = (theta.shape[1] - 3) // 2 + 2
-    taken, rest = [], np.ones(len(theta))
-    for column in theta.T[first:]:
-        part = rest * share(column)
-        taken.append(part)
-        rest = rest - part
+    shares, white = broken_stick(theta[:, first:])
     return _Numbers(
         theta[:, 0],
         1 + (MOST_POLES - 1) * share(theta[:, 1]),
         2 * share(theta[:, 2:first]) - 1,
-        taken[0],
-        np.stack([*taken, rest], axis=-1)[:, 1:-1],
-        rest,
+        shares[:, 0],
+        shares[:, 1:],
+        white,
     )
 
 

@@ -32,6 +32,19 @@ def share(coordinate: ArrayLike) -> Array:
     return np.asarray(1 / (1 + np.exp(np.minimum(np.maximum(np.negative(coordinate), -16.0), 16.0))))
 
 
+def broken_stick(coordinates: Array) -> tuple[Array, Array]:
+    """Shares (..., K) of 1, and what is left, (...).
+
+    coordinates: (..., K); of each, the share of what those before it have left.
+    """
+    taken, rest = [], np.ones(coordinates.shape[:-1])
+    for k in range(coordinates.shape[-1]):
+        part = rest * share(coordinates[..., k])
+        taken.append(part)
+        rest = rest - part
+    return np.stack(taken, axis=-1), rest
+
+
 class Parameters(NamedTuple):
     """Of the fractional state in white noise; arrays of one shape."""
 

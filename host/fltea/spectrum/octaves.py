@@ -32,6 +32,8 @@ SHORTEST = 64
 
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
+LARGE_DRIFT, NEAR_THE_DRIFT = 30.0, slice(10, 30)
+"""Power of a cubic over that of these ordinates, from which on it is taken out of a short record too."""
 JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
 """Rad a sample of its own rate: the whole level serves below, the level above it from there on."""
 _HANN_POWER = 0.375 * BLOCK
@@ -62,6 +64,8 @@ class Counts(NamedTuple):
     """of the level of the noise, by more than ten times in power"""
     constant: bool
     """no sample was other than the first"""
+    limited: int = 0
+    """of those used, samples that were handed on smaller than they came"""
 
 
 class BandCells(NamedTuple):
@@ -155,8 +159,11 @@ class Octaves:
 
     def counts(self, lane: int) -> Counts:
         """Return what became of the samples of a lane so far."""
-        (taken, _, bridged, lost, gaps, knocks, knocked, steps, changes), constant = self._native.counts(lane)
-        return Counts(taken - knocked, bridged, lost, gaps, knocks, knocked, steps, changes, constant)
+        counts, constant = self._native.counts(lane)
+        taken, _, bridged, lost, gaps, knocks, knocked, steps, changes, limited = counts
+        return Counts(
+            taken - knocked, bridged, lost, gaps, knocks, knocked, steps, changes, constant, limited
+        )
 
     def periodogram(self, lane: int, h: float) -> Periodogram:
         """Return the spectrum of a lane sampled every h seconds, with weights.
@@ -256,12 +263,19 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
     values -= values.mean()
     cubic, found = _drift(values)
     amplitudes.append(found)
-    if level:
+    if level or _drifts(values, found):
         values -= cubic
     spectrum = np.fft.rfft(values)[j]
     own = np.asarray(2 * np.pi * j / m, dtype=np.float64)
     power = (spectrum.real**2 + spectrum.imag**2) / m * 2.0**level
     return own / 2**level, power / _passed(own, level), np.ones(len(j))
+
+
+def _drifts(values: Array, amplitudes: Array) -> bool:
+    """Whether a short record drifts so much that its ends would leak into what is fitted."""
+    near = np.fft.rfft(values)[NEAR_THE_DRIFT]
+    level = float(np.mean(near.real**2 + near.imag**2)) / len(values) if near.size else 0.0
+    return float(np.mean(amplitudes**2)) > LARGE_DRIFT * level > 0
 
 
 def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[NDArray[np.float32]]:

@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 LEAST_HEIGHT = 1.2
 """Of the peak over frequency 0: a pole pair without one is a low-pass."""
 LEAST_DEVIATE = 3.0
-"""Of the data about the peak over those at half its frequency and below: p = 1e-3."""
+"""Of the data about the peak over those at half its frequency and below, or of a short record over its lower
+flank: p = 1e-3."""
 POINTS = 2049
 
 
@@ -32,6 +33,8 @@ def peak_of(data: Binned, density: Callable[[Array], Array], h: float) -> dict[s
         return {}
     about = density(data.lam) > (found[top] + found[0]) / 2
     below = data.lam < lam[top] / 2
+    if float(data.counts[below].sum()) < 2:  # a short record has next to nothing there
+        below = (data.lam < lam[top]) & ~about
     weights = [float(data.counts[part].sum()) for part in (about, below)]
     if min(weights) < 2:
         return {}

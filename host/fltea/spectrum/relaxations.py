@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.models import AR1, TWO_AR1, logit, share
+from fltea.spectrum.models import AR1, TWO_AR1, broken_stick, logit, share
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.whittle import Fit, Model
 
@@ -65,12 +65,8 @@ def sum_of(count: int) -> Model:
 
 def sum_parameters(theta: Array, count: int) -> Parts:
     """Of coordinates (..., 2 count) of `sum_of`."""
-    taken, rest = [], np.ones(theta.shape[:-1])
-    for k in range(count, 2 * count):
-        part = rest * share(theta[..., k])
-        taken.append(part)
-        rest = rest - part
-    return Parts(2 * share(theta[..., :count]) - 1, np.stack(taken, axis=-1), rest)
+    shares, white = broken_stick(theta[..., count : 2 * count])
+    return Parts(2 * share(theta[..., :count]) - 1, shares, white)
 
 
 def sum_coordinates(poles: Array, shares: Array, white: Array) -> Array:

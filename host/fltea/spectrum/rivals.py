@@ -40,8 +40,11 @@ Array = NDArray[np.float64]
 LOOKED_AT = 0.05
 """Of the null test: where white noise is not rejected only the oldest rivals are fitted."""
 ORDERS = (LEAST_ORDER, 0.3, 0.5, 0.7, MOST_ORDER)
+AT_A_LIMIT = 0.01
 NO_COLOUR = 1e-3
 """φ of a part that is white."""
+ORDERED = ("fractional", "arfima")
+"""Models with an order."""
 APART = 6.0
 """In 2 log L, from which on two models are told apart."""
 
@@ -64,7 +67,7 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All models on the same ordinates."""
 
     models: dict[str, Rival]
-    """white, ar1, ar2, two_ar1, fractional; where white noise is rejected rising and more sums too"""
+    """white, ar1, ar2, two_ar1, fractional; where white noise is rejected rising, arfima and more sums too"""
     best: str
     """the one of lowest BIC"""
     ratio_white: float
@@ -81,8 +84,8 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def best_rival(self) -> str:
-        """The one of lowest BIC that is neither white nor fractional."""
-        return self._lowest(name for name in self.models if name not in ("white", "fractional"))
+        """The one of lowest BIC that is neither white nor of an order."""
+        return self._lowest(name for name in self.models if name not in ("white", *ORDERED))
 
     @property
     def best_sum(self) -> str:
@@ -127,6 +130,7 @@ class Fits(msgspec.Struct, frozen=True):
     bounded: Fit
     """the fractional state of an order from `LEAST_ORDER` to `MOST_ORDER`"""
     arfima: Fit | None
+    """fitted where `rising` is"""
 
     @property
     def order(self) -> Fit:
@@ -136,10 +140,12 @@ class Fits(msgspec.Struct, frozen=True):
         return self.bounded
 
     def named(self) -> dict[str, Fit]:
-        """All but the last, by name."""
+        """All but `bounded`, by name."""
         found = {"white": self.null.white, "ar1": self.sums[0], "ar2": self.ar2, "fractional": self.full}
         found |= {NAMES[i + 1]: one for i, one in enumerate(self.sums)}
-        return found | ({"rising": self.rising} if self.rising else {})
+        if self.rising is not None and self.arfima is not None:
+            found |= {"rising": self.rising, "arfima": self.arfima}
+        return found
 
 
 def bic(found: Fit, data: Binned) -> float:
@@ -219,6 +225,11 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
     )
 
 
+def is_order(found: Fit) -> bool:
+    """Whether α or d is within its limits: at one of them it stands for what lies beyond."""
+    return LEAST_ORDER + AT_A_LIMIT < _order(found) < MOST_ORDER - AT_A_LIMIT
+
+
 def _order(found: Fit) -> float:
     """α, or the d of ARFIMA."""
     if found.model.held.name:
@@ -240,6 +251,9 @@ def _described(name: str, f: Fit, data: Binned, h: float) -> dict[str, float]:
     scale, theta = float(f.scale[0]), f.theta[0]
     if name == "white":
         return {"R": scale}
+    if name == "arfima":
+        order, phi, weight = (float(v) for v in arfima_parameters(theta))
+        return {"d": order, "phi": phi, "s2": weight * scale, "R": (1 - weight) * scale}
     if name == "rising":
         delta, weight = (float(v) for v in rising_parameters(theta))
         return {"delta": delta, "s2": weight * scale, "R": (1 - weight) * scale}

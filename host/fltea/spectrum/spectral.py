@@ -18,7 +18,7 @@ from fltea.spectrum.evidence import LEVEL, Evidence, more_than_once
 from fltea.spectrum.find_low_pass import find_low_pass
 from fltea.spectrum.how_long import seconds_to_tell
 from fltea.spectrum.likelihood_ratio import NullFits, null_fits, p_value
-from fltea.spectrum.lines import FALSE_ALARM, Peak, find_peaks
+from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.low_pass import LowPass, divided, power_gain
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import BandCells, Drift
@@ -31,6 +31,11 @@ Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 
 
+FALSE_PEAK = 0.01
+"""Probability to find one where there is none, at `LEVEL`; the bins of octaves do not show lines so well that
+less would leave those of real sensors."""
+FALSE_CHANGE = 1e-3
+"""The same of a change during the record."""
 LEAKS = 3.0
 """Times the width of its notch, a line above it."""
 SLOW_LINES = 4.0
@@ -105,8 +110,7 @@ def examine(
     ordinates = whole.ordinates
     p_all = p_value(ratio, ordinates)
     if peaks is None:
-        # Of peaks and of changes there are as few false alarms as they are looked for all over the spectrum.
-        false_alarm = FALSE_ALARM * level / LEVEL
+        false_alarm = FALSE_PEAK * level / LEVEL
         find = find_peaks if whole.weight is None else find_octave_peaks
         peaks = warm.looked("peaks", ordinates, lambda: find(whole, false_alarm))
         found = tuple(peak.notch_hz for peak in peaks)
@@ -132,7 +136,7 @@ def examine(
     def change() -> Change | None:
         # Where a sharp resonance rules, neighbouring blocks are alike: parts of the record differ for that.
         compared = [one for one in cells if _share_of_peaks(whole, one, found) < LARGEST_SHARE]
-        return find_change(compared, clean.h, FALSE_ALARM * level / LEVEL, from_hz, notch)
+        return find_change(compared, clean.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
 
     def decides() -> float | None:
         return seconds_to_tell(fits.data, fits.order, fits.sums[-1], duration_s, APART)
@@ -155,7 +159,7 @@ def examine(
             None if slow_line else _slow(whole, from_hz, slow_hz, found),
             _highest(rivals, fits),
             whole.h,
-            drift,
+            None if slow_line else drift,
         ),
         low_pass=low_pass,
         change=warm.looked("change", ordinates, change),

@@ -13,22 +13,21 @@ from fltea.records.fit import VerdictKind
 from fltea.spectrum import wording
 from fltea.spectrum.arfima import MOST_ORDER
 from fltea.spectrum.evidence import Evidence
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.relaxations import MOST
 from fltea.spectrum.residuals import kolmogorov
+from fltea.spectrum.rivals import AT_A_LIMIT, ORDERED
+from fltea.spectrum.traces import is_of_filter, is_skirt
 
+LEAST_RISE = 1.5
+"""From the lowest frequencies to the highest, of the fractional model: one that falls may rise a little."""
+BY_CHANCE = 3.0
+"""In 2 log L, for each parameter more: of three, so much with p = 0.03, on top of `APART`."""
+STEEP = 1.25
+"""Order of what falls more steeply than a relaxation."""
 SLOW = 3.0
 """Times the lowest frequency: a corner below is as good as none."""
-LEAKS = 2.0
-AS_SKIRTS = 4.0
-"""Ratio of frequencies."""
 LINE_WIDTH = 6.0
 """Of a line at half the sample rate, in periods a record."""
-LARGE_SHARE = 0.05
-"""Of the power in a resonance that has skirts to be seen."""
-NEAR_THE_FILTER = 0.1
-AS_FILTERS_DIFFER = 0.6
-"""Of the density in the pass band."""
 LEAST_RESIDUAL_LEVEL = 0.01
 """Of the test of residuals, which speaks against a claim and not for one."""
 PEAKS: dict[str, VerdictKind] = {"line": "line", "resonance": "resonance", "peak": "line or resonance"}
@@ -103,7 +102,7 @@ def decide(e: Evidence) -> Verdict:
     coloured = q.ask(
         "Is what is left no white noise, by the null test?", e.p_clean < e.level, f"p = {e.p_clean:.2g}"
     )
-    if coloured and _shape_of_filter(e, q):
+    if coloured and e.low_pass is not None and q.ask(*is_of_filter(e, e.low_pass)):
         return _white(e, q, "What is left below the corner is as little as filters differ by")
     ar2 = e.contest.models["ar2"]
     broad = (
@@ -116,24 +115,6 @@ def decide(e: Evidence) -> Verdict:
     if broad:
         return _resonance(e, q)
     return _coloured(e, q) if coloured else _white(e, q)
-
-
-def _shape_of_filter(e: Evidence, q: _Questions) -> bool:
-    """Whether the colour that is left is the difference of the true filter from the fitted one."""
-    if e.low_pass is None:
-        return False
-    name = e.contest.best_sum
-    p = e.contest.models[name].parameters
-    phi = [value for key, value in p.items() if key.startswith("phi")]
-    s2 = [value for key, value in p.items() if key.startswith("s2")]
-    bends = [value for key, value in p.items() if key.startswith("bend")]
-    height = sum(one / (1 - pole) ** 2 for one, pole in zip(s2, phi, strict=True)) / max(p["R"], 1e-300)
-    near = bool(bends) and min(bends) > NEAR_THE_FILTER * e.low_pass.corner_hz
-    return q.ask(
-        "Is the colour that is left near the corner, and no more than filters differ by?",
-        near and height < AS_FILTERS_DIFFER,
-        f"{name}, {height:.2g} times the white noise",
-    )
 
 
 def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
@@ -198,8 +179,11 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
         f"{wording.MODELS[name]} {model.bic:.1f}"
         for name, model in sorted(c.models.items(), key=lambda m: m[1].bic)
     )
-    # A peak that is hardly better may come from a few outliers.
-    enough = e.apart if c.best == "ar2" else e.more
+    p = c.models[c.best].parameters
+    bends = "bend_hz" in p or "resonance_hz" in p
+    rising = c.best == "rising" or p.get("rise", 0.0) > LEAST_RISE or (c.best in ("ar1", "ar2") and not bends)
+    # A shape that is hardly better may come from a few outliers, or be what filters differ by.
+    enough = e.apart if c.best == "ar2" or rising or e.low_pass is not None else e.more
     if not q.ask("Is any model better than white noise by BIC?", c.models[c.best].bic < -enough, bic):
         if e.low_pass is not None or e.peaks or e.drifts:
             return _white(e, q)
@@ -209,10 +193,7 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
             "No model is better than white noise by BIC.",
             "Record longer.",
         )
-    p = c.models[c.best].parameters
-    bends = "bend_hz" in p or "resonance_hz" in p
-    rising = c.best == "rising" or p.get("rise", 0.0) > 1 or (c.best in ("ar1", "ar2") and not bends)
-    source = next((peak for peak in e.peaks if _is_skirt(peak, p, rising)), None)
+    source = next((peak for peak in e.peaks if is_skirt(peak, p, rising, e.rate_hz)), None)
     best = f"{wording.MODELS[c.best]} is the best by BIC"
     if q.ask("Is it the skirts of a peak that was found?", source is not None, best):
         return q.say(
@@ -233,25 +214,21 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
             f"The best order is {p['alpha']:.2f}: more than 1 is a filter or a resonance, not memory.",
             NEXT_PEAK,
         )
-    if c.best == "ar2":
+    steep = c.best == "ar2" or p.get("alpha", 0.0) > STEEP
+    if q.ask("Does it fall from a bend on more steeply than a relaxation?", steep and _bends(e, p), best):
         return q.say(
             "low-pass",
             f"The power falls from {wording.hz(p['bend_hz'])} on, as behind a low-pass.{wording.beside(e)}",
-            f"AR(2) without a peak has the lowest BIC ({c.models['ar2'].bic:.0f}).",
+            f"{wording.capital(wording.MODELS[c.best])} without a peak has the lowest BIC "
+            f"({c.models[c.best].bic:.0f}).",
             NEXT_FILTER,
         )
-    return _order_or_relaxations(e, q)
+    return _order_or_relaxations(e, q, steep)
 
 
-def _is_skirt(peak: Peak, parameters: dict[str, float], rising: bool) -> bool:
-    """Whether a model describes what is left of a strong resonance, or what leaks from a line."""
-    if peak.power_share < LARGE_SHARE:
-        return False
-    if peak.kind == "line":
-        at = parameters.get("resonance_hz", 0.0)
-        return 1 / LEAKS < at / peak.frequency_hz < LEAKS
-    corners = [value for name, value in parameters.items() if name.endswith("_hz")]
-    return rising or any(1 / AS_SKIRTS < corner / peak.frequency_hz < AS_SKIRTS for corner in corners)
+def _bends(e: Evidence, parameters: dict[str, float]) -> bool:
+    """Whether that is clearly above the lowest frequency."""
+    return parameters.get("bend_hz", 0.0) > SLOW * e.from_hz
 
 
 def _rising(e: Evidence, q: _Questions) -> Verdict:
@@ -281,13 +258,16 @@ def _rising(e: Evidence, q: _Questions) -> Verdict:
     )
 
 
-def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
-    """Power that falls with frequency, without a peak: a fractional order, or relaxations."""
+def _order_or_relaxations(e: Evidence, q: _Questions, steep: bool) -> Verdict:
+    """Power that falls with frequency, without a peak: a fractional order, or relaxations.
+
+    steep: more so than a relaxation does.
+    """
     c = e.contest
     apart = e.apart
     best_sum = c.models[c.best_sum]
     # More parameters fit better by chance alone.
-    more = 2.0 * max(_more(best_sum.parameters), 0)
+    more = BY_CHANCE * max(_more(best_sum.parameters), 0)
     behind = 2 * best_sum.log_likelihood - c.order_gain
     lead = c.order_gain - c.sum_gain
     sums = wording.relaxations(best_sum.parameters)
@@ -301,20 +281,20 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     fastest = max(bends, default=0.0)
     if q.ask(
         f"Is its corner below {wording.hz(SLOW * e.from_hz)}, about the lowest frequency?",
-        fastest < SLOW * e.from_hz,
+        fastest < SLOW * e.from_hz and (steep or lead <= apart),
         f"at {wording.hz(fastest)}",
     ):
         if any(peak.kind != "resonance" and peak.frequency_hz < e.from_hz for peak in e.peaks):
             return _white(e, q, "What is left at low frequencies is no more than what leaks from a slow line")
         return q.say(
-            "drift" if e.low_pass is None else "low-pass",
+            "drift",
             "White noise, and drift that is slower than the record can tell from a random walk."
             f"{wording.beside(e, with_drift=False)}",
             f"The corner of the best model is below {wording.hz(SLOW * e.from_hz)}: too few periods tell it "
             "from an order below 1.",
             "Use the Allan deviation's K for a random walk in a filter; a longer record shows where it ends.",
         )
-    residual_ks = c.models["fractional"].residual_ks
+    residual_ks = c.models[c.order_of].residual_ks
     critical = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL))
     misfit = _misfit(e, c.best_sum if worse else c.best, critical)
     if worse:
@@ -328,10 +308,10 @@ def _order_or_relaxations(e: Evidence, q: _Questions) -> Verdict:
     kind = " (ARFIMA)" if c.order_of == "arfima" else ""
     claim = q.ask(
         f"Is every sum of up to {MOST} relaxations worse than an order by more than {apart:.0f}?",
-        lead > apart,
-        f"2 log L {lead:+.1f}",
+        lead > apart and c.order < MOST_ORDER - AT_A_LIMIT,
+        f"2 log L {lead:+.1f}, of the order {c.order:.2f}",
     )
-    lowest = q.ask("Has the fractional model the lowest BIC?", c.best == "fractional", bic_of(e, c.best))
+    lowest = q.ask("Has a model with an order the lowest BIC?", c.best in ORDERED, bic_of(e, c.best))
     fits = q.ask(
         "Are its residuals white?", residual_ks < critical, f"{residual_ks:.2f}, at most {critical:.2f}"
     )

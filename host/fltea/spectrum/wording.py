@@ -18,6 +18,7 @@ MODELS = {
     "six_ar1": "six AR(1)",
     "rising": "a power of the frequency",
     "fractional": "the fractional model",
+    "arfima": "ARFIMA",
 }
 """The names of the contest, for people."""
 MOSTLY_ONE_STEP = 0.6

@@ -22,6 +22,27 @@ def period_s(config: Config, devices: int) -> float:
     return max(1.0, devices / DEVICES_A_SECOND) if given is None else given
 
 
+AXIS_S = 0.05
+"""From the fit of an axis to that of the next, at most: one with curves takes up to 40 ms."""
+
+
+class Turns(NamedTuple):
+    """When axes are fitted, in samples, so that no two of this program are at the same one if there is room.
+
+    offset: of the device's first fit, behind the period's end. step: from axis to axis; 0: all at once.
+    """
+
+    offset: int
+    step: int
+
+
+def turns(period: int, rate_hz: float, axes: int, devices: int, number: int) -> Turns:
+    """Turns of the device `number` of `devices`, counted from 0, whose axes are fitted once in `period`."""
+    own = period // devices
+    step = min(max(1, own // axes), round(AXIS_S * rate_hz)) if axes <= period else 0
+    return Turns(number * period // devices, step)
+
+
 class Done(NamedTuple):
     """What a fit is for. settles: estimates go by it until the next one that does; curves: it has them."""
 
@@ -32,24 +53,29 @@ class Done(NamedTuple):
 class FitTimes:
     """The numbers of the samples of an epoch, counted from 1, with which fits are due.
 
-    period: in samples, at least one. grows: a fit settles only once the record has grown by 1/`GROWTH`.
-    every: those that settle nothing are due, too. So estimates do not depend on `every`, which is for who
-    looks on. curves: the fewest samples from curves to curves; where nobody looks on, not before the epoch is
-    twice as long.
+    period: in samples, at least one. offset: of all fits, behind the multiples of it. grows: a fit settles
+    only once the record has grown by 1/`GROWTH`. every: those that settle nothing are due, too. So estimates
+    do not depend on `every`, which is for who looks on. curves: the fewest samples from curves to curves;
+    where nobody looks on, not before the epoch is twice as long.
     """
 
-    def __init__(self, period: int, curves: int, *, grows: bool, every: bool) -> None:
+    def __init__(self, period: int, curves: int, *, grows: bool, every: bool, offset: int = 0) -> None:
         self._period, self._curves, self._grows, self._every = period, curves, grows, every
+        self._offset = offset
         self.begin()
 
     def begin(self) -> None:
         """An epoch begins."""
-        self.due = self._settles = self._period
+        self.due = self._settles = self._period + self._offset
         self._drawn: int | None = None
+
+    def settles(self, number: int) -> bool:
+        """Whether a fit after sample `number` settles."""
+        return number >= self._settles
 
     def done(self, number: int, samples: int) -> Done:
         """Take note of the fit after sample `number`, of so many samples."""
-        settles = number >= self._settles
+        settles = self.settles(number)
         if settles:
             self._settles = self._next(number, math.ceil(samples / GROWTH) if self._grows else 1)
         self.due = self._next(number, 1) if self._every else self._settles
@@ -62,4 +88,4 @@ class FitTimes:
         return Done(settles, curves)
 
     def _next(self, number: int, step: int) -> int:
-        return math.ceil((number + step) / self._period) * self._period
+        return math.ceil((number + step - self._offset) / self._period) * self._period + self._offset

@@ -4,8 +4,13 @@ The sums go on for as long as the sensor is the same: a gap of any length, a res
 sensor, and the time between two runs (`--state`) break the spectrum's stretches and lose none of its sums.
 Another device, scale, filter, rate or set of axes begins again. So `samples` of a fit may be of several
 epochs, where the filters begin with each.
+
+An axis takes milliseconds, for which all samples wait. So a fit is of the samples there are when it is due,
+but one axis is fitted then, and the others a few samples later, one by one; the record goes out with the
+last. Each device has turns of its own. Both are counted in samples: nothing depends on the clock.
 """
 
+import itertools
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -19,7 +24,7 @@ from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
-from fltea.stream.fit_times import CURVES_S, FitTimes, period_s
+from fltea.stream.fit_times import CURVES_S, Done, FitTimes, Turns, period_s, turns
 from fltea.stream.stages import Beginning, Item, Saved, SavedFits, Standing
 
 BREAK = 9
@@ -56,16 +61,32 @@ class _Place(NamedTuple):
     host_ns: int
 
 
+class _Begun(NamedTuple):
+    """A fit that was due after the sample `place`, of which some axes may be left to do."""
+
+    place: _Place
+    samples: int
+    done: Done
+    found: dict[str, AxisFit]
+    left: Iterator[tuple[str, AxisFit]]
+
+
 class LiveFits:
     """Fits the axes of both sensors, whoever estimates them.
 
-    prompt: samples come at their own pace. devices: how many run in this program.
+    prompt: samples come at their own pace. devices: how many run in this program. number: which of them this
+    is, from 0.
     """
 
-    def __init__(self, config: Config, *, prompt: bool = True, devices: int = 1) -> None:
+    def __init__(self, config: Config, *, prompt: bool = True, devices: int = 1, number: int = 0) -> None:
         self._config = config
         self._period_s = period_s(config, devices)
         self._prompt = prompt
+        # Nobody waits at full speed, and what is said there is of the recording alone.
+        self._devices, self._number = devices, number if prompt else 0
+        self._turns = Turns(0, 0)
+        self._begun: _Begun | None = None
+        self._turn = 0
         self._sensors: dict[str, _Sensor] = {}
         self._of: tuple[object, ...] | None = None
         self._resumed = False
@@ -85,7 +106,7 @@ class LiveFits:
         if saved is not None or identity != self._of:
             h, of_live = 1.0 / hello.rate_hz, self._config.live
             kept = (saved.fits if saved else None) or SavedFits(None, None)
-            self._sensors, self._settled = {}, {}
+            self._sensors, self._settled, self._begun = {}, {}, None
             for name, axes, unit, data in (
                 ("gyro", gyro, GYRO_UNIT, kept.gyro),
                 ("accel", accel, ACCEL_UNIT, kept.accel),
@@ -96,11 +117,14 @@ class LiveFits:
             self._of, self._resumed = identity, saved is not None
             period = max(1, round(self._period_s * hello.rate_hz))
             grows, curves = self._config.live.period_s is None, round(CURVES_S * hello.rate_hz)
-            self._times = FitTimes(period, curves, grows=grows, every=self._prompt)
+            self._turns = turns(period, hello.rate_hz, len(gyro) + len(accel), self._devices, self._number)
+            offset = self._turns.offset
+            self._times = FitTimes(period, curves, grows=grows, every=self._prompt, offset=offset)
         else:
             self.bridge(beginning.missing)
         self._times.begin()
         self._first = self._at = None
+        self._turn = 0  # the axes that are left of a fit go on from the first sample
 
     def bridge(self, count: int) -> None:
         """Break all stretches: at least so many samples are missing."""
@@ -121,18 +145,12 @@ class LiveFits:
         begin, n = 0, len(block)
         while begin < n:
             number = int(block.seq[begin]) - self._first + 1
-            end = min(n, begin + 1 + max(0, self._times.due - number))
+            due = self._times.due if self._begun is None else min(self._times.due, self._turn)
+            end = min(n, begin + 1 + max(0, due - number))
             part = block if (begin, end) == (0, n) else block.rows(begin, end)
             self._take(part)
             yield part
-            number += end - begin - 1
-            if number >= self._times.due:
-                done = self._times.done(number, self._samples)
-                # A fit that settles does not depend on those between, which a replay does not make.
-                fit = self._fit(curves=done.curves, fresh=done.settles)
-                if done.settles:
-                    self._settled = {axis: _said_of(one) for axis, one in fit.axes.items()}
-                yield fit
+            yield from self._after(number + end - begin - 1)
             begin = end
 
     def on_event(self, event: Event) -> Iterator[Item]:
@@ -147,8 +165,12 @@ class LiveFits:
 
         Of a recording it is the one look that counts, so it says what `fltea identify` says.
         """
+        yield from self._go_on()
         if self._at is not None and (not self._prompt or self._samples != self._drawn_samples):
-            fit = self._fit(curves=True, last=not self._prompt)
+            found: dict[str, AxisFit] = {}
+            for sensor in self._sensors.values():
+                found |= sensor.live.fit(curves=True, last=not self._prompt)
+            fit = Fit(*self._at, self._samples, found, device=self._config.name)
             self._at = None
             yield fit
 
@@ -177,15 +199,41 @@ class LiveFits:
         seq, device_us, host_ns = last
         self._at = _Place(seq, block.epoch, device_us, host_ns)
 
-    def _fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> Fit:
-        """The fit after the sample that was taken last."""
+    def _after(self, number: int) -> Iterator[Item]:
+        """What is to be done after sample `number` of the epoch."""
+        yield from self._go_on(number)
+        if number < self._times.due:
+            return
+        # One that settles waits for none of those between, which a replay does not make.
+        if self._begun is None or self._times.settles(number):
+            yield from self._go_on()
+            self._begun, self._turn = self._begin_fit(number), number
+            yield from self._go_on(number)
+
+    def _begin_fit(self, number: int) -> _Begun:
         assert self._at is not None
-        found: dict[str, AxisFit] = {}
-        for sensor in self._sensors.values():
-            found |= sensor.live.fit(curves=curves, last=last, fresh=fresh)
-        if curves:
+        done = self._times.done(number, self._samples)
+        # A fit that settles does not depend on those between.
+        left = [s.live.one_by_one(curves=done.curves, fresh=done.settles) for s in self._sensors.values()]
+        if done.curves:
             self._drawn_samples = self._samples
-        return Fit(*self._at, self._samples, found, device=self._config.name)
+        return _Begun(self._at, self._samples, done, {}, itertools.chain(*left))
+
+    def _go_on(self, number: int | None = None) -> Iterator[Item]:
+        """Fit the axes whose turn has come after sample `number`; without it all that are left."""
+        begun = self._begun
+        if begun is None:
+            return
+        axes = sum(len(sensor.places) for sensor in self._sensors.values())
+        while len(begun.found) < axes and (number is None or number >= self._turn):
+            axis, fit = next(begun.left)
+            begun.found[axis] = fit
+            self._turn += self._turns.step
+        if len(begun.found) == axes:
+            self._begun = None
+            if begun.done.settles:
+                self._settled = {axis: _said_of(one) for axis, one in begun.found.items()}
+            yield Fit(*begun.place, begun.samples, begun.found, device=self._config.name)
 
 
 NOTHING = Said()

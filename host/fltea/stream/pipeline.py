@@ -60,7 +60,8 @@ class Pipeline:
 
     outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their
     own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
-    refuse: is called if it is not sound. devices: how many run in this program.
+    refuse: is called if it is not sound. devices: how many run in this program. number: which of them this
+    is, from 0.
     """
 
     def __init__(
@@ -71,12 +72,14 @@ class Pipeline:
         state: DeviceState | None = None,
         refuse: Callable[[], None] = lambda: None,
         devices: int = 1,
+        number: int = 0,
     ) -> None:
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
         every = config.output.every
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name, every)
         self._refuse = refuse
-        self._fits = LiveFits(config, prompt=source.prompt, devices=devices) if config.live.on else None
+        live = config.live.on
+        self._fits = LiveFits(config, prompt=source.prompt, devices=devices, number=number) if live else None
         self._stages = stages_of(config, self._fits)
         self._board: DeviceStatus | None = None
         self._now_ns = 0

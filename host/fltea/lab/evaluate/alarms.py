@@ -7,10 +7,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.lab.evaluate.add_up import add_up
 from fltea.lab.evaluate.cases import H
 from fltea.lab.evaluate.fits import live_data, rejects
 from fltea.spectrum.octaves import Octaves
-from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.periodogram import Binned, binned, periodogram
 
 Array = NDArray[np.float64]
 
@@ -24,12 +25,15 @@ MAKERS: dict[str, Callable[[np.random.Generator, tuple[int, int]], Array]] = {
 """White noise by name: (n, series)."""
 
 
+Estimator = Literal["live", "Whittle"]
+
+
 class Alarms(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Of one kind of white noise after so many samples."""
 
     noise: str
     samples: int
-    estimator: Literal["live", "Whittle"]
+    estimator: Estimator
     series: int
     rejected: int
     """at 5 %"""
@@ -52,26 +56,16 @@ def count_alarms(noise: str, series: int, lengths: Sequence[int], seed: int) -> 
         at = n
         whole = binned(periodogram(y[:n].T, H))
         alone = [whole._replace(power=whole.power[[i]]) for i in range(series)]
-        for name, data in (("live", live_data(octaves, series, H)), ("Whittle", alone)):
+        both: tuple[tuple[Estimator, list[Binned]], ...] = (
+            ("live", live_data(octaves, series, H)),
+            ("Whittle", alone),
+        )
+        for name, data in both:
             five, one = np.sum([rejects(each, 0.05, 0.01) for each in data], axis=0).tolist()
-            found.append(Alarms(noise, n, name, series, five, one))  # type: ignore[arg-type]
+            found.append(Alarms(noise, n, name, series, five, one))
     return found
 
 
 def together(parts: Sequence[Sequence[Alarms]]) -> tuple[Alarms, ...]:
     """The sums of several tasks, in the order in which they first appear."""
-    sums: dict[tuple[str, int, str], Alarms] = {}
-    for one in (one for part in parts for one in part):
-        key = one.noise, one.samples, one.estimator
-        before = sums.get(key)
-        sums[key] = one if before is None else _sum(before, one)
-    return tuple(sums.values())
-
-
-def _sum(a: Alarms, b: Alarms) -> Alarms:
-    return msgspec.structs.replace(
-        a,
-        series=a.series + b.series,
-        rejected=a.rejected + b.rejected,
-        rejected_1=a.rejected_1 + b.rejected_1,
-    )
+    return add_up(parts, ("series", "rejected", "rejected_1"))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from fltea.lab.evaluate.add_up import add_up
 from fltea.lab.evaluate.cases import POWER, H
 from fltea.lab.evaluate.fits import LEVEL, QUANTITIES, rejects
 from fltea.lab.evaluate.impulse import Filter
@@ -102,15 +103,4 @@ def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[C
 
 def together(parts: Sequence[Sequence[Coverage]]) -> tuple[Coverage, ...]:
     """The sums of several tasks, in the order in which they first appear."""
-    sums: dict[tuple[Point, int, str], Coverage] = {}
-    for one in (one for part in parts for one in part):
-        key = one.point, one.samples, one.quantity
-        before = sums.get(key)
-        sums[key] = one if before is None else _sum(before, one)
-    return tuple(sums.values())
-
-
-def _sum(a: Coverage, b: Coverage) -> Coverage:
-    return msgspec.structs.replace(
-        a, series=a.series + b.series, held=a.held + b.held, undefined=a.undefined + b.undefined
-    )
+    return add_up(parts, ("series", "held", "undefined"))

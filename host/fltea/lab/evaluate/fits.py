@@ -5,7 +5,7 @@ ordinate of the record's periodogram, or what the accumulators of the daemon hav
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,8 @@ from fltea.spectrum.whittle import fit
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-QUANTITIES = ("alpha", "f", "F", "s2", "R")
+Quantity = Literal["alpha", "f", "F", "s2", "R"]
+QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 LEVEL = 0.05
 """Of the null test."""
 
@@ -70,7 +71,7 @@ def live_data(octaves: Octaves, lanes: int, h: float) -> list[Binned]:
 
 def read_fits(data: Sequence[Binned], h: float, truth: dict[str, float]) -> FitReading:
     """Fit one series after the other. Intervals are made of those that are not white, if there is a truth."""
-    estimates = {name: np.empty(len(data)) for name in QUANTITIES}
+    estimates: dict[str, Array] = {name: np.empty(len(data)) for name in QUANTITIES}
     covered = {name: np.zeros(len(data), dtype=bool) for name in truth}
     white = np.array([not rejects(one, LEVEL)[0] for one in data])
     for i, one in enumerate(data):
@@ -82,8 +83,8 @@ def read_fits(data: Sequence[Binned], h: float, truth: dict[str, float]) -> FitR
             estimates[name][i] = value
         if truth and not white[i]:
             intervals = fractional_fit(one, found, h)
-            for name, value in truth.items():
-                covered[name][i] = _holds(getattr(intervals, name), value)
+            for true, value in truth.items():
+                covered[true][i] = _holds(getattr(intervals, true), value)
     return FitReading(estimates, covered, ~white)
 
 

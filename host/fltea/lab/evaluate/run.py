@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -39,7 +39,7 @@ class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     samples: int
     """the start-up window included"""
     estimator: str
-    quantity: Literal["alpha", "f", "F", "s2", "R"]
+    quantity: fits.Quantity
     """the filters have the first two"""
     score: Score
 
@@ -268,7 +268,7 @@ def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> tuple[list[Row]
                     covered=one.covered.get(quantity),
                     bound=limits.get(quantity),
                 )
-                rows.append(Row(case, n, name, quantity, scored))  # type: ignore[arg-type]
+                rows.append(Row(case, n, name, quantity, scored))
         if truth:
             both = live.rejected & whole.rejected
             errors = (one.estimates["alpha"][both] - truth["alpha"] for one in (live, whole))

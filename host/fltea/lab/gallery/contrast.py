@@ -102,6 +102,11 @@ def walk(bins: Bins) -> float:
     return least(bins, _walk, ((-14.0, 14.0),), 91)
 
 
+def walk_and_relaxation(bins: Bins) -> float:
+    """A random walk and one relaxation, in white noise."""
+    return least(bins, _walk_and_relaxation, ((-14.0, 14.0), (-7.0, 2.0), (-8.0, 10.0)), 15)
+
+
 def low_pass(bins: Bins) -> float:
     """A low-pass of one to eight poles on white noise, with next to no white noise behind it."""
     return least(bins, _low_pass, ((-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR)), 13)
@@ -191,6 +196,13 @@ def _walk(p: Array, lam: Array) -> Array:
 def _low_pass(p: Array, lam: Array) -> Array:
     x = (2 * np.sin(lam / 2)) ** 2 / np.exp(2 * p[0])[:, np.newaxis]
     return _with_floor(1 / (1 + x ** p[1][:, np.newaxis]), p[2])
+
+
+def _walk_and_relaxation(p: Array, lam: Array) -> Array:
+    walk = _scaled(1 / (4 * np.sin(lam / 2) ** 2))
+    phi = np.exp(-np.exp(p[1]))[:, np.newaxis]
+    relaxation = _scaled(1 / ((1 - phi) ** 2 + 4 * phi * np.sin(lam / 2) ** 2))
+    return np.asarray(np.exp(-p[0])[:, np.newaxis] * walk + np.exp(-p[2])[:, np.newaxis] * relaxation + 1)
 
 
 def _rising(p: Array, lam: Array) -> Array:

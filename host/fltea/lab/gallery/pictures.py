@@ -43,14 +43,14 @@ def grid(gallery: Gallery) -> bytes:
     axes.set_facecolor(GREY)
     for line, name in enumerate(names):
         for column, (rate, length) in enumerate(columns):
-            found = [
+            found: list[str] = [
                 one.outcome
                 for one in gallery.seen
                 if (one.cell.noise, one.cell.rate_hz, one.cell.duration_s) == (name, rate, length)
             ]
             left = column - 0.5
             for outcome, colour in COLOURS.items():
-                width = found.count(outcome) / max(len(found), 1)  # type: ignore[arg-type]
+                width = found.count(outcome) / max(len(found), 1)
                 axes.add_patch(Rectangle((left, line - 0.46), 0.96 * width, 0.92, color=colour, lw=0))
                 if width:
                     middle = left + 0.48 * width

@@ -27,17 +27,18 @@ LUCK = 2.0
 MORE = 9.0
 """Parameters of six relaxations over those of an order: by so much they fit better by chance alone."""
 SLOW_ORDINATES = 9
-DRIFTS, SURELY = 1.5, 6.0
-"""Expected power of the slowest ordinates over white noise: some drift, and more than anybody misses."""
+DRIFTS = 1.5
+"""Expected power of the slowest ordinates over white noise, from which on there is some drift."""
+SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
+"""Mean power of the slowest ordinates, and sum of a cubic's three amplitudes, over white noise. White noise has
+the first with p = 1e-5; of less than the second nobody needs to know."""
+PEAK_ALARM = 3e-3
 FEW = 1_000
 """Samples of coarse counts that may all be the same."""
 NARROW, FEW_ORDINATES = 2.0, 10.0
 """Ordinates in the width of a peak that is as good as a line, and of one that is hardly more."""
 INSIDE_THE_FILTER = 0.5
 """Power gain, down to which what is in front of a filter can be seen."""
-
-_LEAK = (2 * math.pi * contrast.FIRST) ** 2
-"""A ramp of size a has a² n over this in the first ordinate that is fitted."""
 
 EITHER: VerdictKind = "fractional or relaxations"
 
@@ -94,6 +95,9 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     if noise.drift is not None and (not seen or noise.truth == "white"):
         notes.right = {"drift"}
         notes.accepted.pop("undecided", None)
+        power = noise.drift.size**2 * n / 12 / float(np.average(bins.truth, weights=bins.weight))
+        if power - LUCK * 2 * math.sqrt(power) < RAMP_SEEN:
+            notes.accepted["white"] = f"the drift has only {power:.0f} times the power of white noise there"
     if noise.lines:
         _lines(notes, noise, rate_hz, n)
     if noise.changes:
@@ -120,7 +124,9 @@ def _nearly_white(notes: _Notes, noise: Noise, rate_hz: float, n: int, short: fl
     slow = 2 * np.pi * np.arange(1, SLOW_ORDINATES + 1) / n
     bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
     level = float(np.average(bins.truth, weights=bins.weight))
-    ratio = float(noise.spectrum(slow, rate_hz).mean()) / level
+    each = noise.spectrum(slow, rate_hz) / level
+    ratio = float(each.mean())
+    seen = ratio - LUCK * float(np.sqrt(each @ each)) / SLOW_ORDINATES > SLOW_SEEN
     why = f"white noise is only {short:.1f} behind in expected 2 log L"
     notes.accepted["undecided"] = (
         why if short >= UNSEEN else "the null test rejects one white record in twenty"
@@ -129,16 +135,20 @@ def _nearly_white(notes: _Notes, noise: Noise, rate_hz: float, n: int, short: fl
         notes.right.add("drift")
     if short < UNSEEN and ratio <= DRIFTS:
         notes.right.add("white")
-    elif ratio <= SURELY:
+    elif not seen:
         notes.accepted["white"] = why
 
 
 def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     notes.right.add("relaxations")
-    several = 2.0 * max(2 * min(len(noise.parts) - 1, 6) - 3, 0)
+    several = 3.0 * max(2 * min(len(noise.parts) - 1, 6) - 3, 0)
     notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85", several)
     notes.may("drift", contrast.walk(bins), "a random walk")
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
+    if "drift" not in notes.right:
+        with_one = contrast.walk_and_relaxation(bins)
+        if contrast.one_relaxation(bins) > with_one + SAME:
+            notes.may("drift", with_one, "a random walk and one relaxation")
 
 
 def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
@@ -168,14 +178,24 @@ def _resonance(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) 
             notes.right |= {"line", "line or resonance"}
         elif ordinates < FEW_ORDINATES:
             notes.accepted["line or resonance"] = f"the peak is {ordinates:.1f} ordinates wide"
+            notes.accepted["line"] = notes.accepted["line or resonance"]
     notes.accepted.pop("drift", None)
+    notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
+    notes.may("drift", contrast.walk(bins), "a random walk")
 
 
 def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     notes.right.add("low-pass")
     _relaxation_or_order(notes, bins)
-    if noise.drift is not None and noise.drift.size**2 * n / _LEAK > float(bins.truth[0]):
-        notes.right.add("drift")  # the ends of the record leak into what is fitted
+    level = float(noise.spectrum(np.array([1e-3 * bins.lam[0]]), rate_hz)[0])
+    if bins.truth[0] < level / 2:
+        notes.accepted["drift"] = "the corner is below the lowest frequency that is fitted"
+    # The ends of a record that drifts leak into what is fitted.
+    leak = noise.drift.size**2 / (n * bins.lam**2) if noise.drift is not None else 0.0
+    with_leak = bins.truth + leak
+    notes.may("drift", contrast.walk(bins._replace(truth=with_leak)), "a random walk")
+    if with_leak[0] > 2 * bins.truth[0]:
+        notes.right.add("drift")
     slow = [part for part in noise.parts if not isinstance(part, Through)]
     if slow:
         inside = contrast.white(_passed(noise, bins, rate_hz))
@@ -200,6 +220,7 @@ def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: 
         notes.accepted.pop("low-pass", None)
         return
     notes.right |= {"low-pass", "fractional"}
+    notes.may("drift", contrast.walk(passed), "a random walk")
     notes.may(EITHER, contrast.six_relaxations(passed), "a sum of six relaxations", MORE)
 
 
@@ -233,17 +254,18 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
         density = float(noise.spectrum(np.array([2 * np.pi * at_hz / rate_hz]), rate_hz)[0])
         over = line.amplitude**2 * n / 4 / density
         periods, beats = at_hz * n / rate_hz, (rate_hz / 2 - at_hz) * n / rate_hz
-        seen = over - LUCK * math.sqrt(2 * over) > math.log(n / 2 / 0.01)
+        seen = over - LUCK * math.sqrt(2 * over) > math.log(n / 2 / PEAK_ALARM)
         if over < 1:
             notes.right.add("white")
         elif periods < contrast.FIRST:
             notes.right.add("drift")
-            if periods < 1 or over / SLOW_ORDINATES < SURELY:
+            if periods < 1 or over - LUCK * math.sqrt(2 * over) < SLOW_ORDINATES * SLOW_SEEN:
                 notes.accepted["white"] = f"{periods:.2g} periods, {over:.0f} times the noise"
         elif beats < 2:
             notes.right.add("line")
             why = f"{beats:.2g} beats with half the rate"
             notes.accepted |= {"resonance": why, "white": why, "undecided": why, "not stationary": why}
+            notes.accepted["anti-persistent"] = why
         else:
             notes.right.add("line")
             surely |= seen

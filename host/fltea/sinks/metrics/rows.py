@@ -10,16 +10,15 @@ Rows = list[tuple[tuple[str, ...], float | None]]
 
 def counter_family(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
     """What only grows."""
-    family = CounterMetricFamily(name, text, labels=labels)
-    for values, value in rows:
-        if value is not None:
-            family.add_metric(values, value)
-    return family
+    return _filled(CounterMetricFamily(name, text, labels=labels), rows)
 
 
 def gauge_family(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
     """What goes up and down."""
-    family = GaugeMetricFamily(name, text, labels=labels)
+    return _filled(GaugeMetricFamily(name, text, labels=labels), rows)
+
+
+def _filled(family: CounterMetricFamily | GaugeMetricFamily, rows: Rows) -> Metric:
     for values, value in rows:
         if value is not None:
             family.add_metric(values, value)

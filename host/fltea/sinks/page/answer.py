@@ -33,6 +33,7 @@ LEFT_OUT = {
     "lost": "lost",
     "knocked": "in knocks",
     "bridged": "bridged",
+    "limited": "limited to twelve deviations",
 }
 """What became of samples, by cause."""
 

@@ -1,0 +1,23 @@
+// Repeatable noise of about unit size, not white enough for anything but tests.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+class Noise {
+  public:
+    explicit Noise(unsigned long long seed = 42) : state_(seed) {}
+    double operator()() {
+        double sum = -6;
+        for (int i = 0; i < 12; ++i) sum += next();
+        return sum;
+    }
+    double next() {
+        state_ = state_ * 6364136223846793005ull + 1442695040888963407ull;
+        return static_cast<double>(state_ >> 11) / 9007199254740992.0;
+    }
+    std::size_t below(std::size_t n) { return static_cast<std::size_t>(next() * static_cast<double>(n)); }
+
+  private:
+    unsigned long long state_;
+};

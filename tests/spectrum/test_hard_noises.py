@@ -1,0 +1,74 @@
+"""Noises that earlier rules took for something else; each is drawn by the gallery."""
+
+import numpy as np
+import pytest
+from fltea.identify.sums import examined, limited
+from fltea.lab.gallery.run import Cell, draw
+from fltea.spectrum.evidence import Evidence
+from fltea.spectrum.pole_pair import peak_of
+from fltea.spectrum.verdict import decide
+from identify_support import ar, white
+
+
+def evidence(name: str, rate_hz: float, seconds: float, series: int = 0) -> Evidence:
+    return examined(draw(Cell(name, rate_hz, seconds, series)), 1 / rate_hz).evidence
+
+
+def test_an_order_that_is_arfima() -> None:
+    """It has the lowest BIC by far, and no sum comes near."""
+    e = evidence("ARFIMA(1, .4, 1)", 100.0, 10_800.0)
+    assert e.low_pass is None
+    assert e.contest.best == "arfima"
+    assert e.contest.order == pytest.approx(0.4, abs=0.02)
+    assert decide(e).kind == "fractional"
+
+
+@pytest.mark.parametrize("series", range(6))
+def test_what_is_steeper_than_any_order_is_none(series: int) -> None:
+    """A moving average whose corner is below the lowest frequency: the best d is at the end of its range."""
+    assert decide(evidence("mean of 4, ramp", 5.0, 30.0, series)).kind in ("low-pass", "drift")
+
+
+@pytest.mark.parametrize("series", range(3))
+def test_a_state_whose_neighbours_are_of_opposite_sign(series: int) -> None:
+    """f = -1 at 5 Hz: the spectrum falls, and rises a little at its end; no sum of relaxations does."""
+    e = evidence("state 0.4, -1, 3", 5.0, 600.0, series)
+    assert decide(e).kind == "fractional"
+
+
+def test_the_ends_of_a_short_record_do_not_leak() -> None:
+    """3,000 samples with a ramp of thirty deviations are white but for it."""
+    y = white(3000, 1, 3)[0] + np.linspace(0, 30, 3000)
+    e = examined(y, 0.01).evidence
+    assert e.p_clean > 0.01
+    assert decide(e).kind == "drift"
+
+
+def test_a_peak_at_the_lower_end_of_a_short_record() -> None:
+    y = ar((2 * 0.9 * np.cos(0.75), -(0.9**2)), 150, 1, 5)[0]
+    data = examined(y, 0.2).fits.data
+    assert data.lam[0] > 0.75 / 2
+
+    def density(lam: np.ndarray) -> np.ndarray:
+        return np.asarray(
+            1 / np.abs(1 - 2 * 0.9 * np.cos(0.75) * np.exp(-1j * lam) + 0.9**2 * np.exp(-2j * lam)) ** 2
+        )
+
+    assert peak_of(data, density, 0.2)["resonance_hz"] == pytest.approx(0.75 / (2 * np.pi * 0.2), rel=0.02)
+
+
+@pytest.mark.parametrize("series", range(3))
+def test_bursts_have_no_shape(series: int) -> None:
+    e = evidence("bursts", 100.0, 600.0, series)
+    assert decide(e).kind in ("white", "undecided")
+    assert not e.peaks
+
+
+def test_outliers_are_limited() -> None:
+    y = np.cumsum(white(1000, 1, 1)[0])
+    np.testing.assert_array_equal(limited(y), y)
+    y[300] += 1000
+    found = limited(y)
+    assert abs(found[300] - y[299]) < 200
+    np.testing.assert_array_equal(np.delete(found, 300)[:256], np.delete(y, 300)[:256])
+    np.testing.assert_array_equal(limited(y[:100]), y[:100])
