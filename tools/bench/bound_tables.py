@@ -49,7 +49,7 @@ def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
 
     def log_spectrum(at: np.ndarray) -> np.ndarray:
-        return np.log(at[2] * spectrum.fractional(lam, at[0], at[1]) + at[3])
+        return np.asarray(np.log(at[2] * spectrum.fractional(lam, at[0], at[1]) + at[3]))
 
     at, step = np.array([alpha, g, 1.0, 1e-4]), 1e-5
     slopes = [(log_spectrum(at + step * e) - log_spectrum(at - step * e)) / (2 * step) for e in np.eye(4)]
