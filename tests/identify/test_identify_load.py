@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from fltea.identify.load import Request, Unreadable, load, recordings
+from fltea.recording.how import How
 from fltea.records.errors import UsageError
 from fltea.records.records import AnyRecord, Epoch, Sample
 from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
@@ -53,7 +54,7 @@ def test_csv_with_its_columns(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     rows = counts(120, 2)
     path.write_text("t,gx,gz\n" + "".join(f"{k},{a},{b}\n" for k, (a, b) in enumerate(rows.tolist())))
-    found = load(Request((path,), None, ["gz"], "lsb:16.4", 50.0))
+    found = load(Request((path,), None, How(columns=["gz"], units="lsb:16.4", rate_hz=50.0)))
     assert list(found.axes) == ["gyro_x"]
     assert found.h == 0.02
     np.testing.assert_allclose(found.axes["gyro_x"].y, rows[:, 1] / 16.4)

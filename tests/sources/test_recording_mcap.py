@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from blocks import in_samples, samples_of
+from fltea.recording.how import How
 from fltea.recording.scan import HEAD
 from fltea.recording.session import Entry
 from fltea.records.errors import UsageError
@@ -316,7 +317,7 @@ def test_flags_of_other_kinds_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
         ReplaySource(tmp_path, shuffle=1)
     with pytest.raises(UsageError, match=r"--columns, --units and --rate are for CSV"):
-        ReplaySource(tmp_path, rate_hz=100.0)
+        ReplaySource(tmp_path, how=How(rate_hz=100.0))
 
 
 @pytest.mark.parametrize(("startup", "good"), [(97, True), (98, False)])

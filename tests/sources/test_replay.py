@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from blocks import in_samples, of_samples, place_all, records_of, samples_of
+from fltea.recording.how import How
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawBlock, RawSample
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, LinkStats, Sample
@@ -119,7 +120,9 @@ def test_every_row_is_used_whatever_the_times(
     tmp_path_factory: pytest.TempPathFactory, steps_s: list[float], rate_hz: float | None
 ) -> None:
     times_s = np.cumsum([0, *steps_s]).tolist()
-    place, _ = walked(ReplaySource(csv_file(tmp_path_factory.getbasetemp(), times_s), rate_hz=rate_hz))
+    place, _ = walked(
+        ReplaySource(csv_file(tmp_path_factory.getbasetemp(), times_s), how=How(rate_hz=rate_hz))
+    )
     assert (place.delivered, place.before_hello) == (len(times_s), 0)
 
 
@@ -194,7 +197,7 @@ def test_name_that_is_no_text_is_written_as_far_as_it_is(tmp_path: Path) -> None
 @pytest.mark.parametrize("name", ["rest.CSV", "rest.txt"])
 def test_endings_of_csv(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text("gx\n1\n2\n")
-    assert len(samples(ReplaySource(tmp_path / name, columns=["gx"], rate_hz=1.0))) == 2
+    assert len(samples(ReplaySource(tmp_path / name, how=How(columns=["gx"], rate_hz=1.0)))) == 2
 
 
 # --- our own output ---

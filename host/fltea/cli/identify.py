@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fltea.cli import how
 from fltea.cli.output import print_result, say
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.visible import visible_lines
@@ -76,11 +77,12 @@ def identify(
     from_hz: Annotated[
         float, typer.Option("--from-hz", metavar="HZ", help="Leave out all below, such as drift.")
     ] = 0.0,
-    columns: Annotated[
-        str | None, typer.Option(metavar="A,B,C", help="CSV: the columns of the axes x, y, z.")
-    ] = None,
-    units: Annotated[str | None, typer.Option(help="CSV: deg/s, °/s, dps, mdps, rad/s, or lsb:N.")] = None,
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="CSV: samples per second.")] = None,
+    columns: how.Columns = None,
+    units: how.Units = None,
+    rate: how.Rate = None,
+    time_column: how.TimeColumn = None,
+    time_unit: how.TimeUnitOption = None,
+    topic: how.Topic = None,
     export_model: Annotated[
         Path | None,
         typer.Option(
@@ -135,6 +137,9 @@ def identify(
         "replay.columns": _list(columns),
         "replay.units": units,
         "replay.rate_hz": rate,
+        "replay.time_column": time_column,
+        "replay.time_unit": time_unit,
+        "replay.topic": topic,
     }
     chosen = _config(config, flags, set_ or [])
     try:
@@ -155,9 +160,7 @@ def identify(
         else reading.Request(
             one,
             tuple(chosen.channels) if chosen.channels else None,
-            replay.columns,
-            replay.units,
-            replay.rate_hz,
+            replay.how,
             replay.limits,
         )
         for one in found

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from fltea.cli import how
 from fltea.records.errors import UsageError
 from fltea.settings import filters
 from fltea.settings.config import load_configs, parse_setting
@@ -109,11 +110,12 @@ def run(
             help="Axes to estimate: gyro_x, gyro_y, gyro_z (the default), accel_x, accel_y, accel_z.",
         ),
     ] = None,
-    columns: Annotated[
-        str | None, typer.Option(metavar="A,B,C", help="CSV: the columns of the axes x, y, z.")
-    ] = None,
-    units: Annotated[str | None, typer.Option(help="CSV: deg/s, °/s, dps, mdps, rad/s, or lsb:N.")] = None,
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="CSV: samples per second.")] = None,
+    columns: how.Columns = None,
+    units: how.Units = None,
+    rate: how.Rate = None,
+    time_column: how.TimeColumn = None,
+    time_unit: how.TimeUnitOption = None,
+    topic: how.Topic = None,
     shuffle: Annotated[
         int | None,
         typer.Option(metavar="SEED", help="Shuffle a recording: what would white noise of this size give?"),
@@ -223,6 +225,9 @@ def run(
         "replay.columns": _list(columns),
         "replay.units": units,
         "replay.rate_hz": rate,
+        "replay.time_column": time_column,
+        "replay.time_unit": time_unit,
+        "replay.topic": topic,
         "replay.shuffle": shuffle,
         "estimator.window": window,
         "estimator.startup": startup,

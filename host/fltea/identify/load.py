@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fltea.archive.info import sessions
 from fltea.identify.traps import Trap, sensor_traps, timing_traps
+from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
 from fltea.recording.spool import Spool
 from fltea.records.errors import FlteaError, UsageError
@@ -32,16 +33,14 @@ GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
 
 
 class Request(msgspec.Struct, frozen=True):
-    """What to read: the files of one recording, and of CSV files how.
+    """What to read: the files of one recording, and how.
 
     channels: axes; None for all of the gyroscope's. limits: how much memory it may take.
     """
 
     paths: tuple[Path, ...]
     channels: tuple[str, ...] | None = None
-    columns: list[str] | None = None
-    units: str | None = None
-    rate_hz: float | None = None
+    how: How = AS_IT_SAYS
     limits: Limits = DEFAULT_LIMITS
 
     @property
@@ -139,15 +138,13 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     if is_one_file(path):
         source = ReplaySource(
             path,
-            columns=list(request.columns or ()) or None,
-            units=request.units,
-            rate_hz=request.rate_hz,
+            how=request.how,
             limits=request.limits,
         )
         events, offset = source.events(), lambda: source.unix_offset_ns
     else:
-        if request.columns or request.units or request.rate_hz:
-            raise UsageError(f"{path}: --columns, --units and --rate are for CSV files.")
+        if request.how.of_text:
+            raise UsageError(f"{path}: --columns, --units, --rate and --time-column are for text.")
         recording = open_mcap(request.paths, f"replay:{request.name}", request.limits)()
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)

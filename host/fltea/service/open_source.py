@@ -43,10 +43,10 @@ def open_source(config: Config) -> Source:
     if scheme in ("i2c", "synthetic"):
         _need_wire(config, url)
     replay = config.replay
-    if scheme != "replay" and (
-        replay.columns or replay.units or replay.rate_hz or replay.shuffle is not None
-    ):
-        raise UsageError("--columns, --units, --rate and --shuffle are for recordings (replay:FILE).")
+    if scheme != "replay" and (replay.how.of_text or replay.topic or replay.shuffle is not None):
+        raise UsageError(
+            "--columns, --units, --rate, --time-column, --topic and --shuffle are for recordings (replay:FILE)."
+        )
     if not rest and scheme != "synthetic":
         raise UsageError(f"--source {url}: nothing stands behind '{scheme}:'.")
     match scheme:
@@ -62,9 +62,7 @@ def open_source(config: Config) -> Source:
                 _need_wire(config, url)
             return ReplaySource(
                 Path(rest),
-                columns=replay.columns,
-                units=replay.units,
-                rate_hz=replay.rate_hz,
+                how=replay.how,
                 startup=0 if by_device else config.estimator.startup_needed,
                 shuffle=replay.shuffle,
                 realtime=config.pace == "real",

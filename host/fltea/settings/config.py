@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
+from fltea.recording.how import How, TimeUnit
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings import filters
@@ -50,6 +51,9 @@ class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     columns: list[str] | None = None
     units: str | None = None
     rate_hz: float | None = None
+    time_column: str | None = None
+    time_unit: TimeUnit | None = None
+    topic: str | None = None
     shuffle: int | None = None
     max_chunk_mb: float = DEFAULT_LIMITS.max_chunk_mb
     max_mb: float = DEFAULT_LIMITS.max_mb
@@ -58,6 +62,18 @@ class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def limits(self) -> Limits:
         """How much memory a recording may take."""
         return Limits(self.max_chunk_mb, self.max_mb)
+
+    @property
+    def how(self) -> How:
+        """What is said of the recording."""
+        return How(
+            columns=self.columns,
+            units=self.units,
+            rate_hz=self.rate_hz,
+            time_column=self.time_column,
+            time_unit=self.time_unit,
+            topic=self.topic,
+        )
 
     def __post_init__(self) -> None:
         for name in ("max_chunk_mb", "max_mb"):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Recording, Stored
+from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
 from fltea.recording.npz_file import open_npz
@@ -43,7 +44,7 @@ class ReplaySource:
     path: a file, or of MCAP files also a folder or the name of a session (`sources.mcap.find_parts`). CSV and
     NDJSON may come through a pipe; it is read to its end here.
 
-    startup: samples that the start-up window needs; a shorter recording is refused.
+    how: what is said of it. startup: samples that the start-up window needs; a shorter recording is refused.
     shuffle: seed of a permutation of the samples (times stay), which makes any noise white.
     realtime: wait between samples as long as the recording did.
     limits: how much memory it may take.
@@ -58,9 +59,7 @@ class ReplaySource:
         self,
         path: Path,
         *,
-        columns: list[str] | None = None,
-        units: str | None = None,
-        rate_hz: float | None = None,
+        how: How = AS_IT_SAYS,
         startup: int = 0,
         shuffle: int | None = None,
         realtime: bool = False,
@@ -97,12 +96,14 @@ class ReplaySource:
             if kind == "npz":
                 recording = open_npz(path, limits)
             else:
-                recording = open_csv(path, columns, units or "deg/s", rate_hz, limits=limits, file=file)
+                recording = open_csv(
+                    path, how.columns, how.units or "deg/s", how.rate_hz, limits=limits, file=file
+                )
             self._events = _from_recording(name, recording, shuffle)
             samples = recording.samples
-        if kind != "csv" and (columns or units or rate_hz):
+        if kind != "csv" and how.of_text:
             raise UsageError(
-                f"{path}: --columns, --units and --rate are for CSV files; this one names its own."
+                f"{path}: --columns, --units, --rate and --time-column are for text; this one names its own."
             )
         if samples <= startup:
             raise UsageError(
