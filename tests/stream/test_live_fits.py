@@ -221,6 +221,15 @@ def test_no_two_axes_of_devices_that_begin_at_once_are_fitted_at_the_same_sample
     assert len(at) == len(set(at))
 
 
+@given(st.integers(1, 3000), st.floats(1, 1000), st.integers(0, 6), st.integers(1, 400), st.integers(0, 399))
+def test_turns_end_before_the_next_period(
+    period: int, rate_hz: float, axes: int, devices: int, number: int
+) -> None:
+    found = fit_times.turns(period, rate_hz, axes, devices, number % devices)
+    assert 0 <= found.offset < period
+    assert 0 <= found.step * (axes - 1) < period or axes == 0
+
+
 def test_a_fit_of_a_sensor_that_is_gone_is_not_finished_and_one_of_the_same_goes_on() -> None:
     other = replace(hello(), boot_id=9, device_id="ff")
     items, _ = walk([hello(), raw(range(102)), LinkDown(1), other, raw(range(200, 320))])

@@ -1,5 +1,6 @@
 """All devices on ports with descriptors, walked by one thread."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
 
@@ -11,7 +12,14 @@ from fltea.wire.ports import Ports
 WAIT_S = 0.5
 LONG_ROUND_S, LONGEST_REST_S = 0.005, 0.05
 """After a long round the loop rests for as long: the outputs get their turn, and the next round finds more
-samples at each port, which cost less together than one by one."""
+samples at each port, which cost less together than one by one. The port that took longest does not count: a
+live fit costs the same however many samples come with it."""
+
+
+def rest_s(round_s: float, longest_s: float) -> float:
+    """How long to rest after a round over the ports, of which one took `longest_s`."""
+    others_s = round_s - longest_s
+    return min(others_s, LONGEST_REST_S) if others_s > LONG_ROUND_S else 0.0
 
 
 def has_line(walk: Walk) -> bool:
@@ -38,13 +46,15 @@ class LineLoop:
         going = set(range(len(self.walks)))
         try:
             while going and not self._closed:
-                begin_s: float | None = None
+                begin_s, end_s, longest_s = math.inf, -math.inf, 0.0
                 for place, item in self._ports.poll(WAIT_S):
-                    begin_s = begin_s or time.monotonic()
+                    taken_s = time.monotonic()
                     if place in going and not self._take(place, item):
                         going.discard(place)
-                if begin_s is not None and (took_s := time.monotonic() - begin_s) > LONG_ROUND_S:
-                    time.sleep(min(took_s, LONGEST_REST_S))
+                    begin_s, end_s = min(begin_s, taken_s), time.monotonic()
+                    longest_s = max(longest_s, end_s - taken_s)
+                if rest := rest_s(end_s - begin_s, longest_s):
+                    time.sleep(rest)
             for place in going:
                 self._finish(place)
         except Exception as error:  # of the loop itself: a daemon that hears nothing must not look alive

@@ -39,7 +39,7 @@ class Turns(NamedTuple):
 def turns(period: int, rate_hz: float, axes: int, devices: int, number: int) -> Turns:
     """Turns of the device `number` of `devices`, counted from 0, whose axes are fitted once in `period`."""
     own = period // devices
-    step = min(max(1, own // axes), round(AXIS_S * rate_hz)) if axes <= period else 0
+    step = min(max(1, own // max(1, axes)), round(AXIS_S * rate_hz)) if axes <= period else 0
     return Turns(number * period // devices, step)
 
 
