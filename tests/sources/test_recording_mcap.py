@@ -316,7 +316,7 @@ def test_flags_of_other_kinds_are_refused(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=100))
     with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
         ReplaySource(tmp_path, shuffle=1)
-    with pytest.raises(UsageError, match=r"--columns, --units and --rate are for CSV"):
+    with pytest.raises(UsageError, match=r"--rate and --time-column are for text"):
         ReplaySource(tmp_path, how=How(rate_hz=100.0))
 
 

@@ -61,7 +61,7 @@ def evidence(
         )
         for name, values in PARAMETERS.items()
     }
-    contest = Contest(models, best, 100.0, 50.0, 100.0 + lead, 0.6)
+    contest = Contest(models, best, 100.0, 100.0 + lead, 0.6)
     base = Evidence(600.0, 60_000, 100.0, 1e-9, 1e-9, 1e-9, (), contest, 1 / 60, 50.0, SlowPower(1 / 60))
     return msgspec.structs.replace(base, **more)
 

@@ -45,7 +45,8 @@ def open_source(config: Config) -> Source:
     replay = config.replay
     if scheme != "replay" and (replay.how.of_text or replay.topic or replay.shuffle is not None):
         raise UsageError(
-            "--columns, --units, --rate, --time-column, --topic and --shuffle are for recordings (replay:FILE)."
+            "--columns, --units, --rate, --time-column, --topic and --shuffle are for recordings "
+            "(replay:FILE)."
         )
     if not rest and scheme != "synthetic":
         raise UsageError(f"--source {url}: nothing stands behind '{scheme}:'.")

@@ -72,8 +72,6 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """the one of lowest BIC"""
     ratio_white: float
     """2 log L of the fractional model with α <= 1 above white noise"""
-    ratio_ar1: float
-    """the same above AR(1)"""
     order_gain: float = 0.0
     """2 log L of the best with an order from `LEAST_ORDER` to `MOST_ORDER` above white noise: the fractional
     model, or ARFIMA"""
@@ -218,7 +216,6 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
         models,
         min(models, key=lambda name: models[name].bic),
         float(fits.null.likelihood_ratio[0]),
-        float(fits.null.ratio_to_ar1[0]),
         2 * float(white.nll[0] - fits.order.nll[0]),
         _order(fits.order),
         fits.order.model.name,

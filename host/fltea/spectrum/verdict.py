@@ -24,6 +24,8 @@ BY_CHANCE = 3.0
 """In 2 log L, for each parameter more: of three, so much with p = 0.03, on top of `APART`."""
 STEEP = 1.25
 """Order of what falls more steeply than a relaxation."""
+CLEARLY = 1.5
+"""Times the lowest frequency: where the bend of a steep fall is seen."""
 SLOW = 3.0
 """Times the lowest frequency: a corner below is as good as none."""
 LINE_WIDTH = 6.0
@@ -228,7 +230,7 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
 
 def _bends(e: Evidence, parameters: dict[str, float]) -> bool:
     """Whether that is clearly above the lowest frequency."""
-    return parameters.get("bend_hz", 0.0) > SLOW * e.from_hz
+    return parameters.get("bend_hz", 0.0) > CLEARLY * e.from_hz
 
 
 def _rising(e: Evidence, q: _Questions) -> Verdict:
