@@ -119,7 +119,7 @@ def test_clock_against_arrivals(tmp_path: Path) -> None:
         (Request((Path("none.npz"),)), "no such file"),
         (Request((Path("a.npz"),), ("gyro_x", "accel_y")), "has no accel_y"),
         (Request((Path("a.npz"),), how=How(rate_hz=100.0)), "are for text"),
-        (Request((Path("a.csv"),), None, ["gx"], "furlong"), "not a unit"),
+        (Request((Path("a.csv"),), how=How(columns=["gx"], units="furlong")), "not a unit"),
     ],
 )
 def test_refuses(request_: Request, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
