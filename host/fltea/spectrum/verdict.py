@@ -22,7 +22,7 @@ LEAST_RISE = 1.5
 """From the lowest frequencies to the highest, of the fractional model: one that falls may rise a little."""
 BY_CHANCE = 3.0
 """In 2 log L, for each parameter more: of three, so much with p = 0.03, on top of `APART`."""
-STEEP = 1.25
+STEEP = 1.15
 """Order of what falls more steeply than a relaxation."""
 CLEARLY = 1.5
 """Times the lowest frequency: where the bend of a steep fall is seen."""
@@ -283,7 +283,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions, steep: bool) -> Verdict:
     fastest = max(bends, default=0.0)
     if q.ask(
         f"Is its corner below {wording.hz(SLOW * e.from_hz)}, about the lowest frequency?",
-        fastest < SLOW * e.from_hz and (steep or lead <= apart),
+        fastest < SLOW * e.from_hz and (steep or lead <= apart or c.best not in ORDERED),
         f"at {wording.hz(fastest)}",
     ):
         if any(peak.kind != "resonance" and peak.frequency_hz < e.from_hz for peak in e.peaks):
