@@ -35,6 +35,13 @@ def test_a_state_whose_neighbours_are_of_opposite_sign(series: int) -> None:
     assert decide(e).kind == "fractional"
 
 
+def test_an_order_at_its_limit_is_not_the_one_that_is_told() -> None:
+    """ARFIMA is a little better at d = 0.15, which stands for less."""
+    e = evidence("state 0.4, -1, 3", 5.0, 600.0)
+    assert e.contest.order_of == "fractional"
+    assert 0.2 < e.contest.order < 0.7
+
+
 def test_the_ends_of_a_short_record_do_not_leak() -> None:
     """3,000 samples with a ramp of thirty deviations are white but for it."""
     y = white(3000, 1, 3)[0] + np.linspace(0, 30, 3000)

@@ -132,10 +132,9 @@ class Fits(msgspec.Struct, frozen=True):
 
     @property
     def order(self) -> Fit:
-        """The better of the two that have such an order."""
-        if self.arfima is not None and self.arfima.nll[0] < self.bounded.nll[0]:
-            return self.arfima
-        return self.bounded
+        """The better of the two that have such an order; one within the limits before one at them."""
+        both = [self.bounded] if self.arfima is None else [self.bounded, self.arfima]
+        return min(both, key=lambda one: (not is_order(one), float(one.nll[0])))
 
     def named(self) -> dict[str, Fit]:
         """All but `bounded`, by name."""
