@@ -35,6 +35,8 @@ if [ "$level" = dev ]; then
     PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || packages+=(mosquitto)
     command -v openssl >/dev/null || packages+=(openssl)
     command -v chromium >/dev/null || packages+=(chromium)
+    # What shows man pages.
+    command -v groff >/dev/null || packages+=(groff-base)
     # What looks at the service's files.
     command -v shellcheck >/dev/null || packages+=(shellcheck)
     command -v systemd-analyze >/dev/null || packages+=(systemd)
