@@ -87,7 +87,7 @@ reproduce: .venv/.dev
 
 # The site, in build/site; every link in it is checked, but for those to other sites.
 docs: .venv/.dev
-	@$(PY) -m mkdocs build --strict --quiet --config-file host/mkdocs.yml
+	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --config-file host/mkdocs.yml
 
 # Man pages in build/man, completion for bash, zsh and fish in build/completions.
 man: .venv/.run
