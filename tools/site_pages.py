@@ -176,7 +176,7 @@ class Site:
             place = self._places.get(wanted, {}).get(anchor)
             if place is not None:
                 to = posixpath.relpath(place[0], here or ".") + (f"#{place[1]}" if place[1] else "")
-                return f"[{words}]({to})"
+                return f"[{self._title(place[0]) if words.endswith('.md') else words}]({to})"
             if not (self.root / wanted).exists():
                 self.say(f"{source}: links to {target}, which is not there")
             elif anchor and wanted.endswith(".md") and not self._has(wanted, anchor):
@@ -195,6 +195,9 @@ class Site:
         if not (self.root / file).is_file():
             self.say(f"there is no picture {file}")
         return posixpath.relpath(name, here or ".")
+
+    def _title(self, page: str) -> str:
+        return next((one.title for one in sections(self.pages[page]) if one.level == 1), page)
 
     def _has(self, source: str, anchor: str) -> bool:
         headings = sections((self.root / source).read_text(encoding="utf-8"))

@@ -1,5 +1,6 @@
 """Pages of the site's reference that are written from the code: commands, settings, records, metrics, API."""
 
+import html
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -33,7 +34,11 @@ def cell(text: str) -> str:
 
 def code(text: str) -> str:
     """Return text as code in a cell of a table."""
-    return "`" + text.replace("|", "&#124;") + "`" if "|" not in text else f"<code>{cell(text)}</code>"
+    return (
+        f"<code>{html.escape(text, quote=False).replace('|', '&#124;')}</code>"
+        if "|" in text
+        else f"`{text}`"
+    )
 
 
 # --- commands ---
@@ -126,8 +131,8 @@ def takes(kind: types.Type) -> str:
 def default_of(field: types.Field) -> str:
     """Return the default as TOML writes it."""
     default: Any = field.default
-    if default is types.NODEFAULT:
-        default = field.default_factory() if field.default_factory is not types.NODEFAULT else None
+    if default is msgspec.NODEFAULT:
+        default = field.default_factory() if field.default_factory is not msgspec.NODEFAULT else None
     if default is None:
         return "unset"
     return msgspec.json.encode(default).decode()
@@ -140,7 +145,8 @@ def explained(struct: type[msgspec.Struct]) -> dict[str, str]:
     own = [cls for cls in struct.__mro__ if cls not in (msgspec.Struct, object)]
     for cls in reversed(own):
         text = " ".join((cls.__dict__.get("__doc__") or "").split())
-        starts = list(re.finditer(r"(?:^|(?<=[.;] ))((?:\w+)(?:, \w+)*): ", text))
+        marks = re.finditer(r"(?:^|(?<=[.;] ))((?:\w+)(?:, \w+)*): ", text)
+        starts = [mark for mark in marks if names & set(mark[1].split(", "))]
         for start, after in zip(starts, [*starts[1:], None], strict=False):
             meaning = text[start.end() : after.start() if after else None].strip().rstrip(";")
             for name in start[1].split(", "):
