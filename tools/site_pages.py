@@ -9,8 +9,8 @@ A page in host/docs takes a text from its one place by a line of its own:
     <!-- include: host/README.md rest -->                      every section that no other page has
     <!-- include: host/README.md#ros-bags optional -->         nothing where there is no such section
 
-Links in such a text are made to lead to the page that has what they mean; those to what the site does not
-have, such as source code, become plain text.
+Links are made to lead to the page that has what they mean; those to what the site does not have, such as
+source code, become plain text. So one link is right on the site and for who reads the files as they are.
 """
 
 import posixpath
@@ -25,6 +25,8 @@ FENCE = re.compile(r"^ {0,3}(```|~~~)")
 LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]`]|`[^`]*`|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 TAG = re.compile(r'\b(src|srcset)="([^":]+)"')
 PICTURES = (".png", ".svg")
+PAGES = "host/docs"
+"""Where the pages are. Links from one to another stay as they are: MkDocs checks them."""
 
 
 def slug(heading: str) -> str:
@@ -122,12 +124,16 @@ class Site:
 
     def markdown(self, page: str) -> str:
         """Return the text of a page with all that it includes."""
-
-        def included(match: re.Match[str]) -> str:
+        text, done, at = self.pages[page], list[str](), 0
+        for match in INCLUDE.finditer(text):
             part = self._parts[page, match[0]]
-            return "" if part is None else self._linked(lists_apart(part.text()), part.source, page)
+            done.append(self._own(text[at : match.start()], page))
+            done.append("" if part is None else self._linked(lists_apart(part.text()), part.source, page))
+            at = match.end()
+        return "".join([*done, self._own(text[at:], page)])
 
-        return INCLUDE.sub(included, self.pages[page])
+    def _own(self, text: str, page: str) -> str:
+        return self._linked(lists_apart(text), f"{PAGES}/{page}", page)
 
     def _part(self, page: str, match: re.Match[str]) -> Part | None:
         source, anchor, words = match[1], match[2], match[3].split()
@@ -171,6 +177,9 @@ class Site:
             path, _, anchor = target.partition("#")
             wanted = posixpath.normpath(posixpath.join(posixpath.dirname(source), path)) if path else source
             here = posixpath.dirname(page)
+            if wanted.startswith(f"{PAGES}/"):
+                to = posixpath.relpath(wanted.removeprefix(f"{PAGES}/"), here or ".") if path else ""
+                return f"{picture}[{words}]({to}{'#' if anchor else ''}{anchor})"
             if wanted.endswith(PICTURES) and (self.root / wanted).is_file():
                 return f"{picture}[{words}]({self._picture(wanted, here)})"
             place = self._places.get(wanted, {}).get(anchor)

@@ -106,6 +106,25 @@ def test_what_is_not_there_is_told_unless_it_is_optional(root: Path) -> None:
     assert site.markdown("c.md") == "x\n\ny"
 
 
+def test_a_page_of_its_own_may_link_to_what_is_outside_and_leaves_other_pages_to_mkdocs(root: Path) -> None:
+    said: list[str] = []
+    site = build(
+        root,
+        said,
+        theory__own="# Own\n\n[a](../index.md#x), [b](#c), [fit](../../live.md#gate), "
+        "[code](../../../tools/x.py)\n",
+        index="# Home\n\n<!-- include: host/live.md -->\n",
+    )
+    assert "[a](../index.md#x), [b](#c), [fit](../index.md#gate), code" in site.markdown("theory/own.md")
+    assert said == []
+
+
+def test_a_text_may_link_to_a_page(root: Path) -> None:
+    (root / "host/live.md").write_text("# Live\n\n[the filters](docs/theory/filters.md#memory)\n")
+    site = build(root, more__live="# Fit\n\n<!-- include: host/live.md -->\n", theory__filters="# Filters\n")
+    assert "[the filters](../theory/filters.md#memory)" in site.markdown("more/live.md")
+
+
 @pytest.mark.parametrize(
     ("heading", "anchor"),
     [

@@ -14,9 +14,20 @@ from command_tree import command_tree
 from fltea.records.records import AnyRecord, Epoch
 from fltea.settings.config import Config
 from host_support import ROOT
+from site_pages import sections
 
 DOCS = ROOT / "host/docs"
 PAGES = sorted(DOCS.rglob("*.md"))
+TEXTS = [
+    "README.md",
+    "CHANGELOG.md",
+    *sorted(
+        file.relative_to(ROOT).as_posix()
+        for folder in ("host", "firmware", "protocol", "tests", "tools")
+        for file in (ROOT / folder).rglob("*.md")
+    ),
+]
+"""All that people read, where it stands: links of the site itself are checked when it is built."""
 FLAGS = {
     command.name.partition(" ")[2]: {name for flag in command.options for name in flag.names}
     for command in command_tree().commands
@@ -51,6 +62,20 @@ def test_settings_on_a_page_are_taken(page: Path) -> None:
         r"^ *```toml\n(.*?)^ *```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     ):
         msgspec.convert(tomllib.loads(block), Config)
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_links_lead_to_a_file_and_a_heading_of_it(text: str) -> None:
+    file = ROOT / text
+    content = re.sub(r"```.*?```|`[^`\n]*`", "", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^()\s]+)\)", content):
+        if re.match(r"[a-z]+:", target) or target == "records.schema.json":  # which the site writes
+            continue
+        path, _, anchor = target.partition("#")
+        there = file.parent / path if path else file
+        assert there.exists(), target
+        if anchor:
+            assert anchor in {one.anchor for one in sections(there.read_text(encoding="utf-8"))}, target
 
 
 def test_every_page_is_in_the_navigation_once() -> None:

@@ -47,7 +47,7 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How to read a recording (host/README.md, Recordings).
+    """How to read a recording.
 
     columns: of a text, those of the axes x, y, z. units: of a text; deg/s, °/s, dps, mdps, rad/s or lsb:N.
     rate_hz: samples per second, where the recording does not say. time_column: of a text, that of the times.
@@ -122,8 +122,8 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     estimate_on: "host" (this computer), "device" (an Arduino Due's own estimates, none here) or "both" (the
     Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
     window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
-    guard: "off" (printed), "faithful" or "consistent" (host/README.md says what they do). gate: standard
-    deviations from which on a guard softens an innovation. tuning: "startup": Q of `state` and R of the
+    guard: "off" (printed), "faithful" (bounded) or "consistent" (bounded, with the variance that the printed
+    algorithm leaves out). gate: standard deviations from which on a guard softens an innovation. tuning: "startup": Q of `state` and R of the
     start-up window or as given, as in the paper; "live": those of the live fit as soon as it knows them;
     None: "live", but "startup" where Q or R is given, and for the printed algorithm (guard "off").
     """
@@ -189,8 +189,8 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     source: where samples come from, as --source says it. name: of the device, in all outputs; None: made from
     its address. channels: axes to estimate; None for all of the gyroscope's. format: of the standard output.
     pace: of a recording and of made-up noise. once: end with the recording, and fail where a device is
-    missing. samples: write the samples too. device: what is said of each device by its name; `load_configs`
-    makes a `Config` of every one.
+    missing. samples: write the samples too. device: what is said of each device by its name, in
+    tables `[device.NAME]`; it wins over what is said of all.
     """
 
     source: str | None = None
