@@ -151,7 +151,7 @@ def weight_errors(
 
 
 def bounds(order: float, digits: int) -> tuple[float, float]:
-    """What compressed_config() promises for c_j, and what follows for its square (host/docs/theory/filters.md)."""
+    """What compressed_config() promises for c_j, and what follows for its square (docs/theory/filters.md)."""
     state = 10.0**-digits * (1 if order <= 1 else 50)
     return state, 10.0**-digits * (100 if order <= 1 else 10_000)
 

@@ -123,9 +123,10 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
     window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
     guard: "off" (printed), "faithful" (bounded) or "consistent" (bounded, with the variance that the printed
-    algorithm leaves out). gate: standard deviations from which on a guard softens an innovation. tuning: "startup": Q of `state` and R of the
-    start-up window or as given, as in the paper; "live": those of the live fit as soon as it knows them;
-    None: "live", but "startup" where Q or R is given, and for the printed algorithm (guard "off").
+    algorithm leaves out). gate: standard deviations from which on a guard softens an innovation.
+    tuning: "startup": Q of `state` and R of the start-up window or as given, as in the paper; "live": those
+    of the live fit as soon as it knows them; None: "live", but "startup" where Q or R is given, and for the
+    printed algorithm (guard "off").
     """
 
     startup: int = filters.STARTUP
