@@ -25,6 +25,10 @@ DEEPER = (
     "fltea.spectrum.live_axes",
 )
 """What lies below the API, for who builds upon it; each has to exist."""
+NO_API = (
+    "This version has no stable API. The command line is stable, and easy to call: "
+    "[Notebook](../cookbook/notebook.md#with-the-command)."
+)
 
 
 def cell(text: str) -> str:
@@ -187,7 +191,7 @@ def api() -> str:
     """The public API, if this version has one, and what lies below it: mkdocstrings makes text of these."""
     files = sorted((ROOT / "host/fltea/api").glob("*.py"))
     public = [f"fltea.api.{file.stem}" for file in files if not file.stem.startswith("_")]
-    return "\n\n".join(f"::: {name}" for name in public)
+    return "\n\n".join(f"::: {name}" for name in public) or NO_API
 
 
 def deeper() -> str:

@@ -1,12 +1,15 @@
 """What the site says is true: commands, options and settings, and all that is written from the code."""
 
+import os
 import re
 import shlex
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 import site_reference
 import yaml
@@ -76,6 +79,19 @@ def test_links_lead_to_a_file_and_a_heading_of_it(text: str) -> None:
         assert there.exists(), target
         if anchor:
             assert anchor in {one.anchor for one in sections(there.read_text(encoding="utf-8"))}, target
+
+
+def test_the_notebook_runs_as_it_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (DOCS / "cookbook/notebook.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    noise = np.random.default_rng(1).normal(0.0, 0.05, (2000, 1))
+    np.savetxt(tmp_path / "rest.csv", noise, header="x", comments="")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
+    exec(block, {})
+    assert capsys.readouterr().out.startswith("gyro_x White noise. A filter needs its density only")
 
 
 def test_every_page_is_in_the_navigation_once() -> None:
