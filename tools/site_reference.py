@@ -48,13 +48,19 @@ def code(text: str) -> str:
 # --- commands ---
 
 
+def linked(text: str) -> str:
+    """Make links of the repository's texts that a help text names; the daemon's is named for its records."""
+    link = re.sub(r"(?<![\w/])((?:host|firmware|protocol)/[\w/]+\.md)", r"[\1](../../../\1)", text)
+    return link.replace("host/README.md)", "host/README.md#records)")
+
+
 def commands() -> str:
     """A section for each command, with every option."""
     program = command_tree()
     text = [program.summary, "", *_options(program)]
     for command in program.commands:
         text += ["", f"## {command.name}", "", command.summary, ""]
-        text += [line for paragraph in command.paragraphs for line in (cell(paragraph), "")]
+        text += [line for paragraph in command.paragraphs for line in (linked(cell(paragraph)), "")]
         text += ["```sh", *command.examples, "```", "", *_options(command)]
     return "\n".join(text)
 

@@ -157,6 +157,13 @@ def test_modules_below_the_api_exist() -> None:
         assert (ROOT / "host" / (name.replace(".", "/") + ".py")).is_file(), name
 
 
+def test_texts_that_a_help_text_names_become_links() -> None:
+    assert site_reference.linked("host/README.md says it; firmware/README.md: more.") == (
+        "[host/README.md](../../../host/README.md#records) says it; "
+        "[firmware/README.md](../../../firmware/README.md): more."
+    )
+
+
 def test_a_cell_stays_one() -> None:
     assert site_reference.cell("a | b\n<c>") == "a \\| b &lt;c>"
     assert "|" not in site_reference.code("a|b")
