@@ -47,16 +47,20 @@ def code(page: Path) -> Iterator[str]:
             yield line.strip()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
-def test_commands_on_a_page_exist_with_their_options(page: Path) -> None:
-    for line in code(page):
-        words = shlex.split(line, comments=True)
-        if words[:1] != ["fltea"]:
-            continue
-        assert words[1] in FLAGS, line
-        for word in words[2:]:
-            flag = word.partition("=")[0]
-            assert not re.match(r"--?[A-Za-z]", flag) or flag in FLAGS[words[1]], line
+@pytest.mark.parametrize("text", TEXTS)
+def test_commands_in_a_text_exist_with_their_options(text: str) -> None:
+    for line in code(ROOT / text):
+        for command in line.split(" | "):
+            try:
+                words = shlex.split(command.replace("; fltea ", " # "), comments=True)
+            except ValueError:  # no line of a shell
+                continue
+            if words[:1] not in (["fltea"], [".venv/bin/fltea"]) or len(words) < 2:
+                continue
+            assert words[1] in FLAGS, line
+            for word in words[2:]:
+                flag = word.partition("=")[0]
+                assert not re.match(r"--?[A-Za-z]", flag) or flag in FLAGS[words[1]], line
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
