@@ -4,6 +4,7 @@ import os
 import re
 import shlex
 import sys
+import textwrap
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 import site_reference
 import yaml
 from command_tree import command_tree
+from fltea.recording.npz_file import open_npz
 from fltea.records.records import AnyRecord, Epoch
 from fltea.settings.config import Config
 from host_support import ROOT
@@ -96,6 +98,21 @@ def test_the_notebook_runs_as_it_stands(
     monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
     exec(block, {})
     assert capsys.readouterr().out.startswith("gyro_x White noise. A filter needs its density only")
+
+
+def test_samples_of_a_linux_driver_become_a_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (DOCS / "cookbook/iio.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^ *```python\n(.*?)^ *```", page, re.MULTILINE | re.DOTALL)
+    counts = np.arange(3000, dtype="<i2").reshape(-1, 3)
+    (tmp_path / "rest.bin").write_bytes(counts.tobytes())
+    monkeypatch.chdir(tmp_path)
+    exec(textwrap.dedent(block), {})
+    recording = open_npz(tmp_path / "rest.npz").whole()
+    assert recording.rate_hz == 200.0
+    assert recording.lsb_per_dps is not None
+    np.testing.assert_allclose(recording.gyro / recording.lsb_per_dps, np.degrees(counts * 0.001065))
 
 
 def test_every_page_is_in_the_navigation_once() -> None:
