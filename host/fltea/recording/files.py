@@ -63,6 +63,13 @@ class Recording(NamedTuple):
     accel_lsb_per_g: float | None = None
 
 
+class Note(NamedTuple):
+    """What whoever uses a recording has to be told. kind: of an `error` record."""
+
+    kind: str
+    text: str
+
+
 class Stored(NamedTuple):
     """A recording that was checked as a whole and is read a block of rows at a time.
 
@@ -74,6 +81,7 @@ class Stored(NamedTuple):
     lsb_per_dps: float | None
     accel_lsb_per_g: float | None
     blocks: Callable[[], Iterator[Recording]]
+    notes: tuple[Note, ...] = ()
 
     def whole(self) -> Recording:
         """All of it in memory."""

@@ -76,6 +76,16 @@ ERROR_KINDS = (
         "Nothing can be done now; mind the gap when you judge what follows it.",
     ),
     ErrorKind(
+        "missing_numbers",
+        "Rows of a table have an empty field or NaN where a number should be; the text counts them.",
+        "Nothing has to be done: their samples count as lost. If there are many, look at the logger.",
+    ),
+    ErrorKind(
+        "row_times",
+        "With `--rate`, the column of times is too uneven to tell gaps, or tells another rate.",
+        "Check `--rate`; name a column of the device's own clock (`--time-column`), if there is one.",
+    ),
+    ErrorKind(
         "device_fault",
         "The device reports a fault of its own or of its sensor; the same one is told once a minute at most.",
         "Do what the text says; host and firmware name the same faults.",

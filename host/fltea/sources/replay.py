@@ -93,12 +93,7 @@ class ReplaySource:
             self._mcap = open_again()
             self._events = self._mcap.events()
         else:
-            if kind == "npz":
-                recording = open_npz(path, limits)
-            else:
-                recording = open_csv(
-                    path, how.columns, how.units or "deg/s", how.rate_hz, limits=limits, file=file
-                )
+            recording = open_npz(path, limits) if kind == "npz" else open_csv(path, how, limits, file)
             self._events = _from_recording(name, recording, shuffle)
             samples = recording.samples
         if kind != "csv" and how.of_text:
@@ -197,6 +192,8 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
                 gyro_lsb_per_dps=recording.lsb_per_dps,
                 accel_lsb_per_g=recording.accel_lsb_per_g,
             )
+            for note in recording.notes:
+                yield Trouble(note.kind, note.text, 0, fatal=False)
         device_us = np.round((block.device_s - first.device_s[0]) * 1e6).astype(np.int64)
         host_ns = device_us * 1000
         if block.host_s is not None and first.host_s is not None:

@@ -1,0 +1,308 @@
+"""Which columns of a table are meant: by what the user says, or by names that leave no doubt (pure)."""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from fltea.recording.files import LONGEST_NAME, TIME_COLUMN, UNITS_HELP, listed, parse_units
+from fltea.recording.how import How, TimeUnit
+from fltea.records.errors import UsageError
+from fltea.records.records import AXES
+
+SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+TIME_UNITS: dict[str, TimeUnit] = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds", "millisecond"), "ms"),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microseconds", "microsecond"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds", "nanosecond"), "ns"),
+}
+"""As they are written behind a name, in small letters."""
+
+RATE_UNITS = {
+    **dict.fromkeys(
+        ("deg/s", "°/s", "º/s", "dps", "degs^-1", "degs-1", "deg/sec", "degps", "deg_s"), "deg/s"
+    ),
+    **dict.fromkeys(("degree/s", "degrees/s", "deg_per_s", "deg_per_sec", "degrees/sec"), "deg/s"),
+    **dict.fromkeys(("mdps", "mdeg/s", "m°/s"), "mdps"),
+    **dict.fromkeys(
+        ("rad/s", "rads^-1", "rads-1", "rad/sec", "radps", "rad_s", "rads", "rad_per_s"), "rad/s"
+    ),
+}
+OTHER_UNITS = {
+    "g",
+    "mg",
+    "m/s^2",
+    "m/s2",
+    "m/s²",
+    "ms^-2",
+    "m/s/s",
+    "c",
+    "°c",
+    "degc",
+    "k",
+    "deg",
+    "rad",
+    "°",
+}
+OTHER_UNITS |= {"ut", "µt", "gauss", "pa", "hpa", "v", "mv", "hz", "lsb", "counts", "raw", "%"}
+"""Of columns beside them; a second line of a header has them too."""
+
+TIME_NAMES = {"time", "t", "timestamp", "timestamps", "time_stamp", "stamp", "ts", "times", "elapsed"}
+TIME_NAMES |= {
+    "elapsed_time",
+    "device_time",
+    "sensor_time",
+    "sample_time",
+    "header_stamp",
+    "time_since_start",
+}
+
+_PREFIX = r"(?:(?:field|imu\d*|imu_raw|imu_data|data|sensor|raw|board|mpu\d*|icm\d*)_)*"
+_LONG = (
+    r"gyroscope|gyros?|gyr|angular_velocity|angular_rate|ang_vel|angvel|omega|rotation_rate|rot_rate|w_rs_s"
+)
+_AXIS = re.compile(rf"{_PREFIX}(?:(?:{_LONG})_?|[gw]_?)([xyz])")
+_UNIT_BEHIND = re.compile(r"(.+?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
+
+
+class Chosen(NamedTuple):
+    """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
+
+    factor, lsb: as of `parse_units`. time_unit: None if neither the name nor the user says it.
+    """
+
+    names: list[str]
+    gyro: tuple[int, ...]
+    time: int | None
+    units: str
+    factor: float
+    lsb: float | None
+    time_unit: TimeUnit | None
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """All that is read, the time last."""
+        return self.gyro if self.time is None else (*self.gyro, self.time)
+
+    @property
+    def read(self) -> list[str]:
+        """The names at these places."""
+        return [self.names[place] for place in self.places]
+
+
+class Wanted(NamedTuple):
+    """The columns that the user names, or None for those that are known by their names; and the times'."""
+
+    columns: list[str] | None
+    time: str | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """All that is named."""
+        return [*(self.columns or ()), *([] if self.time is None else [self.time])]
+
+    def are_in(self, header: Sequence[str]) -> bool:
+        """Whether a line of names has them all."""
+        named = all(name in header for name in self.names)
+        return named and (self.columns is not None or bool(_axes_of(header)))
+
+    @property
+    def by_position(self) -> bool:
+        """Whether they are numbers, which count columns from 1."""
+        return self.columns is not None and all(map(_is_position, self.names))
+
+    def are_at(self, fields: Sequence[str]) -> bool:
+        """Whether a line without a header has them: by their positions, or since there are no others."""
+        if self.by_position:
+            return any(_is_float(fields[p - 1]) for p in map(int, self.names) if p <= len(fields))
+        alike = self.columns is not None and len(fields) == len(self.columns)
+        return self.time is None and alike and all(map(_is_float, fields))
+
+
+def wanted_of(how: How) -> Wanted:
+    """What the user names.
+
+    Raises:
+        UsageError: more columns than a gyroscope has axes, or one of them twice.
+    """
+    if how.columns is not None and len(how.columns) > len(AXES):
+        raise UsageError(
+            f"--columns names {len(how.columns)} columns; a gyroscope has up to {len(AXES)} axes."
+        )
+    wanted = Wanted(how.columns, how.time_column)
+    twice = {name for name in wanted.names if wanted.names.count(name) > 1}
+    if twice:
+        raise UsageError(f"--columns, --time-column: {', '.join(sorted(twice))} is named twice.")
+    return wanted
+
+
+def choose(
+    where: str, names: Sequence[str] | None, units: Sequence[str] | None, width: int, how: How
+) -> Chosen:
+    """Find the columns that are meant.
+
+    where: for messages, the file and, where there is one, the line of the names. names: of all columns; None:
+    they have none, and there are `width`. units: of each, where a line of them follows the names.
+
+    Raises:
+        UsageError: a column is not there, there twice, or its unit is not known.
+    """
+    wanted = wanted_of(how)
+    if names is None or not wanted.are_in(names):
+        names = _by_position(where, names, width, wanted)
+    for name in (*wanted.names, *([] if wanted.columns else _axes_of(names))):
+        if names.count(name) > 1:
+            raise UsageError(
+                f"{where}: {names.count(name)} columns are called {name}, and which is meant is not known. "
+                "Give them different names."
+            )
+    axes = wanted.columns or _axes_of(names)
+    gyro = tuple(names.index(name) for name in axes)
+    beside = [units[place] if units is not None and place < len(units) else "" for place in range(len(names))]
+    unit = _unit_of(where, [names[p] for p in gyro], [beside[p] for p in gyro], how, known=not wanted.columns)
+    factor, lsb = parse_units(unit)
+    time = _time_of(where, names, how)
+    time_unit = how.time_unit
+    if time is not None and time_unit is None:
+        time_unit = time_unit_of(names[time]) or TIME_UNITS.get(_bare(beside[time]))
+    return Chosen(list(names), gyro, time, unit, factor, lsb, time_unit)
+
+
+def known_unit(text: str) -> bool:
+    """Whether a field is a unit, of anything that stands in a table of an IMU."""
+    bare = _bare(text)
+    return bare in TIME_UNITS or bare in RATE_UNITS or bare in OTHER_UNITS
+
+
+def time_unit_of(name: str) -> TimeUnit | None:
+    """The unit of times that a name ends in."""
+    base, unit = _parts(name)
+    if unit:
+        return TIME_UNITS.get(_bare(unit))
+    words = _plain(base).split("_")
+    return TIME_UNITS.get(words[-1]) if len(words) > 1 or len(words[0]) > 3 else None
+
+
+def rate_unit_of(name: str) -> str | None:
+    """The unit of angular rates that a name ends in."""
+    base, unit = _parts(name)
+    if unit:
+        return RATE_UNITS.get(_bare(unit))
+    plain = base.strip().lower()
+    return next((known for end, known in RATE_UNITS.items() if plain.endswith(f"_{end}")), None)
+
+
+def is_time(name: str) -> bool:
+    """Whether a name is one of times, without a doubt."""
+    plain = _plain(_parts(name)[0]).removeprefix("field_").removeprefix("imu_")
+    if plain in TIME_NAMES:
+        return True
+    base, _, end = plain.rpartition("_")
+    return (base in TIME_NAMES and end in TIME_UNITS) or (plain in TIME_UNITS and len(plain) > 3)
+
+
+def _axes_of(names: Sequence[str]) -> list[str]:
+    """Names of the axes x, y, z: ours, else those that other programs use; none if two are of one axis."""
+    ours = [f"{axis}_dps" for axis in AXES if f"{axis}_dps" in names]
+    if ours:
+        return ours
+    found: dict[str, str] = {}
+    for name in names:
+        axis = _axis_of(name)
+        if axis is not None and found.setdefault(axis, name) != name:
+            return []
+    return [found[axis] for axis in "xyz" if axis in found]
+
+
+def _axis_of(name: str) -> str | None:
+    if len(name) > LONGEST_NAME:
+        return None
+    plain = _plain(_parts(name)[0])
+    end = next((f"_{e}" for e in RATE_UNITS if plain.endswith(f"_{e}")), "")
+    found = _AXIS.fullmatch(plain.removesuffix(end))
+    return found[1] if found is not None else None
+
+
+def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known: bool) -> str:
+    if how.units is not None:
+        return how.units
+    said = {
+        rate_unit_of(name) or RATE_UNITS.get(_bare(unit)) for name, unit in zip(names, beside, strict=True)
+    }
+    if len(said) > 1:
+        raise UsageError(
+            f"{where}: the columns {listed(names)} are not all of one unit; say which: --units {UNITS_HELP}."
+        )
+    unit = said.pop()
+    if unit is None and known:
+        raise UsageError(
+            f"{where}: the columns {listed(names)} are a gyroscope's by their names, which say no unit. "
+            f"Say it with --units: {UNITS_HELP}."
+        )
+    return unit or "deg/s"
+
+
+def _time_of(where: str, names: Sequence[str], how: How) -> int | None:
+    if how.time_column is not None:
+        return list(names).index(how.time_column)
+    found = [TIME_COLUMN] if TIME_COLUMN in names else [name for name in names if is_time(name)]
+    if not found:
+        return None
+    if (len(found) > 1 or names.count(found[0]) > 1) and how.rate_hz is None:
+        raise UsageError(
+            f"{where}: {listed(found)} are times by their names; say which is meant: --time-column NAME."
+        )
+    return list(names).index(found[0])
+
+
+def _by_position(where: str, names: Sequence[str] | None, width: int, wanted: Wanted) -> list[str]:
+    """Columns called by their positions from 1, or by what the user calls them if there are no others."""
+    if wanted.by_position:
+        beyond = [name for name in wanted.names if int(name) > width]
+        if beyond:
+            raise UsageError(f"{where}: no column {', '.join(beyond)} (it has {width}, without names).")
+        return [str(place + 1) for place in range(width)]
+    if names is None and wanted.columns is not None and wanted.time is None and width == len(wanted.columns):
+        return wanted.columns
+    if names is None:
+        raise UsageError(
+            f"{where}: the columns have no names; say which are the axes by their positions: "
+            f"--columns 1,2,3 (there are {width})."
+        )
+    if wanted.columns is None:
+        raise UsageError(
+            f"{where}: no columns gyro_x_dps, …; name yours with --columns (it has: {listed(names)})."
+        )
+    lacking = [name for name in wanted.names if name not in names]
+    raise UsageError(f"{where}: no column {', '.join(lacking)} (it has: {listed(names)}).")
+
+
+def _parts(name: str) -> tuple[str, str]:
+    """A name and the unit in brackets behind it."""
+    if len(name) > LONGEST_NAME:
+        return name, ""
+    found = _UNIT_BEHIND.fullmatch(name.strip())
+    return (found[1], found[2] or found[3] or "") if found is not None else (name.strip(), "")
+
+
+def _plain(name: str) -> str:
+    """In small letters, with _ for all that separates words."""
+    return re.sub(r"[\s./:\-_]+", "_", name.strip().lower()).strip("_")
+
+
+def _bare(unit: str) -> str:
+    """A unit without brackets, blanks and signs of multiplication."""
+    return re.sub(r"[\s\[\]()*·]", "", unit.lower())
+
+
+def _is_position(name: str) -> bool:
+    return name.isascii() and name.isdecimal() and int(name) >= 1
+
+
+def _is_float(field: str) -> bool:
+    try:
+        float(field.replace(",", ".", 1))
+    except ValueError:
+        return False
+    return True

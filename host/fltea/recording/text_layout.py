@@ -1,0 +1,192 @@
+"""How a text recording is laid out: what separates its fields, where its columns stand, where rows begin."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from fltea.recording.columns import Wanted, known_unit
+from fltea.recording.files import listed
+from fltea.records.errors import UsageError
+
+COMMENTS = ("#", "%", "//")
+HEAD_LINES = 200
+"""So many lines may stand before the rows."""
+
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
+"""What programs write where they have no number; in small letters."""
+
+TOO_WIDE = 2
+"""Times the names of a header: so many fields has a row whose decimal commas were taken for separators."""
+
+
+class Layout(NamedTuple):
+    """separator: None is white space. names, units: of the columns, None without a header or such a line.
+
+    width: fields of the first row. header: index of the line with the names. begin: index of the first row.
+    """
+
+    separator: str | None
+    decimal_comma: bool
+    names: list[str] | None
+    units: list[str] | None
+    width: int
+    header: int
+    begin: int
+
+
+def find_layout(path: Path, lines: Sequence[str], wanted: Wanted) -> Layout:
+    """Look at the first lines.
+
+    Raises:
+        UsageError: no line names the columns that are wanted, or the fields of the rows are not clear.
+    """
+    header, names, begin = None, None, 0
+    for i, line in enumerate(lines):
+        if is_blank(line):
+            continue
+        if not is_comment(line) and all_numbers(line):
+            break
+        found = _header(line, wanted)
+        if found is not None:
+            header, names, begin = i, found, i + 1
+            break
+    if names is None:
+        begin = _without_header(path, lines, wanted)
+    rows = [i for i in range(begin, len(lines)) if not is_blank(lines[i])]
+    units = None
+    if names is not None and rows:
+        units = _units(lines[rows[0]])
+        rows = rows[units is not None :]
+    rows = [i for i in rows if not is_comment(lines[i])]
+    first = lines[rows[0]] if rows else ""
+    separator, decimal_comma = separator_of(first)
+    fields = split(first, separator)
+    if names is not None and len(names) > 1 and separator == ",":
+        _check_width(path, rows[0] + 1, len(fields), len(names))
+    return Layout(
+        separator,
+        decimal_comma,
+        names,
+        units if units is None or names is None or len(units) == len(names) else None,
+        len(fields),
+        0 if header is None else header,
+        rows[0] if rows else len(lines),
+    )
+
+
+def is_blank(line: str) -> bool:
+    """Whether nothing stands in a line; separators are something."""
+    return not line.strip(" \r\n") or (line.isspace() and "\t" not in line)
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is for people."""
+    return line.lstrip().startswith(COMMENTS)
+
+
+def is_number(field: str) -> bool:
+    """Whether a field holds a number, with a decimal point or comma."""
+    field = field.strip().strip('"').strip()
+    if DECIMAL_COMMA.fullmatch(field):
+        return True
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field and field.isascii()
+
+
+def all_numbers(line: str) -> bool:
+    """Whether there are numbers in a line, and nothing else."""
+    fields = split(line, separator_of(line)[0])
+    known = [field for field in fields if field.strip().lower() not in MISSING]
+    return bool(known) and all(map(is_number, known))
+
+
+def separator_of(line: str) -> tuple[str | None, bool]:
+    """What separates the fields of a row, and whether its numbers have decimal commas."""
+    for separator in ("\t", ";"):
+        if separator in line:
+            fields = [field.strip().strip('"') for field in line.split(separator)]
+            commas = any(map(DECIMAL_COMMA.fullmatch, fields))
+            return separator, commas and not any("." in field for field in fields)
+    words = line.split()
+    if len(words) > 1 and all("," in w and DECIMAL_COMMA.fullmatch(w) for w in words):
+        return None, True
+    return ("," if "," in line else None), False
+
+
+def split(line: str, separator: str | None) -> list[str]:
+    """The fields of a line, without quotes around them."""
+    fields = line.split() if separator is None else line.rstrip("\r\n").split(separator)
+    return [field.strip().strip('"').strip() for field in fields]
+
+
+def _header(line: str, wanted: Wanted) -> list[str] | None:
+    text = line.strip()
+    for mark in COMMENTS:
+        text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
+    for separator in ("\t", ";", ",", None):
+        if separator is None or separator in text:
+            names = split(text, separator)
+            if wanted.are_in(names):
+                return names
+    return None
+
+
+def _units(line: str) -> list[str] | None:
+    """A second line of the header: units, and nothing else."""
+    text = line.strip().lstrip("#%").strip("\r\n")
+    fields = split(text, separator_of(text)[0])
+    named = [known_unit(field) for field in fields if field not in ("", "-", "[]", "[-]", "1")]
+    return fields if named and all(named) and not any(map(is_number, fields)) else None
+
+
+def _without_header(path: Path, lines: Sequence[str], wanted: Wanted) -> int:
+    """Where the rows begin if no line names what is wanted."""
+    rows = [i for i, line in enumerate(lines) if not is_comment(line) and not is_blank(line)]
+    rows = rows if wanted.by_position else rows[:1]
+    row = next((i for i in rows if wanted.are_at(split(lines[i], separator_of(lines[i])[0]))), None)
+    if row is not None:
+        return row
+    place, has = _what_there_is(lines)
+    where = f"{path}:{place + 1}"
+    lacking = [name for name in wanted.names if has is None or name not in has]
+    if wanted.columns is None and not (lacking and has):
+        positions = " or, since there is no header, their positions: --columns 1,2,3" if has is None else ""
+        raise UsageError(
+            f"{where}: no columns gyro_x_dps, …; name yours with --columns{positions} (it has: "
+            f"{'no header' if has is None else listed(has)})."
+        )
+    told = "no header; give positions: --columns 1,2,3" if has is None else listed(has)
+    raise UsageError(f"{where}: no column {', '.join(lacking)} (it has: {told}).")
+
+
+def _what_there_is(lines: Sequence[str]) -> tuple[int, list[str] | None]:
+    """The line that looks most like a header, and its names."""
+    comment = None
+    for i, line in enumerate(lines):
+        if is_blank(line):
+            continue
+        if is_comment(line):
+            comment = i
+            continue
+        if not all_numbers(line):
+            return i, split(line, separator_of(line)[0])
+        if comment is not None:
+            text = lines[comment].strip().lstrip("#%/").strip()
+            names = split(text, separator_of(text)[0])
+            if len(names) == len(split(line, separator_of(line)[0])) and len(names) > 1:
+                return comment, names
+        return i, None
+    return 0, None
+
+
+def _check_width(path: Path, line: int, fields: int, names: int) -> None:
+    if fields >= TOO_WIDE * names - 1 and fields > names + 1:
+        raise UsageError(
+            f"{path}:{line}: has {fields} fields, and the header names {names} columns. If the numbers have "
+            "decimal commas, separate the columns by ';' or write decimal points."
+        )
