@@ -167,12 +167,12 @@ def test_recording_has_to_outlast_the_start_up_window(startup: int, good: bool, 
 @pytest.mark.parametrize("flag", [{"columns": ["a"]}, {"units": "dps"}, {"rate_hz": 1.0}])
 def test_flags_of_csv_do_not_fit_other_kinds(kind: str, flag: dict[str, Any], tmp_path: Path) -> None:
     path = npz_file(tmp_path) if kind == "npz" else ndjson_file(tmp_path)
-    with pytest.raises(UsageError, match=r"--rate and --time-column are for text"):
+    with pytest.raises(UsageError, match=r"--rate and --time-column are for text and tables"):
         ReplaySource(path, how=How(**flag))
 
 
 def test_shuffle_does_not_fit_ndjson(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
+    with pytest.raises(UsageError, match=r"--shuffle works on \.npz, CSV"):
         ReplaySource(ndjson_file(tmp_path), shuffle=1)
 
 

@@ -7,10 +7,13 @@ from typing import BinaryIO, Literal, NamedTuple
 
 from fltea.records.errors import UsageError
 
-Kind = Literal["npz", "csv", "ndjson", "mcap"]
+Kind = Literal["npz", "npy", "parquet", "csv", "ndjson", "mcap"]
 
 KINDS: dict[str, Kind] = {
     ".npz": "npz",
+    ".npy": "npy",
+    ".parquet": "parquet",
+    ".pq": "parquet",
     ".csv": "csv",
     ".txt": "csv",
     ".log": "csv",
@@ -23,7 +26,12 @@ KINDS: dict[str, Kind] = {
 FILE_SUFFIXES = tuple(suffix for suffix, kind in KINDS.items() if kind != "mcap")
 """Recordings that are one file, read whole; all else is MCAP: a file, a folder, or the name of a session."""
 
-MAGIC: dict[bytes, Kind] = {b"PK\x03\x04": "npz", b"\x89MCAP": "mcap"}
+MAGIC: dict[bytes, Kind] = {
+    b"PK\x03\x04": "npz",
+    b"\x93NUMPY": "npy",
+    b"PAR1": "parquet",
+    b"\x89MCAP": "mcap",
+}
 BOM = b"\xef\xbb\xbf"
 
 
@@ -77,7 +85,7 @@ def open_one_file(path: Path) -> Opened:
     if not is_stream(path):
         file.close()
         return Opened(kind, None)
-    if kind in ("npz", "mcap"):
+    if kind in ("npz", "npy", "parquet", "mcap"):
         file.close()
         raise UsageError(
             f"{path}: is a pipe, and .{kind} has to be a file, since it is not read in one go. "

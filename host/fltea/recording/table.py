@@ -70,6 +70,11 @@ def gather(
     return table.stored()
 
 
+def row_place(path: Path, row: int) -> str:
+    """A row, from 0, for messages."""
+    return f"{path}: row {row}"
+
+
 class _Table:
     """What the rows so far came to."""
 
@@ -95,6 +100,11 @@ class _Table:
             size = (self._most // width + 1) * width * NUMBER_BYTES
             raise self._limits.whole_too_large(self._place(int(numbers[fits])), size)
         lacks = np.isnan(values)
+        infinite = np.isinf(values)
+        if infinite.any():
+            row, column = divmod(int(np.argmax(infinite)), width)
+            name = self._chosen.read[column]
+            raise UsageError(f"{self._place(int(numbers[row]))}: column '{name}' is not a finite number.")
         rows = np.arange(self._rows, self._rows + len(values))
         self._rows += len(values)
         self._some |= ~lacks.all(axis=0)

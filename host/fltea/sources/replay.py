@@ -13,6 +13,7 @@ from fltea.recording.files import Recording, Stored
 from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
+from fltea.recording.npy_file import open_npy
 from fltea.recording.npz_file import open_npz
 from fltea.records import clock
 from fltea.records.errors import UsageError
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 
 AT_ONCE = 8192
 """Samples of a block."""
+
+TABLES = "csv", "npy", "parquet"
+"""Kinds of which `--columns` and the like say what they hold."""
 
 
 class ReplaySource:
@@ -77,12 +81,13 @@ class ReplaySource:
             kind, file = open_one_file(path)
         elif path.is_file() and path.suffix and path.suffix.lower() != ".mcap":
             raise UsageError(
-                f"{path}: the kind is not known by its ending; .mcap, .npz, .csv or .ndjson is needed."
+                f"{path}: the kind is not known by its ending; .mcap, .npz, .csv or .ndjson is needed "
+                "(or .txt, .log, .tsv, .npy, .parquet)."
             )
-        if shuffle is not None and kind not in ("npz", "csv"):
+        if shuffle is not None and kind not in ("npz", *TABLES):
             if file is not None:
                 file.close()
-            raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings.")
+            raise UsageError(f"{path}: --shuffle works on .npz, CSV and other tables.")
         if kind == "ndjson":
             records, cut = read_ndjson(path, limits=limits, file=file)
             self._events = _from_ndjson(records, cut)
@@ -93,12 +98,20 @@ class ReplaySource:
             self._mcap = open_again()
             self._events = self._mcap.events()
         else:
-            recording = open_npz(path, limits) if kind == "npz" else open_csv(path, how, limits, file)
+            if kind == "npz":
+                recording = open_npz(path, limits)
+            elif kind == "npy":
+                recording = open_npy(path, how, limits)
+            elif kind == "parquet":
+                recording = _parquet_library().open_parquet(path, how, limits)
+            else:
+                recording = open_csv(path, how, limits, file)
             self._events = _from_recording(name, recording, shuffle)
             samples = recording.samples
-        if kind != "csv" and how.of_text:
+        if kind not in TABLES and how.of_text:
             raise UsageError(
-                f"{path}: --columns, --units, --rate and --time-column are for text; this one names its own."
+                f"{path}: --columns, --units, --rate and --time-column are for text and tables; this one "
+                "names its own."
             )
         if samples <= startup:
             raise UsageError(
@@ -164,6 +177,10 @@ def find_mcap_sessions(paths: Sequence[Path]) -> "list[list[Part]]":
 
 def _mcap_library() -> ModuleType:
     return load("fltea.sources.mcap", "mcap", "record", "MCAP recordings need")
+
+
+def _parquet_library() -> ModuleType:
+    return load("fltea.recording.parquet_file", "pyarrow", "tables", "Parquet files need")
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> int:
