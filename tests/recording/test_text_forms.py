@@ -181,13 +181,24 @@ BAD = {
     "decimal commas among commas": (
         OURS + "0,01,1,5,2,5,3,5\n",
         {},
-        ":2: has 8 fields, and the header names 4 columns. If the numbers have decimal commas",
+        ":2: has 8 fields, and there are 4 columns. If the numbers have decimal commas",
+    ),
+    "a decimal comma in a later row": (
+        "t,gx,gy,gz,note\n0,1,2,3,a\n1,1,2,3,a b\n2,1,2,3,5,4\n",
+        {"units": "dps"},
+        ":4: has 6 fields, and there are 5 columns",
     ),
     "thousands": (
         OURS.replace(",", ";") + "0;1.000,5;2,5;1\n",
         {},
         ":2: column 'gyro_x_dps': '1.000,5' is not",
     ),
+    "a word before the names": (
+        "# columns: t gx gy\n0 1 2\n1 1 2\n",
+        {"units": "dps"},
+        ":2: has 3 fields, and the header names 4 columns",
+    ),
+    "blanks in names": ("t [s] gx gy\n0 1 2\n1 1 2\n", {"units": "dps"}, ":2: has 3 fields"),
     "positions beyond": ("1 2 3\n", {"columns": ["4"], "rate_hz": 1.0}, "no column 4"),
     "no header and no positions": ("1,2,3\n4,5,6\n", {"rate_hz": 1.0}, "their positions: --columns 1,2,3"),
     "a field of text": (OURS + "0,1,2,3\n1,x,2,3\n", {}, ":3: column 'gyro_x_dps': 'x' is not a number"),
@@ -226,6 +237,16 @@ def test_what_is_missing_is_a_gap_and_counted(separator: str, timed: bool, tmp_p
         (note,) = found.notes
         assert note.kind == "missing_numbers"
         assert ":2: the first of 3 rows (of 10)" in note.text
+
+
+def test_one_column_with_decimal_commas(tmp_path: Path) -> None:
+    found = stored(tmp_path, "gyro_x_dps\n0,5\n-1,5\n2\n", rate_hz=10.0)
+    assert found.whole().gyro.ravel().tolist() == [0.5, -1.5, 2.0]
+
+
+def test_commas_in_quotes_are_text(tmp_path: Path) -> None:
+    text = "note,t,gx\na,0,1\n" + '"a, b, 5, 6",0.1,2\nb,0.2,3,more\n'
+    assert stored(tmp_path, text, units="dps").whole().gyro.ravel().tolist() == [1, 2, 3]
 
 
 def test_rows_number_the_samples_where_there_are_no_times(tmp_path: Path) -> None:

@@ -58,7 +58,8 @@ def gather(
     if how.rate_hz is None and chosen.time is None:
         raise UsageError(
             f"{path}: has no column '{TIME_COLUMN}' or another whose name says times, so give its rate: "
-            "--rate 100, or name the column: --time-column NAME --time-unit ms."
+            "--rate 100, or name the column: --time-column NAME --time-unit ms (it has: "
+            f"{listed(chosen.names)})."
         )
     table = _Table(path, chosen, how, limits, place)
     for block in blocks:

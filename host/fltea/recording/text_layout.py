@@ -1,5 +1,6 @@
 """How a text recording is laid out: what separates its fields, where its columns stand, where rows begin."""
 
+import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import NamedTuple
 
 from fltea.recording.columns import Wanted, known_unit
 from fltea.recording.files import listed
+from fltea.recording.lines import shown
 from fltea.records.errors import UsageError
 
 COMMENTS = ("#", "%", "//")
@@ -16,9 +18,6 @@ HEAD_LINES = 200
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 """What programs write where they have no number; in small letters."""
-
-TOO_WIDE = 2
-"""Times the names of a header: so many fields has a row whose decimal commas were taken for separators."""
 
 
 class Layout(NamedTuple):
@@ -63,8 +62,11 @@ def find_layout(path: Path, lines: Sequence[str], wanted: Wanted) -> Layout:
     first = lines[rows[0]] if rows else ""
     separator, decimal_comma = separator_of(first)
     fields = split(first, separator)
-    if names is not None and len(names) > 1 and separator == ",":
-        _check_width(path, rows[0] + 1, len(fields), len(names))
+    if names is not None and len(names) == 1 and DECIMAL_COMMA.fullmatch(first.strip()):
+        separator, decimal_comma, fields = None, True, [first.strip()]
+    if names is not None and header is not None and rows:
+        strict = separator is None or is_comment(lines[header])
+        _check_width(f"{path}:{rows[0] + 1}", fields, names, separator, strict=strict)
     return Layout(
         separator,
         decimal_comma,
@@ -120,7 +122,12 @@ def separator_of(line: str) -> tuple[str | None, bool]:
 
 def split(line: str, separator: str | None) -> list[str]:
     """The fields of a line, without quotes around them."""
-    fields = line.split() if separator is None else line.rstrip("\r\n").split(separator)
+    if separator is None:
+        fields = line.split()
+    elif '"' in line and len(line) < csv.field_size_limit():
+        fields = next(csv.reader([line.rstrip("\r\n")], delimiter=separator, skipinitialspace=True), [])
+    else:
+        fields = line.rstrip("\r\n").split(separator)
     return [field.strip().strip('"').strip() for field in fields]
 
 
@@ -153,14 +160,15 @@ def _without_header(path: Path, lines: Sequence[str], wanted: Wanted) -> int:
         return row
     place, has = _what_there_is(lines)
     where = f"{path}:{place + 1}"
+    no_header = f"no header; the line is {shown(lines[place].strip())}" if lines else "no header"
     lacking = [name for name in wanted.names if has is None or name not in has]
     if wanted.columns is None and not (lacking and has):
         positions = " or, since there is no header, their positions: --columns 1,2,3" if has is None else ""
         raise UsageError(
             f"{where}: no columns gyro_x_dps, …; name yours with --columns{positions} (it has: "
-            f"{'no header' if has is None else listed(has)})."
+            f"{no_header if has is None else listed(has)})."
         )
-    told = "no header; give positions: --columns 1,2,3" if has is None else listed(has)
+    told = f"{no_header}; give positions: --columns 1,2,3" if has is None else listed(has)
     raise UsageError(f"{where}: no column {', '.join(lacking)} (it has: {told}).")
 
 
@@ -184,9 +192,27 @@ def _what_there_is(lines: Sequence[str]) -> tuple[int, list[str] | None]:
     return 0, None
 
 
-def _check_width(path: Path, line: int, fields: int, names: int) -> None:
-    if fields >= TOO_WIDE * names - 1 and fields > names + 1:
+def check_surplus(where: str, fields: Sequence[str], columns: int) -> None:
+    """Refuse a row with more numbers than columns: commas may be decimal ones, and all columns wrong."""
+    if any(map(is_number, fields[columns:])):
         raise UsageError(
-            f"{path}:{line}: has {fields} fields, and the header names {names} columns. If the numbers have "
+            f"{where}: has {len(fields)} fields, and there are {columns} columns. If the numbers have "
             "decimal commas, separate the columns by ';' or write decimal points."
+        )
+
+
+def _check_width(
+    where: str, fields: list[str], names: list[str], separator: str | None, *, strict: bool
+) -> None:
+    """Refuse a first row whose fields cannot be told to be those of the names.
+
+    strict: the names may hold blanks, or other words than names, so their number has to be the same.
+    """
+    if separator == ",":
+        check_surplus(where, fields, len(names))
+    told = f"{where}: has {len(fields)} fields, and the header names {len(names)} columns"
+    surplus = fields[len(names) :]
+    if strict and (len(fields) < len(names) or any(surplus)):
+        raise UsageError(
+            f"{told} ({listed(names)}). Write one name a column, or give positions: --columns 2,3,4."
         )

@@ -6,6 +6,7 @@ does not take, such as empty fields and comments, is cleaned first; only a block
 looked at line by line, to find the place and the reason.
 """
 
+import contextlib
 import csv
 import io
 import math
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from fltea.recording.columns import Chosen
 from fltea.recording.lines import LONGEST_LINE, shown
 from fltea.recording.table import Rows
-from fltea.recording.text_layout import DECIMAL_COMMA, MISSING, Layout, is_blank, is_comment
+from fltea.recording.text_layout import DECIMAL_COMMA, MISSING, Layout, check_surplus, is_blank, is_comment
 from fltea.records.errors import UsageError
 
 BLOCK_BYTES = 1 << 18
@@ -84,6 +85,9 @@ class RowReader:
         """
         lines = block.lines
         data = b"\n".join(lines)
+        commas = (self._layout.width - 1) * len(lines)
+        if self._layout.separator == "," and data.count(b",") > commas:
+            self._check_surplus(block)
         if all(lines):
             values = self._at_once(data, len(lines))
             if values is None:
@@ -105,6 +109,14 @@ class RowReader:
             cut, numbers, texts = int(numbers[-1]), numbers[:-1], texts[:-1]
         each = [self._one(int(number), text) for number, text in zip(numbers, texts, strict=True)]
         return Rows(numbers, np.array(each).reshape(len(each), len(self._chosen.places)), cut)
+
+    def _check_surplus(self, block: Lines) -> None:
+        columns = self._layout.width if self._layout.names is None else len(self._layout.names)
+        for number, line in enumerate(block.lines, block.first):
+            text = line.decode()
+            if text.count(",") >= columns and not is_comment(text):
+                with contextlib.suppress(csv.Error):  # that is told with the row
+                    check_surplus(f"{self._path}:{number}", self._fields(text), columns)
 
     def _filled(self, data: bytes) -> bytes:
         """With nan in most of the empty fields; a regular expression, which finds all, takes its time."""
