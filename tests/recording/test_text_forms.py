@@ -128,6 +128,7 @@ NAMES = [
     "imu0.gyro.{}",
     "gyro_{}_rads",
     "ang_vel_{} (rad/s)",
+    "Gyroscope {} (rad/s)",
 ]
 
 
@@ -140,6 +141,16 @@ def test_names_that_other_loggers_use(name: str, tmp_path: Path) -> None:
         assert stored(tmp_path, f"{header}\n1,2,3,4,5,6,7\n", rate_hz=10.0).whole().gyro[0, 0] == 3 * DEG
     else:
         assert "say no unit" in refusal(tmp_path, f"{header}\n1,2,3,4,5,6,7\n", rate_hz=10.0)
+
+
+def test_names_that_count_the_axes(tmp_path: Path) -> None:
+    text = "timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],dt\n" + "".join(
+        f"{k * 5000},1,2,3,0\n" for k in range(9)
+    )
+    found = stored(tmp_path, text, time_unit="us")
+    assert found.rate_hz == pytest.approx(200.0)
+    assert found.whole().gyro[0] == pytest.approx([DEG, 2 * DEG, 3 * DEG])
+    assert "--time-unit us (200 Hz)" in refusal(tmp_path, text)
 
 
 @pytest.mark.parametrize(
@@ -177,6 +188,11 @@ BAD = {
         ":1: no column tt (it has: t, gyro_x_dps)",
     ),
     "units that differ": ("t,gx [dps],gy [rad/s]\n0,1,1\n", {}, "are not all of one unit"),
+    "radians by their name": (
+        "t,radx\n0,1\n",
+        {"columns": ["radx"]},
+        ":1: the columns radx may be in rad/s, and without a word",
+    ),
     "counts without their scale": ("t,gx,gy\n0,1,1\n", {}, "lsb:N"),
     "decimal commas among commas": (
         OURS + "0,01,1,5,2,5,3,5\n",

@@ -63,6 +63,9 @@ _LONG = (
     r"gyroscope|gyros?|gyr|angular_velocity|angular_rate|ang_vel|angvel|omega|rotation_rate|rot_rate|w_rs_s"
 )
 _AXIS = re.compile(rf"{_PREFIX}(?:(?:{_LONG})_?|[gw]_?)([xyz])")
+_NUMBERED = re.compile(rf"{_PREFIX}(?:{_LONG}|gyroadc)(?:_rad)?\[([012])\]")
+"""As PX4 and Betaflight call axes."""
+
 _UNIT_BEHIND = re.compile(r"(.+?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
 
 
@@ -187,6 +190,8 @@ def time_unit_of(name: str) -> TimeUnit | None:
 def rate_unit_of(name: str) -> str | None:
     """The unit of angular rates that a name ends in."""
     base, unit = _parts(name)
+    if unit in ("0", "1", "2"):
+        return "rad/s" if base.lower().endswith("_rad") else None
     if unit:
         return RATE_UNITS.get(_bare(unit))
     plain = base.strip().lower()
@@ -218,6 +223,9 @@ def _axes_of(names: Sequence[str]) -> list[str]:
 def _axis_of(name: str) -> str | None:
     if len(name) > LONGEST_NAME:
         return None
+    numbered = _NUMBERED.fullmatch(_plain(name))
+    if numbered is not None:
+        return "xyz"[int(numbered[1])]
     plain = _plain(_parts(name)[0])
     end = next((f"_{e}" for e in RATE_UNITS if plain.endswith(f"_{e}")), "")
     found = _AXIS.fullmatch(plain.removesuffix(end))
@@ -235,6 +243,11 @@ def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known
             f"{where}: the columns {listed(names)} are not all of one unit; say which: --units {UNITS_HELP}."
         )
     unit = said.pop()
+    if unit is None and not known and any("rad" in name.lower() for name in names):
+        raise UsageError(
+            f"{where}: the columns {listed(names)} may be in rad/s, and without a word they would be read as "
+            f"deg/s. Say it with --units: {UNITS_HELP}."
+        )
     if unit is None and known:
         raise UsageError(
             f"{where}: the columns {listed(names)} are a gyroscope's by their names, which say no unit. "
