@@ -353,6 +353,15 @@ def test_times_that_number_nothing_are_told(tmp_path: Path) -> None:
         assert [note.kind for note in found.notes] == ["row_times"]
 
 
+def test_dates_number_nothing(tmp_path: Path) -> None:
+    text = "timestamp,gyro_x_dps\n" + "".join(f"2026-01-01 08:00:{k:02},{k}\n" for k in range(9))
+    found = stored(tmp_path, text, rate_hz=1.0)
+    assert found.samples == 9
+    assert "'2026-01-01 08:00:00' is no number, so it cannot tell" in found.notes[0].text
+    assert ":2: column 'timestamp': '2026-01-01 08:00:00' is no number; " in refusal(tmp_path, text)
+    assert "--rate 100" in refusal(tmp_path, text)
+
+
 def test_long_files_go_over_many_blocks(tmp_path: Path) -> None:
     n = 150_000
     times = [k / 200 for k in range(n) if k % 10_000 != 9_999]

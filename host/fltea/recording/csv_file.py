@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from fltea.recording.columns import choose, wanted_of
-from fltea.recording.files import Recording, Stored, parse_units
+from fltea.recording.columns import Chosen, choose, wanted_of
+from fltea.recording.files import Note, Recording, Stored, parse_units
 from fltea.recording.how import AS_IT_SAYS, How
+from fltea.recording.lines import shown
 from fltea.recording.table import gather
-from fltea.recording.text_layout import HEAD_LINES, Layout, find_layout
+from fltea.recording.text_layout import HEAD_LINES, MISSING, Layout, find_layout, is_number
 from fltea.recording.text_rows import Lines, RowReader, blocks_of_lines, decoded_head
 from fltea.records.errors import UsageError
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -52,10 +53,12 @@ def open_csv(
             texts = decoded_head(head.lines[: HEAD_LINES + 1])
             layout = find_layout(path, texts, wanted)
             where = f"{path}:{layout.header + 1}"
-            chosen = choose(where, layout.names, layout.units, layout.width, how)
+            chosen = choose(where, layout.names, layout.units, len(layout.first), how)
+            chosen, notes = _without_dates(path, chosen, layout, how)
             reader = RowReader(path, layout, chosen)
             rows = map(reader.read, itertools.chain([_behind(head, layout)], blocks))
-            return gather(path, chosen, rows, how, limits, lambda line: f"{path}:{line}")
+            found = gather(path, chosen, rows, how, limits, lambda line: f"{path}:{line}")
+            return found._replace(notes=(*notes, *found.notes))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
 
@@ -72,6 +75,20 @@ def _head(path: Path, blocks: Iterator[Lines]) -> Lines:
             raise UsageError(f"{path}: cannot be read as CSV (it is UTF-16; save it as UTF-8).")
         head.lines[0] = head.lines[0].removeprefix(BOM)
     return head
+
+
+def _without_dates(path: Path, chosen: Chosen, layout: Layout, how: How) -> tuple[Chosen, list[Note]]:
+    """Leave aside a column of times that nobody asked for, and that holds dates instead of numbers."""
+    if chosen.time is None or how.time_column is not None or chosen.time >= len(layout.first):
+        return chosen, []
+    name, first = chosen.names[chosen.time], layout.first[chosen.time]
+    if is_number(first) or first.lower() in MISSING:
+        return chosen, []
+    told = f"{path}:{layout.begin + 1}: column {shown(name)}: {shown(first)} is no number"
+    if how.rate_hz is None:
+        raise UsageError(f"{told}; times as text are not read, so give the rate: --rate 100.")
+    text = f"{told}, so it cannot tell which samples are missing."
+    return chosen._replace(time=None), [Note("row_times", text)]
 
 
 def _behind(head: Lines, layout: Layout) -> Lines:

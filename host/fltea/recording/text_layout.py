@@ -23,14 +23,14 @@ MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 class Layout(NamedTuple):
     """separator: None is white space. names, units: of the columns, None without a header or such a line.
 
-    width: fields of the first row. header: index of the line with the names. begin: index of the first row.
+    first: fields of the first row. header: index of the line with the names. begin: index of the first row.
     """
 
     separator: str | None
     decimal_comma: bool
     names: list[str] | None
     units: list[str] | None
-    width: int
+    first: list[str]
     header: int
     begin: int
 
@@ -72,7 +72,7 @@ def find_layout(path: Path, lines: Sequence[str], wanted: Wanted) -> Layout:
         decimal_comma,
         names,
         units if units is None or names is None or len(units) == len(names) else None,
-        len(fields),
+        fields,
         0 if header is None else header,
         rows[0] if rows else len(lines),
     )

@@ -85,7 +85,7 @@ class RowReader:
         """
         lines = block.lines
         data = b"\n".join(lines)
-        commas = (self._layout.width - 1) * len(lines)
+        commas = (len(self._layout.first) - 1) * len(lines)
         if self._layout.separator == "," and data.count(b",") > commas:
             self._check_surplus(block)
         if all(lines):
@@ -111,7 +111,7 @@ class RowReader:
         return Rows(numbers, np.array(each).reshape(len(each), len(self._chosen.places)), cut)
 
     def _check_surplus(self, block: Lines) -> None:
-        columns = self._layout.width if self._layout.names is None else len(self._layout.names)
+        columns = len(self._layout.first) if self._layout.names is None else len(self._layout.names)
         for number, line in enumerate(block.lines, block.first):
             text = line.decode()
             if text.count(",") >= columns and not is_comment(text):
