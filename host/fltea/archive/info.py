@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
+from fltea.records.events import Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.records.visible import visible
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -24,7 +26,8 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
 
     whole: its files were finished in an orderly way. breaks: places where the recorder missed something.
     epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as in `stats`.
-    resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch.
+    resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what reading it
+    told, as the texts of `error` records.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     rate_hz: float | None
     clock_ppm: float | None
     link: LinkStats
+    notes: list[str] = []
 
 
 def sessions(paths: Sequence[Path]) -> list[list[Path]]:
@@ -61,7 +65,9 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
     return single + [[part.path for part in parts] for parts in found]
 
 
-def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS) -> Summary:
+def summarise(
+    paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
+) -> Summary:
     """Read a recording once, from its raw bytes.
 
     Raises:
@@ -73,7 +79,7 @@ def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMI
     mcap: McapRecording | None = None
     device = session = None
     if len(paths) == 1 and is_one_file(paths[0]):
-        source = ReplaySource(paths[0], limits=limits)
+        source = ReplaySource(paths[0], how=how, limits=limits)
     else:
         source = mcap = open_mcap(paths, name, limits)()
         files = [part.path for part in source.parts]
@@ -87,7 +93,12 @@ def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMI
     epochs: Counter[str] = Counter()
     longest: tuple[int, float | None, float | None] = (0, None, None)
     of_epoch = 0
+    notes: list[str] = []
+    cut = False
     for event in source.events():
+        if isinstance(event, Trouble) and mcap is None:
+            notes.append(event.message)
+            cut = cut or event.kind == "cut_recording"
         if isinstance(event, Hello):
             unix_ns = event.host_ns + source.unix_offset_ns
             hello = msgspec.structs.replace(event, host_ns=unix_ns, device=device)
@@ -110,8 +121,8 @@ def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMI
         session=session,
         hello=hello,
         files=len(files),
-        size_bytes=sum(file.stat().st_size for file in files),
-        whole=not (mcap and mcap.torn),
+        size_bytes=sum(map(_size_bytes, files)),
+        whole=not (mcap and mcap.torn) and not cut,
         breaks=mcap.breaks if mcap else 0,
         start_unix_ns=first_ns if source.unix_offset_ns else None,
         duration_s=0.0 if first_ns is None else (last_ns - first_ns) * 1e-9,
@@ -125,7 +136,13 @@ def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMI
         rate_hz=longest[1],
         clock_ppm=longest[2],
         link=source.link_stats(),
+        notes=notes,
     )
+
+
+def _size_bytes(path: Path) -> int:
+    files = path.iterdir() if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files)
 
 
 def as_text(s: Summary) -> str:
@@ -152,6 +169,7 @@ def as_text(s: Summary) -> str:
     if s.rate_hz is not None:
         ppm = "" if s.clock_ppm is None else f", device clock {s.clock_ppm:+.1f} ppm against the host's"
         lines.append(("rate", f"{s.rate_hz:.4f} Hz{ppm}"))
+    lines += [("note", note) for note in s.notes]
     return "\n".join(f"{name:<10} {visible(str(text))}" for name, text in lines)
 
 
