@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from bag_support import KINDS, even, write_bag
 from fltea.archive.export import export
-from fltea.archive.info import as_text, summarise
+from fltea.archive.info import as_text, sessions, summarise
 from fltea.identify.load import Request, load, recordings
 from fltea.recording.how import How
 from fltea.recording.npz_file import open_npz
+from fltea.recording.ros_bag import open_bag
 from host_support import fltea
 
 N = 1200
@@ -42,7 +43,10 @@ def test_info_and_export(tmp_path: Path, kind: str) -> None:
     summary = summarise([path], 100, how=How(topic="/imu"))
     assert (summary.samples, summary.lost, summary.gaps, summary.whole) == (N - 2, 2, 1, True)
     assert summary.rate_hz == pytest.approx(200, rel=1e-6)
-    assert "2023-11-14 22:13:20 UTC" in as_text(summary)
+    text = as_text(summary)
+    assert "2023-11-14 22:13:20 UTC" in text
+    assert "topic /imu, sensor_msgs/" in text
+    assert "other topics: /other" in text
     out = tmp_path / "out.npz"
     assert export([path], out, "samples", 100, how=How(topic="/imu")) == N - 2
     again = open_npz(out).whole()
@@ -75,6 +79,34 @@ def test_what_a_bag_tells_of_itself_is_a_trap(tmp_path: Path) -> None:
 def test_several_bags_are_several_recordings(tmp_path: Path) -> None:
     paths = [write_bag(tmp_path / f"{i}.{kind}", {"/imu": even(30)}) for i, kind in enumerate(KINDS)]
     assert recordings(paths) == [(path,) for path in paths]
+    assert recordings([tmp_path]) == [(path,) for path in sorted(paths)]
+    assert sessions([tmp_path]) == [[path] for path in sorted(paths)]
+    (file,) = paths[2].glob("*.mcap")
+    (tmp_path / "loose").mkdir()
+    loose = [tmp_path / "loose" / name for name in ("a.mcap", "b.mcap")]
+    for one in loose:
+        one.write_bytes(file.read_bytes())
+    assert recordings([tmp_path / "loose"]) == [(one,) for one in loose]
+
+
+def test_a_bag_in_several_files(tmp_path: Path) -> None:
+    rest = even(60)
+    folder = tmp_path / "long"
+    folder.mkdir()
+    for number in (0, 1, 10):
+        rows = {0: slice(0, 20), 1: slice(20, 40), 10: slice(40, 60)}[number]
+        some = rest._replace(
+            stamp_ns=rest.stamp_ns[rows],
+            gyro_rads=np.array(rest.gyro_rads)[rows],
+            accel_ms2=np.array(rest.accel_ms2)[rows],
+        )
+        (file,) = write_bag(tmp_path / "one.mcap", {"/imu": some}).glob("*.mcap")
+        file.rename(folder / f"long_{number}.mcap")
+    whole = open_bag(folder).whole()
+    np.testing.assert_allclose(np.radians(whole.gyro), rest.gyro_rads, rtol=1e-14)
+    (folder / "long_1.mcap").write_bytes(b"no bag at all")
+    stored = open_bag(folder)
+    assert (stored.samples, [note.kind for note in stored.notes]) == (40, ["recording_gap"])
 
 
 def test_a_bag_in_run_and_topics_elsewhere(tmp_path: Path) -> None:

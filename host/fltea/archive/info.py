@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from fltea.recording.bag_files import bags_in
 from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
 from fltea.records.events import Trouble
@@ -27,7 +28,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     whole: its files were finished in an orderly way. breaks: places where the recorder missed something.
     epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as in `stats`.
     resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what reading it
-    told, as the texts of `error` records.
+    told, as the texts of `error` records. about: what else the file says of itself.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     clock_ppm: float | None
     link: LinkStats
     notes: list[str] = []
+    about: str = ""
 
 
 def sessions(paths: Sequence[Path]) -> list[list[Path]]:
@@ -59,6 +61,7 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
     Raises:
         UsageError: there is none.
     """
+    paths = [path for one in paths for path in bags_in(one) or [one]]
     single = [[path] for path in paths if is_one_file(path)]
     others = [path for path in paths if not is_one_file(path)]
     found = find_mcap_sessions(others) if others else []
@@ -137,6 +140,7 @@ def summarise(
         clock_ppm=longest[2],
         link=source.link_stats(),
         notes=notes,
+        about=source.about if isinstance(source, ReplaySource) else "",
     )
 
 
@@ -152,7 +156,10 @@ def as_text(s: Summary) -> str:
         lines.append(("device", f"{s.device}, session {s.session}"))
     if s.hello is not None:
         lines += _hello_lines(s.hello)
-    state = "whole" if s.whole else "not finished: killed, cut or still being written (fltea recover)"
+    if s.about:
+        lines.append(("bag", s.about))
+    remedy = "" if s.about else " (fltea recover)"  # which is for our files
+    state = "whole" if s.whole else f"not finished: killed, cut or still being written{remedy}"
     lines.append(("files", f"{s.files}, {s.size_bytes / 1e6:.1f} MB, {state}"))
     if s.start_unix_ns is not None:
         start = datetime.fromtimestamp(s.start_unix_ns * 1e-9, UTC)

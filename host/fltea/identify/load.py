@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fltea.archive.info import sessions
 from fltea.identify.traps import Trap, sensor_traps, source_trap, timing_traps
+from fltea.recording.bag_files import bags_in
 from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
 from fltea.recording.spool import Spool
@@ -111,6 +112,7 @@ class Unreadable(NamedTuple):
 def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
     """The recordings in files, folders and names of sessions, each as the files it is made of."""
     found: list[tuple[Path, ...] | Unreadable] = []
+    paths = [path for one in paths for path in bags_in(one) or [one]]
     mcap = [path for path in paths if not is_one_file(path)]
     for path in paths:
         if is_one_file(path):

@@ -19,6 +19,14 @@ class Topic(NamedTuple):
         return self.type in IMU_TYPES and self.encoding is not None
 
 
+def encoding_of(name: str) -> Encoding | None:
+    """How messages are written that a file calls so."""
+    match name:
+        case "cdr" | "ros1":
+            return name
+    return None
+
+
 @dataclass
 class Batch:
     """Successive messages of one topic; only of Imu topics are they at hand.

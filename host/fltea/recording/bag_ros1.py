@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from fltea.recording.bag_files import ROS1
 from fltea.recording.bag_messages import Batch, Topic
 from fltea.recording.files import Note
 from fltea.settings.extras import load
 from fltea.settings.limits import Limits
 
-MAGIC = b"#ROSBAG V"
-VERSION = b"#ROSBAG V2.0\n"
+VERSION = ROS1 + b"2.0\n"
 
 
 class Op:
@@ -46,11 +46,11 @@ def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
         size = file.seek(0, 2)
         file.seek(0)
         version = file.read(len(VERSION))
-        if not version.startswith(MAGIC):
+        if not version.startswith(ROS1):
             raise ValueError("it is no bag of ROS 1")
         if version != VERSION:
             raise ValueError(
-                f"its format is {version[len(MAGIC) :].decode(errors='replace').strip()}, not 2.0"
+                f"its format is {version[len(ROS1) :].decode(errors='replace').strip()}, not 2.0"
             )
         messages = _Messages()
         index: bytes | None = None

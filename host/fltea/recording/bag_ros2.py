@@ -6,7 +6,6 @@
 import contextlib
 import itertools
 import os
-import re
 import shutil
 import sqlite3
 import tempfile
@@ -17,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from fltea.recording.bag_messages import Batch, Topic
+from fltea.recording.bag_files import PACKED
+from fltea.recording.bag_messages import Batch, Topic, encoding_of
 from fltea.recording.files import Note
-from fltea.recording.session import LATEST_NS, SESSION
+from fltea.recording.session import LATEST_NS
 from fltea.records.events import Ints
 from fltea.settings.extras import load
 from fltea.settings.limits import Limits
@@ -32,28 +32,6 @@ LONGEST_MESSAGE = 1 << 16
 
 NO_TIME = LATEST_NS + 1
 """In place of what is no time."""
-
-BEGIN_BYTES = 4096
-PROFILES = (b"ros1", b"ros2")
-
-SQLITE, MCAP = b"SQLite format 3\0", b"\x89MCAP0\r\n"
-"""What such files begin with."""
-
-ENCODINGS: dict[str, Any] = {"cdr": "cdr", "ros1": "ros1"}
-
-BAG_FILES = ("*.mcap", "*.db3")
-
-
-def files_of(folder: Path) -> list[Path]:
-    """The files of a bag that is a folder, in the order of their numbers."""
-    found = [file for pattern in BAG_FILES for file in folder.glob(pattern)]
-    packed = [file for pattern in BAG_FILES for file in folder.glob(pattern + ".zstd")]
-    return sorted(found + packed, key=_number)
-
-
-def _number(file: Path) -> tuple[int, str]:
-    number = re.search(r"_(\d+)$", file.name.partition(".")[0])
-    return (int(number[1]) if number else -1), file.name
 
 
 def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
@@ -70,7 +48,7 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
                 "SELECT id, name, type, serialization_format FROM topics"
             ):
                 if isinstance(number, int) and all(isinstance(text, str) for text in told):
-                    topics[number] = Topic(told[0], told[1], ENCODINGS.get(told[2]))
+                    topics[number] = Topic(told[0], told[1], encoding_of(told[2]))
             yield from map(Batch, topics.values())
             yield from _rows(path, connection, topics, is_cut)
     except sqlite3.Error as error:
@@ -151,29 +129,6 @@ def _rows(
         yield Note("cut_recording", f"{path}: is cut off or damaged{why}; what can be read of it is used.")
 
 
-def is_ros_mcap(path: Path) -> bool:
-    """Whether an MCAP file is of ROS, not of fltea: its profile says it, or else its messages.
-
-    Raises:
-        OSError: the file cannot be read.
-    """
-    with path.open("rb") as file:
-        begin = file.read(BEGIN_BYTES)
-    profile = begin[21 : 21 + min(begin[17] if len(begin) > 17 else 0, 8)]
-    if profile in PROFILES:
-        return True
-    if SESSION.encode() in begin or not begin.startswith(MCAP):
-        return False
-    scan = _scan_module()
-    try:
-        for item in scan.Scan(path):
-            if isinstance(item, scan.Channel):
-                return item.message_encoding in ENCODINGS
-    except ValueError:
-        pass
-    return False
-
-
 def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
     """Yield the messages of an MCAP file, and what cannot be read.
 
@@ -182,7 +137,7 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
         ValueError: it is no MCAP file.
         UsageError: a record of it would take more memory than the limits allow, or the library is not there.
     """
-    module = _scan_module()
+    module = load("fltea.recording.scan", "mcap", "ros", "MCAP files need")
     schemas: dict[int, str] = {}
     topics: dict[int, Topic] = {}
     scan = module.Scan(path, limits)
@@ -191,7 +146,7 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
             case module.Schema():
                 schemas[item.id] = item.name
             case module.Channel():
-                encoding = ENCODINGS.get(item.message_encoding)
+                encoding = encoding_of(item.message_encoding)
                 topics[item.id] = Topic(item.topic, schemas.get(item.schema_id, ""), encoding)
                 yield Batch(topics[item.id])
             case module.Messages():
@@ -217,10 +172,6 @@ def _batch_of(topic: Topic, data: bytes, table: Ints, module: ModuleType) -> Bat
     return Batch(topic, len(table), arrival_ns, [data[begin:end] for begin, end in spans])
 
 
-def _scan_module() -> ModuleType:
-    return load("fltea.recording.scan", "mcap", "ros", "MCAP files need")
-
-
 @contextlib.contextmanager
 def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
     """A bag file, unpacked for as long as it is used if it was packed as a whole.
@@ -230,7 +181,7 @@ def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
         ValueError: it is damaged.
         UsageError: it would take more room than the limits allow, or the library is not there.
     """
-    if path.suffix != ".zstd":
+    if path.suffix != PACKED:
         yield path
         return
     zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed need")

@@ -75,6 +75,7 @@ class Stored(NamedTuple):
     """A recording that was checked as a whole and is read a block of rows at a time.
 
     blocks: gives all its rows again, each time it is called. start_unix_ns: when it begins; 0: not known.
+    about: what else it says of itself, for a person.
     """
 
     samples: int
@@ -84,6 +85,7 @@ class Stored(NamedTuple):
     blocks: Callable[[], Iterator[Recording]]
     notes: tuple[Note, ...] = ()
     start_unix_ns: int = 0
+    about: str = ""
 
     def whole(self) -> Recording:
         """All of it in memory."""

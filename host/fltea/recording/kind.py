@@ -5,7 +5,8 @@ import stat
 from pathlib import Path
 from typing import BinaryIO, Literal, NamedTuple
 
-from fltea.recording import bag_ros1, bag_ros2
+from fltea.recording import bag_files
+from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
 from fltea.records.errors import UsageError
 
 Kind = Literal["npz", "csv", "ndjson", "mcap", "bag"]
@@ -17,18 +18,15 @@ KINDS: dict[str, Kind] = {
     ".ndjson": "ndjson",
     ".jsonl": "ndjson",
     ".mcap": "mcap",
-    ".bag": "bag",
-    ".active": "bag",
-    ".db3": "bag",
-    ".zstd": "bag",
+    **dict.fromkeys(bag_files.SUFFIXES, "bag"),
 }
 """Of an .mcap file and of a folder the content says whether it is ROS' or ours."""
 
 MAGIC: dict[bytes, Kind] = {
     b"PK\x03\x04": "npz",
     b"\x89MCAP": "mcap",
-    bag_ros1.MAGIC: "bag",
-    bag_ros2.SQLITE: "bag",
+    bag_files.ROS1: "bag",
+    bag_files.SQLITE: "bag",
 }
 BOM = b"\xef\xbb\xbf"
 
@@ -46,7 +44,7 @@ def is_one_file(path: Path) -> bool:
         return is_bag_folder(path)
     if path.suffix.lower() in KINDS:
         if path.suffix.lower() == ".mcap" and path.is_file():
-            return _is_ros_mcap(path)
+            return is_ros_mcap(path)
         return KINDS[path.suffix.lower()] != "mcap" or is_stream(path)
     if is_stream(path):
         return True
@@ -54,29 +52,9 @@ def is_one_file(path: Path) -> bool:
         return False
     try:
         with path.open("rb") as file:
-            return _kind_of_content(file) != "mcap" or _is_ros_mcap(path)
+            return _kind_of_content(file) != "mcap" or is_ros_mcap(path)
     except OSError:
         return True  # opening it will tell why
-
-
-def is_bag_folder(path: Path) -> bool:
-    """Whether a folder is a bag of ROS 2, also one that was not closed."""
-    try:
-        files = bag_ros2.files_of(path)
-        return bool(files) and ((path / "metadata.yaml").is_file() or _is_of_ros(files[0]))
-    except OSError:
-        return False
-
-
-def _is_of_ros(file: Path) -> bool:
-    return file.suffix.lower() != ".mcap" or _is_ros_mcap(file)
-
-
-def _is_ros_mcap(path: Path) -> bool:
-    try:
-        return bag_ros2.is_ros_mcap(path)
-    except OSError:
-        return False  # opening it will tell why
 
 
 def is_stream(path: Path) -> bool:

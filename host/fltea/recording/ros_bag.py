@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.recording.bag_files import MCAP, ROS1, files_of
 from fltea.recording.bag_imu import Encoding, read_imu
 from fltea.recording.bag_messages import Batch, Topic
-from fltea.recording.bag_ros1 import MAGIC, read_ros1
-from fltea.recording.bag_ros2 import MCAP, files_of, read_mcap, read_sqlite, unpacked_file
+from fltea.recording.bag_ros1 import read_ros1
+from fltea.recording.bag_ros2 import read_mcap, read_sqlite, unpacked_file
 from fltea.recording.bag_stamps import Stamps, Times, is_arrival, is_uneven, judge
 from fltea.recording.files import (
     AT_ONCE,
@@ -22,6 +23,7 @@ from fltea.recording.files import (
     Recording,
     Stored,
     check_span,
+    listed,
 )
 from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.lines import shown
@@ -78,8 +80,8 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
             f"{path}: has {len(several)} Imu topics; name one of them, such as --topic "
             f"{visible(min(several))}:\n{_listed(topics, imu_only=True)}"
         )
-    others = sorted(several - {chosen.name})
-    return messages.stored(visible(chosen.name), others, _few(notes))
+    stored = messages.stored(visible(chosen.name), sorted(several - {chosen.name}), _few(notes))
+    return stored._replace(about=_about(chosen, topics))
 
 
 def _is_named(topic: Topic, name: str | None) -> bool:
@@ -108,6 +110,12 @@ def _listed(topics: dict[Topic, int], *, imu_only: bool = False) -> str:
     return "\n".join(lines + more)
 
 
+def _about(chosen: Topic, topics: dict[Topic, int]) -> str:
+    others = sorted({topic.name for topic in topics} - {chosen.name})
+    text = f"topic {visible(chosen.name)}, {visible(chosen.type)}"
+    return f"{text}; other topics: {listed(others)}" if others else text
+
+
 def _few(notes: list[Note]) -> list[Note]:
     """The first ones, and how many there are of each kind."""
     left = len(notes) - MOST_NOTES
@@ -125,8 +133,8 @@ def _batches(path: Path, limits: Limits) -> Iterator[Batch | Note]:
         try:
             with unpacked_file(file, limits) as unpacked:
                 with unpacked.open("rb") as opened:
-                    begin = opened.read(len(MAGIC))
-                if begin.startswith(MAGIC):
+                    begin = opened.read(len(ROS1))
+                if begin.startswith(ROS1):
                     yield from read_ros1(unpacked, limits)
                 elif begin.startswith(MCAP):
                     yield from read_mcap(unpacked, limits)

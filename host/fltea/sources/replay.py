@@ -14,7 +14,6 @@ from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
 from fltea.recording.npz_file import open_npz
-from fltea.recording.ros_bag import open_bag
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import (
@@ -70,6 +69,7 @@ class ReplaySource:
         self._closed = False
         self._mcap: McapRecording | None = None
         self._offset_ns = 0
+        self.about = ""
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         kind, file = "mcap", None
@@ -99,6 +99,8 @@ class ReplaySource:
             if kind == "npz":
                 recording = open_npz(path, limits)
             elif kind == "bag":
+                from fltea.recording.ros_bag import open_bag  # SQLite loads where it is needed
+
                 recording = open_bag(path, how, limits)
             else:
                 recording = open_csv(
@@ -106,7 +108,7 @@ class ReplaySource:
                 )
             self._events = _from_recording(name, recording, shuffle)
             samples = recording.samples
-            self._offset_ns = recording.start_unix_ns
+            self._offset_ns, self.about = recording.start_unix_ns, recording.about
         if kind != "csv" and how.of_text:
             raise UsageError(
                 f"{path}: --columns, --units, --rate and --time-column are for text; this one names its own."
