@@ -182,7 +182,21 @@ def test_values_that_are_no_numbers_are_missing_samples(tmp_path: Path) -> None:
     whole = stored.whole()
     assert whole.seq is not None
     assert np.setdiff1d(np.arange(300), whole.seq).tolist() == [70, 71, 200]
-    assert "3 messages hold a rate that is no number" in told(stored)["bag_messages"]
+    assert "3 messages hold what is no number" in told(stored)["bag_messages"]
+
+
+def test_accelerations_that_are_no_numbers(tmp_path: Path) -> None:
+    rest = even(300)
+    accel = np.array(rest.accel_ms2)
+    accel[[10, 20], 2] = np.inf
+    whole = open_bag(write_bag(tmp_path / "a.bag", {"/imu": rest._replace(accel_ms2=accel)})).whole()
+    assert whole.accel_ms2 is not None
+    assert whole.seq is not None
+    assert np.setdiff1d(np.arange(300), whole.seq).tolist() == [10, 20]
+    stored = open_bag(write_bag(tmp_path / "b.bag", {"/imu": rest._replace(accel_ms2=accel * np.nan)}))
+    assert stored.samples == 300
+    assert stored.whole().accel_ms2 is None
+    assert "the acceleration is left out" in told(stored)["bag_messages"]
 
 
 # --- limits and damage ---

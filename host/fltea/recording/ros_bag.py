@@ -157,8 +157,8 @@ class _Messages:
         self._last: NDArray[np.int64] | None = None
         self._unusable = self._not_numbers = self._twice = 0
         self._moves = self._accel_moves = False
-        self._has_accel = True
-        self._measured = self._measured_accel = self._measured_any = False
+        self._bad_accel = 0
+        self._measured = self._measured_accel = False
 
     def add(self, batch: Batch) -> None:
         """Take the next ones; they are looked at many at a time."""
@@ -179,22 +179,19 @@ class _Messages:
             messages = tuple(map(_unpacked, messages))
         imu = read_imu(messages, self._encoding)
         self._unusable += len(messages) - len(imu.row)
-        numbers: NDArray[np.bool_] = np.asarray(np.isfinite(imu.gyro_rads).all(axis=1))
+        numbers = _of_sensor(imu.gyro_rads, LARGEST_DPS / PER_UNIT["rad/s"])
         self._not_numbers += len(numbers) - int(np.count_nonzero(numbers))
         stamp_ns, arrival_ns = imu.stamp_ns, np.array(arrivals, np.int64)[imu.row]
-        gyro = imu.gyro_rads * PER_UNIT["rad/s"]
         self._measured |= bool(imu.measured.any())
         self._measured_accel |= bool(imu.measured_accel.any())
-        rows = np.column_stack([gyro, imu.accel_ms2, stamp_ns.view(np.float64)])
+        rows = np.column_stack([imu.gyro_rads, imu.accel_ms2, stamp_ns.view(np.float64)])
         again = self._repeated(rows) & numbers
         self._twice += int(np.count_nonzero(again))
         keep = numbers & ~again
-        gyro, accel = gyro[keep], imu.accel_ms2[keep]
-        if (np.abs(gyro) > LARGEST_DPS).any():
-            raise UsageError(f"{self._path}: an angular velocity of more than {LARGEST_DPS:g} deg/s is none.")
+        gyro, accel = imu.gyro_rads[keep] * PER_UNIT["rad/s"], imu.accel_ms2[keep]
         self._moves |= bool(gyro.any())
         self._accel_moves |= bool(accel.any())
-        self._has_accel &= bool((np.abs(accel) <= LARGEST_DPS).all())
+        self._bad_accel += int(np.count_nonzero(~_of_sensor(accel, LARGEST_DPS)))
         size = (self._spool.length("gyro") + len(gyro)) * NUMBERS * NUMBER_BYTES
         if size > self._limits.whole_bytes:
             raise self._limits.whole_too_large(str(self._path), size)
@@ -223,8 +220,9 @@ class _Messages:
     def stored(self, topic: str, others: list[str], notes: list[Note]) -> Stored:
         """All of them as a recording."""
         self._look()
-        n = self._spool.length("gyro")
         where = f"{self._path}: topic {topic}"
+        self._clean_accel()
+        n = self._spool.length("gyro")
         self._check(where, n, others)
         notes += self._of_messages(where)
         stamps, times_are_arrivals, told = self._judged(where)
@@ -232,7 +230,7 @@ class _Messages:
         rate_hz = 1e9 / stamps.period_ns
         last = int(stamps.sequence(n - 1, n)[0])
         check_span(self._path, rate_hz, n, last / rate_hz)
-        if not (self._has_accel and self._accel_moves and self._measured_accel):
+        if not (self._accel_moves and self._measured_accel):
             self._spool.drop("accel")
         arrival_ns: Times = self._spool.whole("arrival")
         start_ns = int(arrival_ns[0])
@@ -246,12 +244,27 @@ class _Messages:
         blocks = partial(_blocks, self._spool, stamps, rate_hz, start_ns)
         return Stored(n, rate_hz, None, None, blocks, tuple(notes), start_ns if sane else 0)
 
+    def _clean_accel(self) -> None:
+        """Leave out messages whose acceleration is none; if most are so, leave out the acceleration."""
+        if self._bad_accel > self._spool.length("gyro") // 2:
+            self._spool.drop("accel")
+        elif self._bad_accel:
+            names = ["gyro", "accel", "stamp", "arrival"]
+            spool = Spool()
+            for values in self._spool.blocks(names, AT_ONCE):
+                keep = _of_sensor(values[1], LARGEST_DPS)
+                for name, column in zip(names, values, strict=True):
+                    spool.append(name, column[keep])
+            self._spool.close()
+            self._spool = spool
+            self._not_numbers += self._bad_accel
+
     def _check(self, where: str, n: int, others: list[str]) -> None:
         instead = f" Other Imu topics of this bag: {', '.join(map(visible, others))}." if others else ""
         if not n:
             raise UsageError(
                 f"{where}: none of its messages can be used ({self._unusable} are not of the layout of "
-                f"sensor_msgs/Imu, {self._not_numbers} hold no numbers).{instead}"
+                f"sensor_msgs/Imu, {self._not_numbers} hold no rates).{instead}"
             )
         if not self._moves:
             said = "" if self._measured else ", and the messages say that it was not measured"
@@ -262,12 +275,12 @@ class _Messages:
     def _of_messages(self, where: str) -> list[Note]:
         found = [
             (self._unusable, "have not the layout of sensor_msgs/Imu and are left out"),
-            (self._not_numbers, "hold a rate that is no number and count as missing"),
+            (self._not_numbers, "hold what is no number, or no sensor's, and count as missing"),
             (self._twice, "stand there twice and are taken once"),
         ]
         told = [f"{count} messages {what}" for count, what in found if count]
-        if not self._has_accel:
-            told.append("the acceleration is left out, since some of it is no number or no acceleration")
+        if self._bad_accel and "accel" not in self._spool:
+            told.append("the acceleration is left out, since most of it is no number, or no sensor's")
         return [Note("bag_messages", f"{where}: {'; '.join(told)}.")] if told else []
 
     def _judged(self, where: str) -> tuple[Stamps, bool, list[Note]]:
@@ -304,6 +317,11 @@ class _Messages:
         if len(stamps.epoch_row):
             told.append(f"the clock was set {len(stamps.epoch_row)} times; a new stretch begins at each")
         return stamps, no_stamps, [Note("bag_stamps", f"{where}: {'; '.join(told)}.")] if told else []
+
+
+def _of_sensor(values: NDArray[np.float64], largest: float) -> NDArray[np.bool_]:
+    """Which rows are numbers that a sensor may give; NaN compares as False."""
+    return np.asarray((np.abs(values) <= largest).all(axis=1))
 
 
 def _unpacked(message: bytes) -> bytes:
