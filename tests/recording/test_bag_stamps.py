@@ -76,6 +76,17 @@ def test_a_gap_between_late_stamps() -> None:
     assert found.missing.tolist() == [7]
 
 
+def test_late_stamps_just_before_and_after_a_gap() -> None:
+    number = np.setdiff1d(np.arange(N), np.arange(1000, 1007))
+    stamps = number * PERIOD_NS
+    stamps[997:1000] += np.array([4, 8, 12]) * PERIOD_NS // 10  # later and later, none by a step of its own
+    assert judge(stamps, None).missing.tolist() == [7]
+    stamps[1000:1003] += np.array([19, 14, 9]) * PERIOD_NS // 10
+    assert judge(stamps, None).missing.tolist() == [7]
+    stamps[999] += 3 * PERIOD_NS  # nobody can know on which side of this one the samples were lost
+    assert judge(stamps, None).missing.sum() == 7
+
+
 def test_stamps_of_milliseconds_are_no_jitter_that_matters() -> None:
     stamps = np.rint(np.arange(N) * 1e9 / 150 / 1e6).astype(np.int64) * 1_000_000
     found = judge(stamps, None)

@@ -89,6 +89,18 @@ def test_messages_are_read_as_rosbags_writes_them(
     assert found.accel_ms2.tolist() == [values[3:]] * 2
 
 
+@pytest.mark.parametrize("frame", ["imu", "imu0", "imu_link", ""])
+def test_messages_of_xcdr_2_are_aligned_to_four_bytes(frame: str) -> None:
+    ((_, data),) = serialised(Messages([START_NS], [[1.5, 2.5, 3.5]], [[4.5, 5.5, 6.5]], frame=frame), False)
+    text = 4 + 12 + len(frame) + 1  # the head, two numbers, the length of a text, and the text with its zero
+    numbers = data[len(data) - 37 * 8 :]
+    packed = b"\0\7\0\0" + data[4:text] + bytes(-text % 4) + numbers
+    found = read_imu([packed], "cdr")
+    assert found.gyro_rads.tolist() == [[1.5, 2.5, 3.5]]
+    assert found.accel_ms2.tolist() == [[4.5, 5.5, 6.5]]
+    assert not len(read_imu([b"\0\2\0\0" + packed[4:]], "cdr").row)  # a list of parameters
+
+
 # --- topics ---
 
 
@@ -264,6 +276,17 @@ def test_a_bag_that_is_cut_gives_what_it_holds(
     np.testing.assert_allclose(np.radians(rows), np.asarray(even(N).gyro_rads)[number], rtol=1e-14)
     if kind == "bag":
         assert len(rows) > 0.8 * share * N - 60
+
+
+def test_a_bag_without_its_index_was_not_closed(whole_files: Files, tmp_path: Path) -> None:
+    data = whole_files["bag"]
+    index = int.from_bytes(data[data.index(b"index_pos=") + 10 :][:8], "little")
+    for end in (index, data.rindex(b"chunk_pos=") - 20, len(data) - 1):
+        events = read_anything(tmp_path / "a.bag", data[:end])
+        assert sum(len(event.gyro) for event in events if isinstance(event, RawBlock)) == N
+        assert [event.kind for event in events if isinstance(event, Trouble)] == ["cut_recording"]
+    never_closed = data[:index].replace(b"index_pos=" + index.to_bytes(8, "little"), b"index_pos=" + bytes(8))
+    assert len(read_anything(tmp_path / "b.bag.active", never_closed)) > 1
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "lz4"])
