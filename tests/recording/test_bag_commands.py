@@ -11,6 +11,9 @@ from fltea.identify.load import Request, load, recordings
 from fltea.recording.how import How
 from fltea.recording.npz_file import open_npz
 from fltea.recording.ros_bag import open_bag
+from fltea.records.errors import UsageError
+from fltea.records.events import RawBlock
+from fltea.sources.replay import ReplaySource
 from host_support import fltea
 
 N = 1200
@@ -87,6 +90,23 @@ def test_several_bags_are_several_recordings(tmp_path: Path) -> None:
     for one in loose:
         one.write_bytes(file.read_bytes())
     assert recordings([tmp_path / "loose"]) == [(one,) for one in loose]
+
+
+def test_a_folder_of_bags_is_no_recording(tmp_path: Path) -> None:
+    for kind in KINDS:
+        write_bag(tmp_path / f"a.{kind}", {"/imu": even(30)})
+    with pytest.raises(UsageError, match=r"folder of 3 bags; name one of them: a\.bag, a\.db3, a\.mcap"):
+        ReplaySource(tmp_path)
+
+
+def test_a_bag_can_be_shuffled(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "a.bag", {"/imu": even(30)})
+    plain, shuffled = (
+        np.concatenate([e.gyro for e in ReplaySource(path, shuffle=seed).events() if isinstance(e, RawBlock)])
+        for seed in (None, 3)
+    )
+    assert not np.array_equal(shuffled, plain)
+    np.testing.assert_array_equal(np.sort(shuffled, axis=0), np.sort(plain, axis=0))
 
 
 def test_a_bag_in_several_files(tmp_path: Path) -> None:

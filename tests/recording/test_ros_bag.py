@@ -232,6 +232,14 @@ class Files(dict[str, bytes]):
         return "the files"
 
 
+def test_what_is_no_bag(tmp_path: Path) -> None:
+    path = tmp_path / "a.bag"
+    for data in (b"", b"hello", b"#ROSBAG V1.2\n"):
+        path.write_bytes(data)
+        with pytest.raises(UsageError, match=r"a\.bag: cannot be read as a bag \(it"):
+            open_bag(path)
+
+
 @pytest.fixture(scope="module")
 def whole_files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     folder = tmp_path_factory.mktemp("bags")

@@ -27,7 +27,7 @@ PROFILE_AT = len(MCAP) + 1 + 8
 
 def files_of(folder: Path) -> list[Path]:
     """The files of a bag that is a folder, in the order of their numbers."""
-    plain = {file for pattern in OF_FOLDERS for file in folder.glob(pattern)}
+    plain = {file for pattern in OF_FOLDERS for file in folder.glob(pattern) if file.is_file()}
     packed = [file for pattern in OF_FOLDERS for file in folder.glob(pattern + PACKED)]
     return sorted([*plain, *(file for file in packed if file.with_suffix("") not in plain)], key=_number)
 

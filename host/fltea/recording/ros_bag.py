@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.recording.bag_files import MCAP, ROS1, files_of
+from fltea.recording.bag_files import MCAP, ROS1, SQLITE, files_of
 from fltea.recording.bag_imu import Encoding, read_imu
 from fltea.recording.bag_messages import Batch, Topic
 from fltea.recording.bag_ros1 import read_ros1
@@ -104,7 +104,7 @@ def _listed(topics: dict[Topic, int], *, imu_only: bool = False) -> str:
     known = sorted(item for item in topics.items() if item[0].is_imu or not imu_only)
     lines = []
     for topic, count in known[:MOST_NAMES]:
-        messages = f"{count} messages" if count or topic.is_imu else ""
+        messages = f"{count} message{'s' * (count != 1)}" if count or topic.is_imu else ""
         lines.append(f"  {visible(topic.name)}  ({', '.join(filter(None, [visible(topic.type), messages]))})")
     more = [f"  … {len(known)} in all"] if len(known) > MOST_NAMES else []
     return "\n".join(lines + more)
@@ -138,8 +138,10 @@ def _batches(path: Path, limits: Limits) -> Iterator[Batch | Note]:
                     yield from read_ros1(unpacked, limits)
                 elif begin.startswith(MCAP):
                     yield from read_mcap(unpacked, limits)
-                else:
+                elif begin.startswith(SQLITE[: len(ROS1)]):
                     yield from read_sqlite(unpacked, limits)
+                else:
+                    raise ValueError("it begins like none of ROS 1, SQLite and MCAP")
         except (OSError, ValueError) as error:
             if len(files) == 1:
                 raise UsageError(f"{file}: cannot be read as a bag ({error}).") from error

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.recording.bag_files import bags_in
 from fltea.recording.csv_file import open_csv
-from fltea.recording.files import Recording, Stored
+from fltea.recording.files import Recording, Stored, listed
 from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
@@ -164,8 +165,12 @@ def open_mcap(
     """What opens a recording in MCAP files, each time from its beginning.
 
     Raises:
-        UsageError: the library is not installed, or `sources.mcap.find_parts` finds no one session.
+        UsageError: the library is not installed, `sources.mcap.find_parts` finds no one session, or these are
+            bags of ROS.
     """
+    if bags := [bag for path in paths for bag in bags_in(path)]:
+        names = listed([bag.name for bag in bags])
+        raise UsageError(f"{paths[0]}: is a folder of {len(bags)} bags; name one of them: {names}.")
     library = _mcap_library()
     parts = library.find_parts(paths)
     return lambda: library.McapRecording(parts, name, limits)
