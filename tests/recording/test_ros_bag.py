@@ -1,5 +1,6 @@
 """Bags of ROS 1 and ROS 2, made by `rosbags`, as recordings."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,25 @@ def test_packed_bags(tmp_path: Path, kind: str, packed: str) -> None:
     rest = even(300)
     path = write_bag(tmp_path / f"rest.{kind}", {"/imu": rest}, packed=packed)
     np.testing.assert_allclose(gathered(open_bag(path)), rest.gyro_rads, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("kind", "packed", "library"),
+    [("bag", "lz4", "lz4"), ("db3", "message", "zstandard"), ("mcap", None, "mcap")],
+)
+def test_a_library_that_is_not_there(
+    tmp_path: Path, kind: str, packed: str | None, library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_bag(tmp_path / f"a.{kind}", {"/imu": even(30)}, packed=packed)
+    for name in [
+        library,
+        *(name for name in sys.modules if name.startswith((f"{library}.", "fltea.recording.scan"))),
+    ]:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    for name in (library, f"{library}.frame"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(UsageError, match=rf"package {library}, which is not installed: .*\[ros\]"):
+        open_bag(path)
 
 
 @given(

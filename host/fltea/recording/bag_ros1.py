@@ -13,6 +13,7 @@ from typing import BinaryIO, NamedTuple
 from fltea.recording.bag_files import ROS1
 from fltea.recording.bag_messages import Batch, Topic
 from fltea.recording.files import Note
+from fltea.recording.unpack import unpacked_bz2, unpacked_lz4
 from fltea.settings.extras import load
 from fltea.settings.limits import Limits
 
@@ -135,10 +136,11 @@ def _read_chunk(
     if compression != b"none":
         if compression not in (b"lz4", b"bz2"):
             return f"no reader for chunks that are packed by {compression[:20]!r}"
-        unpack = load("fltea.recording.unpack", "lz4", "ros", "Bags that are packed need")
+        if compression == b"lz4":
+            load("lz4.frame", "lz4", "ros", "Bags that are packed in LZ4 need")
         most = limits.chunk_bytes + 1
         try:
-            data = (unpack.unpacked_lz4 if compression == b"lz4" else unpack.unpacked_bz2)(packed, most)
+            data = (unpacked_lz4 if compression == b"lz4" else unpacked_bz2)(packed, most)
         except (OSError, ValueError, RuntimeError, EOFError) as error:
             return str(error)
         if len(data) == most:

@@ -184,7 +184,7 @@ def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
     if path.suffix != PACKED:
         yield path
         return
-    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed need")
+    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / path.stem
         try:

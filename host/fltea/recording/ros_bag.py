@@ -30,6 +30,7 @@ from fltea.recording.lines import shown
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
+from fltea.recording.unpack import unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible
 from fltea.settings.extras import load
@@ -329,9 +330,9 @@ def _of_sensor(values: NDArray[np.float64], largest: float) -> NDArray[np.bool_]
 def _unpacked(message: bytes) -> bytes:
     if not message.startswith(ZSTD):
         return message
-    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed need")
+    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
     with contextlib.suppress(zstandard.ZstdError):
-        return bytes(zstandard.ZstdDecompressor().stream_reader(message).read(LONGEST_MESSAGE))
+        return unpacked_zstd(message, LONGEST_MESSAGE)
     return b""
 
 
