@@ -79,6 +79,14 @@ def test_what_a_bag_tells_of_itself_is_a_trap(tmp_path: Path) -> None:
     assert len(summary.notes) == 2
 
 
+def test_clocks_that_go_at_different_rates_are_a_trap(tmp_path: Path) -> None:
+    rest = even(N, 50.0)
+    late = (np.array(rest.stamp_ns) + np.arange(N) * 200_000).tolist()  # 1 % slower
+    loaded = load(Request((write_bag(tmp_path / "a.bag", {"/imu": rest._replace(arrival_ns=late)}),)))
+    assert loaded.clock_ppm == pytest.approx(-9900, rel=0.02)
+    assert "sample rate" in {trap.kind for trap in loaded.traps}
+
+
 def test_several_bags_are_several_recordings(tmp_path: Path) -> None:
     paths = [write_bag(tmp_path / f"{i}.{kind}", {"/imu": even(30)}) for i, kind in enumerate(KINDS)]
     assert recordings(paths) == [(path,) for path in paths]
