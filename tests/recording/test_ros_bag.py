@@ -1,5 +1,7 @@
 """Bags of ROS 1 and ROS 2, made by `rosbags`, as recordings."""
 
+import contextlib
+import sqlite3
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ from fltea.recording.bag_imu import read_imu
 from fltea.recording.how import How
 from fltea.recording.kind import is_one_file
 from fltea.recording.ros_bag import open_bag
+from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import RawBlock, Trouble
 from fltea.settings.limits import Limits
@@ -258,6 +261,44 @@ def test_what_is_no_bag(tmp_path: Path) -> None:
         path.write_bytes(data)
         with pytest.raises(UsageError, match=r"a\.bag: cannot be read as a bag \(it"):
             open_bag(path)
+
+
+def test_other_files_of_sqlite(tmp_path: Path) -> None:
+    endless = (
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i FROM n) SELECT i AS id, 1 AS topic_id FROM n"
+    )
+    for name, schema in {
+        "empty": "CREATE TABLE words(id)",
+        "view": f"CREATE TABLE topics(id, name, type); CREATE VIEW messages AS {endless}",
+    }.items():
+        path = tmp_path / f"{name}.db3"
+        with contextlib.closing(sqlite3.connect(path)) as connection:
+            connection.executescript(schema)
+        with pytest.raises(UsageError, match=r"it has no table (topics|messages)"):
+            open_bag(path)
+    path = write_bag(tmp_path / "odd.db3", {"/imu": even(30)})
+    (file,) = path.glob("*.db3")
+    with contextlib.closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute("UPDATE messages SET timestamp = 'soon' WHERE id = 3")
+        connection.execute("UPDATE messages SET data = 'words' WHERE id = 4")
+        connection.execute("UPDATE messages SET data = zeroblob(200000) WHERE id = 5")
+        connection.execute("INSERT INTO topics SELECT 9, name, type, 'json', '', '' FROM topics")
+    stored = open_bag(path)
+    assert stored.samples == 28
+    assert "2 messages have not the layout" in told(stored)["bag_messages"]
+    with pytest.raises(UsageError, match="no Imu messages of the topic '/other'"):
+        open_bag(path, How(topic="/other"))
+
+
+def test_a_full_disk_for_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_bag(tmp_path / "a.bag", {"/imu": even(30)})
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Spool, "append", full)
+    with pytest.raises(UsageError, match=r"a\.bag: its numbers cannot be kept in a temporary file.*No space"):
+        open_bag(path)
 
 
 @pytest.fixture(scope="module")

@@ -43,6 +43,8 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
     """
     try:
         with _whole_pages(path) as (file, is_cut), contextlib.closing(_open_sqlite(file)) as connection:
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, limits.chunk_bytes)
+            _check_tables(connection)
             topics = {}
             for number, *told in connection.execute(
                 "SELECT id, name, type, serialization_format FROM topics"
@@ -55,6 +57,14 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
         raise ValueError(f"no bag of ROS 2 in SQLite, or damaged where it begins: {error}") from error
 
 
+def _check_tables(connection: sqlite3.Connection) -> None:
+    """Raise ValueError where the tables of a bag are none: a view may compute rows without end."""
+    kinds = dict(connection.execute("SELECT name, type FROM sqlite_master").fetchall())
+    for name in ("topics", "messages"):
+        if kinds.get(name) != "table":
+            raise ValueError(f"no bag of ROS 2 in SQLite: it has no table {name}")
+
+
 def _open_sqlite(path: Path) -> sqlite3.Connection:
     """Open a file to be read only. A log of writes that a killed recorder left is read too, if it can be."""
     uri = path.resolve().as_uri()
@@ -63,6 +73,7 @@ def _open_sqlite(path: Path) -> sqlite3.Connection:
         connection = sqlite3.connect(f"{uri}?{mode}", uri=True)
         try:
             connection.text_factory = lambda text: text.decode(errors="replace")
+            connection.execute("PRAGMA trusted_schema=OFF")
             connection.execute("PRAGMA writable_schema=ON")  # or a file that is cut is not opened at all
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         except sqlite3.OperationalError:

@@ -58,6 +58,13 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
         UsageError: no such bag, none or several Imu topics (they are listed), no angular velocity in it, or
             more than the limits allow.
     """
+    try:
+        return _open(path, how, limits)
+    except OSError as error:  # of reading a file by itself `_batches` tells
+        raise UsageError(f"{path}: its numbers cannot be kept in a temporary file ({error}).") from error
+
+
+def _open(path: Path, how: How, limits: Limits) -> Stored:
     topics: dict[Topic, int] = {}
     notes: list[Note] = []
     chosen: Topic | None = None
@@ -102,7 +109,8 @@ def _none(path: Path, topics: dict[Topic, int], name: str | None, notes: list[No
 
 def _listed(topics: dict[Topic, int], *, imu_only: bool = False) -> str:
     """A line a topic. Of what cannot be read messages are not always counted."""
-    known = sorted(item for item in topics.items() if item[0].is_imu or not imu_only)
+    known = [item for item in topics.items() if item[0].is_imu or not imu_only]
+    known.sort(key=lambda item: item[0][:2])
     lines = []
     for topic, count in known[:MOST_NAMES]:
         messages = f"{count} message{'s' * (count != 1)}" if count or topic.is_imu else ""
