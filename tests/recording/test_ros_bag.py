@@ -20,6 +20,7 @@ from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
 
 N = 900
 
@@ -72,6 +73,29 @@ def test_packed_bags(tmp_path: Path, kind: str, packed: str) -> None:
     rest = even(300)
     path = write_bag(tmp_path / f"rest.{kind}", {"/imu": rest}, packed=packed)
     np.testing.assert_allclose(gathered(open_bag(path)), rest.gyro_rads, rtol=1e-14)
+
+
+@pytest.mark.parametrize("profile", ["ros1", "ros2", ""])
+@pytest.mark.parametrize("packed", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD, None])
+def test_mcap_by_other_hands(tmp_path: Path, profile: str, packed: CompressionType | None) -> None:
+    """Whatever wrote it: with chunks or without, also messages of ROS 1, also without a profile."""
+    rest = even(50)
+    ros1 = profile == "ros1"
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        unpacked = packed or CompressionType.NONE
+        writer = Writer(file, chunk_size=4000, compression=unpacked, use_chunking=packed is not None)
+        writer.start(profile)
+        name = "sensor_msgs/Imu" if ros1 else "sensor_msgs/msg/Imu"
+        schema = writer.register_schema(name, "ros1msg" if ros1 else "ros2msg", b"")
+        channel = writer.register_channel("/imu", "ros1" if ros1 else "cdr", schema)
+        for arrival, data in serialised(rest, ros1):
+            writer.add_message(channel, arrival, data, arrival)
+        writer.finish()
+    assert is_one_file(path)
+    stored = open_bag(path)
+    np.testing.assert_allclose(gathered(stored), rest.gyro_rads, rtol=1e-14)
+    assert not stored.notes
 
 
 @pytest.mark.parametrize(
