@@ -39,7 +39,7 @@ def samples(source: ReplaySource) -> list[RawSample]:
 
 
 def test_hello_first_then_every_sample(tmp_path: Path) -> None:
-    source = ReplaySource(npz_file(tmp_path, accel_raw=np.ones((300, 3))))
+    source = ReplaySource(npz_file(tmp_path, accel_raw=np.ones((300, 3)), accel_lsb_per_g=16384.0))
     first, *rest = in_samples(source.events())
     assert isinstance(first, Hello)
     assert (first.rate_hz, first.sampling_mode, first.gyro_lsb_per_dps) == (100.0, "recording", 16.4)
@@ -133,7 +133,8 @@ def test_every_row_is_used_whatever_the_times(
 @given(st.integers(0, 2**32))
 @settings(max_examples=20)
 def test_shuffle_is_a_permutation_and_times_stay(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
-    path = npz_file(tmp_path_factory.getbasetemp(), accel_raw=COUNTS + 1000)
+    base = tmp_path_factory.getbasetemp()
+    path = npz_file(base, accel_raw=COUNTS + 1000, accel_lsb_per_g=16384.0)
     plain, shuffled = samples(ReplaySource(path)), samples(ReplaySource(path, shuffle=seed))
     assert [raw[:3] for raw in shuffled] == [raw[:3] for raw in plain]
     assert [raw.gyro for raw in shuffled] != [raw.gyro for raw in plain]
@@ -172,7 +173,7 @@ def test_flags_of_csv_do_not_fit_other_kinds(kind: str, flag: dict[str, Any], tm
 
 
 def test_shuffle_does_not_fit_ndjson(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"--shuffle works on \.npz, CSV"):
+    with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
         ReplaySource(ndjson_file(tmp_path), shuffle=1)
 
 

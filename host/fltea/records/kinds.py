@@ -86,6 +86,16 @@ ERROR_KINDS = (
         "Check `--rate`; name a column of the device's own clock (`--time-column`), if there is one.",
     ),
     ErrorKind(
+        "bag_stamps",
+        "Header stamps of a bag are missing, uneven or run backwards; the text counts them.",
+        "Nothing has to be done; stamps by the sensor's own clock would make rate and gaps surer.",
+    ),
+    ErrorKind(
+        "bag_messages",
+        "Messages of a bag cannot be used, or stand there twice; the text counts them.",
+        "Look at the driver that sent them, if there are many.",
+    ),
+    ErrorKind(
         "device_fault",
         "The device reports a fault of its own or of its sensor; the same one is told once a minute at most.",
         "Do what the text says; host and firmware name the same faults.",
