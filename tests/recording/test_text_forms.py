@@ -279,6 +279,52 @@ def test_a_last_line_that_is_cut_is_left_out_and_told(tmp_path: Path) -> None:
     assert ":4: has 2 fields" in refusal(tmp_path, OURS + "0,1,2,3\n0.1,4,5,6\n0.2,7\n")
 
 
+# --- the accelerometer ---
+
+ACCELS = {
+    "ours": ("accel_{}_ms2", None, 1.0),
+    "in g": ("a{} [g]", None, 9.80665),
+    "EuRoC": ("a_RS_S_{} [m s^-2]", None, 1.0),
+    "phyphox": ("Linear Acceleration {} (m/s^2)", None, 1.0),
+    "a line of units": ("acc_{}", "mg", 9.80665e-3),
+}
+
+
+@pytest.mark.parametrize("name", ACCELS)
+def test_an_accelerometer_whose_unit_is_known_is_read_too(name: str, tmp_path: Path) -> None:
+    form, unit, ms2 = ACCELS[name]
+    header = ["time_s", *[form.format(axis) for axis in "zxy"], "gyro_x_dps"]
+    units = "" if unit is None else ",".join(["s", unit, unit, unit, "dps"]) + "\n"
+    text = ",".join(header) + "\n" + units + "".join(f"{k},3,1,2,{k}\n" for k in range(4))
+    found = stored(tmp_path, text).whole()
+    assert found.gyro.ravel().tolist() == [0, 1, 2, 3]
+    assert found.accel_ms2 == pytest.approx(np.array([[1, 2, 3]] * 4) * ms2)
+    assert stored(tmp_path, text, columns=["gyro_x_dps"], rate_hz=1.0).whole().accel_ms2 is not None
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["ax,ay,az", "ax [g],ay [g],az", "ax [g],ay [g],az [m/s^2]", "ax [g],ay [g],p", "ax [g],ax [g],az [g]"],
+)
+def test_an_accelerometer_that_leaves_a_doubt_is_not_read(header: str, tmp_path: Path) -> None:
+    found = stored(tmp_path, f"gyro_x_dps,{header}\n1,0,0,x\n", rate_hz=1.0)
+    assert found.whole().accel_ms2 is None
+    assert found.notes == ()
+
+
+def test_an_accelerometer_with_missing_numbers_is_left_out_and_told(tmp_path: Path) -> None:
+    rows = ["1,0,0,1", "nan,0,,1", "2,0,0,1", "3,0,,1", "4,,,"]
+    text = "gyro_x_dps,accel_x_ms2,accel_y_ms2,accel_z_ms2\n" + "\n".join(rows) + "\n"
+    found = stored(tmp_path, text, rate_hz=1.0)
+    assert found.whole().gyro.ravel().tolist() == [1, 2, 3, 4]
+    assert found.whole().accel_ms2 is None
+    assert [note.kind for note in found.notes] == ["missing_numbers"] * 2
+    assert ":5: accel_x_ms2, accel_y_ms2, accel_z_ms2: no acceleration stands here" in found.notes[0].text
+    whole = stored(tmp_path, "\n".join(text.split("\n")[:4]) + "\n", rate_hz=1.0).whole()
+    assert whole.accel_ms2 is not None
+    assert whole.accel_ms2.tolist() == [[0, 0, 1]] * 2
+
+
 # --- times ---
 
 

@@ -1,78 +1,33 @@
 """Which columns of a table are meant: by what the user says, or by names that leave no doubt (pure)."""
 
-import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from fltea.recording.files import LONGEST_NAME, TIME_COLUMN, UNITS_HELP, listed, parse_units
+from fltea.recording.column_names import (
+    ACCEL_MS2,
+    RATE_UNITS,
+    TIME_UNITS,
+    accel_axis_of,
+    accel_unit_of,
+    axis_of,
+    bare_unit,
+    is_time,
+    rate_unit_of,
+    time_unit_of,
+)
+from fltea.recording.files import TIME_COLUMN, UNITS_HELP, listed, parse_units
 from fltea.recording.how import How, TimeUnit
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
-TIME_UNITS: dict[str, TimeUnit] = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds", "millisecond"), "ms"),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microseconds", "microsecond"), "us"),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds", "nanosecond"), "ns"),
-}
-"""As they are written behind a name, in small letters."""
-
-RATE_UNITS = {
-    **dict.fromkeys(
-        ("deg/s", "°/s", "º/s", "dps", "degs^-1", "degs-1", "deg/sec", "degps", "deg_s"), "deg/s"
-    ),
-    **dict.fromkeys(("degree/s", "degrees/s", "deg_per_s", "deg_per_sec", "degrees/sec"), "deg/s"),
-    **dict.fromkeys(("mdps", "mdeg/s", "m°/s"), "mdps"),
-    **dict.fromkeys(
-        ("rad/s", "rads^-1", "rads-1", "rad/sec", "radps", "rad_s", "rads", "rad_per_s"), "rad/s"
-    ),
-}
-OTHER_UNITS = {
-    "g",
-    "mg",
-    "m/s^2",
-    "m/s2",
-    "m/s²",
-    "ms^-2",
-    "m/s/s",
-    "c",
-    "°c",
-    "degc",
-    "k",
-    "deg",
-    "rad",
-    "°",
-}
-OTHER_UNITS |= {"ut", "µt", "gauss", "pa", "hpa", "v", "mv", "hz", "lsb", "counts", "raw", "%"}
-"""Of columns beside them; a second line of a header has them too."""
-
-TIME_NAMES = {"time", "t", "timestamp", "timestamps", "time_stamp", "stamp", "ts", "times", "elapsed"}
-TIME_NAMES |= {
-    "elapsed_time",
-    "device_time",
-    "sensor_time",
-    "sample_time",
-    "header_stamp",
-    "time_since_start",
-}
-
-_PREFIX = r"(?:(?:field|imu\d*|imu_raw|imu_data|data|sensor|raw|board|mpu\d*|icm\d*)_)*"
-_LONG = (
-    r"gyroscope|gyros?|gyr|angular_velocity|angular_rate|ang_vel|angvel|omega|rotation_rate|rot_rate|w_rs_s"
-)
-_AXIS = re.compile(rf"{_PREFIX}(?:(?:{_LONG})_?|[gw]_?)([xyz])")
-_NUMBERED = re.compile(rf"{_PREFIX}(?:{_LONG}|gyroadc)(?:_rad)?\[([012])\]")
-"""As PX4 and Betaflight call axes."""
-
-_UNIT_BEHIND = re.compile(r"(.+?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
-
 
 class Chosen(NamedTuple):
     """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
 
-    factor, lsb: as of `parse_units`. time_unit: None if neither the name nor the user says it.
+    factor, lsb: as of `parse_units`. time_unit: None if neither the name nor the user says it. accel: places
+    of the accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit.
     """
 
     names: list[str]
@@ -82,11 +37,23 @@ class Chosen(NamedTuple):
     factor: float
     lsb: float | None
     time_unit: TimeUnit | None
+    accel: tuple[int, ...] = ()
+    accel_ms2: float = 1.0
+
+    @property
+    def time_name(self) -> str:
+        """The column of times."""
+        return "" if self.time is None else self.names[self.time]
+
+    @property
+    def needed(self) -> tuple[int, ...]:
+        """Without which a row is no sample: the axes, then the times."""
+        return self.gyro if self.time is None else (*self.gyro, self.time)
 
     @property
     def places(self) -> tuple[int, ...]:
-        """All that is read, the time last."""
-        return self.gyro if self.time is None else (*self.gyro, self.time)
+        """All that is read."""
+        return (*self.needed, *self.accel)
 
     @property
     def read(self) -> list[str]:
@@ -168,43 +135,11 @@ def choose(
     time = _time_of(where, names, how)
     time_unit = how.time_unit
     if time is not None and time_unit is None:
-        time_unit = time_unit_of(names[time]) or TIME_UNITS.get(_bare(beside[time]))
-    return Chosen(list(names), gyro, time, unit, factor, lsb, time_unit)
-
-
-def known_unit(text: str) -> bool:
-    """Whether a field is a unit, of anything that stands in a table of an IMU."""
-    bare = _bare(text)
-    return bare in TIME_UNITS or bare in RATE_UNITS or bare in OTHER_UNITS
-
-
-def time_unit_of(name: str) -> TimeUnit | None:
-    """The unit of times that a name ends in."""
-    base, unit = _parts(name)
-    if unit:
-        return TIME_UNITS.get(_bare(unit))
-    words = _plain(base).split("_")
-    return TIME_UNITS.get(words[-1]) if len(words) > 1 or len(words[0]) > 3 else None
-
-
-def rate_unit_of(name: str) -> str | None:
-    """The unit of angular rates that a name ends in."""
-    base, unit = _parts(name)
-    if unit in ("0", "1", "2"):
-        return "rad/s" if base.lower().endswith("_rad") else None
-    if unit:
-        return RATE_UNITS.get(_bare(unit))
-    plain = base.strip().lower()
-    return next((known for end, known in RATE_UNITS.items() if plain.endswith(f"_{end}")), None)
-
-
-def is_time(name: str) -> bool:
-    """Whether a name is one of times, without a doubt."""
-    plain = _plain(_parts(name)[0]).removeprefix("field_").removeprefix("imu_")
-    if plain in TIME_NAMES:
-        return True
-    base, _, end = plain.rpartition("_")
-    return (base in TIME_NAMES and end in TIME_UNITS) or (plain in TIME_UNITS and len(plain) > 3)
+        time_unit = time_unit_of(names[time]) or TIME_UNITS.get(bare_unit(beside[time]))
+    accel, accel_ms2 = _accel_of(names, beside)
+    if {*gyro, time} & {*accel}:
+        accel = ()
+    return Chosen(list(names), gyro, time, unit, factor, lsb, time_unit, accel, accel_ms2)
 
 
 def _axes_of(names: Sequence[str]) -> list[str]:
@@ -214,29 +149,33 @@ def _axes_of(names: Sequence[str]) -> list[str]:
         return ours
     found: dict[str, str] = {}
     for name in names:
-        axis = _axis_of(name)
+        axis = axis_of(name)
         if axis is not None and found.setdefault(axis, name) != name:
             return []
     return [found[axis] for axis in "xyz" if axis in found]
 
 
-def _axis_of(name: str) -> str | None:
-    if len(name) > LONGEST_NAME:
-        return None
-    numbered = _NUMBERED.fullmatch(_plain(name))
-    if numbered is not None:
-        return "xyz"[int(numbered[1])]
-    plain = _plain(_parts(name)[0])
-    end = next((f"_{e}" for e in RATE_UNITS if plain.endswith(f"_{e}")), "")
-    found = _AXIS.fullmatch(plain.removesuffix(end))
-    return found[1] if found is not None else None
+def _accel_of(names: Sequence[str], beside: Sequence[str]) -> tuple[tuple[int, ...], float]:
+    """Places of an accelerometer's axes x, y, z, and m/s² in their unit; none unless all is clear."""
+    found: dict[str, list[int]] = {axis: [] for axis in "xyz"}
+    for place, name in enumerate(names):
+        axis = accel_axis_of(name)
+        if axis is not None:
+            found[axis].append(place)
+    if any(len(places) != 1 for places in found.values()):
+        return (), 1.0
+    accel = tuple(places[0] for places in found.values())
+    units = {accel_unit_of(names[place]) or ACCEL_MS2.get(bare_unit(beside[place])) for place in accel}
+    unit = units.pop()
+    return ((), 1.0) if units or unit is None else (accel, unit)
 
 
 def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known: bool) -> str:
     if how.units is not None:
         return how.units
     said = {
-        rate_unit_of(name) or RATE_UNITS.get(_bare(unit)) for name, unit in zip(names, beside, strict=True)
+        rate_unit_of(name) or RATE_UNITS.get(bare_unit(unit))
+        for name, unit in zip(names, beside, strict=True)
     }
     if len(said) > 1:
         raise UsageError(
@@ -289,24 +228,6 @@ def _by_position(where: str, names: Sequence[str] | None, width: int, wanted: Wa
         )
     lacking = [name for name in wanted.names if name not in names]
     raise UsageError(f"{where}: no column {', '.join(lacking)} (it has: {listed(names)}).")
-
-
-def _parts(name: str) -> tuple[str, str]:
-    """A name and the unit in brackets behind it."""
-    if len(name) > LONGEST_NAME:
-        return name, ""
-    found = _UNIT_BEHIND.fullmatch(name.strip())
-    return (found[1], found[2] or found[3] or "") if found is not None else (name.strip(), "")
-
-
-def _plain(name: str) -> str:
-    """In small letters, with _ for all that separates words."""
-    return re.sub(r"[\s./:\-_]+", "_", name.strip().lower()).strip("_")
-
-
-def _bare(unit: str) -> str:
-    """A unit without brackets, blanks and signs of multiplication."""
-    return re.sub(r"[\s\[\]()*·]", "", unit.lower())
 
 
 def _is_position(name: str) -> bool:

@@ -10,7 +10,8 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import compute, parquet
 
-from fltea.recording.columns import Chosen, choose, is_time
+from fltea.recording.column_names import is_time
+from fltea.recording.columns import Chosen, choose
 from fltea.recording.files import AT_ONCE, Stored, listed
 from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.npz_arrays import NUMBER_BYTES

@@ -27,6 +27,8 @@ from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.settings.limits import Limits
 
+Array = NDArray[np.float64]
+
 
 class Rows(NamedTuple):
     """Some rows.
@@ -87,7 +89,8 @@ class _Table:
         self._limits = limits
         self._spool = Spool()
         self._rows = self._missing = self._first_missing = 0
-        self._some = np.zeros(len(chosen.places), dtype=bool)
+        self._some = np.zeros(len(chosen.needed), dtype=bool)
+        self._has_accel = bool(chosen.accel)
         self._first_time: float | None = None
         self.notes: list[Note] = []
         self._last_time = 0.0
@@ -100,10 +103,11 @@ class _Table:
         if len(values) > fits:
             size = (self._most // width + 1) * width * NUMBER_BYTES
             raise self._limits.whole_too_large(self._place(int(numbers[fits])), size)
+        values, accel = self._without_accel(numbers, values)
         lacks = np.isnan(values)
         infinite = np.isinf(values)
         if infinite.any():
-            row, column = divmod(int(np.argmax(infinite)), width)
+            row, column = divmod(int(np.argmax(infinite)), values.shape[1])
             name = self._chosen.read[column]
             raise UsageError(f"{self._place(int(numbers[row]))}: column '{name}' is not a finite number.")
         rows = np.arange(self._rows, self._rows + len(values))
@@ -114,7 +118,12 @@ class _Table:
             if not self._missing:
                 self._first_missing = int(numbers[int(np.argmax(missing))])
             self._missing += int(missing.sum())
-            numbers, values, rows = numbers[~missing], values[~missing], rows[~missing]
+            numbers, values, rows, accel = (
+                numbers[~missing],
+                values[~missing],
+                rows[~missing],
+                accel[~missing],
+            )
             if not len(values):
                 return
         with np.errstate(over="ignore"):
@@ -126,10 +135,29 @@ class _Table:
                 f"{place}: more than {LARGEST_DPS:g} deg/s; is --units {self._chosen.units} right?"
             )
         self._spool.append("gyro", gyro)
+        if self._has_accel:
+            self._spool.append("accel", accel)
         if self._chosen.time is not None:
             self._add_times(numbers, values[:, -1])
         if self._rate_hz is not None:
             self._spool.append("row", rows)
+
+    def _without_accel(self, numbers: NDArray[np.int64], values: NDArray[np.float64]) -> tuple[Array, Array]:
+        """What a sample needs, and m/s²; an accelerometer that is not there for each sample is left out."""
+        needed = len(self._chosen.needed)
+        with np.errstate(over="ignore"):
+            values, accel = values[:, :needed], values[:, needed:] * self._chosen.accel_ms2
+        bad = ~(np.abs(accel) <= LARGEST_DPS).all(axis=1) & ~np.isnan(values).any(axis=1)
+        if self._has_accel and bad.any():
+            self._has_accel = False
+            self._spool.drop("accel")
+            names = listed(self._chosen.read[needed:])
+            text = (
+                f"{self._place(int(numbers[int(np.argmax(bad))]))}: {names}: no acceleration stands here, so "
+                "the accelerometer is left out."
+            )
+            self.notes.append(Note("missing_numbers", text))
+        return values, accel
 
     def _add_times(self, numbers: NDArray[np.int64], times: NDArray[np.float64]) -> None:
         if self._first_time is None:
@@ -140,7 +168,7 @@ class _Table:
         steps = np.diff(times, prepend=before)
         if self._rate_hz is None and (steps <= 0).any():
             place = self._place(int(numbers[int(np.argmax(steps <= 0))]))
-            name = self._chosen.read[-1]
+            name = self._chosen.time_name
             raise UsageError(f"{place}: column '{name}': the time does not increase.")
         self._last_time = float(times[-1])
         self._spool.append("time", times)
@@ -152,7 +180,7 @@ class _Table:
         if not self._rows:
             raise UsageError(f"{path}: has a header but no rows.")
         if not n:
-            empty = [name for name, some in zip(chosen.read, self._some, strict=True) if not some]
+            empty = [name for name, some in zip(chosen.read, self._some, strict=False) if not some]
             where = f"column {listed(empty)} is empty" if empty else "no row has numbers in all columns"
             raise UsageError(f"{self._place(self._first_missing)}: {where} ({listed(chosen.read)} are read).")
         if self._missing:
@@ -163,12 +191,12 @@ class _Table:
             notes.append(Note("missing_numbers", text))
         step, scale = None, 1.0
         if self._rate_hz is None:
-            rate_hz, scale = rate_of(path, chosen.read[-1], chosen.time_unit, spool, self._last_time)
+            rate_hz, scale = rate_of(path, chosen.time_name, chosen.time_unit, spool, self._last_time)
         else:
             rate_hz = self._rate_hz
             check_span(path, rate_hz, n, (n - 1) / rate_hz)
             if chosen.time is not None:
-                name, unit = chosen.read[-1], chosen.time_unit
+                name, unit = chosen.time_name, chosen.time_unit
                 step, told = told_by_times(path, name, unit, spool, rate_hz)
                 notes += [Note("row_times", told)] if told else []
                 spool.drop("time" if step is None else "row")
@@ -181,7 +209,9 @@ def _blocks(
 ) -> Iterator[Recording]:
     """Blocks of samples, numbered by their rows, by steps of their times, or by whoever reads their times."""
     number, last = -1, None
-    for gyro, told in spool.blocks(["gyro", "row" if "row" in spool else "time"], AT_ONCE):
+    columns = ["gyro", "row" if "row" in spool else "time", *(["accel"] if "accel" in spool else [])]
+    for gyro, told, *accel in spool.blocks(columns, AT_ONCE):
+        accel_ms2 = accel[0] if accel else None
         if "row" in spool:
             if last is None:
                 last = int(told[0])
@@ -193,6 +223,6 @@ def _blocks(
             )
             number, last = int(seq[-1]), told[-1]
         else:
-            yield Recording(gyro, rate_hz, told * scale, lsb)
+            yield Recording(gyro, rate_hz, told * scale, lsb, accel_ms2=accel_ms2)
             continue
-        yield Recording(gyro, rate_hz, seq / rate_hz, lsb, seq=seq)
+        yield Recording(gyro, rate_hz, seq / rate_hz, lsb, seq=seq, accel_ms2=accel_ms2)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from fltea.recording.columns import Wanted, known_unit
+from fltea.recording.column_names import known_unit
+from fltea.recording.columns import Wanted
 from fltea.recording.files import listed
 from fltea.recording.lines import shown
 from fltea.records.errors import UsageError
