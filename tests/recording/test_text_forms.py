@@ -255,6 +255,22 @@ def test_what_is_missing_is_a_gap_and_counted(separator: str, timed: bool, tmp_p
         assert ":2: the first of 3 rows (of 10)" in note.text
 
 
+@pytest.mark.parametrize(
+    "header", ["t [ms],wx [rad/s],note\n", "# t_ms,wx_rads,note\n", "a title\nt,x,note\nms,rad/s,-\n"]
+)
+def test_positions_have_the_units_of_the_header_above(header: str, tmp_path: Path) -> None:
+    text = header + "0,1,a\n10,2,b\n20,3,c\n"
+    found = stored(tmp_path, text, columns=["2"], time_column="1")
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.whole().gyro.ravel() == pytest.approx([DEG, 2 * DEG, 3 * DEG])
+    assert stored(tmp_path, text, columns=["2"], units="dps", rate_hz=9.0).whole().gyro[0, 0] == 1
+
+
+def test_names_may_be_numbers(tmp_path: Path) -> None:
+    found = stored(tmp_path, "time_s,2,3\n0,1,5\n1,2,6\n", columns=["3"]).whole()
+    assert found.gyro.ravel().tolist() == [5, 6]
+
+
 def test_one_column_with_decimal_commas(tmp_path: Path) -> None:
     found = stored(tmp_path, "gyro_x_dps\n0,5\n-1,5\n2\n", rate_hz=10.0)
     assert found.whole().gyro.ravel().tolist() == [0.5, -1.5, 2.0]

@@ -11,7 +11,7 @@ import pytest
 from blocks import in_samples, of_samples, place_all, records_of, samples_of
 from fltea.recording.how import How
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, LinkDown, RawBlock, RawSample
+from fltea.records.events import Event, LinkDown, RawBlock, RawSample, Trouble
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, LinkStats, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
@@ -107,6 +107,18 @@ def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
     place, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
     assert (place.delivered, place.lost, place.gaps) == (247, 153, 2)
     assert reasons == ["start", "gap"]
+
+
+def test_an_empty_field_is_a_gap_that_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "rest.csv"
+    path.write_text("gyro_x_dps\n" + "".join("NaN\n" if k in (7, 8) else f"{k}\n" for k in range(20)))
+    source = ReplaySource(path, how=How(rate_hz=100.0))
+    first, told, *_ = source.events()
+    assert isinstance(first, Hello)
+    assert isinstance(told, Trouble)
+    assert (told.kind, told.fatal) == ("missing_numbers", False)
+    place, reasons = walked(ReplaySource(path, how=How(rate_hz=100.0)))
+    assert (place.delivered, place.lost, place.gaps, reasons) == (18, 2, 1, ["start"])
 
 
 def test_half_an_hour_of_nothing_is_silence(tmp_path: Path) -> None:

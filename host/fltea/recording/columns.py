@@ -119,20 +119,22 @@ def choose(
         UsageError: a column is not there, there twice, or its unit is not known.
     """
     wanted = wanted_of(how)
+    labels = list(names or ())
     if names is None or not wanted.are_in(names):
-        names = _by_position(where, names, width, wanted)
-    for name in (*wanted.names, *([] if wanted.columns else _axes_of(names))):
-        if names.count(name) > 1:
+        labels = _by_position(where, names, width, wanted)
+        names = names if wanted.by_position and names is not None and len(names) == width else labels
+    axes = wanted.columns or _axes_of(labels)
+    for name in (*axes, *([wanted.time] if wanted.time is not None else [])):
+        if labels.count(name) > 1:
             raise UsageError(
-                f"{where}: {names.count(name)} columns are called {name}, and which is meant is not known. "
+                f"{where}: {labels.count(name)} columns are called {name}, and which is meant is not known. "
                 "Give them different names."
             )
-    axes = wanted.columns or _axes_of(names)
-    gyro = tuple(names.index(name) for name in axes)
+    gyro = tuple(labels.index(name) for name in axes)
     beside = [units[place] if units is not None and place < len(units) else "" for place in range(len(names))]
     unit = _unit_of(where, [names[p] for p in gyro], [beside[p] for p in gyro], how, known=not wanted.columns)
     factor, lsb = parse_units(unit)
-    time = _time_of(where, names, how)
+    time = _time_of(where, names, how) if wanted.time is None else labels.index(wanted.time)
     time_unit = how.time_unit
     if time is not None and time_unit is None:
         time_unit = time_unit_of(names[time]) or TIME_UNITS.get(bare_unit(beside[time]))
@@ -196,8 +198,6 @@ def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known
 
 
 def _time_of(where: str, names: Sequence[str], how: How) -> int | None:
-    if how.time_column is not None:
-        return list(names).index(how.time_column)
     found = [TIME_COLUMN] if TIME_COLUMN in names else [name for name in names if is_time(name)]
     if not found:
         return None

@@ -52,11 +52,14 @@ def find_layout(path: Path, lines: Sequence[str], wanted: Wanted) -> Layout:
         if found is not None:
             header, names, begin = i, found, i + 1
             break
+        if not is_comment(line) and wanted.are_at(split(line, separator_of(line)[0])):
+            break  # a later row may hold what looks like the names: 2 is a position, and a number
+    units = None
     if names is None:
         begin = _without_header(path, lines, wanted)
+        header, names, units = _names_before(lines, begin)
     rows = [i for i in range(begin, len(lines)) if not is_blank(lines[i])]
-    units = None
-    if names is not None and rows:
+    if names is not None and rows and begin <= rows[0] and units is None:
         units = _units(lines[rows[0]])
         rows = rows[units is not None :]
     rows = [i for i in rows if not is_comment(lines[i])]
@@ -65,7 +68,7 @@ def find_layout(path: Path, lines: Sequence[str], wanted: Wanted) -> Layout:
     fields = split(first, separator)
     if names is not None and len(names) == 1 and DECIMAL_COMMA.fullmatch(first.strip()):
         separator, decimal_comma, fields = None, True, [first.strip()]
-    if names is not None and header is not None and rows:
+    if names is not None and header is not None and rows and not wanted.by_position:
         strict = separator is None or is_comment(lines[header])
         _check_width(f"{path}:{rows[0] + 1}", fields, names, separator, strict=strict)
     return Layout(
@@ -171,6 +174,22 @@ def _without_header(path: Path, lines: Sequence[str], wanted: Wanted) -> int:
         )
     told = f"{no_header}; give positions: --columns 1,2,3" if has is None else listed(has)
     raise UsageError(f"{where}: no column {', '.join(lacking)} (it has: {told}).")
+
+
+def _names_before(lines: Sequence[str], begin: int) -> tuple[int | None, list[str] | None, list[str] | None]:
+    """The header above rows whose columns go by their positions: it may say units. Its line, names, units."""
+    row = split(lines[begin], separator_of(lines[begin])[0])
+    units = None
+    for i in range(begin - 1, -1, -1):
+        text = lines[i].strip().lstrip("#%/").strip()
+        found = split(text, separator_of(text)[0])
+        if len(found) != len(row) or any(map(is_number, found)):
+            continue
+        if units is None and _units(lines[i]) is not None:
+            units = found
+        else:
+            return i, found, units
+    return None, None, None
 
 
 def _what_there_is(lines: Sequence[str]) -> tuple[int, list[str] | None]:
