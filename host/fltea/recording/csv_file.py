@@ -16,6 +16,9 @@ from fltea.recording.text_rows import Lines, RowReader, blocks_of_lines, decoded
 from fltea.records.errors import UsageError
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
+HEAD_BYTES = 1 << 20
+"""Of lines in which a header is looked for."""
+
 BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -50,7 +53,9 @@ def open_csv(
         with file or path.open("rb") as stream:
             blocks = blocks_of_lines(path, stream)
             head = _head(path, blocks)
-            texts = decoded_head(head.lines[: HEAD_LINES + 1])
+            ends = itertools.accumulate(map(len, head.lines[: HEAD_LINES + 1]))
+            most = 1 + sum(end < HEAD_BYTES for end in ends)  # lines may be long, but not all of them
+            texts = decoded_head(head.lines[:most])
             layout = find_layout(path, texts, wanted)
             where = f"{path}:{layout.header + 1}"
             chosen = choose(where, layout.names, layout.units, len(layout.first), how)

@@ -16,6 +16,9 @@ COMMENTS = ("#", "%", "//")
 HEAD_LINES = 200
 """So many lines may stand before the rows."""
 
+MOST_COLUMNS = 10_000
+"""Names in a line; a file of text may hold lines of a million."""
+
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 """What programs write where they have no number; in small letters."""
@@ -142,7 +145,7 @@ def _header(line: str, wanted: Wanted) -> list[str] | None:
     for separator in ("\t", ";", ",", None):
         if separator is None or separator in text:
             names = split(text, separator)
-            if wanted.are_in(names):
+            if len(names) <= MOST_COLUMNS and wanted.are_in(names):
                 return names
     return None
 
