@@ -266,6 +266,12 @@ def test_positions_have_the_units_of_the_header_above(header: str, tmp_path: Pat
     assert stored(tmp_path, text, columns=["2"], units="dps", rate_hz=9.0).whole().gyro[0, 0] == 1
 
 
+def test_rows_may_begin_after_many_comments(tmp_path: Path) -> None:
+    text = OURS + "# a remark\n" * 500 + "0,1,2,3\n1,4,5,6\n"
+    assert stored(tmp_path, text).whole().gyro.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert "no header" in refusal(tmp_path, "# a remark\n" * 500 + text)
+
+
 def test_names_may_be_numbers(tmp_path: Path) -> None:
     found = stored(tmp_path, "time_s,2,3\n0,1,5\n1,2,6\n", columns=["3"]).whole()
     assert found.gyro.ravel().tolist() == [5, 6]

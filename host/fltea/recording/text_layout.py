@@ -66,9 +66,9 @@ def find_layout(path: Path, lines: Sequence[str], wanted: Wanted) -> Layout:
         units = _units(lines[rows[0]])
         rows = rows[units is not None :]
     rows = [i for i in rows if not is_comment(lines[i])]
-    first = lines[rows[0]] if rows else ""
+    first = lines[rows[0]] if rows else "" if header is None else lines[header]
     separator, decimal_comma = separator_of(first)
-    fields = split(first, separator)
+    fields = split(first, separator) if rows else [""] * len(names or ())
     if names is not None and len(names) == 1 and DECIMAL_COMMA.fullmatch(first.strip()):
         separator, decimal_comma, fields = None, True, [first.strip()]
     if names is not None and header is not None and rows and not wanted.by_position:
