@@ -78,7 +78,7 @@ ERROR_KINDS = (
     ErrorKind(
         "missing_numbers",
         "Rows of a table have an empty field or NaN where a number should be; the text counts them.",
-        "Nothing has to be done: their samples count as lost. If there are many, look at the logger.",
+        "Nothing has to be done; if there are many, look at the logger.",
     ),
     ErrorKind(
         "row_times",
