@@ -478,3 +478,30 @@ def test_any_table_gives_finite_numbers_or_a_usage_error(
         assert np.isfinite(found.gyro).all()
         assert len(found.gyro) == len(found.device_s) <= len(rows)
         assert (np.diff(found.device_s) > 0).all()
+
+
+@given(
+    rows=st.lists(
+        st.lists(st.floats(-2000, 2000) | st.just(np.nan), min_size=3, max_size=3), min_size=1, max_size=30
+    ),
+    separator=st.sampled_from([",", ";", "\t", " "]),
+    comma=st.booleans(),
+    empty=st.sampled_from(["", "NA", "nan"]),
+)
+@settings(max_examples=100)
+def test_every_bit_and_every_gap_comes_back(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[list[float]], separator: str, comma: bool, empty: str
+) -> None:
+    empty = empty if separator != " " else "nan"
+    comma = comma and separator in ";\t"
+
+    def written(value: float) -> str:
+        return empty if np.isnan(value) else repr(value).replace(".", "," if comma else ".")
+
+    lines = [separator.join(map(written, row)) for row in [[0.5, -0.25, 1e-7], *rows]]
+    text = "gx gy gz\n".replace(" ", separator) + "\n".join(lines) + "\n"
+    found = stored(tmp_path_factory.getbasetemp(), text, rate_hz=10.0, units="dps").whole()
+    kept = {k: row for k, row in enumerate(rows, 1) if not np.isnan(row).any()}
+    assert found.seq is not None
+    assert found.seq.tolist() == [0, *kept]
+    assert found.gyro.tolist()[1:] == list(kept.values())
