@@ -11,7 +11,7 @@ import pytest
 from blocks import in_samples, of_samples, place_all, records_of, samples_of
 from fltea.recording.how import How
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, LinkDown, RawBlock, RawSample
+from fltea.records.events import Event, LinkDown, RawBlock, RawSample, Trouble
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, LinkStats, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
@@ -39,7 +39,7 @@ def samples(source: ReplaySource) -> list[RawSample]:
 
 
 def test_hello_first_then_every_sample(tmp_path: Path) -> None:
-    source = ReplaySource(npz_file(tmp_path, accel_raw=np.ones((300, 3))))
+    source = ReplaySource(npz_file(tmp_path, accel_raw=np.ones((300, 3)), accel_lsb_per_g=16384.0))
     first, *rest = in_samples(source.events())
     assert isinstance(first, Hello)
     assert (first.rate_hz, first.sampling_mode, first.gyro_lsb_per_dps) == (100.0, "recording", 16.4)
@@ -109,6 +109,18 @@ def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
     assert reasons == ["start", "gap"]
 
 
+def test_an_empty_field_is_a_gap_that_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "rest.csv"
+    path.write_text("gyro_x_dps\n" + "".join("NaN\n" if k in (7, 8) else f"{k}\n" for k in range(20)))
+    source = ReplaySource(path, how=How(rate_hz=100.0))
+    first, told, *_ = source.events()
+    assert isinstance(first, Hello)
+    assert isinstance(told, Trouble)
+    assert (told.kind, told.fatal) == ("missing_numbers", False)
+    place, reasons = walked(ReplaySource(path, how=How(rate_hz=100.0)))
+    assert (place.delivered, place.lost, place.gaps, reasons) == (18, 2, 1, ["start"])
+
+
 def test_half_an_hour_of_nothing_is_silence(tmp_path: Path) -> None:
     times_s = [k * 0.01 + (10_000 if k >= 20 else 0) for k in range(40)]
     place, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
@@ -133,7 +145,8 @@ def test_every_row_is_used_whatever_the_times(
 @given(st.integers(0, 2**32))
 @settings(max_examples=20)
 def test_shuffle_is_a_permutation_and_times_stay(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
-    path = npz_file(tmp_path_factory.getbasetemp(), accel_raw=COUNTS + 1000)
+    base = tmp_path_factory.getbasetemp()
+    path = npz_file(base, accel_raw=COUNTS + 1000, accel_lsb_per_g=16384.0)
     plain, shuffled = samples(ReplaySource(path)), samples(ReplaySource(path, shuffle=seed))
     assert [raw[:3] for raw in shuffled] == [raw[:3] for raw in plain]
     assert [raw.gyro for raw in shuffled] != [raw.gyro for raw in plain]
@@ -167,7 +180,7 @@ def test_recording_has_to_outlast_the_start_up_window(startup: int, good: bool, 
 @pytest.mark.parametrize("flag", [{"columns": ["a"]}, {"units": "dps"}, {"rate_hz": 1.0}])
 def test_flags_of_csv_do_not_fit_other_kinds(kind: str, flag: dict[str, Any], tmp_path: Path) -> None:
     path = npz_file(tmp_path) if kind == "npz" else ndjson_file(tmp_path)
-    with pytest.raises(UsageError, match=r"--rate and --time-column are for text"):
+    with pytest.raises(UsageError, match=r"--rate and --time-column are for text and tables"):
         ReplaySource(path, how=How(**flag))
 
 
@@ -195,7 +208,7 @@ def test_name_that_is_no_text_is_written_as_far_as_it_is(tmp_path: Path) -> None
     assert first.source == f"replay:{tmp_path}/r?st.npz"
 
 
-@pytest.mark.parametrize("name", ["rest.CSV", "rest.txt"])
+@pytest.mark.parametrize("name", ["rest.CSV", "rest.txt", "rest.log", "rest.tsv"])
 def test_endings_of_csv(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text("gx\n1\n2\n")
     assert len(samples(ReplaySource(tmp_path / name, how=How(columns=["gx"], rate_hz=1.0)))) == 2

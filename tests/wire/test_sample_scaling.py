@@ -60,7 +60,11 @@ def test_what_is_not_known_stays_none() -> None:
     sample = scaled(raw())
     assert sample.accel_ms2 is None
     assert sample.temperature_c is None
-    assert scaled(raw(accel=(1, 2, 3)), accel_lsb_per_g=None).accel_ms2 is None
+    assert scaled(raw(accel=(1, 2, 3)), accel_lsb_per_g=0.0).accel_ms2 is None
+
+
+def test_acceleration_without_a_scale_is_in_its_unit_already() -> None:
+    assert scaled(raw(accel=(1.5, -2.25, 9.81)), accel_lsb_per_g=None).accel_ms2 == (1.5, -2.25, 9.81)
 
 
 def test_recording_in_dps_passes_unchanged() -> None:

@@ -28,6 +28,7 @@ AT_ONCE = 8192
 GOALS = {
     "replay of one hour, --format none": ("wall_s", 2.0),
     "replay of one hour, NDJSON to a file": ("wall_s", 8.0),
+    "that CSV, read and checked alone": ("cpu_s", 0.7),
     "24 h from npz, --format none": ("wall_s", 40.0),
     "24 h from MCAP, --format none": ("wall_s", 40.0),
     "24 h, identify": ("wall_s", 60.0),
@@ -101,6 +102,7 @@ def _hour(folder: Path) -> dict[str, Any]:
         "replay of one hour, --format none": lambda: run_fltea(_replay(npz)),
         "replay of one hour, NDJSON to a file": lambda: run_fltea(_replay(npz, "ndjson"), folder / "lines"),
         "the same from CSV, --format none": lambda: run_fltea(_replay(csv)),
+        "that CSV, read and checked alone": lambda: _python(_TEXT.format(str(csv))),
         "the same from MCAP, --format none": lambda: run_fltea(_replay(mcap)),
         "peer: pandas.read_csv of that CSV": lambda: _python(f"import pandas; pandas.read_csv({str(csv)!r})"),
         "peer: mcap's reader over that MCAP": lambda: _python(_MCAP_PEER.format(str(mcap))),
@@ -145,6 +147,13 @@ def _most_devices() -> list[dict[str, Any]]:
         runs.append(bench_daemon.run_once(DEVICES_GOAL, 10.0))
     return runs
 
+
+_TEXT = """
+from pathlib import Path
+from fltea.recording.csv_file import open_csv
+from fltea.recording.how import How
+open_csv(Path({!r}), How(rate_hz=100.0))
+"""
 
 _MCAP_PEER = """
 from pathlib import Path

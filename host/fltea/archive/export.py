@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.files import AT_ONCE
+from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
 from fltea.recording.session import LATEST_NS, Entry
 from fltea.recording.spool import Spool
@@ -80,10 +81,11 @@ def export(
     *,
     force: bool = False,
     limits: Limits = DEFAULT_LIMITS,
+    how: How = AS_IT_SAYS,
 ) -> int:
     """Write samples or estimates of one recording; the file appears whole or not at all. Returns the rows.
 
-    force: replace what is at `out` already.
+    force: replace what is at `out` already. how: what is said of the recording.
 
     Raises:
         UsageError: no recording, nothing of what was asked for in it, another ending than .csv and .npz, or
@@ -98,7 +100,7 @@ def export(
     with whole_file(out) as file:
         if suffix == ".csv":
             table = (
-                sample_table(decode(paths, max_gap, limits))
+                sample_table(decode(paths, max_gap, limits, how))
                 if what == "samples"
                 else published_table(paths, what, limits)
             )
@@ -106,7 +108,7 @@ def export(
         else:
             with Spool() as spool:
                 scales, rows = (
-                    gather_samples(spool, decode(paths, max_gap, limits))
+                    gather_samples(spool, decode(paths, max_gap, limits, how))
                     if what == "samples"
                     else ({}, gather_rows(spool, published_table(paths, what, limits)))
                 )
@@ -116,10 +118,12 @@ def export(
     return rows
 
 
-def decode(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS) -> Iterator[Decoded]:
+def decode(
+    paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
+) -> Iterator[Decoded]:
     """The samples of a recording of any kind."""
     if len(paths) == 1 and is_one_file(paths[0]):
-        source: Any = ReplaySource(paths[0], limits=limits)
+        source: Any = ReplaySource(paths[0], how=how, limits=limits)
     else:
         source = open_mcap(paths, f"replay:{paths[0]}", limits)()
     decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
@@ -198,7 +202,9 @@ def gather_samples(spool: Spool, decoded: Iterable[Decoded]) -> tuple[dict[str, 
             spool.append("gyro_dps", raw.gyro)
         else:
             spool.append("gyro_raw", _counts(raw.gyro))
-        if raw.accel is not None:
+        if raw.accel is not None and hello.accel_lsb_per_g is None:
+            spool.append("accel_ms2", raw.accel)
+        elif raw.accel is not None:
             spool.append("accel_raw", _counts(raw.accel))
         warm = warm or block.temperature_c is not None
         no_temperature = np.full(n, np.nan)
@@ -213,6 +219,8 @@ def gather_samples(spool: Spool, decoded: Iterable[Decoded]) -> tuple[dict[str, 
     rate_hz, lsb, accel_lsb, _ = settings
     if not accel_lsb or spool.length("accel_raw") != rows:
         spool.drop("accel_raw")
+    if spool.length("accel_ms2") != rows:
+        spool.drop("accel_ms2")
     if not warm:
         spool.drop("temperature_c")
     scales = {

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from fltea.recording.bag_files import bags_in
+from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
+from fltea.records.events import Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.records.visible import visible
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -24,7 +27,8 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
 
     whole: its files were finished in an orderly way. breaks: places where the recorder missed something.
     epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as in `stats`.
-    resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch.
+    resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what reading it
+    told, as the texts of `error` records. about: what else the file says of itself.
     """
 
     name: str
@@ -47,6 +51,8 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     rate_hz: float | None
     clock_ppm: float | None
     link: LinkStats
+    notes: list[str] = []
+    about: str = ""
 
 
 def sessions(paths: Sequence[Path]) -> list[list[Path]]:
@@ -55,13 +61,16 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
     Raises:
         UsageError: there is none.
     """
+    paths = [path for one in paths for path in bags_in(one) or [one]]
     single = [[path] for path in paths if is_one_file(path)]
     others = [path for path in paths if not is_one_file(path)]
     found = find_mcap_sessions(others) if others else []
     return single + [[part.path for part in parts] for parts in found]
 
 
-def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS) -> Summary:
+def summarise(
+    paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
+) -> Summary:
     """Read a recording once, from its raw bytes.
 
     Raises:
@@ -73,7 +82,7 @@ def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMI
     mcap: McapRecording | None = None
     device = session = None
     if len(paths) == 1 and is_one_file(paths[0]):
-        source = ReplaySource(paths[0], limits=limits)
+        source = ReplaySource(paths[0], how=how, limits=limits)
     else:
         source = mcap = open_mcap(paths, name, limits)()
         files = [part.path for part in source.parts]
@@ -87,7 +96,12 @@ def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMI
     epochs: Counter[str] = Counter()
     longest: tuple[int, float | None, float | None] = (0, None, None)
     of_epoch = 0
+    notes: list[str] = []
+    cut = False
     for event in source.events():
+        if isinstance(event, Trouble) and mcap is None:
+            notes.append(event.message)
+            cut = cut or event.kind == "cut_recording"
         if isinstance(event, Hello):
             unix_ns = event.host_ns + source.unix_offset_ns
             hello = msgspec.structs.replace(event, host_ns=unix_ns, device=device)
@@ -110,8 +124,8 @@ def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMI
         session=session,
         hello=hello,
         files=len(files),
-        size_bytes=sum(file.stat().st_size for file in files),
-        whole=not (mcap and mcap.torn),
+        size_bytes=sum(map(_size_bytes, files)),
+        whole=not (mcap and mcap.torn) and not cut,
         breaks=mcap.breaks if mcap else 0,
         start_unix_ns=first_ns if source.unix_offset_ns else None,
         duration_s=0.0 if first_ns is None else (last_ns - first_ns) * 1e-9,
@@ -125,7 +139,14 @@ def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMI
         rate_hz=longest[1],
         clock_ppm=longest[2],
         link=source.link_stats(),
+        notes=notes,
+        about=source.about if isinstance(source, ReplaySource) else "",
     )
+
+
+def _size_bytes(path: Path) -> int:
+    files = path.iterdir() if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files)
 
 
 def as_text(s: Summary) -> str:
@@ -135,7 +156,10 @@ def as_text(s: Summary) -> str:
         lines.append(("device", f"{s.device}, session {s.session}"))
     if s.hello is not None:
         lines += _hello_lines(s.hello)
-    state = "whole" if s.whole else "not finished: killed, cut or still being written (fltea recover)"
+    if s.about:
+        lines.append(("bag", s.about))
+    remedy = "" if s.about else " (fltea recover)"  # which is for our files
+    state = "whole" if s.whole else f"not finished: killed, cut or still being written{remedy}"
     lines.append(("files", f"{s.files}, {s.size_bytes / 1e6:.1f} MB, {state}"))
     if s.start_unix_ns is not None:
         start = datetime.fromtimestamp(s.start_unix_ns * 1e-9, UTC)
@@ -152,6 +176,7 @@ def as_text(s: Summary) -> str:
     if s.rate_hz is not None:
         ppm = "" if s.clock_ppm is None else f", device clock {s.clock_ppm:+.1f} ppm against the host's"
         lines.append(("rate", f"{s.rate_hz:.4f} Hz{ppm}"))
+    lines += [("note", note) for note in s.notes]
     return "\n".join(f"{name:<10} {visible(str(text))}" for name, text in lines)
 
 

@@ -28,7 +28,8 @@ def identify(
         list[Path],
         typer.Argument(
             metavar="FILE…",
-            help="Recordings: .mcap, a folder of them, the name of a session, .npz, .csv or .ndjson.",
+            help="Recordings: .mcap, a folder of them, the name of a session, .npz, .csv, .ndjson, or ROS "
+            "bags: .bag, .db3, .mcap, a folder.",
             show_default=False,
         ),
     ],

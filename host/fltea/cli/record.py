@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from fltea.cli import how
 from fltea.cli.output import print_lines, say
+from fltea.recording.how import How
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.extras import load
 from fltea.wire import layout as wire
@@ -19,7 +21,7 @@ Recordings = Annotated[
     list[Path],
     typer.Argument(
         metavar="FILE|DIR…",
-        help="Files of a recording, a folder, or the name of a session (without _000.mcap).",
+        help="Files of a recording, a folder, the name of a session (without _000.mcap), or ROS bags.",
         show_default=False,
     ),
 ]
@@ -98,6 +100,7 @@ def info(
         bool, typer.Option("--json", help="One JSON object a recording, each on a line.")
     ] = False,
     max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+    topic: how.Topic = None,
     set_: ReplaySettings = None,
 ) -> None:
     """Sum recordings up: device, settings, duration, samples, gaps, resets, rate, and what is missing.
@@ -116,7 +119,7 @@ def info(
 
     limits = _limits(set_)
     for number, files in enumerate(sessions(paths)):
-        summary = summarise(files, max_gap, limits)
+        summary = summarise(files, max_gap, limits, How(topic=topic))
         if json:
             print(msgspec.json.encode(summary).decode())
         else:
@@ -135,6 +138,7 @@ def export(
     ] = "samples",
     max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists already.")] = False,
+    topic: how.Topic = None,
     set_: ReplaySettings = None,
 ) -> None:
     """Write one recording as a table, with the units in the headers.
@@ -150,7 +154,8 @@ def export(
     """
     from fltea.archive.export import export as write_export
 
-    rows = write_export(paths, to, what, max_gap, force=force, limits=_limits(set_))
+    chosen = How(topic=topic)
+    rows = write_export(paths, to, what, max_gap, force=force, limits=_limits(set_), how=chosen)
     say(f"{to}: {rows} {what}")
 
 

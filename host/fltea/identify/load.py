@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.archive.info import sessions
-from fltea.identify.traps import Trap, sensor_traps, timing_traps
+from fltea.identify.traps import Trap, sensor_traps, source_trap, timing_traps
+from fltea.recording.bag_files import bags_in
 from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
 from fltea.recording.spool import Spool
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.events import Trouble
 from fltea.records.records import ACCEL_AXES, AXES, Hello
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
@@ -28,6 +30,9 @@ Array = NDArray[np.float64]
 
 MAX_GAP = 100
 """Samples, as `link.max_gap`: what it decides is only how a break is counted."""
+
+MOST_TOLD = 5
+"""Troubles of the recording itself that are told one by one."""
 
 GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
 
@@ -107,6 +112,7 @@ class Unreadable(NamedTuple):
 def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
     """The recordings in files, folders and names of sessions, each as the files it is made of."""
     found: list[tuple[Path, ...] | Unreadable] = []
+    paths = [path for one in paths for path in bags_in(one) or [one]]
     mcap = [path for path in paths if not is_one_file(path)]
     for path in paths:
         if is_one_file(path):
@@ -143,14 +149,19 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         )
         events, offset = source.events(), lambda: source.unix_offset_ns
     else:
-        if request.how.of_text:
-            raise UsageError(f"{path}: --columns, --units, --rate and --time-column are for text.")
+        if request.how.of_text or request.how.topic is not None:
+            raise UsageError(
+                f"{path}: --columns, --units, --rate and --time-column are for text, --topic for bags of ROS."
+            )
         recording = open_mcap(request.paths, f"replay:{request.name}", request.limits)()
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)
     longest = now = _Stretch(0, folder)
     stretches = samples = 0
+    told: list[Trap] = []
     for event in events:
+        if isinstance(event, Trouble):
+            told.append(source_trap(event.kind, event.message))
         for found in decoder.feed(event):
             if not isinstance(found, Decoded):
                 continue
@@ -170,7 +181,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     counts = Counts(samples, len(longest), longest.first, stretches, *lost, *longest.flagged)
     axes, clock_ppm = longest.axes(), None if longest.no_clock else longest.ppm
     traps = _traps(longest, counts, axes, clock_ppm)
-    return Loaded(longest.hello, counts, _chosen(axes, request), clock_ppm, traps)
+    return Loaded(longest.hello, counts, _chosen(axes, request), clock_ppm, (*told[:MOST_TOLD], *traps))
 
 
 def _traps(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.identify.repeated import repeats
+from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum.lines import Peak
 
 Array = NDArray[np.float64]
@@ -88,6 +89,12 @@ def sensor_traps(y: Iterable[ArrayLike], lsb: Sequence[float | None]) -> tuple[T
             "sample-rate divider to the rate of reading, or wait for its data-ready signal.",
         ),
     )
+
+
+def source_trap(kind: str, text: str) -> Trap:
+    """What the recording itself told, as one of the kinds of `error` records."""
+    remedy = next((one.remedy for one in ERROR_KINDS if one.name == kind), "")
+    return Trap(kind, "note", text, remedy)
 
 
 def timing_traps(

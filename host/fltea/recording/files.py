@@ -46,8 +46,8 @@ class Recording(NamedTuple):
     """A resting gyroscope, as recorded.
 
     gyro: (n, axes) counts where lsb_per_dps is given, else deg/s.
-    accel: (n, 3) counts or None, accel_lsb_per_g their scale. device_s: (n,) time of each sample by the
-    device's clock.
+    accel: (n, 3) counts or None, accel_lsb_per_g their scale. accel_ms2: (n, 3) m/s² or None, where there are
+    no counts. device_s: (n,) time of each sample by the device's clock.
     host_s: (n,) arrival times by the host's clock, or None where they were not recorded.
     seq: (n,) number of each sample, or None: then the times number them. epoch: (n,) number of the epoch.
     """
@@ -61,12 +61,21 @@ class Recording(NamedTuple):
     seq: NDArray[np.int64] | None = None
     epoch: NDArray[np.int64] | None = None
     accel_lsb_per_g: float | None = None
+    accel_ms2: NDArray[np.float64] | None = None
+
+
+class Note(NamedTuple):
+    """What whoever uses a recording has to be told. kind: of an `error` record."""
+
+    kind: str
+    text: str
 
 
 class Stored(NamedTuple):
     """A recording that was checked as a whole and is read a block of rows at a time.
 
-    blocks: gives all its rows again, each time it is called.
+    blocks: gives all its rows again, each time it is called. start_unix_ns: when it begins; 0: not known.
+    about: what else it says of itself, for a person.
     """
 
     samples: int
@@ -74,12 +83,15 @@ class Stored(NamedTuple):
     lsb_per_dps: float | None
     accel_lsb_per_g: float | None
     blocks: Callable[[], Iterator[Recording]]
+    notes: tuple[Note, ...] = ()
+    start_unix_ns: int = 0
+    about: str = ""
 
     def whole(self) -> Recording:
         """All of it in memory."""
         blocks = list(self.blocks())
         columns: dict[str, Any] = {}
-        for name in ("gyro", "device_s", "host_s", "accel", "seq", "epoch"):
+        for name in ("gyro", "device_s", "host_s", "accel", "accel_ms2", "seq", "epoch"):
             parts = [getattr(block, name) for block in blocks]
             columns[name] = None if parts[0] is None else np.concatenate(parts)
         return blocks[0]._replace(**columns)

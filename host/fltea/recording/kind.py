@@ -5,35 +5,54 @@ import stat
 from pathlib import Path
 from typing import BinaryIO, Literal, NamedTuple
 
+from fltea.recording import bag_files
+from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
 from fltea.records.errors import UsageError
 
-Kind = Literal["npz", "csv", "ndjson", "mcap"]
+Kind = Literal["npz", "npy", "parquet", "csv", "ndjson", "mcap", "bag"]
 
 KINDS: dict[str, Kind] = {
     ".npz": "npz",
+    ".npy": "npy",
+    ".parquet": "parquet",
+    ".pq": "parquet",
     ".csv": "csv",
     ".txt": "csv",
+    ".log": "csv",
+    ".tsv": "csv",
+    ".dat": "csv",
     ".ndjson": "ndjson",
     ".jsonl": "ndjson",
     ".mcap": "mcap",
+    **dict.fromkeys(bag_files.SUFFIXES, "bag"),
 }
-FILE_SUFFIXES = tuple(suffix for suffix, kind in KINDS.items() if kind != "mcap")
-"""Recordings that are one file, read whole; all else is MCAP: a file, a folder, or the name of a session."""
+"""Of an .mcap file and of a folder the content says whether it is ROS' or ours."""
 
-MAGIC: dict[bytes, Kind] = {b"PK\x03\x04": "npz", b"\x89MCAP": "mcap"}
+MAGIC: dict[bytes, Kind] = {
+    b"PK\x03\x04": "npz",
+    b"\x93NUMPY": "npy",
+    b"PAR1": "parquet",
+    b"\x89MCAP": "mcap",
+    bag_files.ROS1: "bag",
+    bag_files.SQLITE: "bag",
+}
 BOM = b"\xef\xbb\xbf"
 
 
 class Opened(NamedTuple):
-    """A recording that is one file. file: of a pipe, at its beginning; all else is opened by its path."""
+    """A recording that is not our MCAP. file: of a pipe, at its beginning; all else is opened by its path."""
 
     kind: Kind
     file: BinaryIO | None
 
 
 def is_one_file(path: Path) -> bool:
-    """Whether a path names a recording that is one file, read whole (not MCAP)."""
+    """Whether a path names a recording that is read whole: not our MCAP, whose sessions have many files."""
+    if path.is_dir():
+        return is_bag_folder(path)
     if path.suffix.lower() in KINDS:
+        if path.suffix.lower() == ".mcap" and path.is_file():
+            return is_ros_mcap(path)
         return KINDS[path.suffix.lower()] != "mcap" or is_stream(path)
     if is_stream(path):
         return True
@@ -41,7 +60,7 @@ def is_one_file(path: Path) -> bool:
         return False
     try:
         with path.open("rb") as file:
-            return _kind_of_content(file) != "mcap"
+            return _kind_of_content(file) != "mcap" or is_ros_mcap(path)
     except OSError:
         return True  # opening it will tell why
 
@@ -61,11 +80,13 @@ def is_of_this_process(path: Path) -> bool:
 
 
 def open_one_file(path: Path) -> Opened:
-    """Open a recording that is one file. Of a pipe this waits for its first bytes.
+    """Open a recording that `is_one_file`. Of a pipe this waits for its first bytes.
 
     Raises:
         UsageError: it cannot be opened, or is of a kind that cannot come through a pipe.
     """
+    if path.is_dir():
+        return Opened("bag", None)
     try:
         file = path.open("rb")
         kind = KINDS.get(path.suffix.lower()) or _kind_of_content(file)
@@ -73,8 +94,8 @@ def open_one_file(path: Path) -> Opened:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
     if not is_stream(path):
         file.close()
-        return Opened(kind, None)
-    if kind in ("npz", "mcap"):
+        return Opened("bag" if kind == "mcap" else kind, None)
+    if kind in ("npz", "npy", "parquet", "mcap", "bag"):
         file.close()
         raise UsageError(
             f"{path}: is a pipe, and .{kind} has to be a file, since it is not read in one go. "

@@ -34,6 +34,7 @@ NPZ_ARRAYS = (
     "lsb_per_dps",
     "t_host_s",
     "accel_raw",
+    "accel_ms2",
     "accel_lsb_per_g",
     "time_s",
     "seq",
@@ -48,9 +49,10 @@ def read_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Recording:
 
 
 def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Check `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; optional `t_host_s`, `accel_raw`.
+    """Check `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; and what else there may be.
 
-    A recording with gaps also has `time_s` (of the device), `seq` and `epoch`, as `fltea export` writes them.
+    That is `t_host_s`, and `accel_raw` with `accel_lsb_per_g`, or `accel_ms2`. A recording with gaps
+    also has `time_s` (of the device), `seq` and `epoch`, as `fltea export` writes them.
 
     Raises:
         UsageError: not such a file, values that are not finite, or more of them than the limits allow.
@@ -69,10 +71,10 @@ def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
         raise UsageError(f"{path}: {key} has no rows.")
     n = shape[0]
     columns = [key]
-    for name in ("t_host_s", "accel_raw", "time_s", "seq", "epoch"):
+    for name in ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch"):
         if name in arrays:
             columns.append(name)
-            alike = (n, 3) if name == "accel_raw" else (n,)
+            alike = (n, 3) if name in ("accel_raw", "accel_ms2") else (n,)
             if arrays.shape(name) != alike:
                 raise UsageError(
                     f"{path}: {name} has the shape {arrays.shape(name)}; {alike} is needed, as {key} has."
@@ -108,6 +110,7 @@ def _npz_blocks(path: Path, arrays: NpzArrays, columns: list[str], like: Recordi
             device_s=device_s,
             host_s=found.get("t_host_s"),
             accel=found.get("accel_raw"),
+            accel_ms2=found.get("accel_ms2"),
             **numbers,
         )
         row += n
@@ -128,7 +131,7 @@ class _Check:
         """The next one."""
         path, key = self._path, self._key
         counts = block.gyro if block.lsb_per_dps is not None else None
-        for name, extra in ((key, counts), ("accel_raw", block.accel)):
+        for name, extra in ((key, counts), ("accel_raw", block.accel), ("accel_ms2", block.accel_ms2)):
             if extra is not None and np.abs(extra).max() >= LARGEST_COUNT:
                 raise UsageError(
                     f"{path}: {name} holds numbers beyond 32 bits, which are no sensor's counts."

@@ -8,9 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-import lz4.frame
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -19,6 +17,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from fltea import _native
 from fltea.recording.session import LATEST_NS
+from fltea.recording.unpack import unpacked_lz4, unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -31,10 +30,6 @@ CHUNK_HEAD_BYTES = 1 << 10
 
 MAX_DESCRIPTION_BYTES = 16 << 20
 """Of metadata, a schema or a channel: thousands of times what ours have. In memory it is ten times larger."""
-
-SMALLEST_WINDOW_BYTES = 8 << 20
-"""A reader of zstd has to have that much, says its format, however small the content."""
-
 
 BEGIN, END, CHANNEL, SEQUENCE, LOG_TIME, PUBLISH_TIME = range(1, 7)
 """Columns of `Messages.table`."""
@@ -169,11 +164,9 @@ def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
     most = min(chunk.uncompressed_size, limits.chunk_bytes)
     match chunk.compression:
         case "zstd":
-            window = max(limits.chunk_bytes, SMALLEST_WINDOW_BYTES)
-            unpacker = zstandard.ZstdDecompressor(max_window_size=window)
-            data = unpacker.stream_reader(chunk.data).read(most + 1)
+            data = unpacked_zstd(chunk.data, most + 1, limits.chunk_bytes)
         case "lz4":
-            data = _unpacked_lz4(chunk.data, most + 1)
+            data = unpacked_lz4(chunk.data, most + 1)
         case "":
             data = chunk.data
         case _:
@@ -185,16 +178,6 @@ def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise McapError("a chunk with a wrong checksum")
     return data
-
-
-def _unpacked_lz4(data: bytes, most: int) -> bytes:
-    unpacker = lz4.frame.LZ4FrameDecompressor()
-    pieces = [unpacker.decompress(data, most)]
-    found = len(pieces[0])
-    while found < most and not unpacker.eof and not unpacker.needs_input:
-        pieces.append(unpacker.decompress(b"", most - found))
-        found += len(pieces[-1])
-    return b"".join(pieces)
 
 
 def _records(data: bytes) -> Iterator[Schema | Channel | Messages]:

@@ -76,6 +76,26 @@ ERROR_KINDS = (
         "Nothing can be done now; mind the gap when you judge what follows it.",
     ),
     ErrorKind(
+        "missing_numbers",
+        "Rows of a table have an empty field or NaN where a number should be; the text counts them.",
+        "Nothing has to be done; if there are many, look at the logger.",
+    ),
+    ErrorKind(
+        "row_times",
+        "With `--rate`, the column of times is too uneven to tell gaps, or tells another rate.",
+        "Check `--rate`; name a column of the device's own clock (`--time-column`), if there is one.",
+    ),
+    ErrorKind(
+        "bag_stamps",
+        "Header stamps of a bag are missing, uneven or run backwards; the text counts them.",
+        "Nothing has to be done; stamps by the sensor's own clock would make rate and gaps surer.",
+    ),
+    ErrorKind(
+        "bag_messages",
+        "Messages of a bag cannot be used, or stand there twice; the text counts them.",
+        "Look at the driver that sent them, if there are many.",
+    ),
+    ErrorKind(
         "device_fault",
         "The device reports a fault of its own or of its sensor; the same one is told once a minute at most.",
         "Do what the text says; host and firmware name the same faults.",

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
-from fltea.recording.kind import FILE_SUFFIXES, is_one_file
+from fltea.recording.kind import KINDS, is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
 from fltea.settings.config import BY_DEVICE, Config
@@ -13,7 +13,7 @@ from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.wire.transport import ANY_BOARD
 
-RECORDING_SUFFIXES = (*FILE_SUFFIXES, ".mcap")
+RECORDING_SUFFIXES = tuple(KINDS)
 
 
 def find_board() -> str:

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.recording.bag_files import bags_in
 from fltea.recording.csv_file import open_csv
-from fltea.recording.files import Recording, Stored
+from fltea.recording.files import Recording, Stored, listed
 from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
+from fltea.recording.npy_file import open_npy
 from fltea.recording.npz_file import open_npz
 from fltea.records import clock
 from fltea.records.errors import UsageError
@@ -36,6 +38,9 @@ if TYPE_CHECKING:
 
 AT_ONCE = 8192
 """Samples of a block."""
+
+TABLES = "csv", "npy", "parquet"
+"""Kinds of which `--columns` and the like say what they hold."""
 
 
 class ReplaySource:
@@ -68,21 +73,24 @@ class ReplaySource:
         self._realtime = self.prompt = realtime
         self._closed = False
         self._mcap: McapRecording | None = None
+        self._offset_ns = 0
+        self.about = ""
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         kind, file = "mcap", None
         if is_one_file(path):
-            if not (path.is_file() or is_stream(path)):
+            if not (path.exists() or is_stream(path)):
                 raise UsageError(f"{path}: there is no such file.")
             kind, file = open_one_file(path)
         elif path.is_file() and path.suffix and path.suffix.lower() != ".mcap":
             raise UsageError(
-                f"{path}: the kind is not known by its ending; .mcap, .npz, .csv or .ndjson is needed."
+                f"{path}: the kind is not known by its ending; .mcap, .npz, .csv, .ndjson, .bag or .db3 is "
+                "needed (or .txt, .log, .tsv, .npy, .parquet)."
             )
-        if shuffle is not None and kind not in ("npz", "csv"):
+        if shuffle is not None and kind not in ("npz", "bag", *TABLES):
             if file is not None:
                 file.close()
-            raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings.")
+            raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings, other tables and bags.")
         if kind == "ndjson":
             records, cut = read_ndjson(path, limits=limits, file=file)
             self._events = _from_ndjson(records, cut)
@@ -95,16 +103,26 @@ class ReplaySource:
         else:
             if kind == "npz":
                 recording = open_npz(path, limits)
+            elif kind == "npy":
+                recording = open_npy(path, how, limits)
+            elif kind == "parquet":
+                recording = _parquet_library().open_parquet(path, how, limits)
+            elif kind == "bag":
+                from fltea.recording.ros_bag import open_bag  # SQLite loads where it is needed
+
+                recording = open_bag(path, how, limits)
             else:
-                recording = open_csv(
-                    path, how.columns, how.units or "deg/s", how.rate_hz, limits=limits, file=file
-                )
+                recording = open_csv(path, how, limits, file)
             self._events = _from_recording(name, recording, shuffle)
             samples = recording.samples
-        if kind != "csv" and how.of_text:
+            self._offset_ns, self.about = recording.start_unix_ns, recording.about
+        if kind not in TABLES and how.of_text:
             raise UsageError(
-                f"{path}: --columns, --units, --rate and --time-column are for text; this one names its own."
+                f"{path}: --columns, --units, --rate and --time-column are for text and tables; this one "
+                "names its own."
             )
+        if kind != "bag" and how.topic is not None:
+            raise UsageError(f"{path}: --topic is for bags of ROS; this is none.")
         if samples <= startup:
             raise UsageError(
                 f"{path}: {samples} rows, but the start-up window alone takes {startup} and estimates begin "
@@ -114,7 +132,7 @@ class ReplaySource:
     @property
     def unix_offset_ns(self) -> int:
         """Nanoseconds from the recorder's monotonic clock to Unix time; 0 where it was not recorded."""
-        return 0 if self._mcap is None else self._mcap.unix_offset_ns
+        return self._offset_ns if self._mcap is None else self._mcap.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
         """Yield the recording's events, once."""
@@ -154,8 +172,12 @@ def open_mcap(
     """What opens a recording in MCAP files, each time from its beginning.
 
     Raises:
-        UsageError: the library is not installed, or `sources.mcap.find_parts` finds no one session.
+        UsageError: the library is not installed, `sources.mcap.find_parts` finds no one session, or these are
+            bags of ROS.
     """
+    if bags := [bag for path in paths for bag in bags_in(path)]:
+        names = listed([bag.name for bag in bags])
+        raise UsageError(f"{paths[0]}: is a folder of {len(bags)} bags; name one of them: {names}.")
     library = _mcap_library()
     parts = library.find_parts(paths)
     return lambda: library.McapRecording(parts, name, limits)
@@ -169,6 +191,10 @@ def find_mcap_sessions(paths: Sequence[Path]) -> "list[list[Part]]":
 
 def _mcap_library() -> ModuleType:
     return load("fltea.sources.mcap", "mcap", "record", "MCAP recordings need")
+
+
+def _parquet_library() -> ModuleType:
+    return load("fltea.recording.parquet_file", "pyarrow", "tables", "Parquet files need")
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> int:
@@ -197,12 +223,16 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
                 gyro_lsb_per_dps=recording.lsb_per_dps,
                 accel_lsb_per_g=recording.accel_lsb_per_g,
             )
+            for note in recording.notes:
+                yield Trouble(note.kind, note.text, 0, fatal=False)
         device_us = np.round((block.device_s - first.device_s[0]) * 1e6).astype(np.int64)
         host_ns = device_us * 1000
         if block.host_s is not None and first.host_s is not None:
             host_ns = np.round((block.host_s - first.host_s[0]) * 1e9).astype(np.int64)
         sequence = _sequence(block, last)
-        raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, block.accel)
+        # Counts without a scale are of no use, and a HELLO without one says that these are m/s².
+        accel = block.accel if recording.accel_lsb_per_g else block.accel_ms2
+        raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
         begins = [0]
         if block.epoch is not None:
             before = block.epoch[0] if last is None else last.epoch
@@ -228,8 +258,8 @@ def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
     """The samples in another order, which takes all of them at once."""
     whole = recording.whole()
     order = np.random.default_rng(seed).permutation(len(whole.gyro))
-    accel = None if whole.accel is None else whole.accel[order]
-    yield whole._replace(gyro=whole.gyro[order], accel=accel)
+    accel, accel_ms2 = (None if one is None else one[order] for one in (whole.accel, whole.accel_ms2))
+    yield whole._replace(gyro=whole.gyro[order], accel=accel, accel_ms2=accel_ms2)
 
 
 def _sequence(block: Recording, last: _Last | None) -> NDArray[np.int64]:

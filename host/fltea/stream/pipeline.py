@@ -234,7 +234,7 @@ class Pipeline:
         """
         notices: list[Item] = []
         raw, hello = decoded.raw, decoded.hello
-        has_accel = raw.accel is not None and bool(hello.accel_lsb_per_g)
+        has_accel = decoded.block.accel_ms2 is not None
         beginning = Beginning(hello, raw.gyro.shape[1], has_accel, None, decoded.missing)
         if absent := self._absent(beginning):
             notices.append(Notice("no_axis", absent, self._now_ns))

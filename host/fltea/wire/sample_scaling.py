@@ -20,9 +20,14 @@ def gyro_dps(raw: RawBlock, hello: Hello) -> Array:
 
 
 def accel_ms2(raw: RawBlock, hello: Hello) -> Array | None:
-    """Specific forces in m/s², (n, 3); None where there are none, or no scale of them."""
-    if raw.accel is None or not hello.accel_lsb_per_g:
+    """Specific forces in m/s², (n, 3); None where there are none, or no scale of them.
+
+    A null scale in HELLO means that the recording holds m/s² already.
+    """
+    if raw.accel is None or hello.accel_lsb_per_g == 0:
         return None
+    if hello.accel_lsb_per_g is None:
+        return raw.accel.astype(np.float64)
     return np.asarray(raw.accel * (STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g), dtype=np.float64)
 
 
@@ -36,9 +41,10 @@ def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
     lsb, first = hello.gyro_lsb_per_dps, samples[0]
     gyro = np.array([sample.gyro_dps for sample in samples])
     accel = temperature = None
-    if first.accel_ms2 is not None and hello.accel_lsb_per_g:
+    if first.accel_ms2 is not None:
         values = np.array([sample.accel_ms2 for sample in samples])
-        accel = np.rint(values * hello.accel_lsb_per_g / STANDARD_GRAVITY_MS2)
+        per_g = hello.accel_lsb_per_g
+        accel = np.rint(values * per_g / STANDARD_GRAVITY_MS2) if per_g else values
     if first.temperature_c is not None:
         temperature = np.array(
             [temperature_counts(sample.temperature_c or 0.0, hello.who_am_i) for sample in samples]

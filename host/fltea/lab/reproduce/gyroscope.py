@@ -15,6 +15,7 @@ from fltea.lab.reproduce import paper
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, Data, Scenario
 from fltea.noise.weights import Array
 from fltea.recording.csv_file import read_csv
+from fltea.recording.kind import KINDS
 from fltea.recording.ndjson import read_ndjson
 from fltea.recording.npz_file import read_npz
 from fltea.records.errors import UsageError
@@ -94,12 +95,12 @@ def _read(recording: RecordingFile) -> tuple[Array, float]:
     path, suffix = recording.path, recording.path.suffix.lower()
     if not path.is_file():
         raise UsageError(f"--recording {path}: there is no such file.")
-    is_csv = suffix in (".csv", ".txt")
+    is_csv = KINDS.get(suffix) == "csv"
     if not is_csv and recording != RecordingFile(path):
         raise UsageError(f"{path}: --columns, --units and --rate are for CSV files; this one names its own.")
     if is_csv or suffix == ".npz":
-        units = recording.units or "dps"
-        read = read_csv(path, recording.columns, units, recording.rate_hz) if is_csv else read_npz(path)
+        how = recording.columns, recording.units, recording.rate_hz
+        read = read_csv(path, *how) if is_csv else read_npz(path)
         return read.gyro / (read.lsb_per_dps or 1.0), read.rate_hz
     if suffix in (".ndjson", ".jsonl"):
         records, _ = read_ndjson(path)

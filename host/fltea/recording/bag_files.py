@@ -1,0 +1,90 @@
+"""Which files are bags of ROS, and which files a bag is made of."""
+
+import re
+from pathlib import Path
+
+from fltea.recording.session import SESSION
+from fltea.records.errors import UsageError
+from fltea.settings.extras import load
+
+ROS1, SQLITE, MCAP = b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n"
+"""What bags begin with; MCAP may also be ours."""
+
+SUFFIXES = (".bag", ".active", ".db3", ".zstd")
+"""Of bags, but for MCAP. A bag of ROS 1 that is being written is called NAME.bag.active."""
+
+OF_FOLDERS = ("*.mcap", "*.db3")
+PACKED = ".zstd"
+
+PROFILES = (b"ros1", b"ros2")
+ENCODINGS = ("ros1", "cdr")
+"""How ROS writes messages."""
+
+BEGIN_BYTES = 4096
+PROFILE_AT = len(MCAP) + 1 + 8
+"""In an MCAP file: behind the kind and the length of its first record. Its length stands before it."""
+
+
+def files_of(folder: Path) -> list[Path]:
+    """The files of a bag that is a folder, in the order of their numbers."""
+    plain = {file for pattern in OF_FOLDERS for file in folder.glob(pattern) if file.is_file()}
+    packed = [file for pattern in OF_FOLDERS for file in folder.glob(pattern + PACKED)]
+    return sorted([*plain, *(file for file in packed if file.with_suffix("") not in plain)], key=_number)
+
+
+def _number(file: Path) -> tuple[int, str]:
+    number = re.search(r"_(\d+)$", file.name.partition(".")[0])
+    return (int(number[1]) if number else -1), file.name
+
+
+def is_bag_folder(folder: Path) -> bool:
+    """Whether a folder is a bag of ROS 2, also one that was not closed and has no metadata.yaml."""
+    try:
+        files = files_of(folder)
+        if not files or (folder / "metadata.yaml").is_file():
+            return bool(files)
+        names = {re.sub(r"_\d+$", "", file.name.partition(".")[0]) for file in files}
+        return len(names) == 1 and _is_of_ros(files[0])
+    except OSError:
+        return False
+
+
+def bags_in(folder: Path) -> list[Path]:
+    """The bags in a folder that is none itself; after them the folder, if it holds our MCAP files too."""
+    if not folder.is_dir() or is_bag_folder(folder):
+        return []
+    bags = [path for path in sorted(folder.iterdir()) if _is_bag(path)]
+    ours = bool(bags) and any(path not in bags for path in folder.glob("*.mcap"))
+    return [*bags, folder] if ours else bags
+
+
+def _is_bag(path: Path) -> bool:
+    if path.is_dir():
+        return is_bag_folder(path)
+    return path.suffix in (*SUFFIXES, ".mcap") and _is_of_ros(path)
+
+
+def _is_of_ros(file: Path) -> bool:
+    return file.suffix != ".mcap" or is_ros_mcap(file)
+
+
+def is_ros_mcap(path: Path) -> bool:
+    """Whether an MCAP file is of ROS, not of fltea: its profile says it, or else its messages."""
+    try:
+        with path.open("rb") as file:
+            begin = file.read(BEGIN_BYTES)
+    except OSError:
+        return False  # opening it will tell why
+    length = int.from_bytes(begin[PROFILE_AT : PROFILE_AT + 4], "little")
+    if begin[PROFILE_AT + 4 : PROFILE_AT + 4 + length] in PROFILES:
+        return True
+    if SESSION.encode() in begin or not begin.startswith(MCAP):
+        return False
+    module = load("fltea.recording.scan", "mcap", "ros", "MCAP files need")
+    try:
+        for item in module.Scan(path):
+            if isinstance(item, module.Channel):
+                return item.message_encoding in ENCODINGS
+    except (OSError, ValueError, UsageError):
+        pass
+    return False

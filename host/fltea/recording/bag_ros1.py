@@ -1,0 +1,201 @@
+"""Reads a bag of ROS 1 (format 2.0) from its beginning to its end, as far as it can be read.
+
+The index at the end of a bag is not needed: a bag that was not closed has none, and in memory it takes more
+than a hundred bytes for every message of every topic. So a pass takes memory for one chunk.
+"""
+
+import contextlib
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from fltea.recording.bag_files import ROS1
+from fltea.recording.bag_messages import Batch, Topic
+from fltea.recording.files import Note
+from fltea.recording.unpack import unpacked_bz2, unpacked_lz4
+from fltea.settings.extras import load
+from fltea.settings.limits import Limits
+
+VERSION = ROS1 + b"2.0\n"
+
+
+class Op:
+    """Kinds of records: the field `op`."""
+
+    MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = b"\x02", b"\x03", b"\x05", b"\x06", b"\x07"
+
+
+LONGEST_HEADER = 1 << 20
+DAMAGE = (struct.error, ValueError, KeyError)
+"""What damaged records lead to."""
+
+LENGTH = struct.Struct("<I")
+TIME = struct.Struct("<II")
+
+
+def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
+    """Yield all messages, and what cannot be read.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is no such bag.
+        UsageError: a chunk would take more memory than the limits allow, or is packed and the library that
+            unpacks it is not installed.
+    """
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        version = file.read(len(VERSION))
+        if not version.startswith(ROS1):
+            raise ValueError("it is no bag of ROS 1")
+        if version != VERSION:
+            raise ValueError(
+                f"its format is {version[len(ROS1) :].decode(errors='replace').strip()}, not 2.0"
+            )
+        messages = _Messages()
+        index: bytes | None = None
+        described = 0
+        place = file.tell()
+        while (record := _next(file, size)) is not None:
+            fields, length = record.fields, min(record.length, size - file.tell())
+            begin = file.tell()
+            match fields.get(b"op"):
+                case Op.BAG_HEADER:
+                    index = fields.get(b"chunk_count") if any(fields.get(b"index_pos", b"")) else None
+                case Op.CHUNK_INFO:
+                    described += 1
+                case Op.CHUNK:
+                    if length > limits.chunk_bytes:
+                        raise limits.chunk_too_large(f"{path}: the chunk at byte {place}", length)
+                    problem = _read_chunk(
+                        file.read(length), fields, messages, limits, f"{path}: byte {place}"
+                    )
+                    yield from messages.taken()
+                    if problem is not None and length == record.length:
+                        text = f"{path}: the chunk at byte {place} is damaged ({problem})"
+                        yield Note("recording_gap", f"{text}; what could be read of it is used.")
+                case Op.MESSAGE | Op.CONNECTION if length <= limits.chunk_bytes and length == record.length:
+                    with contextlib.suppress(*DAMAGE):
+                        messages.add(fields, file.read(length))
+                    yield from messages.taken()
+            if length < record.length:
+                break
+            place = begin + length
+            file.seek(place)
+        if place != size or index != LENGTH.pack(described):
+            text = f"{path}: was not closed, or is cut off; what reached the disk is read."
+            yield Note("cut_recording", text)
+
+
+class _Record(NamedTuple):
+    fields: dict[bytes, bytes]
+    length: int
+    """of its data, which follow"""
+
+
+def _next(file: BinaryIO, size: int) -> _Record | None:
+    """The next record; None where there is none, or nothing that makes sense."""
+    head = file.read(LENGTH.size)
+    if len(head) < LENGTH.size:
+        return None
+    (length,) = LENGTH.unpack(head)
+    if length > min(LONGEST_HEADER, size - file.tell()):
+        return None
+    header, head = file.read(length), file.read(LENGTH.size)
+    if len(head) < LENGTH.size:
+        return None
+    try:
+        return _Record(_read_fields(header), LENGTH.unpack(head)[0])
+    except ValueError:
+        return None
+
+
+def _read_fields(header: bytes) -> dict[bytes, bytes]:
+    """Names and values: each pair has its length before it, and = between them."""
+    fields = {}
+    at, end = 0, len(header)
+    while at < end:
+        if at + LENGTH.size > end:
+            raise ValueError("a header that is cut")
+        after = at + LENGTH.size + int.from_bytes(header[at : at + 4], "little")
+        name, equals, value = header[at + 4 : after].partition(b"=")
+        if after > end or not equals:
+            raise ValueError("a header without names")
+        fields[name] = value
+        at = after
+    return fields
+
+
+def _read_chunk(
+    packed: bytes, fields: dict[bytes, bytes], messages: "_Messages", limits: Limits, place: str
+) -> str | None:
+    """Take the records of a chunk; what is wrong with it, or None."""
+    compression = fields.get(b"compression", b"")
+    data, problem = packed, None
+    if compression != b"none":
+        if compression not in (b"lz4", b"bz2"):
+            return f"no reader for chunks that are packed by {compression[:20]!r}"
+        if compression == b"lz4":
+            load("lz4.frame", "lz4", "ros", "Bags that are packed in LZ4 need")
+        most = limits.chunk_bytes + 1
+        try:
+            data = (unpacked_lz4 if compression == b"lz4" else unpacked_bz2)(packed, most)
+        except (OSError, ValueError, RuntimeError, EOFError) as error:
+            return str(error)
+        if len(data) == most:
+            raise limits.chunk_too_large(place, most)
+        if LENGTH.pack(len(data)) != fields.get(b"size"):
+            problem = "it holds another number of bytes than it says"
+    return messages.add_all(data) or problem
+
+
+class _Messages:
+    """Messages by topic, as they come."""
+
+    def __init__(self) -> None:
+        self._topics: dict[bytes, Topic] = {}
+        self._batches: dict[bytes, Batch] = {}
+
+    def add_all(self, data: bytes) -> str | None:
+        """Take the records in `data`; what is wrong with them, or None."""
+        at, end = 0, len(data)
+        length_at = LENGTH.unpack_from
+        try:
+            while at < end:
+                header = at + LENGTH.size
+                begin = header + length_at(data, at)[0] + LENGTH.size
+                at = begin + length_at(data, begin - LENGTH.size)[0]
+                if at > end:
+                    return "its last record is cut"
+                self.add(_read_fields(data[header : begin - LENGTH.size]), data[begin:at])
+        except DAMAGE as error:
+            return f"{type(error).__name__}: {error}"
+        return None
+
+    def add(self, fields: dict[bytes, bytes], data: bytes) -> None:
+        """Take a message, or what a connection says of its messages."""
+        kind, connection = fields.get(b"op"), fields.get(b"conn", b"")
+        if kind == Op.MESSAGE:
+            batch = self._batches.get(connection)
+            if batch is None:
+                topic = self._topics.get(connection)
+                if topic is None:
+                    raise ValueError("messages of a topic that is not described")
+                batch = self._batches[connection] = Batch(topic)
+            batch.count += 1
+            if batch.topic.is_imu:
+                seconds, nanoseconds = TIME.unpack(fields[b"time"])
+                batch.arrival_ns.append(seconds * 1_000_000_000 + nanoseconds)
+                batch.data.append(data)
+        elif kind == Op.CONNECTION and connection not in self._topics:
+            told = _read_fields(data)
+            name, kind_of = (one.decode(errors="replace") for one in (fields[b"topic"], told[b"type"]))
+            self._topics[connection] = Topic(name, kind_of, "ros1")
+            self._batches[connection] = Batch(self._topics[connection])
+
+    def taken(self) -> Iterator[Batch]:
+        """What was read since the last time."""
+        batches = list(self._batches.values())
+        self._batches.clear()
+        yield from batches

@@ -1,0 +1,210 @@
+"""Reads bags of ROS 2: files of SQLite or MCAP, and the folders that `ros2 bag record` makes of them.
+
+`metadata.yaml` is not needed: the files say all of it themselves, and a recorder that was killed wrote none.
+"""
+
+import contextlib
+import itertools
+import os
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from fltea.recording.bag_files import PACKED
+from fltea.recording.bag_messages import Batch, Topic, encoding_of
+from fltea.recording.files import Note
+from fltea.recording.session import LATEST_NS
+from fltea.records.events import Ints
+from fltea.settings.extras import load
+from fltea.settings.limits import Limits
+
+AT_ONCE = 4096
+"""Messages of a batch."""
+
+LONGEST_MESSAGE = 1 << 16
+"""Bytes; an Imu message has 350."""
+
+NO_TIME = LATEST_NS + 1
+"""In place of what is no time."""
+
+
+def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
+    """Yield the Imu messages of a .db3 file, the names of all topics, and what cannot be read.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is no such file.
+    """
+    try:
+        with _whole_pages(path) as (file, is_cut), contextlib.closing(_open_sqlite(file)) as connection:
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, limits.chunk_bytes)
+            _check_tables(connection)
+            topics = {}
+            for number, *told in connection.execute(
+                "SELECT id, name, type, serialization_format FROM topics"
+            ):
+                if isinstance(number, int) and all(isinstance(text, str) for text in told):
+                    topics[number] = Topic(told[0], told[1], encoding_of(told[2]))
+            yield from map(Batch, topics.values())
+            yield from _rows(path, connection, topics, is_cut)
+    except sqlite3.Error as error:
+        raise ValueError(f"no bag of ROS 2 in SQLite, or damaged where it begins: {error}") from error
+
+
+def _check_tables(connection: sqlite3.Connection) -> None:
+    """Raise ValueError where the tables of a bag are none: a view may compute rows without end."""
+    kinds = dict(connection.execute("SELECT name, type FROM sqlite_master").fetchall())
+    for name in ("topics", "messages"):
+        if kinds.get(name) != "table":
+            raise ValueError(f"no bag of ROS 2 in SQLite: it has no table {name}")
+
+
+def _open_sqlite(path: Path) -> sqlite3.Connection:
+    """Open a file to be read only. A log of writes that a killed recorder left is read too, if it can be."""
+    uri = path.resolve().as_uri()
+    with_log = ["mode=ro"] if path.with_name(path.name + "-wal").exists() else []
+    for mode in (*with_log, "immutable=1"):
+        connection = sqlite3.connect(f"{uri}?{mode}", uri=True)
+        try:
+            connection.text_factory = lambda text: text.decode(errors="replace")
+            connection.execute("PRAGMA trusted_schema=OFF")
+            connection.execute("PRAGMA writable_schema=ON")  # or a file that is cut is not opened at all
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        except sqlite3.OperationalError:
+            connection.close()
+            if mode == "immutable=1":
+                raise
+        except BaseException:
+            connection.close()
+            raise
+        else:
+            return connection
+    raise AssertionError
+
+
+@contextlib.contextmanager
+def _whole_pages(path: Path) -> Iterator[tuple[Path, bool]]:
+    """A file of SQLite without half a page at its end, and whether it is shorter than it says.
+
+    Half a page would be read as if its other half were zeros, and nothing would tell that some are no data.
+    """
+    with path.open("rb") as file:
+        head = file.read(32)
+        size = file.seek(0, 2)
+    page_bytes, pages = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
+    page_bytes = 1 << 16 if page_bytes == 1 else page_bytes
+    is_cut = size < pages * page_bytes
+    if not is_cut or size % page_bytes == 0:
+        yield path, is_cut
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / path.name
+        shutil.copyfile(path, copy)
+        os.truncate(copy, size - size % page_bytes)
+        yield copy, True
+
+
+def _rows(
+    path: Path, connection: sqlite3.Connection, topics: dict[int, Topic], is_cut: bool
+) -> Iterator[Batch | Note]:
+    wanted = [number for number, topic in topics.items() if topic.is_imu]
+    rows = connection.execute(
+        f"SELECT topic_id, timestamp, CASE WHEN length(data) <= {LONGEST_MESSAGE} THEN data END "
+        f"FROM messages WHERE topic_id IN ({','.join('?' * len(wanted))}) ORDER BY id",
+        wanted,
+    )
+    problem: sqlite3.Error | None = None
+    while problem is None:
+        taken: list[tuple[int, Any, Any]] = []
+        try:
+            taken.extend(itertools.islice(rows, AT_ONCE))
+        except sqlite3.Error as error:  # what came before it has been taken
+            problem = error
+        if not taken:
+            break
+        batches: dict[int, Batch] = {}
+        for number, arrival_ns, data in taken:
+            batch = batches.setdefault(number, Batch(topics[number]))
+            batch.count += 1
+            batch.arrival_ns.append(arrival_ns if isinstance(arrival_ns, int) else NO_TIME)
+            batch.data.append(data if isinstance(data, bytes) else b"")
+        yield from batches.values()
+    if problem is not None or is_cut:
+        why = "" if problem is None else f" ({problem})"
+        yield Note("cut_recording", f"{path}: is cut off or damaged{why}; what can be read of it is used.")
+
+
+def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
+    """Yield the messages of an MCAP file, and what cannot be read.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is no MCAP file.
+        UsageError: a record of it would take more memory than the limits allow, or the library is not there.
+    """
+    module = load("fltea.recording.scan", "mcap", "ros", "MCAP files need")
+    schemas: dict[int, str] = {}
+    topics: dict[int, Topic] = {}
+    scan = module.Scan(path, limits)
+    for item in scan:
+        match item:
+            case module.Schema():
+                schemas[item.id] = item.name
+            case module.Channel():
+                encoding = encoding_of(item.message_encoding)
+                topics[item.id] = Topic(item.topic, schemas.get(item.schema_id, ""), encoding)
+                yield Batch(topics[item.id])
+            case module.Messages():
+                channels = item.table[:, module.CHANNEL]
+                for number in np.unique(channels).tolist():
+                    if number in topics:
+                        yield _batch_of(topics[number], item.data, item.table[channels == number], module)
+            case module.Damage():
+                text = f"{path}: the record at byte {item.offset} is damaged ({item.text}) and left out."
+                yield Note("recording_gap", text)
+    if not scan.whole:
+        text = (
+            f"{path}: ends without its index, so it was not closed, or is cut off; what can be read is used."
+        )
+        yield Note("cut_recording", text)
+
+
+def _batch_of(topic: Topic, data: bytes, table: Ints, module: ModuleType) -> Batch:
+    if not topic.is_imu:
+        return Batch(topic, len(table))
+    spans = zip(table[:, module.BEGIN].tolist(), table[:, module.END].tolist(), strict=True)
+    arrival_ns = table[:, module.LOG_TIME].tolist()
+    return Batch(topic, len(table), arrival_ns, [data[begin:end] for begin, end in spans])
+
+
+@contextlib.contextmanager
+def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
+    """A bag file, unpacked for as long as it is used if it was packed as a whole.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is damaged.
+        UsageError: it would take more room than the limits allow, or the library is not there.
+    """
+    if path.suffix != PACKED:
+        yield path
+        return
+    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / path.stem
+        try:
+            with path.open("rb") as packed, out.open("wb") as file:
+                size = 0
+                for piece in zstandard.ZstdDecompressor().read_to_iter(packed):
+                    size += file.write(piece)
+                    if size > limits.whole_bytes:
+                        raise limits.whole_too_large(str(path), size)
+        except zstandard.ZstdError as error:
+            raise ValueError(str(error)) from error
+        yield out

@@ -1,0 +1,242 @@
+"""Which columns of a table are meant: by what the user says, or by names that leave no doubt (pure)."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from fltea.recording.column_names import (
+    ACCEL_MS2,
+    RATE_UNITS,
+    TIME_UNITS,
+    accel_axis_of,
+    accel_unit_of,
+    axis_of,
+    bare_unit,
+    is_time,
+    rate_unit_of,
+    time_unit_of,
+)
+from fltea.recording.files import TIME_COLUMN, UNITS_HELP, listed, parse_units
+from fltea.recording.how import How, TimeUnit
+from fltea.records.errors import UsageError
+from fltea.records.records import AXES
+
+SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+class Chosen(NamedTuple):
+    """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
+
+    factor, lsb: as of `parse_units`. time_unit: None if neither the name nor the user says it. accel: places
+    of the accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit.
+    """
+
+    names: list[str]
+    gyro: tuple[int, ...]
+    time: int | None
+    units: str
+    factor: float
+    lsb: float | None
+    time_unit: TimeUnit | None
+    accel: tuple[int, ...] = ()
+    accel_ms2: float = 1.0
+
+    @property
+    def time_name(self) -> str:
+        """The column of times."""
+        return "" if self.time is None else self.names[self.time]
+
+    @property
+    def needed(self) -> tuple[int, ...]:
+        """Without which a row is no sample: the axes, then the times."""
+        return self.gyro if self.time is None else (*self.gyro, self.time)
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """All that is read."""
+        return (*self.needed, *self.accel)
+
+    @property
+    def read(self) -> list[str]:
+        """The names at these places."""
+        return [self.names[place] for place in self.places]
+
+
+class Wanted(NamedTuple):
+    """The columns that the user names, or None for those that are known by their names; and the times'."""
+
+    columns: list[str] | None
+    time: str | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """All that is named."""
+        return [*(self.columns or ()), *([] if self.time is None else [self.time])]
+
+    def are_in(self, header: Sequence[str]) -> bool:
+        """Whether a line of names has them all."""
+        named = all(name in header for name in self.names)
+        return named and (self.columns is not None or bool(_axes_of(header)))
+
+    @property
+    def by_position(self) -> bool:
+        """Whether they are numbers, which count columns from 1."""
+        return self.columns is not None and all(map(_is_position, self.names))
+
+    def are_at(self, fields: Sequence[str]) -> bool:
+        """Whether a line without a header has them: by their positions, or since there are no others."""
+        if self.by_position:
+            return any(_is_float(fields[p - 1]) for p in map(int, self.names) if p <= len(fields))
+        alike = self.columns is not None and len(fields) == len(self.columns)
+        return self.time is None and alike and all(map(_is_float, fields))
+
+
+def wanted_of(how: How) -> Wanted:
+    """What the user names.
+
+    Raises:
+        UsageError: more columns than a gyroscope has axes, or one of them twice.
+    """
+    if how.columns is not None and len(how.columns) > len(AXES):
+        raise UsageError(
+            f"--columns names {len(how.columns)} columns; a gyroscope has up to {len(AXES)} axes."
+        )
+    wanted = Wanted(how.columns, how.time_column)
+    twice = {name for name in wanted.names if wanted.names.count(name) > 1}
+    if twice:
+        raise UsageError(f"--columns, --time-column: {', '.join(sorted(twice))} is named twice.")
+    return wanted
+
+
+def choose(
+    where: str, names: Sequence[str] | None, units: Sequence[str] | None, width: int, how: How
+) -> Chosen:
+    """Find the columns that are meant.
+
+    where: for messages, the file and, where there is one, the line of the names. names: of all columns; None:
+    they have none, and there are `width`. units: of each, where a line of them follows the names.
+
+    Raises:
+        UsageError: a column is not there, there twice, or its unit is not known.
+    """
+    wanted = wanted_of(how)
+    labels = list(names or ())
+    if names is None or not wanted.are_in(names):
+        labels = _by_position(where, names, width, wanted)
+        names = names if wanted.by_position and names is not None and len(names) == width else labels
+    axes = wanted.columns or _axes_of(labels)
+    for name in (*axes, *([wanted.time] if wanted.time is not None else [])):
+        if labels.count(name) > 1:
+            raise UsageError(
+                f"{where}: {labels.count(name)} columns are called {name}, and which is meant is not known. "
+                "Give them different names."
+            )
+    gyro = tuple(labels.index(name) for name in axes)
+    beside = [units[place] if units is not None and place < len(units) else "" for place in range(len(names))]
+    unit = _unit_of(where, [names[p] for p in gyro], [beside[p] for p in gyro], how, known=not wanted.columns)
+    factor, lsb = parse_units(unit)
+    time = _time_of(where, names, how) if wanted.time is None else labels.index(wanted.time)
+    time_unit = how.time_unit
+    if time is not None and time_unit is None:
+        time_unit = time_unit_of(names[time]) or TIME_UNITS.get(bare_unit(beside[time]))
+    accel, accel_ms2 = _accel_of(names, beside)
+    if {*gyro, time} & {*accel}:
+        accel = ()
+    return Chosen(list(names), gyro, time, unit, factor, lsb, time_unit, accel, accel_ms2)
+
+
+def _axes_of(names: Sequence[str]) -> list[str]:
+    """Names of the axes x, y, z: ours, else those that other programs use; none if two are of one axis."""
+    ours = [f"{axis}_dps" for axis in AXES if f"{axis}_dps" in names]
+    if ours:
+        return ours
+    found: dict[str, str] = {}
+    for name in names:
+        axis = axis_of(name)
+        if axis is not None and found.setdefault(axis, name) != name:
+            return []
+    return [found[axis] for axis in "xyz" if axis in found]
+
+
+def _accel_of(names: Sequence[str], beside: Sequence[str]) -> tuple[tuple[int, ...], float]:
+    """Places of an accelerometer's axes x, y, z, and m/s² in their unit; none unless all is clear."""
+    found: dict[str, list[int]] = {axis: [] for axis in "xyz"}
+    for place, name in enumerate(names):
+        axis = accel_axis_of(name)
+        if axis is not None:
+            found[axis].append(place)
+    if any(len(places) != 1 for places in found.values()):
+        return (), 1.0
+    accel = tuple(places[0] for places in found.values())
+    units = {accel_unit_of(names[place]) or ACCEL_MS2.get(bare_unit(beside[place])) for place in accel}
+    unit = units.pop()
+    return ((), 1.0) if units or unit is None else (accel, unit)
+
+
+def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known: bool) -> str:
+    if how.units is not None:
+        return how.units
+    said = {
+        rate_unit_of(name) or RATE_UNITS.get(bare_unit(unit))
+        for name, unit in zip(names, beside, strict=True)
+    }
+    if len(said) > 1:
+        raise UsageError(
+            f"{where}: the columns {listed(names)} are not all of one unit; say which: --units {UNITS_HELP}."
+        )
+    unit = said.pop()
+    if unit is None and not known and any("rad" in name.lower() for name in names):
+        raise UsageError(
+            f"{where}: the columns {listed(names)} may be in rad/s, and without a word they would be read as "
+            f"deg/s. Say it with --units: {UNITS_HELP}."
+        )
+    if unit is None and known:
+        raise UsageError(
+            f"{where}: the columns {listed(names)} are a gyroscope's by their names, which say no unit. "
+            f"Say it with --units: {UNITS_HELP}."
+        )
+    return unit or "deg/s"
+
+
+def _time_of(where: str, names: Sequence[str], how: How) -> int | None:
+    found = [TIME_COLUMN] if TIME_COLUMN in names else [name for name in names if is_time(name)]
+    if not found:
+        return None
+    if (len(found) > 1 or names.count(found[0]) > 1) and how.rate_hz is None:
+        raise UsageError(
+            f"{where}: {listed(found)} are times by their names; say which is meant: --time-column NAME."
+        )
+    return list(names).index(found[0])
+
+
+def _by_position(where: str, names: Sequence[str] | None, width: int, wanted: Wanted) -> list[str]:
+    """Columns called by their positions from 1, or by what the user calls them if there are no others."""
+    if wanted.by_position:
+        beyond = [name for name in wanted.names if int(name) > width]
+        if beyond:
+            raise UsageError(f"{where}: no column {', '.join(beyond)} (it has {width}, without names).")
+        return [str(place + 1) for place in range(width)]
+    if names is None and wanted.columns is not None and wanted.time is None and width == len(wanted.columns):
+        return wanted.columns
+    if names is None:
+        raise UsageError(
+            f"{where}: the columns have no names; say which are the axes by their positions: "
+            f"--columns 1,2,3 (there are {width})."
+        )
+    if wanted.columns is None:
+        raise UsageError(
+            f"{where}: no columns gyro_x_dps, …; name yours with --columns (it has: {listed(names)})."
+        )
+    lacking = [name for name in wanted.names if name not in names]
+    raise UsageError(f"{where}: no column {', '.join(lacking)} (it has: {listed(names)}).")
+
+
+def _is_position(name: str) -> bool:
+    return name.isascii() and name.isdecimal() and int(name) >= 1
+
+
+def _is_float(field: str) -> bool:
+    try:
+        float(field.replace(",", ".", 1))
+    except ValueError:
+        return False
+    return True

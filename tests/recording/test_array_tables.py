@@ -1,0 +1,208 @@
+"""Arrays in .npy files and tables in Parquet: the same columns, times and gaps as text."""
+
+import contextlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from blocks import samples_of
+from fltea.recording.files import Stored
+from fltea.recording.how import How
+from fltea.recording.npy_file import open_npy
+from fltea.recording.parquet_file import open_parquet
+from fltea.records.errors import UsageError
+from fltea.settings.limits import Limits
+from fltea.sources.replay import ReplaySource
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyarrow import parquet
+
+N = 300
+TIMES_S = np.arange(N) / 100
+GYRO = np.random.default_rng(1).normal(size=(N, 3))
+ACCEL = GYRO + 9.81
+
+
+def npy(folder: Path, array: np.ndarray, **how: object) -> Stored:
+    np.save(folder / "rest.npy", array)
+    return open_npy(folder / "rest.npy", How(**how))  # type: ignore[arg-type]
+
+
+def table(folder: Path, columns: dict[str, object], **how: object) -> Stored:
+    parquet.write_table(pa.table(columns), folder / "rest.parquet", row_group_size=128)
+    return open_parquet(folder / "rest.parquet", How(**how))  # type: ignore[arg-type]
+
+
+def refusal(read, *arguments: object, **how: object) -> str:
+    with pytest.raises(UsageError) as caught:
+        read(*arguments, **how)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("array", "how", "axes"),
+    [
+        (GYRO, {"rate_hz": 100.0}, [0, 1, 2]),
+        (GYRO[:, 0], {"rate_hz": 100.0}, [0]),
+        (np.asfortranarray(GYRO[:, :2]), {"rate_hz": 100.0}, [0, 1]),
+        (np.c_[TIMES_S, GYRO], {"time_column": "1"}, [0, 1, 2]),
+        (np.c_[ACCEL, GYRO], {"rate_hz": 100.0, "columns": ["4", "5", "6"]}, [0, 1, 2]),
+        (
+            np.c_[TIMES_S * 1e3, ACCEL, GYRO],
+            {"time_column": "1", "time_unit": "ms", "columns": ["7", "5"]},
+            [2, 0],
+        ),
+    ],
+    ids=["three axes", "one axis", "columns first", "times", "of six", "times and six"],
+)
+def test_npy(array: np.ndarray, how: dict[str, object], axes: list[int], tmp_path: Path) -> None:
+    found = npy(tmp_path, array, units="dps", **how)
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.whole().gyro.tolist() == GYRO[:, axes].tolist()
+    assert found.whole().device_s == pytest.approx(TIMES_S)
+
+
+def test_npy_with_fields_is_read_by_their_names(tmp_path: Path) -> None:
+    array = np.zeros(N, dtype=[("time_us", "<u8"), ("gz", "<f4"), ("gx", "<f4"), ("state", "<U3")])
+    array["time_us"] = np.arange(N) * 10_000
+    array["gx"] = GYRO[:, 0]
+    found = npy(tmp_path, array, units="rad/s")
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.whole().gyro[:, 0] == pytest.approx(np.degrees(GYRO[:, 0]), rel=1e-6)
+    assert "says no unit" in refusal(npy, tmp_path, GYRO, rate_hz=1.0)
+    assert "state does not hold numbers" in refusal(npy, tmp_path, array, columns=["state"], units="dps")
+
+
+BAD_NPY = {
+    "six columns": (np.c_[GYRO, ACCEL], {"rate_hz": 1.0}, "their positions: --columns 1,2,3 (there are 6)"),
+    "no rate": (GYRO, {}, "--rate 100"),
+    "transposed": (GYRO.T, {"rate_hz": 1.0}, "save its transpose"),
+    "three dimensions": (GYRO[None], {"rate_hz": 1.0}, "has the shape (1, 300, 3)"),
+    "nothing": (GYRO[:0], {"rate_hz": 1.0}, "has the shape (0, 3)"),
+    "text": (np.array(["a", "b"]), {"rate_hz": 1.0}, "none of numbers"),
+    "objects": (np.array([None, 1]), {"rate_hz": 1.0}, "cannot be read as .npy"),
+    "complex": (GYRO * 1j, {"rate_hz": 1.0}, "none of numbers"),
+    "infinity": (
+        np.where(GYRO[7, 1] == GYRO, np.inf, GYRO),
+        {"rate_hz": 1.0},
+        "row 7: column '2' is not a finite",
+    ),
+    "too large": (np.where(GYRO[7, 1] == GYRO, 1e9, GYRO), {"rate_hz": 1.0}, "row 7: more than 1e+06 deg/s"),
+    "times in ms": (np.c_[TIMES_S * 1e3, GYRO], {"time_column": "1"}, "--time-unit ms (100 Hz)"),
+    "no such column": (GYRO, {"columns": ["4"], "rate_hz": 1.0}, "no column 4"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_NPY)
+def test_bad_npy(name: str, tmp_path: Path) -> None:
+    array, how, reason = BAD_NPY[name]
+    assert reason in refusal(npy, tmp_path, array, units="dps", **how)
+
+
+ROS = pa.StructArray.from_arrays([pa.array(column) for column in GYRO.T], ["x", "y", "z"])
+
+
+@pytest.mark.parametrize(
+    ("columns", "how"),
+    [
+        ({"time_s": TIMES_S, **{f"gyro_{a}_dps": GYRO[:, i] for i, a in enumerate("xyz")}}, {}),
+        (
+            {"t": np.arange(N) * 10, "note": ["a"] * N, "w": GYRO[:, 0], "wx [dps]": GYRO[:, 0]},
+            {"time_unit": "ms"},
+        ),
+        ({"angular_velocity": ROS}, {"rate_hz": 100.0, "units": "dps"}),
+        (
+            {
+                "index": pa.array(1_700_000_000_000_000_000 + np.arange(N) * 10_000_000, pa.timestamp("ns")),
+                "gx": pa.array(GYRO[:, 0].astype(np.float32)),
+            },
+            {"units": "dps"},
+        ),
+    ],
+    ids=["ours", "ms", "structures", "time stamps"],
+)
+def test_parquet(columns: dict[str, object], how: dict[str, object], tmp_path: Path) -> None:
+    found = table(tmp_path, columns, **how)
+    assert found.rate_hz == pytest.approx(100.0)
+    gyro = found.whole().gyro
+    assert gyro == pytest.approx(GYRO[:, : gyro.shape[1]], rel=1e-6)
+    assert found.whole().device_s == pytest.approx(TIMES_S)
+
+
+def test_what_is_null_or_nan_is_missing(tmp_path: Path) -> None:
+    values = [1.0, None, float("nan"), 2.0]
+    for found in (
+        table(tmp_path, {"gyro_x_dps": values}, rate_hz=10.0),
+        npy(tmp_path, np.array(values, dtype=float), rate_hz=10.0, units="dps"),
+    ):
+        whole = found.whole()
+        assert whole.seq is not None
+        assert (whole.seq.tolist(), whole.gyro.tolist()) == ([0, 3], [[1.0], [2.0]])
+        assert "row 1: the first of 2 rows (of 4)" in found.notes[0].text
+
+
+def test_bad_parquet(tmp_path: Path) -> None:
+    gx = {"gyro_x_dps": GYRO[:, 0]}
+    assert "no columns gyro_x_dps" in refusal(table, tmp_path, {"a": TIMES_S}, rate_hz=1.0)
+    assert "gx does not hold numbers" in refusal(table, tmp_path, {"gx": ["a"]}, rate_hz=1.0, units="dps")
+    assert "time_s does not hold numbers" in refusal(table, tmp_path, {"time_s": ["a"] * N, **gx})
+    assert "row 299: column 'time_s': the time does not increase" in refusal(
+        table, tmp_path, {"time_s": [*TIMES_S[:-1], 1.0], **gx}
+    )
+    table(tmp_path, gx, rate_hz=100.0)
+    path = tmp_path / "rest.parquet"
+    assert "replay.max_mb=1" in refusal(open_parquet, path, How(rate_hz=1.0), Limits(max_mb=0.001))
+    data = path.read_bytes()
+    for damaged in (data[:-9], data[:100], b"", b"PAR1", data[:-8] + b"\xff\xff\xff\x7fPAR1"):
+        path.write_bytes(damaged)
+        assert "cannot be read as Parquet (" in refusal(open_parquet, path, How(rate_hz=1.0))
+
+
+def test_tables_are_replayed(tmp_path: Path) -> None:
+    table(tmp_path, {"gyro_x_dps": GYRO[:, 0]}, rate_hz=100.0)
+    npy(tmp_path, GYRO, rate_hz=100.0, units="dps")
+    how = How(rate_hz=100.0, units="dps")
+    for name in ("rest.parquet", "rest.npy"):
+        source = ReplaySource(tmp_path / name, how=how, shuffle=1)
+        assert len(samples_of(source.events())) == N
+        bare = (tmp_path / name).rename(tmp_path / "bare")
+        assert len(samples_of(ReplaySource(bare, how=how).events())) == N
+
+
+def test_parquet_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table(tmp_path, {"gyro_x_dps": GYRO[:, 0]}, rate_hz=100.0)
+    monkeypatch.delitem(sys.modules, "fltea.recording.parquet_file")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(UsageError, match=r"Parquet files need the package pyarrow.*\[tables\]"):
+        ReplaySource(tmp_path / "rest.parquet", how=How(rate_hz=100.0))
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=8), st.integers(0, 8)),
+        min_size=1,
+        max_size=3,
+    ),
+    st.sampled_from(["rest.npy", "rest.parquet"]),
+)
+@settings(max_examples=100)
+def test_files_that_were_changed_anywhere(
+    tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[float, bytes, int]], name: str
+) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    if name == "rest.npy":
+        npy(folder, GYRO[:20], rate_hz=100.0, units="dps")
+    else:
+        table(folder, {"time_s": TIMES_S[:20], "gyro_x_dps": GYRO[:20, 0]})
+    data = (folder / name).read_bytes()
+    for place, put, gone in changes:
+        at = int(place * len(data))
+        data = data[:at] + put + data[at + gone :]
+    (folder / name).write_bytes(data)
+    how = How(rate_hz=100.0, units="dps")
+    with contextlib.suppress(UsageError):
+        read = open_npy if name == "rest.npy" else open_parquet
+        found = read(folder / name, how, Limits(max_mb=1)).whole()
+        assert np.isfinite(found.gyro).all()

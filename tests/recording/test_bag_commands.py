@@ -1,0 +1,149 @@
+"""Bags in the commands that read recordings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bag_support import KINDS, even, write_bag
+from fltea.archive.export import export
+from fltea.archive.info import as_text, sessions, summarise
+from fltea.identify.load import Request, load, recordings
+from fltea.recording.how import How
+from fltea.recording.npz_file import open_npz
+from fltea.recording.ros_bag import open_bag
+from fltea.records.errors import UsageError
+from fltea.records.events import RawBlock
+from fltea.sources.replay import ReplaySource
+from host_support import fltea
+
+N = 1200
+
+
+def test_from_a_bag_to_imu_yaml_in_one_command(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "drive.bag", {"/imu/data": even(N)}, words=["/chatter"])
+    yaml = tmp_path / "imu.yaml"
+    found = fltea(
+        "identify", bag, "--imu-yaml", yaml, "--shuffles", "0", "--window", "50", "--startup", "100"
+    )
+    assert found.returncode == 0, found.stderr
+    assert "200 Hz, 1,200 samples, 6.0 s" in found.stdout
+    entries = dict(line.split(":")[:2] for line in yaml.read_text().splitlines() if line[0] not in "# ")
+    assert float(entries["update_rate"].split("#")[0]) == 200
+    density = float(entries["gyroscope_noise_density"].split("#")[0])
+    assert density == pytest.approx(1e-3 / np.sqrt(200), rel=0.2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_info_and_export(tmp_path: Path, kind: str) -> None:
+    rest = even(N)
+    lost = np.delete(np.arange(N), [500, 501])
+    some = rest._replace(
+        stamp_ns=np.array(rest.stamp_ns)[lost].tolist(),
+        gyro_rads=np.array(rest.gyro_rads)[lost],
+        accel_ms2=np.array(rest.accel_ms2)[lost],
+    )
+    path = write_bag(tmp_path / f"a.{kind}", {"/imu": some, "/other": even(20)})
+    summary = summarise([path], 100, how=How(topic="/imu"))
+    assert (summary.samples, summary.lost, summary.gaps, summary.whole) == (N - 2, 2, 1, True)
+    assert summary.rate_hz == pytest.approx(200, rel=1e-6)
+    text = as_text(summary)
+    assert "2023-11-14 22:13:20 UTC" in text
+    assert "topic /imu, sensor_msgs/" in text
+    assert "other topics: /other" in text
+    out = tmp_path / "out.npz"
+    assert export([path], out, "samples", 100, how=How(topic="/imu")) == N - 2
+    again = open_npz(out).whole()
+    np.testing.assert_allclose(np.radians(again.gyro), some.gyro_rads, rtol=1e-14)
+    np.testing.assert_array_equal(again.accel_ms2, some.accel_ms2)
+
+
+def test_identify_has_the_accelerometer_in_its_unit(tmp_path: Path) -> None:
+    rest = even(N)
+    path = write_bag(tmp_path / "a.mcap", {"/imu": rest})
+    loaded = load(Request((path,), ("gyro_x", "accel_z")))
+    assert np.std(loaded.axes["accel_z"].y) == pytest.approx(0.01, rel=0.1)
+    assert np.mean(loaded.axes["accel_z"].y) == pytest.approx(9.81, rel=1e-3)
+    assert loaded.axes["accel_z"].lsb is None
+    assert loaded.counts.samples == N
+
+
+def test_what_a_bag_tells_of_itself_is_a_trap(tmp_path: Path) -> None:
+    rest = even(N)
+    path = write_bag(tmp_path / "a.bag", {"/imu": rest._replace(stamp_ns=[0] * N, arrival_ns=rest.stamp_ns)})
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 3 // 4])
+    loaded = load(Request((path,)))
+    assert {"bag_stamps", "cut_recording"} <= {trap.kind for trap in loaded.traps}
+    summary = summarise([path], 100)
+    assert not summary.whole
+    assert len(summary.notes) == 2
+
+
+def test_clocks_that_go_at_different_rates_are_a_trap(tmp_path: Path) -> None:
+    rest = even(N, 50.0)
+    late = (np.array(rest.stamp_ns) + np.arange(N) * 200_000).tolist()  # 1 % slower
+    loaded = load(Request((write_bag(tmp_path / "a.bag", {"/imu": rest._replace(arrival_ns=late)}),)))
+    assert loaded.clock_ppm == pytest.approx(-9900, rel=0.02)
+    assert "sample rate" in {trap.kind for trap in loaded.traps}
+
+
+def test_several_bags_are_several_recordings(tmp_path: Path) -> None:
+    paths = [write_bag(tmp_path / f"{i}.{kind}", {"/imu": even(30)}) for i, kind in enumerate(KINDS)]
+    assert recordings(paths) == [(path,) for path in paths]
+    assert recordings([tmp_path]) == [(path,) for path in sorted(paths)]
+    assert sessions([tmp_path]) == [[path] for path in sorted(paths)]
+    (file,) = paths[2].glob("*.mcap")
+    (tmp_path / "loose").mkdir()
+    loose = [tmp_path / "loose" / name for name in ("a.mcap", "b.mcap")]
+    for one in loose:
+        one.write_bytes(file.read_bytes())
+    assert recordings([tmp_path / "loose"]) == [(one,) for one in loose]
+
+
+def test_a_folder_of_bags_is_no_recording(tmp_path: Path) -> None:
+    for kind in KINDS:
+        write_bag(tmp_path / f"a.{kind}", {"/imu": even(30)})
+    with pytest.raises(UsageError, match=r"folder of 3 bags; name one of them: a\.bag, a\.db3, a\.mcap"):
+        ReplaySource(tmp_path)
+
+
+def test_a_bag_can_be_shuffled(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "a.bag", {"/imu": even(30)})
+    plain, shuffled = (
+        np.concatenate([e.gyro for e in ReplaySource(path, shuffle=seed).events() if isinstance(e, RawBlock)])
+        for seed in (None, 3)
+    )
+    assert not np.array_equal(shuffled, plain)
+    np.testing.assert_array_equal(np.sort(shuffled, axis=0), np.sort(plain, axis=0))
+
+
+def test_a_bag_in_several_files(tmp_path: Path) -> None:
+    rest = even(60)
+    folder = tmp_path / "long"
+    folder.mkdir()
+    for number in (0, 1, 10):
+        rows = {0: slice(0, 20), 1: slice(20, 40), 10: slice(40, 60)}[number]
+        some = rest._replace(
+            stamp_ns=rest.stamp_ns[rows],
+            gyro_rads=np.array(rest.gyro_rads)[rows],
+            accel_ms2=np.array(rest.accel_ms2)[rows],
+        )
+        (file,) = write_bag(tmp_path / "one.mcap", {"/imu": some}).glob("*.mcap")
+        file.rename(folder / f"long_{number}.mcap")
+    whole = open_bag(folder).whole()
+    np.testing.assert_allclose(np.radians(whole.gyro), rest.gyro_rads, rtol=1e-14)
+    (folder / "long_1.mcap").write_bytes(b"no bag at all")
+    stored = open_bag(folder)
+    assert (stored.samples, [note.kind for note in stored.notes]) == (40, ["recording_gap"])
+
+
+def test_a_bag_in_run_and_topics_elsewhere(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "a.db3", {"/a": even(N), "/b": even(N, seed=2)})
+    flags = ("--once", "--format", "none", "--window", "50", "--startup", "100")
+    assert "has 2 Imu topics" in fltea("run", "-s", f"replay:{path}", *flags).stderr
+    found = fltea("run", "-s", str(path), "--topic", "/b", *flags)
+    assert found.returncode == 0, found.stderr
+    np.savez(tmp_path / "a.npz", gyro_dps=np.random.default_rng(1).normal(size=(N, 3)), fs_hz=100.0)
+    refused = fltea("run", "-s", f"replay:{tmp_path / 'a.npz'}", "--topic", "/b", *flags)
+    assert refused.returncode == 2
+    assert "--topic is for bags of ROS" in refused.stderr

@@ -1,0 +1,507 @@
+"""Text recordings as other programs write them: separators, headers, comments, missing numbers, times."""
+
+import contextlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fltea.recording.csv_file import open_csv
+from fltea.recording.files import Stored
+from fltea.recording.how import How
+from fltea.records.errors import UsageError
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+DEG = 180 / np.pi
+GYRO = [[1.5, 2.5, 3.5], [4.0, 5.0, -6.0], [7.0, 8.0, 9.0]]
+
+
+def stored(folder: Path, text: str | bytes, **how: object) -> Stored:
+    path = folder / "rest.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return open_csv(path, How(**how))  # type: ignore[arg-type]
+
+
+def refusal(folder: Path, text: str | bytes, **how: object) -> str:
+    with pytest.raises(UsageError) as caught:
+        stored(folder, text, **how)
+    return str(caught.value).removeprefix(str(folder / "rest.csv"))
+
+
+OURS = "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n"
+FORMS = {
+    "semicolons": (OURS.replace(",", ";") + "0;1.5;2.5;3.5\n0.1;4;5;-6\n0.2;7;8;9\n", {}),
+    "tabs": (OURS.replace(",", "\t") + "0\t1.5\t2.5\t3.5\n0.1\t4\t5\t-6\n0.2\t7\t8\t9\n", {}),
+    "blanks, in columns": (OURS.replace(",", "  ") + " 0    1.5 2.5  3.5\n 0.1  4 5 -6 \n 0.2 7  8 9\n", {}),
+    "decimal commas": (OURS.replace(",", ";") + "0;1,5;2,5;3,5\n0,1;4;5;-6\n0,2;7;8;9,0\n", {}),
+    "decimal commas and tabs": (
+        OURS.replace(",", "\t") + "0,0\t1,5\t2,5\t3,5\n0,1\t4\t5\t-6\n0,2\t7\t8\t9\n",
+        {},
+    ),
+    "decimal commas and blanks": (
+        OURS.replace(",", " ") + "0,0 1,5 2,5 3,5\n0,1 4,0 5,0 -6,0\n0,2 7 8 9\n",
+        {},
+    ),
+    "comments": (
+        "# a logger\n// of mine\n" + OURS + "% go\n0,1.5,2.5,3.5\n#\n0.1,4,5,-6\n\n0.2,7,8,9\n# end\n",
+        {},
+    ),
+    "titles": ("IMU log of today\nrange 2000 dps\n" + OURS + "0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9\n", {}),
+    "units in a second line": (
+        "time,gx,gy,gz,ax\n[ms],[deg/s],[deg/s],[deg/s],[g]\n0,1.5,2.5,3.5,0\n100,4,5,-6,0\n200,7,8,9,0\n",
+        {},
+    ),
+    "the header is a comment": (
+        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2]\n"
+        + "".join(
+            f"{1403636579758555392 + k * 100_000_000},{','.join(repr(v / DEG) for v in row)},9.81\n"
+            for k, row in enumerate(GYRO)
+        ),
+        {},
+    ),
+    "as rostopic echo -p": (
+        "%time,field.header.stamp,field.header.frame_id,field.angular_velocity.x,field.angular_velocity.y,"
+        "field.angular_velocity.z,field.angular_velocity_covariance0\n"
+        + "".join(
+            f"{1.6e18 + k * 1.01e8:.0f},{1.6e18 + k * 1e8:.0f},imu,{','.join(repr(v / DEG) for v in row)},0\n"
+            for k, row in enumerate(GYRO)
+        ),
+        {"units": "rad/s", "time_column": "field.header.stamp", "time_unit": "ns"},
+    ),
+    "no header": ("0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9\n", {"columns": ["2", "3", "4"], "time_column": "1"}),
+    "no header and a rate": (
+        "0 1.5 2.5 3.5\n0 4 5 -6\n0 7 8 9\n",
+        {"columns": ["2", "3", "4"], "rate_hz": 10.0},
+    ),
+    "no header, as many names": (
+        "1.5 2.5 3.5\n4 5 -6\n7 8 9\n",
+        {"columns": ["a", "b", "c"], "rate_hz": 10.0},
+    ),
+    "positions under a header": (
+        "p,q,r,s\n0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9\n",
+        {"columns": ["2", "3", "4"], "time_column": "1"},
+    ),
+    "columns of text beside": (
+        "note,time_ms,gx,gy,gz,state\na,0,1.5,2.5,3.5,on\nb c,100,4,5,-6,\n,200,7,8,9,NaN\n",
+        {"units": "dps"},
+    ),
+    "names in quotes, units in brackets": (
+        '"Time (us)";"Gyro X [°/s]";"Gyro Y [°/s]";"Gyro Z [°/s]"\n'
+        "5;1.5;2.5;3.5\n100005;4;5;-6\n200005;7;8;9\n",
+        {},
+    ),
+    "units as Windows writes them": (
+        "time_s,gx [°/s],gy [°/s],gz [°/s]\n0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9\n".encode("cp1252"),
+        {},
+    ),
+    "empty columns at the end": (OURS + "0,1.5,2.5,3.5,\n0.1,4,5,-6,\n0.2,7,8,9,\n", {}),
+    "milliseconds by what the user says": (
+        "t,gx,gy,gz\n0,1.5,2.5,3.5\n100,4,5,-6\n200,7,8,9\n",
+        {"units": "dps", "time_unit": "ms"},
+    ),
+    "no line end at the end": (OURS + "0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9", {}),
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_forms_that_mean_the_same(name: str, ends: str, tmp_path: Path) -> None:
+    text, how = FORMS[name]
+    data = text if isinstance(text, bytes) else text.encode()
+    found = stored(tmp_path, data.replace(b"\n", ends.encode()), **how)
+    assert found.whole().gyro == pytest.approx(np.array(GYRO), rel=1e-12)
+    assert found.rate_hz == pytest.approx(10.0, rel=1e-6)
+    assert found.whole().device_s == pytest.approx([0, 0.1, 0.2], abs=1e-6)
+    assert found.notes == ()
+
+
+NAMES = [
+    "gyro_{}",
+    "Gyro{}",
+    "g{}",
+    "w{}",
+    "omega_{}",
+    "angular_velocity.{}",
+    "angular_velocity_{}",
+    "gyroscope_{}",
+    "GYR {}",
+    "imu0.gyro.{}",
+    "gyro_{}_rads",
+    "ang_vel_{} (rad/s)",
+    "Gyroscope {} (rad/s)",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_that_other_loggers_use(name: str, tmp_path: Path) -> None:
+    header = ",".join([name.format(axis) for axis in "zyx"] + ["ax", "ay", "az", "temp"])
+    found = stored(tmp_path, f"{header}\n1,2,3,4,5,6,7\n", rate_hz=10.0, units="rad/s")
+    assert found.whole().gyro[0] == pytest.approx([3 * DEG, 2 * DEG, 1 * DEG])
+    if "rad" in name:
+        assert stored(tmp_path, f"{header}\n1,2,3,4,5,6,7\n", rate_hz=10.0).whole().gyro[0, 0] == 3 * DEG
+    else:
+        assert "say no unit" in refusal(tmp_path, f"{header}\n1,2,3,4,5,6,7\n", rate_hz=10.0)
+
+
+def test_names_that_count_the_axes(tmp_path: Path) -> None:
+    text = "timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],dt\n" + "".join(
+        f"{k * 5000},1,2,3,0\n" for k in range(9)
+    )
+    found = stored(tmp_path, text, time_unit="us")
+    assert found.rate_hz == pytest.approx(200.0)
+    assert found.whole().gyro[0] == pytest.approx([DEG, 2 * DEG, 3 * DEG])
+    assert "--time-unit us (200 Hz)" in refusal(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "alpha_gyro_x,std_gyro_x",
+        "ax,ay,az",
+        "gain,weight",
+        "imu0_gyro_x,imu1_gyro_x",
+        "x,y,z",
+        "gyro_x_dps_std",
+    ],
+)
+def test_names_that_leave_a_doubt_are_not_taken(header: str, tmp_path: Path) -> None:
+    row = ",".join("1" for _ in header.split(","))
+    assert "name yours with --columns" in refusal(tmp_path, f"{header}\n{row}\n", rate_hz=10.0, units="dps")
+
+
+BAD = {
+    "two columns of a name": (
+        "gx,gx,gy\n1,2,3\n",
+        {"columns": ["gx"], "rate_hz": 1.0},
+        ":1: 2 columns are called gx",
+    ),
+    "two of ours": ("gyro_x_dps,gyro_x_dps\n1,2\n", {"rate_hz": 1.0}, ":1: 2 columns are called gyro_x_dps"),
+    "a column named twice": ("gx,gy\n1,2\n", {"columns": ["gx", "gx"]}, "gx is named twice"),
+    "two columns of times": (
+        "time,timestamp,gyro_x_dps\n1,2,3\n",
+        {},
+        ":1: time, timestamp are times by their names; say which is meant: --time-column",
+    ),
+    "no such column of times": (
+        "t,gyro_x_dps\n0,1\n",
+        {"time_column": "tt"},
+        ":1: no column tt (it has: t, gyro_x_dps)",
+    ),
+    "units that differ": ("t,gx [dps],gy [rad/s]\n0,1,1\n", {}, "are not all of one unit"),
+    "radians by their name": (
+        "t,radx\n0,1\n",
+        {"columns": ["radx"]},
+        ":1: the columns radx may be in rad/s, and without a word",
+    ),
+    "counts without their scale": ("t,gx,gy\n0,1,1\n", {}, "lsb:N"),
+    "decimal commas among commas": (
+        OURS + "0,01,1,5,2,5,3,5\n",
+        {},
+        ":2: has 8 fields, and there are 4 columns. If the numbers have decimal commas",
+    ),
+    "a decimal comma in a later row": (
+        "t,gx,gy,gz,note\n0,1,2,3,a\n1,1,2,3,a b\n2,1,2,3,5,4\n",
+        {"units": "dps"},
+        ":4: has 6 fields, and there are 5 columns",
+    ),
+    "thousands": (
+        OURS.replace(",", ";") + "0;1.000,5;2,5;1\n",
+        {},
+        ":2: column 'gyro_x_dps': '1.000,5' is not",
+    ),
+    "a word before the names": (
+        "# columns: t gx gy\n0 1 2\n1 1 2\n",
+        {"units": "dps"},
+        ":2: has 3 fields, and the header names 4 columns",
+    ),
+    "blanks in names": ("t [s] gx gy\n0 1 2\n1 1 2\n", {"units": "dps"}, ":2: has 3 fields"),
+    "positions beyond": ("1 2 3\n", {"columns": ["4"], "rate_hz": 1.0}, "no column 4"),
+    "no header and no positions": ("1,2,3\n4,5,6\n", {"rate_hz": 1.0}, "their positions: --columns 1,2,3"),
+    "a field of text": (OURS + "0,1,2,3\n1,x,2,3\n", {}, ":3: column 'gyro_x_dps': 'x' is not a number"),
+    "a quote that does not end": (OURS + '0,1,2,3\n1,"2,3,4\n2,1,1,1\n', {}, ":3: cannot be read as CSV"),
+    "a second header": (
+        OURS + "0,1,2,3\n" + OURS,
+        {},
+        ":3: column 'gyro_x_dps': 'gyro_x_dps' is not a number",
+    ),
+    "an empty axis": (OURS + "0,1,2,\n1,2,3,\n", {}, ":2: column gyro_z_dps is empty"),
+    "nothing in whole rows": (OURS + "0,,2,\n1,2,,\n2,,,3\n", {}, ":2: no row has numbers in all columns"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_not_clear_is_refused(name: str, tmp_path: Path) -> None:
+    text, how, reason = BAD[name]
+    assert reason in refusal(tmp_path, text, **how)
+
+
+MISSING = ["", "nan", "NaN", "NA", "null", "None", "N/A", ' "" ']
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+@pytest.mark.parametrize("timed", [True, False])
+def test_what_is_missing_is_a_gap_and_counted(separator: str, timed: bool, tmp_path: Path) -> None:
+    for word in MISSING if separator in ",;" else MISSING[1:-1]:
+        rows = [[f"{k / 10}", "1", f"{k}", "2"] for k in range(10)]
+        rows[0][3] = rows[4][1] = rows[5][2] = word
+        text = OURS + "".join(",".join(row) + "\n" for row in rows)
+        found = stored(tmp_path, text.replace(",", separator), **({} if timed else {"rate_hz": 10.0}))
+        whole = found.whole()
+        assert whole.gyro[:, 1].tolist() == [1, 2, 3, 6, 7, 8, 9]
+        assert np.diff(whole.device_s) == pytest.approx([0.1, 0.1, 0.3, 0.1, 0.1, 0.1])
+        assert (whole.seq is None) == timed
+        (note,) = found.notes
+        assert note.kind == "missing_numbers"
+        assert ":2: the first of 3 rows (of 10)" in note.text
+
+
+@pytest.mark.parametrize(
+    "header", ["t [ms],wx [rad/s],note\n", "# t_ms,wx_rads,note\n", "a title\nt,x,note\nms,rad/s,-\n"]
+)
+def test_positions_have_the_units_of_the_header_above(header: str, tmp_path: Path) -> None:
+    text = header + "0,1,a\n10,2,b\n20,3,c\n"
+    found = stored(tmp_path, text, columns=["2"], time_column="1")
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.whole().gyro.ravel() == pytest.approx([DEG, 2 * DEG, 3 * DEG])
+    assert stored(tmp_path, text, columns=["2"], units="dps", rate_hz=9.0).whole().gyro[0, 0] == 1
+
+
+def test_rows_may_begin_after_many_comments(tmp_path: Path) -> None:
+    text = OURS + "# a remark\n" * 500 + "0,1,2,3\n1,4,5,6\n"
+    assert stored(tmp_path, text).whole().gyro.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert "no header" in refusal(tmp_path, "# a remark\n" * 500 + text)
+
+
+def test_names_may_be_numbers(tmp_path: Path) -> None:
+    found = stored(tmp_path, "time_s,2,3\n0,1,5\n1,2,6\n", columns=["3"]).whole()
+    assert found.gyro.ravel().tolist() == [5, 6]
+
+
+def test_one_column_with_decimal_commas(tmp_path: Path) -> None:
+    found = stored(tmp_path, "gyro_x_dps\n0,5\n-1,5\n2\n", rate_hz=10.0)
+    assert found.whole().gyro.ravel().tolist() == [0.5, -1.5, 2.0]
+
+
+def test_commas_in_quotes_are_text(tmp_path: Path) -> None:
+    text = "note,t,gx\na,0,1\n" + '"a, b, 5, 6",0.1,2\nb,0.2,3,more\n'
+    assert stored(tmp_path, text, units="dps").whole().gyro.ravel().tolist() == [1, 2, 3]
+
+
+def test_rows_number_the_samples_where_there_are_no_times(tmp_path: Path) -> None:
+    found = stored(tmp_path, "gyro_x_dps\n1\nnan\nnan\n2\nnan\n3\n", rate_hz=10.0).whole()
+    assert found.seq is not None
+    assert (found.seq.tolist(), found.gyro.ravel().tolist()) == ([0, 3, 5], [1, 2, 3])
+
+
+def test_a_last_line_that_is_cut_is_left_out_and_told(tmp_path: Path) -> None:
+    found = stored(tmp_path, OURS + "0,1,2,3\n0.1,4,5,6\n0.2,7")
+    assert found.samples == 2
+    assert [note.kind for note in found.notes] == ["cut_recording"]
+    assert ":4: the last line is cut off" in found.notes[0].text
+    assert ":4: has 2 fields" in refusal(tmp_path, OURS + "0,1,2,3\n0.1,4,5,6\n0.2,7\n")
+
+
+# --- the accelerometer ---
+
+ACCELS = {
+    "ours": ("accel_{}_ms2", None, 1.0),
+    "in g": ("a{} [g]", None, 9.80665),
+    "EuRoC": ("a_RS_S_{} [m s^-2]", None, 1.0),
+    "phyphox": ("Linear Acceleration {} (m/s^2)", None, 1.0),
+    "a line of units": ("acc_{}", "mg", 9.80665e-3),
+}
+
+
+@pytest.mark.parametrize("name", ACCELS)
+def test_an_accelerometer_whose_unit_is_known_is_read_too(name: str, tmp_path: Path) -> None:
+    form, unit, ms2 = ACCELS[name]
+    header = ["time_s", *[form.format(axis) for axis in "zxy"], "gyro_x_dps"]
+    units = "" if unit is None else ",".join(["s", unit, unit, unit, "dps"]) + "\n"
+    text = ",".join(header) + "\n" + units + "".join(f"{k},3,1,2,{k}\n" for k in range(4))
+    found = stored(tmp_path, text).whole()
+    assert found.gyro.ravel().tolist() == [0, 1, 2, 3]
+    assert found.accel_ms2 == pytest.approx(np.array([[1, 2, 3]] * 4) * ms2)
+    assert stored(tmp_path, text, columns=["gyro_x_dps"], rate_hz=1.0).whole().accel_ms2 is not None
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["ax,ay,az", "ax [g],ay [g],az", "ax [g],ay [g],az [m/s^2]", "ax [g],ay [g],p", "ax [g],ax [g],az [g]"],
+)
+def test_an_accelerometer_that_leaves_a_doubt_is_not_read(header: str, tmp_path: Path) -> None:
+    found = stored(tmp_path, f"gyro_x_dps,{header}\n1,0,0,x\n", rate_hz=1.0)
+    assert found.whole().accel_ms2 is None
+    assert found.notes == ()
+
+
+def test_an_accelerometer_with_missing_numbers_is_left_out_and_told(tmp_path: Path) -> None:
+    rows = ["1,0,0,1", "nan,0,,1", "2,0,0,1", "3,0,,1", "4,,,"]
+    text = "gyro_x_dps,accel_x_ms2,accel_y_ms2,accel_z_ms2\n" + "\n".join(rows) + "\n"
+    found = stored(tmp_path, text, rate_hz=1.0)
+    assert found.whole().gyro.ravel().tolist() == [1, 2, 3, 4]
+    assert found.whole().accel_ms2 is None
+    assert [note.kind for note in found.notes] == ["missing_numbers"] * 2
+    assert ":5: accel_x_ms2, accel_y_ms2, accel_z_ms2: no acceleration stands here" in found.notes[0].text
+    whole = stored(tmp_path, "\n".join(text.split("\n")[:4]) + "\n", rate_hz=1.0).whole()
+    assert whole.accel_ms2 is not None
+    assert whole.accel_ms2.tolist() == [[0, 0, 1]] * 2
+
+
+# --- times ---
+
+
+def timed(times: list[float], name: str = "t", separator: str = ",") -> str:
+    return f"{name}{separator}gyro_x_dps\n" + "".join(f"{t:.10g}{separator}1\n" for t in times)
+
+
+@pytest.mark.parametrize(
+    ("name", "per_s"),
+    [
+        ("time_s", 1.0),
+        ("t [ms]", 1e3),
+        ("time_us", 1e6),
+        ("timestamp [ns]", 1e9),
+        ("Timestamp(µs)", 1e6),
+        ("millis", 1e3),
+        ("time", 1.0),
+    ],
+)
+def test_units_of_times_by_their_name(name: str, per_s: float, tmp_path: Path) -> None:
+    found = stored(tmp_path, timed([k * per_s / 100 for k in range(200) if k != 50], name))
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.whole().device_s[-1] == pytest.approx(1.99)
+
+
+@pytest.mark.parametrize(("unit", "per_s"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+@pytest.mark.parametrize("rate_hz", [10.0, 100.0, 1000.0])
+def test_times_without_a_unit_are_never_taken_for_seconds(
+    unit: str, per_s: float, rate_hz: float, tmp_path: Path
+) -> None:
+    text = timed([round(k * per_s / rate_hz) for k in range(100)])
+    reason = refusal(tmp_path, text)
+    assert "column 't' says no unit" in reason
+    assert f"--time-unit {unit} ({rate_hz:g} Hz)" in reason
+    assert stored(tmp_path, text, time_unit=unit).rate_hz == pytest.approx(rate_hz)
+
+
+@pytest.mark.parametrize("rate_hz", [400.0, 416.0, 333.0, 64.0])
+def test_times_in_whole_milliseconds_are_a_clocks(rate_hz: float, tmp_path: Path) -> None:
+    """2 and 3 ms in turns are 400 Hz, not too uneven; and no step is a gap."""
+    times = [round(k * 1000 / rate_hz) for k in range(2000) if k != 1000]
+    found = stored(tmp_path, timed(times, "time_ms"))
+    assert found.rate_hz == pytest.approx(rate_hz, rel=2e-3)
+    in_s = stored(tmp_path, timed([t / 1000 for t in times], "time_s"))
+    assert in_s.rate_hz == pytest.approx(found.rate_hz)
+
+
+@pytest.mark.parametrize("name", ["time_s", "t", "millis"])
+def test_with_a_rate_times_still_number_the_samples(name: str, tmp_path: Path) -> None:
+    lost = {30, 31, 32, *range(50, 90)}
+    scale = 1e3 if name == "millis" else 1.0
+    found = stored(
+        tmp_path, timed([k * scale / 100 for k in range(200) if k not in lost], name), rate_hz=100.5
+    )
+    whole = found.whole()
+    assert whole.seq is not None
+    assert whole.seq.tolist() == [k for k in range(200) if k not in lost]
+    assert (found.rate_hz, found.notes) == (100.5, ())
+
+
+def test_a_rate_that_contradicts_the_times_is_told(tmp_path: Path) -> None:
+    found = stored(tmp_path, timed([k / 50 for k in range(100)], "time_s"), rate_hz=100.0)
+    assert found.whole().seq.tolist() == list(range(100))  # type: ignore[union-attr]
+    assert [note.kind for note in found.notes] == ["row_times"]
+    assert "the rate is 50 Hz; --rate 100 is used" in found.notes[0].text
+
+
+def test_times_that_number_nothing_are_told(tmp_path: Path) -> None:
+    for times in ([0, 1, 0.5, 2], [0, 0.001, 0.1, 0.101, 0.2, 0.201]):
+        found = stored(tmp_path, timed(times), rate_hz=10.0)
+        assert found.whole().seq.tolist() == list(range(len(times)))  # type: ignore[union-attr]
+        assert [note.kind for note in found.notes] == ["row_times"]
+
+
+def test_dates_number_nothing(tmp_path: Path) -> None:
+    text = "timestamp,gyro_x_dps\n" + "".join(f"2026-01-01 08:00:{k:02},{k}\n" for k in range(9))
+    found = stored(tmp_path, text, rate_hz=1.0)
+    assert found.samples == 9
+    assert "'2026-01-01 08:00:00' is no number, so it cannot tell" in found.notes[0].text
+    assert ":2: column 'timestamp': '2026-01-01 08:00:00' is no number; " in refusal(tmp_path, text)
+    assert "--rate 100" in refusal(tmp_path, text)
+
+
+def test_long_files_go_over_many_blocks(tmp_path: Path) -> None:
+    n = 150_000
+    times = [k / 200 for k in range(n) if k % 10_000 != 9_999]
+    lines = timed(times, "time_s").splitlines(keepends=True)
+    lines[70_000] = "# a remark\n" + lines[70_000]
+    lines[80_000] = lines[80_000].split(",")[0] + ",\n"
+    found = stored(tmp_path, "".join(lines))
+    whole = found.whole()
+    assert found.rate_hz == pytest.approx(200.0)
+    assert len(whole.gyro) == found.samples == len(times) - 1
+    assert int(np.rint(whole.device_s[-1] * 200)) == round(times[-1] * 200)
+    assert ":80002: the first of 1 rows" in found.notes[0].text
+    lines[120_000] = "600,1x\n"
+    assert ":120002: column 'gyro_x_dps': '1x' is not a number" in refusal(tmp_path, "".join(lines))
+
+
+cell = st.one_of(
+    st.floats(-2000, 2000).map(repr),
+    st.sampled_from(["", "nan", "1e5", '"2"', " 3 ", "x", "1_0", "1,5", "#"]),
+)
+
+
+@given(
+    rows=st.lists(st.lists(cell, min_size=1, max_size=5), max_size=12),
+    separator=st.sampled_from([",", ";", "\t", " "]),
+    header=st.sampled_from(["", OURS, "# t,gx,gy [dps]\n", "a b c\n", "t;gx\ns;rad/s\n"]),
+    how=st.sampled_from(
+        [{}, {"rate_hz": 100.0}, {"columns": ["1", "2"], "rate_hz": 9.0}, {"units": "rad/s"}]
+    ),
+    end=st.sampled_from(["", "\n"]),
+)
+@example([["1", "2"]], ",", "", {"columns": ["1", "2"], "rate_hz": 9.0}, "")
+@settings(max_examples=150)
+def test_any_table_gives_finite_numbers_or_a_usage_error(
+    tmp_path_factory: pytest.TempPathFactory,
+    rows: list[list[str]],
+    separator: str,
+    header: str,
+    how: dict[str, object],
+    end: str,
+) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    text = header.replace(",", separator) + "\n".join(separator.join(row) for row in rows) + end
+    with contextlib.suppress(UsageError):
+        found = stored(folder, text, **how).whole()
+        assert np.isfinite(found.gyro).all()
+        assert len(found.gyro) == len(found.device_s) <= len(rows)
+        assert (np.diff(found.device_s) > 0).all()
+
+
+@given(
+    rows=st.lists(
+        st.lists(st.floats(-2000, 2000) | st.just(np.nan), min_size=3, max_size=3), min_size=1, max_size=30
+    ),
+    separator=st.sampled_from([",", ";", "\t", " "]),
+    comma=st.booleans(),
+    empty=st.sampled_from(["", "NA", "nan"]),
+)
+@settings(max_examples=100)
+def test_every_bit_and_every_gap_comes_back(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[list[float]], separator: str, comma: bool, empty: str
+) -> None:
+    empty = empty if separator != " " else "nan"
+    comma = comma and separator in ";\t"
+
+    def written(value: float) -> str:
+        return empty if np.isnan(value) else repr(value).replace(".", "," if comma else ".")
+
+    lines = [separator.join(map(written, row)) for row in [[0.5, -0.25, 1e-7], *rows]]
+    text = "gx gy gz\n".replace(" ", separator) + "\n".join(lines) + "\n"
+    found = stored(tmp_path_factory.getbasetemp(), text, rate_hz=10.0, units="dps").whole()
+    kept = {k: row for k, row in enumerate(rows, 1) if not np.isnan(row).any()}
+    assert found.seq is not None
+    assert found.seq.tolist() == [0, *kept]
+    assert found.gyro.tolist()[1:] == list(kept.values())

@@ -1,0 +1,130 @@
+"""Bags of ROS, made by the library `rosbags`."""
+
+import shutil
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
+
+IMU = "sensor_msgs/msg/Imu"
+START_NS = 1_700_000_000_123_456_789
+KINDS = ("bag", "db3", "mcap")
+ROS1_PACKED = {"lz4": Ros1Writer.CompressionFormat.LZ4, "bz2": Ros1Writer.CompressionFormat.BZ2}
+ROS2_PACKED = {
+    "file": CompressionMode.FILE,
+    "message": CompressionMode.MESSAGE,
+    "storage": CompressionMode.STORAGE,
+}
+
+
+class Messages(NamedTuple):
+    """Of an Imu topic. arrival_ns: shortly after the stamps if it is not given."""
+
+    stamp_ns: Sequence[int]
+    gyro_rads: ArrayLike
+    accel_ms2: ArrayLike | None = None
+    arrival_ns: Sequence[int] | None = None
+    frame: str = "imu_link"
+    unknown: tuple[str, ...] = ()
+    """"gyro" or "accel": not measured, as its covariance says."""
+
+
+def even(n: int, rate_hz: float = 200.0, seed: int = 1) -> Messages:
+    """A sensor at rest, stamped evenly."""
+    rng = np.random.default_rng(seed)
+    stamps = START_NS + np.round(np.arange(n) * 1e9 / rate_hz).astype(np.int64)
+    return Messages(stamps.tolist(), rng.normal(0, 1e-3, (n, 3)), rng.normal([0, 0, 9.81], 1e-2, (n, 3)))
+
+
+@cache
+def types(ros1: bool) -> Any:
+    return get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+
+
+def serialised(m: Messages, ros1: bool, little_endian: bool = True) -> list[tuple[int, bytes]]:
+    """Arrivals and messages as they are in a bag."""
+    store = types(ros1)
+    known = store.types
+    header, time = known["std_msgs/msg/Header"], known["builtin_interfaces/msg/Time"]
+    vector, quaternion = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Quaternion"]
+    gyro = np.asarray(m.gyro_rads, dtype=np.float64)
+    accel = np.zeros_like(gyro) if m.accel_ms2 is None else np.asarray(m.accel_ms2, dtype=np.float64)
+    arrivals = [t + 300_000 for t in m.stamp_ns] if m.arrival_ns is None else m.arrival_ns
+    covariance = {
+        name: np.array([-1.0 if name in m.unknown else 0.0] + [0.0] * 8) for name in ("gyro", "accel")
+    }
+    numbered = {"seq": 0} if ros1 else {}
+    out = []
+    for i, (stamp_ns, arrival_ns) in enumerate(zip(m.stamp_ns, arrivals, strict=True)):
+        seconds, rest = divmod(int(stamp_ns), 10**9)
+        message = known[IMU](
+            header(stamp=time(seconds, rest), frame_id=m.frame, **numbered),
+            quaternion(0.0, 0.0, 0.0, 1.0),
+            np.zeros(9),
+            vector(*gyro[i]),
+            covariance["gyro"],
+            vector(*accel[i]),
+            covariance["accel"],
+        )
+        data = (
+            store.serialize_ros1(message, IMU)
+            if ros1
+            else store.serialize_cdr(message, IMU, little_endian=little_endian)
+        )
+        out.append((int(arrival_ns), bytes(data)))
+    return out
+
+
+def write_bag(
+    path: Path,
+    topics: dict[str, Messages],
+    *,
+    packed: str | None = None,
+    words: Sequence[str] = (),
+    chunk_bytes: int | None = None,
+) -> Path:
+    """Write a bag: NAME.bag, or a folder NAME.db3 or NAME.mcap as `ros2 bag record` makes it.
+
+    words: topics of text, with a message each. packed: by what, or what is packed.
+    """
+    ros1 = path.suffix == ".bag"
+    store = types(ros1)
+    if ros1:
+        path.unlink(missing_ok=True)
+        writer: Any = Ros1Writer(path)
+        if packed:
+            writer.set_compression(ROS1_PACKED[packed])
+        if chunk_bytes:
+            writer.chunk_threshold = chunk_bytes
+    else:
+        shutil.rmtree(path, ignore_errors=True)
+        plugin = StoragePlugin.SQLITE3 if path.suffix == ".db3" else StoragePlugin.MCAP
+        writer = Ros2Writer(path, version=9, storage_plugin=plugin)
+        if packed:
+            writer.set_compression(ROS2_PACKED[packed], CompressionFormat.ZSTD)
+    with writer:
+        entries = []
+        for word in words:
+            text = "std_msgs/msg/String"
+            connection = writer.add_connection(word, text, typestore=store)
+            value = store.types[text]("a word")
+            data = store.serialize_ros1(value, text) if ros1 else store.serialize_cdr(value, text)
+            entries.append((START_NS, connection, bytes(data)))
+        for name, messages in topics.items():
+            connection = writer.add_connection(name, IMU, typestore=store)
+            entries += [(arrival, connection, data) for arrival, data in serialised(messages, ros1)]
+        for arrival, connection, data in sorted(entries, key=lambda entry: entry[0]):
+            writer.write(connection, arrival, data)
+    return path
+
+
+def gathered(stored: Any) -> NDArray[np.float64]:
+    """Rates of a recording in rad/s, (n, 3)."""
+    return np.radians(stored.whole().gyro)
