@@ -1,4 +1,4 @@
-"""A source from its URL: `serial:…`, `stdin:`, `iio:…`, `replay:…` and so on, or a plain port or file."""
+"""A source from its URL: `serial:…`, `stdin:`, `replay:…` and so on, or a plain port or file."""
 
 from pathlib import Path
 
