@@ -133,6 +133,18 @@ def test_times_of_arrival_are_told_from_a_devices() -> None:
     assert troubles([*text.feed(b"t_ms,gx\n" + lines, 0), *text.finish(0)]) == ["uneven_times"]
 
 
+def test_times_in_another_unit_than_the_given_one_are_told_and_counted() -> None:
+    text = opened(How(columns=["gx"], time_column="t", time_unit="ns"))
+    events = list(text.feed(b"t,gx\n", 0))
+    for k in range(1200):  # seconds, taken for nanoseconds
+        events += text.feed(b"%.3f,1\n" % (k / 100), k * S // 100)
+    (trouble,) = events
+    assert isinstance(trouble, Trouble)
+    assert trouble.kind == "no_rate"
+    assert "--time-unit" in trouble.message
+    assert text.link_stats().bad_frames["no_rate"] > 900
+
+
 def test_samples_lost_on_the_way_are_told_and_not_guessed() -> None:
     text = opened(RATE)
     events = [*text.feed(b"gx\n", 0), *steady(text, 0, 1000), *steady(text, 1000, 1500, late_s=0.8)]

@@ -86,6 +86,11 @@ ERROR_KINDS = (
         "Give the rate that the text names, or a column of times (`--time-column`).",
     ),
     ErrorKind(
+        "no_rate",
+        "A column of times tells no rate that a gyroscope has, so its samples are left out.",
+        "Give the unit of the times (`--time-unit`), or the rate (`--rate`).",
+    ),
+    ErrorKind(
         "uneven_times",
         "The steps of a column of times are too uneven for a device's clock.",
         "Give the rate (`--rate`) in place of the column if these are times of arrival.",

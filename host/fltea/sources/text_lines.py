@@ -117,6 +117,8 @@ class TextEvents:
         bad = dict(self.rows.counts)
         if self._numbers.duplicates:
             bad["duplicate_time"] = self._numbers.duplicates
+        if self._numbers.unrated:
+            bad["no_rate"] = self._numbers.unrated
         return LinkStats(
             bytes=self._bytes,
             frames=self._samples,
@@ -147,7 +149,13 @@ class TextEvents:
             found = self._watch.add(int(device_us[-1]), now_ns) if self._watch is not None else None
             if found is not None:
                 yield found
-        if self._numbers.uneven and not self._told_uneven:
+        if self._numbers.unrated and self._numbers.rate_hz is None:
+            text = (
+                f"{self.url}: {self._numbers.unrated} samples are left out: the column '{self._wanted.time}' "
+                "tells no rate of a gyroscope. Is its unit right (--time-unit)? Or give the rate: --rate 100."
+            )
+            yield from self._tell("no_rate", "no_rate", text, now_ns, fatal=self._fatal)
+        elif self._numbers.uneven and not self._told_uneven:
             self._told_uneven = True
             text = (
                 f"{self.url}: the steps of the column '{self._wanted.time}' are too uneven for a device's "

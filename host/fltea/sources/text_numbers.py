@@ -22,6 +22,9 @@ LONGEST_STEP_US = 60 * 10**6
 RATE_US, FEWEST, MOST = 2 * 10**6, 8, 20_000
 """The rate is taken from samples of so long a time, so many at least and at most."""
 
+PATIENCE_NS = 10 * 10**9
+"""By the host's clock; after so long times that advance by less are in another unit."""
+
 LEAK = 0.98
 """How much of the difference between times and numbers a sample hands on to the next: times in whole ms lie
 on a grain, and the rate is known to 0.1 %."""
@@ -43,7 +46,7 @@ class ByOrder:
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz: float | None = rate_hz
         self.uneven = False
-        self.duplicates = 0
+        self.duplicates = self.unrated = 0
         self._rate_hz = rate_hz
         self._base: int | None = None
         self._last_ns = 0
@@ -72,13 +75,14 @@ class ByTime:
     """A column of times numbers the samples: where it runs ahead of the rate, samples are missing.
 
     rate_hz: None until it is found, unless the user gives it. uneven: the steps are not those of a device's
-    clock. duplicates: samples left out, for the time before them is the same.
+    clock. duplicates: samples left out, for the time before them is the same. unrated: samples left out, for
+    their times tell no rate.
     """
 
     def __init__(self, unit: str, rate_hz: float | None) -> None:
         self.rate_hz = rate_hz
         self.uneven = False
-        self.duplicates = 0
+        self.duplicates = self.unrated = 0
         self._unit_us = UNIT_US[unit]
         self._wrap_us = round(COUNTER_WRAP * self._unit_us) if unit in ("ms", "us") else None
         self._begins = True
@@ -102,7 +106,9 @@ class ByTime:
             steps = np.diff(time_us, prepend=time_us[0] if self._newest_us is None else self._newest_us)
             self._newest_us = int(time_us[-1])
             self._heard_us += int(steps[(steps > 0) & (steps <= LONGEST_STEP_US)].sum())  # times may run back
-            if count < MOST and not (count >= FEWEST and self._heard_us >= RATE_US):
+            waited_ns = host_ns - int(self._waiting[0][2][0])
+            enough = self._heard_us >= RATE_US or waited_ns >= PATIENCE_NS
+            if count < MOST and not (count >= FEWEST and enough):
                 return
         yield from self.finish()
 
@@ -116,8 +122,10 @@ class ByTime:
         time_us, gyro, host_ns = (np.concatenate(column) for column in zip(*waiting, strict=True))
         if self.rate_hz is None:
             self.rate_hz, self.uneven = rate_of(time_us)
-        if self.rate_hz is not None:
-            yield from self._numbered(time_us, gyro, host_ns)
+        if self.rate_hz is None:
+            self.unrated += len(time_us)
+            return
+        yield from self._numbered(time_us, gyro, host_ns)
 
     def _numbered(self, time_us: Ints, gyro: NDArray[np.float64], host_ns: Ints) -> Iterator[Numbered]:
         assert self.rate_hz is not None
