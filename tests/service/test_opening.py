@@ -13,6 +13,7 @@ from fltea.settings.config import load_config
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
+from fltea.sources.text_lines import PipeText, SerialText
 from fltea.wire.transport import explain_open_failure
 from serial.tools import list_ports
 
@@ -145,7 +146,9 @@ def test_url_that_means_nothing(url: str, words: str) -> None:
 @pytest.mark.parametrize("url", ["synthetic:", "/dev/ttyACM0"])
 def test_flags_of_recordings_do_not_fit_other_sources(url: str, flag: dict[str, object]) -> None:
     text = refusal(url, **{f"replay.{key}": value for key, value in flag.items()})
-    assert "--columns, --units, --rate, --time-column, --topic and --shuffle are for recordings" in text
+    option = "--" + next(iter(flag)).removesuffix("_hz").replace("_", "-")
+    assert option in text
+    assert "are for recordings (replay:FILE)" in text
 
 
 @pytest.mark.parametrize("others", [[], [UNO, DUE_NATIVE, BUILT_IN]])
@@ -174,3 +177,12 @@ def test_several_boards_are_named(plugged: list[Port]) -> None:
     text = refusal(None)
     assert "several boards are plugged in: /dev/ttyACM0, /dev/ttyACM3" in text
     assert "--source" in text
+
+
+def test_lines_of_text_take_the_options_of_text() -> None:
+    how = {"replay.columns": ["gx"], "replay.rate_hz": 100.0}
+    assert isinstance(opened("stdin:", **how), PipeText)
+    assert isinstance(opened("serial-text:/dev/ttyUSB0?baud=9600", **how), SerialText)
+    assert "stdin:" in refusal("serial:/dev/ttyACM0", **how)
+    assert "--shuffle" in refusal("stdin:", **how, **{"replay.shuffle": 1})
+    assert "nothing stands behind" in refusal("serial-text:", **how)

@@ -38,7 +38,8 @@ def run(
             metavar="URL",
             help="`serial:PORT` (a device path, socket://HOST:PORT, hwgrep://REGEXP), "
             "`i2c:///dev/i2c-1?addr=0x68` (a sensor on a Raspberry Pi), `replay:FILE` (.mcap or a folder of "
-            "them, .npz, .csv, .ndjson) or `synthetic:?alpha=0.3&f=-1.5`; more than once for several "
+            "them, .npz, .csv, .ndjson), `stdin:` or `serial-text:PORT?baud=115200` (lines of CSV or NDJSON, "
+            "live) or `synthetic:?alpha=0.3&f=-1.5`; more than once for several "
             "devices. Default: the Arduino Due, waited for.",
         ),
     ] = None,
@@ -195,6 +196,8 @@ def run(
         fltea run -s replay:rest.npz --once --format table
 
         fltea run -s rest.csv --columns gx,gy,gz --units rad/s --rate 100
+
+        my-imu | fltea run -s stdin: --columns gx,gy,gz --time-column t_ms --once
 
         fltea run -s replay:rest.npz --once --shuffle 1
 

@@ -66,6 +66,36 @@ ERROR_KINDS = (
         "Flash the firmware of this program (`fltea flash`), or use the program that fits the device.",
     ),
     ErrorKind(
+        "bad_lines",
+        "Lines of text hold no sample and are left out; told once a minute at most, counts are in `stats`.",
+        "Look at the line that the text shows; a line that looks like a sample counts as a lost one.",
+    ),
+    ErrorKind(
+        "no_columns",
+        "Lines of text come, but no line names the columns, so nobody knows which numbers are the axes.",
+        "Name the columns (`--columns`), by their positions (`1,2,3`) where there is no header.",
+    ),
+    ErrorKind(
+        "arrival_jump",
+        "Samples without a time of their own come later than before and stay late: some were lost.",
+        "Let the sender write its time and name it (`--time-column`), so that gaps are seen.",
+    ),
+    ErrorKind(
+        "rate_differs",
+        "Samples without a time of their own come at another rate than `--rate` says.",
+        "Give the rate that the text names, or a column of times (`--time-column`).",
+    ),
+    ErrorKind(
+        "no_rate",
+        "A column of times tells no rate that a gyroscope has, so its samples are left out.",
+        "Give the unit of the times (`--time-unit`), or the rate (`--rate`).",
+    ),
+    ErrorKind(
+        "uneven_times",
+        "The steps of a column of times are too uneven for a device's clock.",
+        "Give the rate (`--rate`) in place of the column if these are times of arrival.",
+    ),
+    ErrorKind(
         "cut_recording",
         "A recording ends in the middle of a line, or without its index; all that reached the disk was read.",
         "Nothing has to be done; `fltea recover` gives an MCAP file its index again.",

@@ -1,4 +1,4 @@
-"""A source from its URL: `serial:…`, `i2c:…`, `replay:…`, `synthetic:…`, or a plain port or file."""
+"""A source from its URL: `serial:…`, `stdin:`, `replay:…` and so on, or a plain port or file."""
 
 from pathlib import Path
 
@@ -11,7 +11,12 @@ from fltea.settings.config import BY_DEVICE, Config
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
+from fltea.sources.text_lines import PipeText, SerialText
 from fltea.wire.transport import ANY_BOARD
+
+TEXT = ("stdin", "serial-text")
+SAMPLES_ONLY = ("i2c", "synthetic", *TEXT)
+"""Kinds that give no estimates of a device's own."""
 
 RECORDING_SUFFIXES = tuple(KINDS)
 
@@ -40,19 +45,25 @@ def open_source(config: Config) -> Source:
     if not colon or of_pyserial or url.startswith("/"):  # a bare path, or pyserial's own URLs
         is_file = Path(url).suffix.lower() in RECORDING_SUFFIXES or Path(url).is_dir()
         scheme, rest = ("replay", url) if is_file else ("serial", url)
-    if scheme in ("i2c", "synthetic"):
+    if scheme in SAMPLES_ONLY:
         _need_wire(config, url)
     replay = config.replay
-    if scheme != "replay" and (replay.how.of_text or replay.topic or replay.shuffle is not None):
+    if scheme not in ("replay", *TEXT) and replay.how.of_text:
         raise UsageError(
-            "--columns, --units, --rate, --time-column, --topic and --shuffle are for recordings "
-            "(replay:FILE)."
+            "--columns, --units, --rate, --time-column and --time-unit are for recordings (replay:FILE) and "
+            "for lines of text (stdin:, serial-text:PORT)."
         )
-    if not rest and scheme != "synthetic":
+    if scheme != "replay" and (replay.topic or replay.shuffle is not None):
+        raise UsageError("--topic and --shuffle are for recordings (replay:FILE).")
+    if not rest and scheme not in ("synthetic", "stdin"):
         raise UsageError(f"--source {url}: nothing stands behind '{scheme}:'.")
     match scheme:
         case "serial":
             return SerialSource(rest, config.link.baud)
+        case "stdin":
+            return PipeText(rest, replay.how)
+        case "serial-text":
+            return SerialText(rest, replay.how)
         case "i2c":
             from fltea.sources.i2c.source import I2cSource  # smbus2 loads on Linux only
 
@@ -73,7 +84,8 @@ def open_source(config: Config) -> Source:
             return SyntheticSource(rest, realtime=config.pace != "fast")
     raise UsageError(
         f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "
-        "i2c:///dev/i2c-1?addr=0x68, replay:FILE, synthetic:?KEY=VALUE&…"
+        "i2c:///dev/i2c-1?addr=0x68, stdin:, serial-text:PORT?baud=115200, replay:FILE, "
+        "synthetic:?KEY=VALUE&…"
     )
 
 

@@ -1,0 +1,307 @@
+"""Live text as events: numbers, times, gaps, restarts, and what is told; time under control."""
+
+import os
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fltea.recording.how import How
+from fltea.records.errors import UsageError
+from fltea.records.events import Event, Failed, LinkDown, RawBlock, Tick, Trouble
+from fltea.records.records import Hello
+from fltea.sources.text_lines import PipeText, SerialText, TextEvents, parse_serial
+from fltea.stream.place import Place
+
+S = 10**9
+RATE = How(columns=["gx"], rate_hz=100.0)
+TIMES = How(columns=["gx"], time_column="t_ms")
+
+
+def opened(how: How) -> TextEvents:
+    text = TextEvents("stdin:", how, fatal=False)
+    text.open(0, within_line=False)
+    return text
+
+
+def placed(events: list[Event]) -> Place:
+    place = Place(max_gap=1000)
+    for event in events:
+        if isinstance(event, Hello):
+            place.on_hello(event)
+        elif isinstance(event, LinkDown):
+            place.on_link_down()
+        elif isinstance(event, RawBlock):
+            list(place.on_block(event))
+    return place
+
+
+def troubles(events: list[Event]) -> list[str]:
+    return [event.kind for event in events if isinstance(event, Trouble)]
+
+
+def steady(
+    text: TextEvents, first: int, last: int, late_s: float = 0.0, rate_hz: float = 100.0
+) -> list[Event]:
+    """Lines one by one, each at its time."""
+    return [
+        event
+        for k in range(first, last)
+        for event in text.feed(b"%d\n" % (k % 7), round((k / rate_hz + late_s) * S))
+    ]
+
+
+def test_order_numbers_the_samples_and_a_bad_line_is_a_lost_one() -> None:
+    text = opened(RATE)
+    events = list(text.feed(b"gx\n1\n2\nx\n3x\n5\n", 7))
+    hello, block, trouble = events
+    assert isinstance(hello, Hello)
+    assert isinstance(block, RawBlock)
+    assert (hello.source, hello.rate_hz, hello.gyro_lsb_per_dps) == ("stdin:", 100.0, None)
+    assert block.sequence.tolist() == [0, 1, 3]
+    assert block.device_us.tolist() == [0, 10_000, 30_000]
+    assert block.host_ns.tolist() == [7, 7, 7]
+    assert isinstance(trouble, Trouble)
+    assert (trouble.kind, trouble.fatal) == ("bad_lines", False)
+    assert "2 lines hold no sample" in trouble.message
+    assert "'3x'" in trouble.message
+    place = placed(events)
+    assert (place.delivered, place.lost) == (3, 1)
+    stats = text.link_stats()
+    assert (stats.frames, stats.bad_frames) == (3, {"text": 1, "number": 1})
+
+
+def test_what_a_stranger_sends_cannot_steer_a_terminal() -> None:
+    (*_, trouble) = opened(RATE).feed(b"gx\n1\n1\x1b[2J\xe2\x80\xae\n", 0)
+    assert isinstance(trouble, Trouble)
+    assert trouble.message.isprintable()
+
+
+def test_times_number_the_samples_and_find_the_rate() -> None:
+    lines = [b"%d,%d\n" % (5000 + k * 4, k) for k in range(600) if k not in (150, 151)]
+    events = list(opened(TIMES).feed(b"t_ms,gx\n" + b"".join(lines), 0))
+    assert isinstance(events[0], Hello)
+    assert events[0].rate_hz == pytest.approx(250.0)
+    place = placed(events)
+    assert (place.delivered, place.lost, place.gaps) == (598, 2, 1)
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 104.0, 800.0, 8000.0])
+def test_the_rate_is_found_whatever_the_grain_of_the_times(rate_hz: float) -> None:
+    unit, scale = ("ms", 1e3) if rate_hz < 1000 else ("us", 1e6)
+    text = opened(How(columns=["gx"], time_column="t", time_unit=unit))  # type: ignore[arg-type]
+    lines = [b"%d %d\n" % (k / rate_hz * scale, k) for k in range(1000)]
+    events = [*text.feed(b"t gx\n" + b"".join(lines[:120]), 0), *text.feed(b"".join(lines[120:]), S)]
+    events += text.finish(S)
+    assert isinstance(events[0], Hello)
+    assert events[0].rate_hz == pytest.approx(rate_hz, rel=0.01)
+    assert placed(events).delivered == 1000
+    assert placed(events).lost == 0
+    assert troubles(events) == []
+
+
+def test_a_counter_of_microseconds_wraps() -> None:
+    begin = (1 << 32) - 500_000
+    lines = [b"%d,1\n" % ((begin + k * 10_000) % (1 << 32)) for k in range(400)]
+    events = list(opened(How(columns=["2"], time_column="1", time_unit="us")).feed(b"".join(lines), 0))
+    place = placed(events)
+    assert (place.delivered, place.lost, len([e for e in events if isinstance(e, Hello)])) == (400, 0, 1)
+
+
+def test_times_that_run_back_begin_a_new_run() -> None:
+    lines = [b"%d,1\n" % (k * 10) for k in (*range(300), *range(50))]
+    events = list(opened(TIMES).feed(b"t_ms,gx\n" + b"".join(lines), 0))
+    hellos = [event for event in events if isinstance(event, Hello)]
+    assert len({hello.boot_id for hello in hellos}) == 2
+    place = placed(events)
+    assert (place.delivered, place.lost, place.before_hello) == (350, 0, 0)
+
+
+def test_one_time_twice_is_one_sample() -> None:
+    text = opened(TIMES)
+    events = list(text.feed(b"t_ms,gx\n" + b"".join(b"%d,1\n" % (k // 2 * 10) for k in range(600)), 0))
+    assert placed(events).delivered == 300
+    assert text.link_stats().bad_frames == {"duplicate_time": 300}
+
+
+def test_times_of_arrival_are_told_from_a_devices() -> None:
+    rng = np.random.default_rng(1)
+    times = np.cumsum(rng.exponential(10.0, 200))
+    lines = b"".join(b"%.3f,1\n" % time for time in times)
+    text = opened(TIMES)
+    assert troubles([*text.feed(b"t_ms,gx\n" + lines, 0), *text.finish(0)]) == ["uneven_times"]
+
+
+def test_times_in_another_unit_than_the_given_one_are_told_and_counted() -> None:
+    text = opened(How(columns=["gx"], time_column="t", time_unit="ns"))
+    events = list(text.feed(b"t,gx\n", 0))
+    for k in range(1200):  # seconds, taken for nanoseconds
+        events += text.feed(b"%.3f,1\n" % (k / 100), k * S // 100)
+    (trouble,) = events
+    assert isinstance(trouble, Trouble)
+    assert trouble.kind == "no_rate"
+    assert "--time-unit" in trouble.message
+    assert text.link_stats().bad_frames["no_rate"] > 900
+
+
+def test_samples_lost_on_the_way_are_told_and_not_guessed() -> None:
+    text = opened(RATE)
+    events = [*text.feed(b"gx\n", 0), *steady(text, 0, 1000), *steady(text, 1000, 1500, late_s=0.8)]
+    (trouble,) = [event for event in events if isinstance(event, Trouble)]
+    assert trouble.kind == "arrival_jump"
+    assert "about 80 were lost" in trouble.message
+    assert placed(events).lost == 0
+
+
+def test_a_buffer_explains_samples_that_come_late_and_then_all_at_once() -> None:
+    text = opened(RATE)
+    events = list(text.feed(b"gx\n", 0)) + steady(text, 0, 1000)
+    events += text.feed(b"".join(b"%d\n" % (k % 7) for k in range(1000, 1200)), 12 * S)  # stalled for 2 s
+    events += steady(text, 1200, 2000)
+    for begin in range(2000, 6000, 250):  # a sender that writes a full buffer at a time
+        lines = b"".join(b"%d\n" % (k % 7) for k in range(begin, begin + 250))
+        events += text.feed(lines, (begin + 250) * S // 100)
+    assert troubles(events) == []
+
+
+def test_another_rate_than_the_given_one_is_told_once() -> None:
+    text = opened(RATE)
+    events = [*text.feed(b"gx\n", 0), *steady(text, 0, 5000, rate_hz=104.0)]
+    (trouble,) = [event for event in events if isinstance(event, Trouble)]
+    assert trouble.kind == "rate_differs"
+    assert "at 104 Hz" in trouble.message
+
+
+def test_after_a_long_pause_the_numbers_begin_again() -> None:
+    text = opened(RATE)
+    events = [*text.feed(b"gx\n1\n2\n", 0), *text.feed(b"3\n4\n", 400 * S)]
+    place = placed(events)
+    assert (place.delivered, place.before_hello) == (4, 0)
+
+
+def test_silence_is_told_once_a_minute() -> None:
+    text = opened(RATE)
+    events = [event for k in range(1, 40) for event in text.tick(k * S // 2)]
+    assert troubles(events) == ["silent"]
+    assert sum(isinstance(event, Tick) for event in events) == 39
+
+
+def test_lines_without_the_columns_are_told() -> None:
+    events = list(opened(RATE).feed(b"time;roll;pitch\n" * 25, 0))
+    (trouble,) = events
+    assert isinstance(trouble, Trouble)
+    assert trouble.kind == "no_columns"
+    assert "time;roll;pitch" in trouble.message
+
+
+@pytest.mark.parametrize(
+    ("how", "data", "words"),
+    [
+        (RATE, b"", "It was empty"),
+        (RATE, b"a,b\n1,2\n", "No line names the columns gx"),
+        (RATE, b"gx\n", "only the names of the columns"),
+        (RATE, b"gx\n,\n", "holds what is no number"),
+        (TIMES, b"t_ms,gx\n1,2\n", "tells no rate"),
+        (How(), b"gyro_x_dps\n1\n", "'time_s' (or give --rate 100)"),
+    ],
+)
+def test_an_input_without_samples_is_an_error(how: How, data: bytes, words: str) -> None:
+    text = opened(how)
+    with pytest.raises(UsageError) as caught:
+        list(text.feed(data, 0)) + list(text.finish(0))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [(How(columns=["gx"], time_column="t"), "--time-unit"), (How(rate_hz=1e9), "no gyroscope")],
+)
+def test_settings_that_do_not_do(how: How, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        TextEvents("stdin:", how, fatal=False)
+
+
+def test_urls_of_ports() -> None:
+    assert parse_serial("/dev/ttyUSB0") == ("/dev/ttyUSB0", 115_200)
+    assert parse_serial("/dev/ttyUSB0?baud=9600") == ("/dev/ttyUSB0", 9600)
+    assert parse_serial("hwgrep://x?y") == ("hwgrep://x?y", 115_200)
+    for wrong in ("/dev/ttyUSB0?speed=9600", "/dev/ttyUSB0?baud=fast", "/dev/ttyUSB0?baud="):
+        with pytest.raises(UsageError, match="baud=115200"):
+            parse_serial(wrong)
+
+
+@pytest.fixture
+def fifo(tmp_path: Path) -> Path:
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    return path
+
+
+def test_a_fifo_gives_samples_as_they_come_and_ends_with_its_sender(fifo: Path) -> None:
+    source = PipeText(str(fifo), RATE)
+    events = source.events()
+    with fifo.open("wb", buffering=0) as sender:
+        sender.write(b"gx\n1\n2\n")
+        assert isinstance(next(events), Hello)
+        first = next(events)
+        sender.write(b"3\n4")
+        second = next(events)
+    last = list(events)
+    values = [event.gyro.ravel().tolist() for event in (first, second, *last) if isinstance(event, RawBlock)]
+    assert values == [[1, 2], [3], [4]]
+    assert source.link_stats().frames == 4
+
+
+def test_close_ends_the_waiting_for_a_sender(fifo: Path) -> None:
+    source = PipeText(str(fifo), RATE)
+    found: list[Event] = []
+    thread = threading.Thread(target=lambda: found.extend(source.events()), daemon=True)
+    thread.start()
+    source.close()
+    thread.join(timeout=30)
+    assert not thread.is_alive()
+
+
+def test_no_such_fifo() -> None:
+    with pytest.raises(UsageError, match="cannot be read"):
+        PipeText("/none/pipe", RATE)
+
+
+def until(events: Iterator[Event], kind: type[Event]) -> list[Event]:
+    found = []
+    for event in events:
+        found.append(event)
+        if isinstance(event, kind):
+            break
+    return found
+
+
+def test_a_port_is_read_from_its_first_whole_line_and_told_when_it_vanishes() -> None:
+    controller, port = os.openpty()
+    source = SerialText(f"{os.ttyname(port)}?baud=115200", RATE)
+    events = source.events()
+    assert isinstance(next(events), Tick)  # it is open
+    os.write(controller, b"9\n1\n2\n")  # the end of a line, as nobody knows how it began
+    found = until(events, RawBlock)
+    assert isinstance(found[-1], RawBlock)
+    assert found[-1].gyro.ravel().tolist() == [1, 2]
+    os.close(port)
+    os.close(controller)
+    found = until(events, Trouble)
+    assert any(isinstance(event, LinkDown) for event in found)
+    assert troubles(found) == ["unplugged"]
+    source.close()
+
+
+def test_a_port_that_is_back_begins_a_new_run() -> None:
+    text = TextEvents("serial-text:/dev/x", RATE, fatal=True)
+    text.open(0, within_line=True)
+    events = list(text.feed(b"x\ngx\n1\n2\n", 1))
+    events += text.lost(Failed("unplugged", "gone", 2))
+    text.open(3, within_line=True)
+    events += text.feed(b"77\n3\n4\n", 4)
+    place = placed(events)
+    assert (place.delivered, place.before_hello) == (4, 0)
+    assert len({event.boot_id for event in events if isinstance(event, Hello)}) == 2
+    assert text.link_stats().reconnects == 1
