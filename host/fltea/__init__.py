@@ -48,6 +48,8 @@ def __getattr__(name: str) -> Any:
     """Load a name of the API when it is first asked for: the daemon, which imports fltea too, stays light."""
     if name == "identify":  # the package of that name, which can be called
         return importlib.import_module("fltea.identify")
+    if name == "_identify":  # what it calls
+        return importlib.import_module("fltea.api.series").identify
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(importlib.import_module(_HOMES[name]), name)

@@ -7,6 +7,8 @@ from fltea.api._svg import Curve, log_log
 from fltea.records.fit import Interval
 
 UNDEFINED = "undefined"
+SMALLEST = 1e-16
+"""Of probabilities: what is below is none that anyone can tell."""
 
 
 def page(body: str) -> str:
@@ -26,9 +28,9 @@ def axis_html(axis: str, said: Said, heading: str) -> str:
     ]
     rows = [f"<tr><th>{label}</th><td>{_interval(one)} {of}</td></tr>" for label, one, of in parameters]
     if said.null_p is not None:
-        rows.append(f"<tr><th>p of the null test</th><td>{said.null_p:.2g}</td></tr>")
+        rows.append(f"<tr><th>p of the null test</th><td>{_probability(said.null_p)}</td></tr>")
     if said.allan is not None:
-        for name, of in (("N", "/√s"), ("B", ""), ("K", "/√s")):
+        for name, of in (("N", "/√Hz"), ("B", ""), ("K", "/√s")):
             value = getattr(said.allan, name)
             shown = "not seen" if value is None else f"{value:.3g} {escape(unit)}{of}"
             rows.append(f"<tr><th>{name}</th><td>{shown}</td></tr>")
@@ -42,11 +44,20 @@ def _curves(said: Said) -> str:
     shown = ""
     if (s := said.spectrum) is not None:
         curves = [Curve(s.hz, s.density, "data"), Curve(s.hz, s.model, "model")]
-        shown += log_log("Spectrum", "frequency [Hz]", f"density [{said.unit}/√Hz]", curves)
+        shown += log_log("Spectrum (orange: fitted)", "frequency [Hz]", f"density [{said.unit}/√Hz]", curves)
     if (a := said.allan) is not None:
         curves = [Curve(a.tau_s, a.adev, "data", a.low, a.high), Curve(a.tau_s, a.model, "model")]
-        shown += log_log("Allan deviation", "averaging time τ [s]", f"deviation [{said.unit}]", curves)
+        shown += log_log(
+            "Allan deviation, 95 % (orange: fitted)",
+            "averaging time τ [s]",
+            f"deviation [{said.unit}]",
+            curves,
+        )
     return shown
+
+
+def _probability(p: float) -> str:
+    return f"{p:.2g}" if p > SMALLEST else f"below {SMALLEST:g}"
 
 
 def _interval(one: Interval) -> str:

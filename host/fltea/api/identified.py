@@ -50,6 +50,9 @@ class Identified(msgspec.Struct, frozen=True):
     details: AxisResult
     """all figures of `fltea identify`: rivals, composite model (N, K, Gauss–Markov parts), peaks, FLTEA"""
 
+    def __repr__(self) -> str:
+        return f"Identified({self.axis}: {self.verdict}, {self.samples} samples at {self.rate_hz:g} Hz)"
+
     @property
     def duration_s(self) -> float:
         """Length of the record in seconds."""
