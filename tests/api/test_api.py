@@ -118,6 +118,29 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
         _ = found["gyro_z"]
 
 
+def test_a_recording_in_parquet(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow", reason="the extra notebook is not installed")
+    found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
+    found.to_parquet(tmp_path / "a.parquet")
+    table = pandas.read_parquet(tmp_path / "a.parquet")
+    assert list(table.columns) == ["time_s", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"]
+    np.testing.assert_array_equal(table["gyro_y_dps"], found["gyro_y"])
+    np.testing.assert_allclose(np.diff(table["time_s"]), 1 / RATE_HZ)
+
+
+def test_a_library_that_is_missing_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
+    for library, call in (
+        ("pandas", found.to_pandas),
+        ("pyarrow", lambda: found.to_parquet(tmp_path / "b.parquet")),
+    ):
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(fltea.UsageError, match=f"{library}, which is not installed.*notebook"):
+            call()
+    assert not (tmp_path / "b.parquet").exists()
+
+
 def test_a_recording_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(fltea.UsageError, match="no such file"):
         fltea.open(tmp_path / "none.npz")
