@@ -82,6 +82,9 @@ def test_live_takes_arrays_of_any_length() -> None:
     assert dict(found) == dict(same)
     assert found["a"].verdict == "white"
     assert found["a"].allan is not None
+    assert found["a"].allan.tau_s[0] == pytest.approx(0.01)
+    assert found["a"].spectrum is not None
+    assert 49 < found["a"].spectrum.hz[-1] <= 50
     parts.skip(500)
     parts.add(y)
     assert parts.fit(curves=False)["a"].breaks["gaps"] == 1
