@@ -151,7 +151,7 @@ class LiveAxes:
             seconds = seconds_more(data, full, self.h, self._target, longest_s)
         allan = spectrum = None
         if drawn is not None:
-            spectrum = _spectrum(drawn, seen)
+            spectrum = spectrum_of(drawn, seen)
             *sums, samples = octaves.allan(lane)
             allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: seen.spectrum(lam, self.h))
             if allan is not None and e.low_pass is not None:  # which bends the curve where N would be read
@@ -180,7 +180,7 @@ def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
     yield from octaves.cells(lane, h)
 
 
-def _spectrum(whole: Periodogram, seen: Spectral) -> FitSpectrum:
+def spectrum_of(whole: Periodogram, seen: Spectral) -> FitSpectrum:
     """All lines, also those that are not fitted, in at most POINTS bins."""
     data = binned(whole)
     starts = np.arange(0, len(data.lam), max(1, math.ceil(len(data.lam) / POINTS)))

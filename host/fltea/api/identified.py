@@ -1,0 +1,101 @@
+"""What is found out about the noise of one axis, and of all axes of a recording."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from fltea.api._html import axis_html, page
+from fltea.api._tables import frame, row
+from fltea.identify.axis import AxisResult
+from fltea.records.fit import FitAllan, FitSpectrum, Interval, VerdictKind
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Identified(msgspec.Struct, frozen=True):
+    """One axis, identified. A notebook shows it with its spectrum and Allan deviation.
+
+    Intervals are of 95 %; their ends are None where the data do not define the parameter.
+    """
+
+    axis: str
+    unit: str
+    """of the samples; s2 and R are in its square"""
+    samples: int
+    rate_hz: float
+    mean: float
+    std: float
+    """standard deviation"""
+    verdict: VerdictKind
+    """what the noise is, in a word or two"""
+    text: str
+    """the same in sentences: what it is, how sure that is, what to do"""
+    null_p: float
+    """of the test whether the noise is white"""
+    alpha: Interval
+    """order"""
+    f: Interval
+    """parameter, in s^-α"""
+    F: Interval
+    """h^α f + α: what the data say most about"""
+    s2: Interval
+    """variance of the state's innovations, h^2α Q"""
+    R: Interval
+    """variance of the white noise"""
+    allan: FitAllan | None
+    """None of a record that is too short for it"""
+    spectrum: FitSpectrum
+    details: AxisResult
+    """all figures of `fltea identify`: rivals, composite model (N, K, Gauss–Markov parts), peaks, FLTEA"""
+
+    def __repr__(self) -> str:
+        return f"Identified({self.axis}: {self.verdict}, {self.samples} samples at {self.rate_hz:g} Hz)"
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the record in seconds."""
+        return self.samples / self.rate_hz
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """A table of one row: verdict, and every figure with the ends of its interval.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return frame([row(self.axis, self)])
+
+    def _repr_html_(self) -> str:
+        of = f"{self.samples:,} samples at {self.rate_hz:g} Hz, σ = {self.std:.3g} {self.unit}"
+        return page(axis_html(self.axis, self, of))
+
+
+class Report(Mapping[str, Identified]):
+    """Axes by name, each identified. A notebook shows all of them."""
+
+    def __init__(self, axes: Mapping[str, Identified]) -> None:
+        self._axes = dict(axes)
+
+    def __getitem__(self, axis: str) -> Identified:
+        return self._axes[axis]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._axes)
+
+    def __len__(self) -> int:
+        return len(self._axes)
+
+    def __repr__(self) -> str:
+        return f"Report({', '.join(f'{name}: {found.verdict}' for name, found in self.items())})"
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """A table with a row an axis, as `Identified.to_pandas`.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return frame([row(name, found) for name, found in self.items()])
+
+    def _repr_html_(self) -> str:
+        return "".join(found._repr_html_() for found in self.values())

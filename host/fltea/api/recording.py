@@ -1,0 +1,174 @@
+"""A recording of any kind that the command reads, as arrays."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.api._check import period_s
+from fltea.api._html import page
+from fltea.api._tables import columns, parquet
+from fltea.api.identified import Report
+from fltea.api.series import of_series
+from fltea.identify.axis import IdentifyOptions
+from fltea.identify.load import ACCEL_UNIT, GYRO_UNIT, Counts, Loaded, Request, Unreadable, load, recordings
+from fltea.identify.traps import Trap
+from fltea.recording.how import How, TimeUnit
+from fltea.records.errors import UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+IN_NAMES = {GYRO_UNIT: "dps", ACCEL_UNIT: "ms2"}
+"""Units as names of columns have them."""
+
+
+class Recording(Mapping[str, Array]):
+    """Axes by name, each an array (n,) of float64: `recording["gyro_x"]`."""
+
+    def __init__(self, name: str, loaded: Loaded) -> None:
+        self.name = name
+        """what was opened"""
+        self._loaded = loaded
+
+    def __getitem__(self, axis: str) -> Array:
+        if axis not in self._loaded.axes:
+            raise KeyError(f"{axis}: the axes read of {self.name} are {', '.join(self)}")
+        return self._loaded.axes[axis].y
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._loaded.axes)
+
+    def __len__(self) -> int:
+        return len(self._loaded.axes)
+
+    def __repr__(self) -> str:
+        c = self.counts
+        samples = f"{c.used} of {c.samples} samples, {self.rate_hz:g} Hz"
+        return f"Recording({self.name!r}, {', '.join(self)}, {samples})"
+
+    @property
+    def rate_hz(self) -> float:
+        """Sample rate in Hz."""
+        return float(self._loaded.hello.rate_hz)
+
+    @property
+    def time_s(self) -> Array:
+        """Time of each sample in s from the first one, (n,), by the rate."""
+        return np.asarray(np.arange(self.counts.used) / self.rate_hz)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each axis."""
+        return {name: series.unit for name, series in self._loaded.axes.items()}
+
+    @property
+    def counts(self) -> Counts:
+        """How many samples the recording holds, how many are used, and what is missing."""
+        return self._loaded.counts
+
+    @property
+    def traps(self) -> tuple[Trap, ...]:
+        """What is wrong with the recording as a whole; empty where nothing is."""
+        return self._loaded.traps
+
+    def identify(self, *, from_hz: float = 0.0, notch_hz: Sequence[tuple[float, float]] = ()) -> Report:
+        """Tell what the noise of each axis is; arguments as of `fltea.identify`.
+
+        Raises:
+            ValueError: an axis is constant or too short; a band that is impossible.
+        """
+        options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
+        h, found = self._loaded.h, {}
+        for name, series in self._loaded.axes.items():
+            try:
+                found[name] = of_series(name, series, h, options)
+            except ValueError as error:
+                raise ValueError(f"{self.name}, {name}: {error}") from error
+        return Report(found)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """A column an axis over `time_s`.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return columns(self, self.time_s)
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> None:
+        """Write `time_s` and the axes, as `gyro_x_dps` or `accel_x_ms2`, to a Parquet file.
+
+        The file appears whole or not at all.
+
+        Raises:
+            UsageError: pyarrow is not installed.
+            FlteaError: the file cannot be written.
+        """
+        found = {f"{name}_{IN_NAMES[self.units[name]]}": y for name, y in self.items()}
+        parquet(Path(path), {"time_s": self.time_s, **found})
+
+    def _repr_html_(self) -> str:
+        c = self.counts
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{y.mean():.4g}</td><td>{y.std(ddof=1):.4g}</td>"
+            f"<td>{escape(self.units[name])}</td></tr>"
+            for name, y in self.items()
+        )
+        told = "".join(f"<br>{escape(f'{trap.text} {trap.remedy}')}" for trap in self.traps)
+        return page(
+            f"<p><strong>{escape(self.name)}</strong> {c.used:,} of {c.samples:,} samples "
+            f"at {self.rate_hz:g} Hz, {c.lost:,} lost in {c.gaps:,} gaps{told}</p>"
+            f"<table><tr><th>axis</th><th>mean</th><th>σ</th><th>unit</th></tr>{rows}</table>"
+        )
+
+
+def open(
+    path: str | os.PathLike[str],
+    *,
+    axes: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+    units: str | None = None,
+    rate_hz: float | None = None,
+    time_column: str | None = None,
+    time_unit: TimeUnit | None = None,
+    topic: str | None = None,
+) -> Recording:
+    """Read a recording of any kind that `fltea identify` reads.
+
+    Args:
+        path: a file, a folder of parts of one session, or the session's name.
+        axes: which ones; None: all of the gyroscope's.
+        columns: of text: which columns are the axes.
+        units: of text: deg/s, mdps, rad/s, or lsb:N.
+        rate_hz: of text without times: sample rate in Hz.
+        time_column: of text: the column of times.
+        time_unit: of that column: s, ms, us or ns.
+        topic: of a bag: which one.
+
+    Raises:
+        UsageError: it cannot be read, holds several recordings, or not these axes; the text says why.
+        ValueError: an impossible rate.
+    """
+    if rate_hz is not None:
+        period_s(rate_hz)
+    how = How(
+        columns=None if columns is None else list(columns),
+        units=units,
+        rate_hz=rate_hz,
+        time_column=time_column,
+        time_unit=time_unit,
+        topic=topic,
+    )
+    found = recordings([Path(path)])
+    if len(found) != 1:
+        raise UsageError(f"{path}: holds {len(found)} recordings; open one of them by its file or session.")
+    if isinstance(found[0], Unreadable):
+        raise found[0].error
+    request = Request(found[0], None if axes is None else tuple(axes), how)
+    return Recording(request.name, load(request))

@@ -1,0 +1,80 @@
+"""Noise of known order, to try things on."""
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.api._check import period_s
+from fltea.api._tables import columns
+from fltea.api.identified import Identified
+from fltea.api.series import identify
+from fltea.noise.simulation import FractionalNoise
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+
+class Simulated(msgspec.Struct, frozen=True):
+    """Measurements y (n,) in deg/s, the true state (n,) behind them, and what they were made with."""
+
+    y: Array
+    state: Array
+    rate_hz: float
+    alpha: float
+    f: float
+    Q: float
+    R: float
+
+    def identify(self) -> Identified:
+        """What `fltea.identify` says of y."""
+        return identify(self.y, self.rate_hz)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Table of y and the state over the time in s.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return columns({"y": self.y, "state": self.state}, np.arange(len(self.y)) / self.rate_hz)
+
+
+def simulate(
+    n: int,
+    rate_hz: float = 100.0,
+    *,
+    alpha: float,
+    f: float,
+    Q: float,
+    R: float,
+    window: int = 3000,
+    warmup: int = 3000,
+    seed: int = 0,
+) -> Simulated:
+    """Draw fractional noise; the model is that of `fltea.noise.simulation`.
+
+    Args:
+        n: samples.
+        rate_hz: sample rate in Hz.
+        alpha: order.
+        f: parameter, in s^-α; negative for noise that stays bounded.
+        Q: strength of what drives the state, in (deg/s)² s^-2α; 0: white noise alone.
+        R: variance of the white noise, in (deg/s)².
+        window: samples of memory.
+        warmup: samples that are thrown away first.
+        seed: equal ones give equal samples.
+
+    Raises:
+        ValueError: impossible parameters, or noise that grows beyond all bounds.
+    """
+    if n < 1:
+        raise ValueError(f"n is how many samples to draw, 1 or more, got {n}")
+    h = period_s(rate_hz)
+    with np.errstate(over="ignore", invalid="ignore"):
+        y, state = FractionalNoise(alpha, f, Q, R, h, window, seed, warmup=warmup).samples(n)
+    if not np.isfinite(y).all():
+        raise ValueError(f"alpha = {alpha:g}, f = {f:g} is not stationary: the noise grew beyond all bounds.")
+    return Simulated(y.copy(), state.copy(), rate_hz, alpha, f, Q, R)

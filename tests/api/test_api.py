@@ -1,0 +1,196 @@
+"""The API: what comes out is what the command says, misuse is told, and importing it is light."""
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fltea
+import numpy as np
+import pytest
+from fltea.api import series
+from fltea.api._svg import Curve, log_log
+from fltea.identify.axis import identify_axis
+from identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
+
+NOISE = np.random.default_rng(4).standard_normal(3000)
+
+
+def test_an_array_gets_the_verdict_of_the_command() -> None:
+    found, own = fltea.identify(NOISE, 100.0, unit="m/s²"), identify_axis(NOISE, 0.01)
+    assert (found.verdict, found.text, found.null_p) == ("white", own.verdict.text, own.null.p_value)
+    assert (found.R.value, found.alpha.low, found.unit) == (own.whittle.R.value, None, "m/s²")
+    assert (found.samples, found.duration_s) == (3000, 30.0)
+    assert found.details == own
+    assert found.std == own.std
+    assert found.allan is not None
+    assert own.composite.N.value == found.allan.N
+    assert found.allan.adev[0] == pytest.approx(1.0, rel=0.1)
+    assert np.median(found.spectrum.density) == pytest.approx((2 / 100) ** 0.5, rel=0.1)
+
+
+def test_options_leave_bands_out() -> None:
+    y = NOISE + np.sin(2 * np.pi * 20 * np.arange(3000) / 100)
+    assert fltea.identify(y, 100.0).verdict == "line"
+    assert fltea.identify(y, 100.0, notch_hz=[(19, 21)]).verdict == "white"
+
+
+def test_the_package_of_that_name_is_the_function() -> None:
+    """A module of the package sets the attribute to the package again, whenever it is first imported."""
+    import fltea.identify.run
+
+    assert fltea.identify.run.AxisReport
+    assert fltea.identify(NOISE, 100.0).verdict == "white"
+    assert set(fltea.__all__) <= set(dir(fltea))
+    assert all(callable(getattr(fltea, name)) for name in fltea.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'Identity'"):
+        _ = fltea.Identity
+
+
+def test_import_is_light() -> None:
+    program = "import sys, fltea; sys.exit(int('numpy' in sys.modules or 'fltea.api' in sys.modules))"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("y", "rate_hz", "told"),
+    [
+        (np.zeros((600, 3)), 100.0, r"one axis, \(n,\), got shape \(600, 3\)"),
+        ([0.0, np.nan, np.inf], 100.0, r"2 values that are not finite, the first at \[1\]"),
+        (["a"], 100.0, "numbers"),
+        (NOISE, 0.0, "sample rate in Hz"),
+        (NOISE, float("nan"), "sample rate in Hz"),
+        (np.ones(3000), 100.0, "constant"),
+        (NOISE[:10], 100.0, "samples"),
+    ],
+)
+def test_misuse_is_told(y: object, rate_hz: float, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        fltea.identify(y, rate_hz)
+
+
+def test_live_takes_arrays_of_any_length() -> None:
+    whole, parts = fltea.Live(100.0, ["a", "b"]), fltea.Live(100.0, ["a", "b"])
+    y = np.random.default_rng(1).standard_normal((2000, 2))
+    whole.add(y)
+    for begin, end in ((0, 1), (1, 1), (1, 700), (700, 2000)):
+        parts.add(y[begin:end])
+    assert parts.samples == whole.samples == 2000
+    found, same = whole.fit(last=True), parts.fit(last=True)
+    assert list(found) == ["a", "b"]
+    assert dict(found) == dict(same)
+    assert found["a"].verdict == "white"
+    assert found["a"].allan is not None
+    assert found["a"].allan.tau_s[0] == pytest.approx(0.01)
+    assert found["a"].spectrum is not None
+    assert 49 < found["a"].spectrum.hz[-1] <= 50
+    parts.skip(500)
+    parts.add(y)
+    assert parts.fit(curves=False)["a"].breaks["gaps"] == 1
+
+
+def test_misuse_of_live_is_told_and_takes_nothing() -> None:
+    live = fltea.Live(100.0, "a")
+    for y, told in (([[1.0, 2.0]], "column an axis"), ([1.0, np.nan], "skip"), (1.0, "column an axis")):
+        with pytest.raises(ValueError, match=told):
+            live.add(y)
+    with pytest.raises(ValueError, match="1 or more"):
+        live.skip(0)
+    for axes in ([], ["a", "a"]):
+        with pytest.raises(ValueError, match="each of them once"):
+            fltea.Live(100.0, axes)
+    with pytest.raises(ValueError, match="duration"):
+        fltea.Live(100.0, memory="soon")
+    assert live.samples == 0
+    assert live.fit()["a"].verdict == "too few samples"
+
+
+def test_a_recording_is_its_axes(tmp_path: Path) -> None:
+    raw = counts(1500)
+    found = fltea.open(npz(tmp_path / "a<b>.npz", raw), axes=["gyro_y", "gyro_x"])
+    assert list(found) == ["gyro_y", "gyro_x"]
+    np.testing.assert_array_equal(found["gyro_y"], raw[:, 1] / LSB_PER_DPS)
+    assert (found.rate_hz, found.units["gyro_x"], found.counts.used) == (RATE_HZ, "deg/s", 1500)
+    report = found.identify()
+    assert report["gyro_x"] == fltea.identify(found["gyro_x"], RATE_HZ, axis="gyro_x", lsb=1 / LSB_PER_DPS)
+    assert "a&lt;b&gt;.npz" in found._repr_html_()
+    assert found.to_pandas().shape == (1500, 2)
+    assert list(report.to_pandas().index) == ["gyro_y", "gyro_x"]
+    with pytest.raises(KeyError, match="gyro_y, gyro_x"):
+        _ = found["gyro_z"]
+
+
+def test_a_recording_in_parquet(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow", reason="the extra notebook is not installed")
+    found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
+    found.to_parquet(tmp_path / "a.parquet")
+    table = pandas.read_parquet(tmp_path / "a.parquet")
+    assert list(table.columns) == ["time_s", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"]
+    np.testing.assert_array_equal(table["gyro_y_dps"], found["gyro_y"])
+    np.testing.assert_allclose(np.diff(table["time_s"]), 1 / RATE_HZ)
+
+
+def test_a_library_that_is_missing_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
+    for library, call in (
+        ("pandas", found.to_pandas),
+        ("pyarrow", lambda: found.to_parquet(tmp_path / "b.parquet")),
+    ):
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(fltea.UsageError, match=f"{library}, which is not installed.*notebook"):
+            call()
+    assert not (tmp_path / "b.parquet").exists()
+
+
+def test_a_recording_that_is_none(tmp_path: Path) -> None:
+    with pytest.raises(fltea.UsageError, match="no such file"):
+        fltea.open(tmp_path / "none.npz")
+    with pytest.raises(fltea.UsageError, match="accel_x"):
+        fltea.open(npz(tmp_path / "a.npz", counts(600)), axes=["accel_x"])
+    with pytest.raises(ValueError, match="sample rate"):
+        fltea.open(tmp_path / "a.csv", rate_hz=-1.0)
+
+
+def test_simulated_noise_is_that_of_its_seed() -> None:
+    def draw(seed: int) -> fltea.Simulated:
+        return fltea.simulate(600, alpha=0.5, f=-1.0, Q=0.1, R=0.0, warmup=100, seed=seed)
+
+    a, b, c = draw(1), draw(1), draw(2)
+    np.testing.assert_array_equal(a.y, b.y)
+    np.testing.assert_array_equal(a.y, a.state)  # R is 0
+    assert (a.y != c.y).all()
+    assert list(a.to_pandas().columns) == ["y", "state"]
+    with pytest.raises(ValueError, match="not stationary"):
+        fltea.simulate(3000, alpha=1.9, f=500.0, Q=1.0, R=0.0)
+    with pytest.raises(ValueError, match="1 or more"):
+        fltea.simulate(0, alpha=0.5, f=-1.0, Q=0.1, R=0.0)
+
+
+def test_a_notebook_is_shown_words_figures_and_curves() -> None:
+    found = fltea.identify(NOISE, 100.0, axis="<gyro>")
+    shown = found._repr_html_()
+    assert "<strong>&lt;gyro&gt;: white</strong>" in shown
+    assert "undefined" in shown  # the order of white noise
+    assert f"σ = {found.std:.3g} deg/s" in shown
+    assert shown.count("<svg") == 2
+    ElementTree.fromstring(shown.replace("<br>", "<br/>"))
+    table = found.to_pandas()
+    assert table.loc["<gyro>", "verdict"] == "white"
+    assert table.loc["<gyro>", "R_low"] == found.R.low
+
+
+def test_a_chart_of_anything() -> None:
+    assert log_log("t", "x", "y", [Curve([1.0], [float("nan")], "data")]) == ""
+    shown = log_log(
+        "t", "x", "y", [Curve([0.0, 1.0, 1e9], [1.0, 2.0, float("inf")], "data", [0.0] * 3, [9.0] * 3)]
+    )
+    assert "nan" not in shown
+    assert "inf" not in shown
+    ElementTree.fromstring(shown)
+
+
+def test_what_is_called_says_what_it_takes() -> None:
+    assert list(inspect.signature(series.identify).parameters)[:2] == ["y", "rate_hz"]
+    assert "fltea.api.series" in (fltea.identify.__call__.__doc__ or "")
