@@ -26,7 +26,8 @@ def rows_of(parser: LineRows, *parts: bytes) -> list[tuple[int, list[float], flo
 
 def plain(lines: list[bytes]) -> list[tuple[int, list[float], float | None]]:
     """What the fields t,gx,gy hold, one line after the other, by the simplest means."""
-    found, number = [], 0
+    number = 0
+    found: list[tuple[int, list[float], float | None]] = []
     for line in lines:
         text = line.strip()
         if not text or text.startswith((b"#", b"%", b"//")):
