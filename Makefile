@@ -96,6 +96,7 @@ man: .venv/.run
 # What is published, in build/dist: sdist, and wheels for x86-64 and aarch64. tools/dist/RELEASE.md says what it needs.
 dist: .venv/.dev
 	@tools/dist/wheels.sh
+	@tools/dist/try.sh
 
 # As root. PREFIX=/opt/fltea: where the program goes; DESTDIR=FOLDER: only write the files, into that tree.
 install-service:

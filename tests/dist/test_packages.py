@@ -13,6 +13,8 @@ import pytest
 from host_support import ROOT
 from toolchain import missing
 
+from tools.dist.same_figures import differences
+
 DIST = ROOT / "tools/dist"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
@@ -84,3 +86,18 @@ def test_scripts_are_clean_bash() -> None:
     scripts = sorted(str(path.relative_to(ROOT)) for path in DIST.rglob("*.sh"))
     done = subprocess.run([shellcheck, "-x", *scripts], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_figures_of_two_machines_are_compared() -> None:
+    def count(verdict: str, alpha: float, n: int, exactly: bool = False) -> int:
+        ours, theirs = (
+            [{"verdict": v, "axes": [{"alpha": a, "n": m}]}]
+            for v, a, m in (("white", 0.5, 3), (verdict, alpha, n))
+        )
+        return len(list(differences(ours, theirs, exactly)))
+
+    assert count("white", 0.5000001, 3) == 0
+    assert count("white", 0.5000001, 3, exactly=True) == 1
+    assert count("white", 0.501, 3) == 1
+    assert count("drift", 0.501, 4) == 3
+    assert len(list(differences([{"axes": []}], [{"axes": [0.5]}], False))) == 1

@@ -41,3 +41,23 @@ cross_environment() {
     export CC=aarch64-linux-gnu-gcc CXX=aarch64-linux-gnu-g++ LDSHARED="aarch64-linux-gnu-gcc -shared"
     export CFLAGS="-O2 -I$include/python3.11 -idirafter $include"
 }
+
+# The wheel and all that it needs, for another machine or this one, into a folder that Python only has to be shown.
+install_into() { # MACHINE FOLDER [EXTRA]
+    local machine=$1 folder=$2 libraries=$work/$1/libraries level levels=()
+    local wheel=$out/fltea-$version-$abi-$abi-manylinux_${glibc}_$machine.whl
+    [ -e "$wheel" ] || tools/dist/wheels.sh "$machine"
+    # cobs is published for x86-64 only, or as a source: the one library that is compiled here.
+    if ! ls "$libraries"/cobs-*.whl >/dev/null 2>&1; then
+        (
+            [ "$machine" = "$(uname -m)" ] || cross_environment
+            LDFLAGS=-s "$python" -m pip wheel --quiet --no-deps --no-build-isolation --no-binary cobs -c constraints.txt \
+                --wheel-dir "$libraries" cobs
+        )
+    fi
+    for level in 34 31 28 27 26 24 17; do levels+=(--platform "manylinux_2_${level}_$machine"); done
+    rm -rf "$folder"
+    "$python" -m pip install --quiet --target "$folder" --no-compile -c constraints.txt --find-links "$libraries" \
+        --only-binary :all: --implementation cp --python-version 3.11 --abi cp311 --abi abi3 --abi none \
+        --platform "linux_$machine" --platform "manylinux2014_$machine" "${levels[@]}" "$wheel${3:-}"
+}
