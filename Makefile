@@ -93,10 +93,13 @@ docs: .venv/.dev
 man: .venv/.run
 	@$(PY) tools/man_pages.py
 
-# What is published, in build/dist: sdist, and wheels for x86-64 and aarch64. tools/dist/RELEASE.md says what it needs.
+# What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried. Five minutes;
+# what it needs: tools/dist/RELEASE.md.
 dist: .venv/.dev
 	@tools/dist/wheels.sh
 	@tools/dist/try.sh
+	@tools/dist/deb.sh
+	@tools/dist/try_deb.sh
 
 # As root. PREFIX=/opt/fltea: where the program goes; DESTDIR=FOLDER: only write the files, into that tree.
 install-service:

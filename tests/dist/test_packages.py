@@ -13,6 +13,7 @@ import pytest
 from host_support import ROOT
 from toolchain import missing
 
+from tools.dist.deb_copyright import main as copyright_of
 from tools.dist.same_figures import differences
 
 DIST = ROOT / "tools/dist"
@@ -101,3 +102,68 @@ def test_figures_of_two_machines_are_compared() -> None:
     assert count("white", 0.501, 3) == 1
     assert count("drift", 0.501, 4) == 3
     assert len(list(differences([{"axes": []}], [{"axes": [0.5]}], False))) == 1
+
+
+def control() -> dict[str, str]:
+    """The fields of the binary package, each in one line."""
+    text = (DIST / "debian/control").read_text("utf-8")
+    fields = re.findall(r"^([A-Z][\w-]*): (.*(?:\n .*)*)", text.split("\n\n")[1], re.MULTILINE)
+    return {name: re.sub(r"\n ", " ", value) for name, value in fields}
+
+
+def test_debian_package_asks_for_what_its_wheel_is_made_for() -> None:
+    fields = control()
+    assert fields["Package"] == "fltea"
+    assert fields["Architecture"].split() == ["amd64", "arm64"]
+    depends = {part.strip() for part in fields["Depends"].split(",")}
+    common = (DIST / "common.sh").read_text("utf-8")
+    assert re.search(r"^abi=cp311$", common, re.MULTILINE)
+    assert {"python3 (>= 3.11)", "python3 (<< 3.12)"} <= depends
+    glibc = re.search(r"^glibc=(\d)_(\d+)$", common, re.MULTILINE)
+    assert glibc
+    assert f"libc6 (>= {glibc[1]}.{glibc[2]})" in depends
+
+
+def test_debian_package_holds_parts_that_exist() -> None:
+    found = re.search(r"^parts='\[(.*)\]'$", (DIST / "common.sh").read_text("utf-8"), re.MULTILINE)
+    assert found
+    assert set(found[1].split(",")) <= set(PROJECT["optional-dependencies"])
+
+
+def test_files_that_are_packed_exist() -> None:
+    script = (DIST / "deb.sh").read_text("utf-8")
+    named = set(re.findall(r"\$here/(tools/[\w./-]+)", script))
+    assert len(named) >= 7
+    assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
+    # What deb.sh changes in the unit is still in it.
+    unit = (ROOT / "tools/deploy/fltea.service").read_text("utf-8")
+    assert all(
+        f"\n{line}" in unit
+        for line in ("ExecStart=/opt/fltea/bin/fltea ", "RestartSteps=", "RestartMaxDelaySec=")
+    )
+
+
+def test_every_override_says_why() -> None:
+    """A comment stands above each group of lintian's overrides."""
+    lines = (DIST / "debian/lintian-overrides").read_text("utf-8").splitlines()
+    assert lines[0].startswith("# ")
+    assert all(line.startswith(("# ", "fltea: ")) for line in lines)
+
+
+def test_copyright_names_the_licence_of_every_library(tmp_path: Path) -> None:
+    for name, extra in (
+        ("one", "License-Expression: MIT"),
+        ("two", "Classifier: License :: OSI Approved :: BSD License"),
+    ):
+        info = tmp_path / f"{name}-1.0.dist-info"
+        (info / "licenses").mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.4\nName: {name}\nVersion: 1.0\n{extra}\n")
+        (info / "RECORD").write_text(f"{info.name}/licenses/LICENSE,,\n{info.name}/METADATA,,\n")
+    text = copyright_of(ROOT / "LICENSE", tmp_path, "/usr/lib/fltea")
+    assert "Permission is hereby granted" in text
+    assert "one 1.0: MIT" in text
+    assert "two 1.0: BSD License" in text
+    assert "/usr/lib/fltea/one-1.0.dist-info/licenses/LICENSE" in text
+    (tmp_path / "two-1.0.dist-info/METADATA").write_text("Metadata-Version: 2.4\nName: two\nVersion: 1.0\n")
+    with pytest.raises(SystemExit, match="two does not say its licence"):
+        copyright_of(ROOT / "LICENSE", tmp_path, "/usr/lib/fltea")

@@ -7,8 +7,10 @@ python=$PWD/.venv/bin/python
 abi=cp311
 # The lowest that auditwheel finds for Debian 12's compiler; Debian 12, Ubuntu 22.04 and RHEL 9 have it.
 glibc=2_34
+# What of the optional parts the Debian package holds: what the service may be asked for.
+parts='[outputs]'
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
-# Whoever builds the same commit has the same files, byte for byte.
+# Times in the files are the commit's: built twice they are the same.
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.md)}
 export SOURCE_DATE_EPOCH PIP_DISABLE_PIP_VERSION_CHECK=1 PATH="$PWD/.venv/bin:$PATH"
 
@@ -38,7 +40,7 @@ cross_environment() {
     include=$FLTEA_TARGET_ROOT/usr/include
     export FLTEA_TARGET_ROOT CMAKE_TOOLCHAIN_FILE=$PWD/tools/dist/aarch64.cmake
     export _PYTHON_HOST_PLATFORM=linux-aarch64 SETUPTOOLS_EXT_SUFFIX=.cpython-311-aarch64-linux-gnu.so
-    export CC=aarch64-linux-gnu-gcc CXX=aarch64-linux-gnu-g++ LDSHARED="aarch64-linux-gnu-gcc -shared"
+    export CC=aarch64-linux-gnu-gcc CXX=aarch64-linux-gnu-g++
     export CFLAGS="-O2 -I$include/python3.11 -idirafter $include"
 }
 
@@ -47,12 +49,13 @@ install_into() { # MACHINE FOLDER [EXTRA]
     local machine=$1 folder=$2 libraries=$work/$1/libraries level levels=()
     local wheel=$out/fltea-$version-$abi-$abi-manylinux_${glibc}_$machine.whl
     [ -e "$wheel" ] || tools/dist/wheels.sh "$machine"
-    # cobs is published for x86-64 only, or as a source: the one library that is compiled here.
+    # cobs is published as a source only: the one library that is compiled here.
     if ! ls "$libraries"/cobs-*.whl >/dev/null 2>&1; then
         (
             [ "$machine" = "$(uname -m)" ] || cross_environment
-            LDFLAGS=-s "$python" -m pip wheel --quiet --no-deps --no-build-isolation --no-binary cobs -c constraints.txt \
-                --wheel-dir "$libraries" cobs
+            # Not as the interpreter was linked, which may name folders of this machine.
+            LDSHARED="${CC:-gcc} -shared -s" "$python" -m pip wheel --quiet --no-cache-dir --no-deps --no-build-isolation \
+                --no-binary cobs -c constraints.txt --wheel-dir "$libraries" cobs
         )
     fi
     for level in 34 31 28 27 26 24 17; do levels+=(--platform "manylinux_2_${level}_$machine"); done
