@@ -44,12 +44,22 @@ cross_environment() {
     export CFLAGS="-O2 -I$include/python3.11 -idirafter $include"
 }
 
-# The wheel and all that it needs, for another machine or this one, into a folder that Python only has to be shown.
-install_into() { # MACHINE FOLDER [EXTRA]
-    local machine=$1 folder=$2 libraries=$work/$1/libraries level levels=()
+# Packages for another machine or this one, into a folder that Python only has to be shown.
+unpack_for() { # MACHINE FOLDER PACKAGE…
+    local machine=$1 folder=$2 level levels=()
+    for level in 34 31 28 27 26 24 17; do levels+=(--platform "manylinux_2_${level}_$machine"); done
+    rm -rf "$folder"
+    "$python" -m pip install --quiet --target "$folder" --no-compile -c constraints.txt --find-links "$work/$machine/libraries" \
+        --only-binary :all: --implementation cp --python-version 3.11 --abi cp311 --abi abi3 --abi none \
+        --platform "linux_$machine" --platform "manylinux2014_$machine" "${levels[@]}" "${@:3}"
+}
+
+# The wheel and all that it needs.
+install_into() { # MACHINE FOLDER [PARTS]
+    local machine=$1 libraries=$work/$1/libraries
     local wheel=$out/fltea-$version-$abi-$abi-manylinux_${glibc}_$machine.whl
     [ -e "$wheel" ] || tools/dist/wheels.sh "$machine"
-    # cobs is published as a source only: the one library that is compiled here.
+    # Of cobs only old versions are published as a wheel: the one library that is compiled here.
     if ! ls "$libraries"/cobs-*.whl >/dev/null 2>&1; then
         (
             [ "$machine" = "$(uname -m)" ] || cross_environment
@@ -58,9 +68,5 @@ install_into() { # MACHINE FOLDER [EXTRA]
                 --no-binary cobs -c constraints.txt --wheel-dir "$libraries" cobs
         )
     fi
-    for level in 34 31 28 27 26 24 17; do levels+=(--platform "manylinux_2_${level}_$machine"); done
-    rm -rf "$folder"
-    "$python" -m pip install --quiet --target "$folder" --no-compile -c constraints.txt --find-links "$libraries" \
-        --only-binary :all: --implementation cp --python-version 3.11 --abi cp311 --abi abi3 --abi none \
-        --platform "linux_$machine" --platform "manylinux2014_$machine" "${levels[@]}" "$wheel${3:-}"
+    unpack_for "$machine" "$2" "$wheel${3:-}"
 }

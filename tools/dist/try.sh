@@ -34,3 +34,9 @@ for machine in x86_64 aarch64; do
 done
 "$python" tools/dist/same_figures.py "$folder"/{x86_64,aarch64}.run.ndjson --exactly
 "$python" tools/dist/same_figures.py "$folder"/{x86_64,aarch64}.identify.json
+
+say "golden vectors and golden values of the estimator, with the wheel for aarch64"
+unpack_for aarch64 "$folder/pytest" pytest hypothesis pytest-timeout
+# Without what starts other programs: this machine's kernel runs none for aarch64.
+PYTHONPATH=$folder/aarch64:$folder/pytest qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11" -P -S -m pytest -q \
+    -p no:cacheprovider -k "not files_are_what" tests/protocol/test_vectors.py tests/estimator/test_golden.py
