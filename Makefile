@@ -93,7 +93,7 @@ docs: .venv/.dev
 man: .venv/.run
 	@$(PY) tools/man_pages.py
 
-# What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried. Five minutes;
+# What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried. Four minutes;
 # what it needs: tools/dist/RELEASE.md.
 dist: .venv/.dev
 	@tools/dist/wheels.sh

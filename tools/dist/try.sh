@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs what was built for aarch64 under QEMU: the C++ tests, then the wheel on a made-up record, whose figures must be
-# those of the wheel for this machine. Takes about two minutes.
+# those of the wheel for this machine. Takes a minute.
 # Usage: tools/dist/try.sh
 set -euo pipefail
 cd "$(dirname "$0")/../.."
