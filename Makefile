@@ -1,4 +1,4 @@
-# setup run test lint gen bench reproduce firmware flash emulate mutants docs man: each does first what it needs, and
+# setup run test lint gen bench reproduce firmware flash emulate mutants docs man dist: each does first what it needs, and
 # nothing twice on an unchanged tree.
 #   make run ARGS='--format ndjson'             arguments for 'fltea run'
 #   make test ARGS='-k timebase'                arguments for pytest
@@ -6,7 +6,7 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test lint gen bench reproduce firmware flash emulate mutants docs man clean \
+.PHONY: setup run test lint gen bench reproduce firmware flash emulate mutants docs man dist clean \
         install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
@@ -92,6 +92,14 @@ docs: .venv/.dev
 # Man pages in build/man, completion for bash, zsh and fish in build/completions.
 man: .venv/.run
 	@$(PY) tools/man_pages.py
+
+# What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried. Four minutes;
+# what it needs: tools/dist/RELEASE.md.
+dist: .venv/.dev
+	@tools/dist/wheels.sh
+	@tools/dist/try.sh
+	@tools/dist/deb.sh
+	@tools/dist/try_deb.sh
 
 # As root. PREFIX=/opt/fltea: where the program goes; DESTDIR=FOLDER: only write the files, into that tree.
 install-service:

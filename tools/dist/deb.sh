@@ -1,0 +1,78 @@
+#!/usr/bin/env bash
+# Builds the Debian package of each machine named, from its wheel, into build/dist, and looks at it with lintian.
+# Usage: tools/dist/deb.sh [amd64] [arm64]          (without a name: both)
+#   DEBFULLNAME, DEBEMAIL    who answers for the package; default: who made the last commit
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+# shellcheck source=tools/dist/common.sh
+. tools/dist/common.sh
+architectures=("$@")
+[ ${#architectures[@]} -gt 0 ] || architectures=(amd64 arm64)
+need dh_builddeb debhelper
+need lintian lintian
+here=$PWD
+maintainer="${DEBFULLNAME:-$(git log -1 --format=%an)} <${DEBEMAIL:-$(git log -1 --format=%ae)}>"
+deb_version=$version-1
+
+"$python" tools/man_pages.py >/dev/null
+for architecture in "${architectures[@]}"; do
+    case $architecture in
+    amd64) machine=x86_64 ;;
+    arm64) machine=aarch64 ;;
+    *) refuse "no rule to build for $architecture" ;;
+    esac
+    say "packing for $architecture"
+    folder=$work/deb-$architecture
+    tree=$folder/debian/fltea
+    rm -rf "$folder"
+    mkdir -p "$folder/debian"
+    install_into "$machine" "$tree/usr/lib/fltea" "$parts"
+    (
+        cd "$tree/usr/lib/fltea"
+        # Commands, examples and tests of the libraries, and what only a compiler reads.
+        rm -rf bin share typings tornado/test numpy/_core/*_tests.*.so numpy/_core/include numpy/_core/lib numpy/f2py
+        find . -type d -name tests -prune -exec rm -rf {} +
+        find . -name '*.pyi' -delete
+    )
+    cd "$folder"
+    cp "$here"/tools/dist/debian/{postinst,prerm,postrm} debian/
+    sed "s|@MAINTAINER@|$maintainer|" "$here/tools/dist/debian/control" >debian/control
+    cp "$here/tools/dist/debian/lintian-overrides" debian/fltea.lintian-overrides
+    printf 'fltea (%s) bookworm; urgency=medium\n\n  * Release %s: see changelog.gz.\n\n -- %s  %s\n' "$deb_version" \
+        "$version" "$maintainer" "$(date -uR -d "@$SOURCE_DATE_EPOCH")" >debian/changelog
+    "$python" "$here/tools/dist/deb_copyright.py" "$here/LICENSE" "$tree/usr/lib/fltea" /usr/lib/fltea >debian/copyright
+
+    install -D -m 755 "$here/tools/dist/debian/fltea.py" "$tree/usr/bin/fltea"
+    install -D -m 644 "$here/tools/deploy/fltea.toml" "$tree/etc/fltea/fltea.toml"
+    install -D -m 600 "$here/tools/deploy/mqtt.env" "$tree/etc/fltea/mqtt.env"
+    completions=$here/build/completions
+    install -D -m 644 "$completions/bash/fltea" "$tree/usr/share/bash-completion/completions/fltea"
+    install -D -m 644 "$completions/zsh/_fltea" "$tree/usr/share/zsh/vendor-completions/_fltea"
+    install -D -m 644 "$completions/fish/fltea.fish" "$tree/usr/share/fish/vendor_completions.d/fltea.fish"
+    # Debian 12's systemd, 252, restarts at an even pace: these came with 254.
+    sed 's|/opt/fltea/bin/|/usr/bin/|; /^RestartSteps=/d; /^RestartMaxDelaySec=/d' "$here/tools/deploy/fltea.service" \
+        >debian/fltea.service
+    cp "$here/tools/deploy/70-fltea.rules" debian/fltea.udev
+    cp "$here/tools/deploy/fltea.sysusers" debian/fltea.sysusers
+
+    (
+        eval "$(dpkg-architecture -a"$architecture" -s 2>/dev/null)"
+        dh_installdocs
+        dh_installchangelogs "$here/CHANGELOG.md"
+        dh_installman "$here"/build/man/*.1
+        dh_installsysusers
+        dh_installsystemd
+        dh_installudev --priority=70
+        dh_lintian
+        dh_compress
+        # The file of the broker's password stays root's.
+        dh_fixperms --exclude=mqtt.env
+        dh_installdeb
+        dh_gencontrol
+        dh_md5sums
+        dh_builddeb --destdir="$out" -- --root-owner-group -Zxz -z3
+    )
+    cd "$here"
+    lintian --allow-root --fail-on error,warning --tag-display-limit 0 "$out/fltea_${deb_version}_$architecture.deb"
+    say "$out/fltea_${deb_version}_$architecture.deb"
+done

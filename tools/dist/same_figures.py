@@ -1,0 +1,57 @@
+"""Compares what two machines printed of one record: the same words, and figures as near as asked.
+
+The filters' estimates are the same bit by bit on every machine (no contraction, our own logarithm). Searches
+for a maximum end where the last bits of numpy and libm let them, which differ between processors.
+"""
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+RELATIVE, ABSOLUTE = 1e-5, 1e-8
+
+
+def differences(a: Any, b: Any, exactly: bool, where: str = "") -> Iterator[str]:
+    """Yield what differs, each with its place."""
+    if isinstance(a, dict) and isinstance(b, dict) and a.keys() == b.keys():
+        for name in a:
+            yield from differences(a[name], b[name], exactly, f"{where}.{name}")
+    elif isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        for index, (one, other) in enumerate(zip(a, b, strict=True)):
+            yield from differences(one, other, exactly, f"{where}[{index}]")
+    elif isinstance(a, float) and isinstance(b, float) and not exactly:
+        if not math.isclose(a, b, rel_tol=RELATIVE, abs_tol=ABSOLUTE):
+            yield f"{where}: {a!r}, {b!r}"
+    elif a != b:
+        yield f"{where}: {a!r}, {b!r}"
+
+
+def read(path: Path) -> list[Any]:
+    """Return every line's object."""
+    return [json.loads(line) for line in path.read_text("utf-8").splitlines()]
+
+
+def main() -> int:
+    """Say what differs; 1 if anything does."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs=2, type=Path)
+    parser.add_argument("--exactly", action="store_true", help="figures are the same bit by bit")
+    asked = parser.parse_args()
+    ours, theirs = (read(path) for path in asked.files)
+    found = list(differences(ours, theirs, asked.exactly))
+    for line in found[:20]:
+        print(line, file=sys.stderr)
+    how = "bit by bit" if asked.exactly else f"to {RELATIVE:g}"
+    print(
+        f"{asked.files[0].name}, {asked.files[1].name}: {len(ours)} records, "
+        f"{'the same ' + how if not found else f'{len(found)} differences'}"
+    )
+    return bool(found)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
