@@ -5,6 +5,7 @@ Intervals and coefficients are those of the live curve (`fltea.spectrum.allan_cu
 """
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients, times
 from fltea.spectrum.allan_curve import checked, points
-from fltea.spectrum.allan_dof import full_overlap
+from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 from fltea.spectrum.composite_intervals import Estimate
 
 Array = NDArray[np.float64]
@@ -56,22 +57,46 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return times(self.K_dps_per_sqrt_s.value, HOUR * SQRT_HOUR)
 
 
-def allan(y_dps: ArrayLike, h: float) -> Allan:
+def allan(y_dps: ArrayLike, h: float, unit: str = "deg/s") -> Allan:
     """Allan deviation of one axis (n,) in deg/s without missing samples, at a sampling period of h s.
 
     Raises:
         ValueError: y is not finite, constant or shorter than SHORTEST_RECORD, or h is not positive.
     """
-    y = np.ascontiguousarray(y_dps, dtype=np.float64)
-    if y.ndim != 1 or not np.isfinite(y).all():
+    return allan_of_stretches([np.ascontiguousarray(y_dps, dtype=np.float64)], h, unit)
+
+
+def allan_of_stretches(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
+    """The same of several stretches (n,), each overlapping in itself, as far as a quarter of the longest.
+
+    Raises:
+        ValueError: as `allan`; the longest stretch is shorter than SHORTEST_RECORD.
+    """
+    if any(y.ndim != 1 or not np.isfinite(y).all() for y in stretches):
         raise ValueError("y must be finite numbers, of shape (n,)")
-    checked(len(y), h)
-    if np.ptp(y) == 0:
+    longest = max(map(len, stretches))
+    checked(longest, h)
+    if all(np.ptp(y) == 0 for y in stretches):
         raise ValueError("the axis is constant: there is no noise to analyse")
-    factors = averaging_factors(len(y))
-    found = points(factors, overlapping(y, factors), h, lambda power: full_overlap(power, factors, len(y)))
+    factors = averaging_factors(longest)
+    lengths = [len(y) for y in stretches]
+    found = points(
+        factors, overlapping_stretches(stretches, factors), h, lambda power: _degrees(power, factors, lengths)
+    )
     tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
-    return Allan(tau, deviation, low, high, degrees, *coefficients(found, h))
+    return Allan(tau, deviation, low, high, degrees, *coefficients(found, h, unit))
+
+
+def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
+    """Degrees of freedom of all stretches together, by their number of terms."""
+    if len(lengths) == 1:
+        return full_overlap(power, factors, lengths[0])
+    m = np.asarray(factors, dtype=np.float64)
+    terms = np.zeros(len(m))
+    for length, count in zip(*np.unique(lengths, return_counts=True), strict=True):
+        use = 2 * m <= length
+        terms[use] += count * (1 + np.floor(np.minimum(m, FULL_PARTS) * (length - 2 * m) / m))[use]
+    return degrees_of_freedom(power, m, terms, FULL_PARTS)
 
 
 def with_white_noise(found: Allan, white: Estimate) -> Allan:
@@ -99,16 +124,26 @@ def overlapping(y: Array, factors: NDArray[np.int64]) -> Array:
 
     Blocks stay in the cache and memory is one array more, also for a day at 100 Hz.
     """
-    phase = np.empty(len(y) + 1)
-    phase[0] = 0.0
-    np.subtract(y, y.mean(), out=phase[1:])
-    np.cumsum(phase, out=phase)
-    found = np.empty(len(factors))
-    for i, m in enumerate(factors.tolist()):
-        squares, n = 0.0, len(phase) - 2 * m
-        for begin in range(0, n, BLOCK):
-            end = min(begin + BLOCK, n)
-            steps = phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
-            squares += float(steps @ steps)
-        found[i] = math.sqrt(squares / (2 * n)) / m
-    return found
+    return overlapping_stretches([y], factors)
+
+
+def overlapping_stretches(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array:
+    """The same of several stretches, averaged by their number of terms."""
+    squares, terms = np.zeros(len(factors)), np.zeros(len(factors))
+    for y in stretches:
+        phase = np.empty(len(y) + 1)
+        phase[0] = 0.0
+        np.subtract(y, y.mean(), out=phase[1:])
+        np.cumsum(phase, out=phase)
+        for i, m in enumerate(factors.tolist()):
+            n = len(phase) - 2 * m
+            if n < 1:
+                break
+            terms[i] += n
+            for begin in range(0, n, BLOCK):
+                end = min(begin + BLOCK, n)
+                steps = (
+                    phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
+                )
+                squares[i] += float(steps @ steps)
+    return np.asarray(np.sqrt(squares / (2 * terms)) / factors)

@@ -1,11 +1,13 @@
 """One axis of a recording: the sums of the live fit, and the lines that only a file can show."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.spectrum.lines import find_peaks
+from fltea.identify.gaps import LONGEST_BRIDGE, Gaps, Stretch, bridged, no_gaps
+from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Periodogram, periodogram
@@ -18,6 +20,8 @@ CHUNK, MOST_DEVIATIONS = 128, 12.0
 """As in host/native/gate.hpp."""
 AT_ONCE = 1 << 18
 """Samples, so that of a long file little is in memory."""
+LEAST_SHARE = 0.5
+"""Of the samples, in the longest stretch: where it is less, lines are searched for in the sums of all."""
 
 
 def octaves_of(y: Array) -> Octaves:
@@ -26,9 +30,21 @@ def octaves_of(y: Array) -> Octaves:
     Raises:
         ValueError: y is not finite.
     """
+    return octaves_of_stretches([Stretch(y, 0)])
+
+
+def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
+    """Add up stretches; nothing is computed across what lies between two of them.
+
+    Raises:
+        ValueError: they are not finite.
+    """
     sums = Octaves(1)
-    for begin in range(0, len(y), AT_ONCE):
-        sums.add(np.asarray(y[begin : begin + AT_ONCE, np.newaxis], dtype=np.float64))
+    for number, (y, missing) in enumerate(stretches):
+        if number:
+            sums.skip(max(missing, LONGEST_BRIDGE + 1))
+        for begin in range(0, len(y), AT_ONCE):
+            sums.add(np.asarray(y[begin : begin + AT_ONCE, np.newaxis], dtype=np.float64))
     return sums
 
 
@@ -57,20 +73,39 @@ def lines_of(sums: Octaves, h: float, from_hz: float = 0.0, notch: Bands = ()) -
     return whole.without(from_hz, notch) if from_hz > 0 or notch else whole
 
 
-def examined(y: Array, h: float, from_hz: float = 0.0, notch: Bands = ()) -> Spectral:
+def examined(
+    y: Array, h: float, from_hz: float = 0.0, notch: Bands = (), gaps: Gaps | None = None
+) -> Spectral:
     """What the spectrum of y (n,) says; h, from_hz and notch as for `lines_of`.
+
+    gaps: between the samples of y, if there are any. Lines are searched for at the full resolution in the
+    longest stretch, if it has half of the samples.
 
     Raises:
         ValueError: y is not finite, constant, or too short.
     """
-    # At the full resolution.
-    peaks = find_peaks(periodogram(limited(y), h, from_hz=from_hz, notch=notch))
-    sums = octaves_of(y)
+    return examined_stretches(bridged(y, gaps or no_gaps()), len(y), h, from_hz, notch)
+
+
+def examined_stretches(
+    stretches: Sequence[Stretch], samples: int, h: float, from_hz: float = 0.0, notch: Bands = ()
+) -> Spectral:
+    """What `examined` says of stretches with so many samples; arguments as there.
+
+    Raises:
+        ValueError: as `examined`.
+    """
+    peaks: tuple[Peak, ...] | None = None
+    longest = max((one.y for one in stretches), key=len)
+    if len(stretches) == 1 or len(longest) >= LEAST_SHARE * samples:
+        # At the full resolution.
+        peaks = find_peaks(periodogram(limited(longest), h, from_hz=from_hz, notch=notch))
+    sums = octaves_of_stretches(stretches)
     notch = around(sums.periodogram(0, h), notch)
     return examine(
         lines_of(sums, h, from_hz, notch),
-        len(y) * h,
-        len(y),
+        samples * h,
+        samples,
         cells=sums.cells(0, h),
         drift=sums.lines_and_drift(0, h)[1],
         peaks=peaks,
