@@ -1,4 +1,4 @@
-# setup run test lint gen bench reproduce firmware flash emulate mutants: each does first what it needs, and
+# setup run test lint gen bench reproduce firmware flash emulate mutants docs man: each does first what it needs, and
 # nothing twice on an unchanged tree.
 #   make run ARGS='--format ndjson'             arguments for 'fltea run'
 #   make test ARGS='-k timebase'                arguments for pytest
@@ -6,7 +6,7 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test lint gen bench reproduce firmware flash emulate mutants clean \
+.PHONY: setup run test lint gen bench reproduce firmware flash emulate mutants docs man clean \
         install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
@@ -84,6 +84,14 @@ bench: .venv/.dev
 # The paper's tables and figures, in build/reproduce.
 reproduce: .venv/.dev
 	@$(PY) -m fltea reproduce --out build/reproduce $(ARGS)
+
+# The site, in build/site; every link in it is checked, but for those to other sites.
+docs: .venv/.dev
+	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --config-file host/mkdocs.yml
+
+# Man pages in build/man, completion for bash, zsh and fish in build/completions.
+man: .venv/.run
+	@$(PY) tools/man_pages.py
 
 # As root. PREFIX=/opt/fltea: where the program goes; DESTDIR=FOLDER: only write the files, into that tree.
 install-service:

@@ -35,6 +35,8 @@ if [ "$level" = dev ]; then
     PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || packages+=(mosquitto)
     command -v openssl >/dev/null || packages+=(openssl)
     command -v chromium >/dev/null || packages+=(chromium)
+    # What shows man pages.
+    command -v groff >/dev/null || packages+=(groff-base)
     # What looks at the service's files.
     command -v shellcheck >/dev/null || packages+=(shellcheck)
     command -v systemd-analyze >/dev/null || packages+=(systemd)
@@ -98,7 +100,7 @@ pip() { quietly "$1" .venv/bin/python -m pip "${@:2}"; }
 pip "installing what builds the native module (cmake, ninja, nanobind)" \
     install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
 extras='[emulator,outputs]'
-[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs,dask]'
+[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs,dask,docs]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
 pip "installing pinned Python packages and building the native module ($level); this is most of the time" \
     install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"

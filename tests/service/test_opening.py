@@ -132,13 +132,20 @@ def test_url_that_means_nothing(url: str, words: str) -> None:
 
 @pytest.mark.parametrize(
     "flag",
-    [{"columns": ["x"]}, {"units": "dps"}, {"rate_hz": 1.0}, {"shuffle": 0}],
+    [
+        {"columns": ["x"]},
+        {"units": "dps"},
+        {"rate_hz": 1.0},
+        {"time_column": "t"},
+        {"topic": "/imu"},
+        {"shuffle": 0},
+    ],
     ids=lambda flag: next(iter(flag)),
 )
 @pytest.mark.parametrize("url", ["synthetic:", "/dev/ttyACM0"])
 def test_flags_of_recordings_do_not_fit_other_sources(url: str, flag: dict[str, object]) -> None:
     text = refusal(url, **{f"replay.{key}": value for key, value in flag.items()})
-    assert "--columns, --units, --rate and --shuffle are for recordings" in text
+    assert "--columns, --units, --rate, --time-column, --topic and --shuffle are for recordings" in text
 
 
 @pytest.mark.parametrize("others", [[], [UNO, DUE_NATIVE, BUILT_IN]])

@@ -27,7 +27,9 @@ def test_defaults_of_the_rest() -> None:
     assert (config.once, config.samples) == (False, False)
     assert (config.link.baud, config.link.max_gap) == (250_000, 100)
     assert config.output.every == 1
-    how = dict.fromkeys(("columns", "units", "rate_hz", "shuffle"))
+    how = dict.fromkeys(
+        ("columns", "units", "rate_hz", "time_column", "time_unit", "topic", "shuffle"),
+    )
     assert msgspec.to_builtins(config.replay) == {**how, "max_chunk_mb": 64.0, "max_mb": 1024.0}
 
 

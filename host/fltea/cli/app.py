@@ -47,7 +47,6 @@ Exit codes: 0 ended as asked (end of a recording, Ctrl-C, SIGTERM, or the reader
 app = typer.Typer(
     name="fltea",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help="Identify the fractional noise of a MEMS gyroscope online: state, order α and parameter f, live.",

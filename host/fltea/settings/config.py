@@ -32,7 +32,11 @@ MOST_MB = 1e9
 
 
 class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Serial link. max_gap: longest gap in samples that is bridged; a longer one begins a new epoch."""
+    """Serial link.
+
+    baud: speed of a serial port. max_gap: longest gap in samples that is bridged; a longer one begins a new
+    epoch.
+    """
 
     baud: int = wire.BAUD
     max_gap: int = filters.MAX_GAP
@@ -45,7 +49,11 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How to read a recording (host/README.md, Recordings).
 
-    max_chunk_mb, max_mb: how much memory one may take (`fltea.settings.limits`).
+    columns: of a text, those of the axes x, y, z. units: of a text; deg/s, °/s, dps, mdps, rad/s or lsb:N.
+    rate_hz: samples per second, where the recording does not say. time_column: of a text, that of the times.
+    time_unit: what these are counted in. topic: of a bag, the Imu topic. shuffle: seed of a random order of
+    the samples; None: their own order. max_chunk_mb, max_mb: how much memory one may take
+    (`fltea.settings.limits`).
     """
 
     columns: list[str] | None = None
@@ -108,6 +116,9 @@ BY_DEVICE = ("device", "both")
 class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True):
     """The estimator, its start-up window (samples), bias (deg/s) and R ((deg/s)²).
 
+    window: length L of the memory in samples; 0: unlimited. startup: samples of the start-up window.
+    bias: "startup" (its mean), "none", or deg/s, one for all axes or a list. R: "auto" (the variance of the
+    start-up window), or (deg/s)², one for all axes or a list.
     estimate_on: "host" (this computer), "device" (an Arduino Due's own estimates, none here) or "both" (the
     Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
     window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
@@ -175,8 +186,11 @@ class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
 class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All that `fltea run` can be told; the tables of its TOML file have the same names.
 
-    channels: axes to estimate; None for all of the gyroscope's. device: what is said of each device by its
-    name; `load_configs` makes a `Config` of every one.
+    source: where samples come from, as --source says it. name: of the device, in all outputs; None: made from
+    its address. channels: axes to estimate; None for all of the gyroscope's. format: of the standard output.
+    pace: of a recording and of made-up noise. once: end with the recording, and fail where a device is
+    missing. samples: write the samples too. device: what is said of each device by its name; `load_configs`
+    makes a `Config` of every one.
     """
 
     source: str | None = None

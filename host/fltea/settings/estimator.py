@@ -31,7 +31,11 @@ def _check_delta(value: float) -> None:
 
 
 class StateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """KFx. P0 and Q in (deg/s)², x0 in deg/s. Q is the variance of a whole step: it includes h^2α."""
+    """KFx, the filter of the state.
+
+    P0: variance of the state at the start, (deg/s)². Q: variance of a whole step, (deg/s)²; it includes h^2α.
+    x0: the state at the start, deg/s.
+    """
 
     P0: float = filters.STATE_P0
     Q: float = filters.STATE_Q
@@ -44,7 +48,11 @@ class StateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OrderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """KFo. All without unit. P0 = Q0 = 0 holds the order at alpha0; delta is Q's forgetting factor."""
+    """KFo, the filter of the order; all without unit. P0 = Q0 = 0 holds the order at alpha0.
+
+    P0: variance of the order at the start. Q0: variance of its walk, a sample. alpha0: the order at the
+    start. delta: how fast the walk's variance follows the innovations; 0: not at all.
+    """
 
     P0: float = filters.ORDER_P0
     Q0: float = filters.ORDER_Q0
@@ -59,7 +67,11 @@ class OrderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ParameterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """KFw. f0 in s^-α, P0 and Q0 in its square. P0 = Q0 = 0 holds f at f0; delta is Q's forgetting factor."""
+    """KFw, the filter of the parameter. P0 = Q0 = 0 holds f at f0.
+
+    P0: variance of f at the start, (s^-α)². Q0: variance of its walk, a sample, (s^-α)². f0: f at the start,
+    s^-α. delta: how fast the walk's variance follows the innovations; 0: not at all.
+    """
 
     P0: float = filters.PARAMETER_P0
     Q0: float = filters.PARAMETER_Q0
@@ -74,7 +86,11 @@ class ParameterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 
 
 class JointSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The joint filter on (α, β = h^α f), both without unit; P0 and Q0 hold for both. delta as in KFo."""
+    """The joint filter on (α, β = h^α f), both without unit.
+
+    P0: variance of either at the start. Q0: variance of the walk of either, a sample. alpha0: α at the start.
+    beta0: β at the start. delta: how fast the walk's variance follows the innovations; 0: not at all.
+    """
 
     P0: float = filters.JOINT_P0
     Q0: float = filters.JOINT_Q0

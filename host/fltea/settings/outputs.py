@@ -32,9 +32,9 @@ class OutputConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class RecordConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Recording in MCAP files; off without a folder.
 
-    rotate_mb, rotate_s: a new file begins beyond this size or age. resume_mb: room there has to be before a
-    recording that a full disk stopped goes on. channels: decoded records that ride along with the bytes from
-    the wire.
+    folder: where the files go. rotate_mb, rotate_s: a new file begins beyond this size or age. resume_mb:
+    room there has to be before a recording that a full disk stopped goes on. channels: decoded records that
+    ride along with the bytes from the wire.
     """
 
     folder: str | None = None
@@ -70,11 +70,11 @@ class BrokerAddress(NamedTuple):
 class MqttConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Publishing to an MQTT broker; off without one.
 
-    broker: HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT. estimate_every, sample_every: one in
-    so many samples is published, by `seq`, of those that `output.every` leaves: the larger of the two rules;
-    sample_every 0: none. stream_qos: of estimates and samples, 0 or 1; all else has 1. tls: as
-    with mqtts://. ca, cert, key: PEM files. insecure: take whatever certificate the broker shows.
-    password_file: one line USER:PASSWORD.
+    broker: HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT. prefix: of all topics.
+    estimate_every, sample_every: one in so many samples is published, by `seq`, of those that `output.every`
+    leaves: the larger of the two rules; sample_every 0: none. stream_qos: of estimates and samples, 0 or 1;
+    all else has 1. tls: as with mqtts://. ca, cert, key: PEM files. insecure: take whatever certificate the
+    broker shows. password_file: one line USER:PASSWORD.
     """
 
     broker: str | None = None
@@ -177,7 +177,8 @@ class MetricsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class StateConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Snapshots of the estimators, with which a restarted daemon goes on; off without a file.
 
-    max_age_s: an older snapshot is not used. period_s: how often one is written, beside the one at the end.
+    file: where the snapshot is kept. max_age_s: an older snapshot is not used. period_s: how often one is
+    written, beside the one at the end.
     """
 
     file: str | None = None

@@ -61,6 +61,8 @@ class Rival(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     parameters: dict[str, float]
     """variances in the square of the unit of y; *_hz: corners and peaks, which may be above half the sample
     rate"""
+    span: float = 1.0
+    """highest density over the lowest, of the frequencies that were fitted"""
 
 
 class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -210,6 +212,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
             extra * math.log(fits.data.ordinates) - 2 * gain,
             farthest(_over_spectrum(p, f), p.weight),
             _described(name, f, fits.data, p.h),
+            _span(f.spectrum(fits.data.lam)[0]),
         )
     return Contest(
         models,
@@ -224,6 +227,10 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
 def is_order(found: Fit) -> bool:
     """Whether α or d is within its limits: at one of them it stands for what lies beyond."""
     return LEAST_ORDER + AT_A_LIMIT < _order(found) < MOST_ORDER - AT_A_LIMIT
+
+
+def _span(density: Array) -> float:
+    return float(density.max() / max(density.min(), 1e-300))
 
 
 def _order(found: Fit) -> float:

@@ -19,12 +19,11 @@ AS_FILTERS_DIFFER = 0.6
 
 def is_of_filter(e: Evidence, low_pass: LowPass) -> tuple[str, bool, str]:
     """Whether colour is the difference of the true filter from the fitted one: question, answer, figure."""
-    if e.contest.best == "rising":
-        p = e.contest.models["rising"].parameters
-        highest = (2 * math.sin(math.pi * e.to_hz / e.rate_hz)) ** (2 * p["delta"])
-        rise = p["s2"] * highest / max(p["R"], 1e-300)
+    best = e.contest.models[e.contest.best]
+    falls = "bend_hz" in best.parameters or "bend_1_hz" in best.parameters
+    if not falls or best.parameters.get("rise", 0.0) > 1:
         question = "Does what is left rise, by no more than filters differ by?"
-        return question, rise < AS_FILTERS_DIFFER, f"by {rise:.2g} of the white noise"
+        return question, best.span - 1 < AS_FILTERS_DIFFER, f"by a factor of {best.span:.3g}"
     name = e.contest.best_sum
     p = e.contest.models[name].parameters
     bends = [value for key, value in p.items() if key.startswith("bend")]

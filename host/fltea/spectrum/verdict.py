@@ -216,7 +216,8 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
             f"The best order is {p['alpha']:.2f}: more than 1 is a filter or a resonance, not memory.",
             NEXT_PEAK,
         )
-    steep = c.best == "ar2" or p.get("alpha", 0.0) > STEEP
+    # Of φ2 > 0 one pole is negative: what is left is an AR(1).
+    steep = (c.best == "ar2" and p["phi2"] < 0) or p.get("alpha", 0.0) > STEEP
     if q.ask("Does it fall from a bend on more steeply than a relaxation?", steep and _bends(e, p), best):
         return q.say(
             "low-pass",
