@@ -142,8 +142,6 @@ def overlapping_stretches(stretches: Sequence[Array], factors: NDArray[np.int64]
             terms[i] += n
             for begin in range(0, n, BLOCK):
                 end = min(begin + BLOCK, n)
-                steps = (
-                    phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
-                )
+                steps = phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
                 squares[i] += float(steps @ steps)
     return np.asarray(np.sqrt(squares / (2 * terms)) / factors)

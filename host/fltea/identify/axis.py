@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea.identify.fltea_fit import FlteaFit, fltea_fit
 from fltea.identify.gaps import Gaps, Stretch, bridged, no_gaps
@@ -102,8 +102,8 @@ def identify_axis(
 ) -> AxisResult:
     """Identify one axis y (n,) at a sampling period of h s.
 
-    gaps: where samples are missing between those of y. The spectrum is of all stretches; FLTEA is run over the
-    longest epoch, and narrow lines are searched for in the longest stretch.
+    gaps: where samples are missing between those of y. The spectrum is of all stretches; FLTEA is run over
+    the longest epoch, and narrow lines are searched for in the longest stretch.
 
     The shuffled copies are left for `with_copies`: they take most of the time, and anyone may do them.
 

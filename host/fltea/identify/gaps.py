@@ -6,7 +6,7 @@ line would not do: of white noise with 1 % of its samples lost it tilts the spec
 sees that in ten minutes. Across a longer gap nothing is made up: what follows is another stretch.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,8 @@ Mask = NDArray[np.bool_]
 
 LONGEST_BRIDGE = 8
 """Lost samples, as of the live sums (host/native/gate.hpp)."""
+MOST_BRIDGED = 0.1
+"""Of the samples: where more are lost in short gaps, none is drawn, for the rate may be another one."""
 LONGEST_PREDICTION = 100
 """Lost samples that FLTEA predicts, as `link.max_gap`; after more of them it begins again."""
 AROUND = 16
@@ -41,9 +43,13 @@ class Gaps(NamedTuple):
         first, last = np.searchsorted(self.at, (begin + 1, end)).tolist()
         return Gaps(self.at[first:last] - begin, self.missing[first:last])
 
-    def bridged(self) -> int:
-        """Lost samples that others are drawn for."""
-        return int(self.missing[self.missing <= LONGEST_BRIDGE].sum())
+    def lost_up_to(self, longest: int) -> int:
+        """Lost samples in gaps of so many or fewer."""
+        return int(self.missing[self.missing <= longest].sum())
+
+    def place(self, number: int) -> int:
+        """The number of a sample, lost ones counted."""
+        return number + int(self.missing[: np.searchsorted(self.at, number, "right")].sum())
 
 
 def no_gaps() -> Gaps:
@@ -59,8 +65,13 @@ class Stretch(NamedTuple):
     missing: int
 
 
+def bridge(n: int, gaps: Gaps) -> int:
+    """The longest gap between n samples that is bridged; 0: none is."""
+    return LONGEST_BRIDGE if gaps.lost_up_to(LONGEST_BRIDGE) <= MOST_BRIDGED * n else 0
+
+
 def cut(n: int, gaps: Gaps, longest: int) -> list[tuple[int, int, int]]:
-    """Begin, end and what is missing before, of the parts of n samples between gaps of more than `longest`."""
+    """The parts of n samples between gaps of more than `longest`: begin, end, how many are missing before."""
     broken = (gaps.missing == 0) | (gaps.missing > longest)
     edges = [0, *gaps.at[broken].tolist(), n]
     return list(zip(edges[:-1], edges[1:], [0, *gaps.missing[broken].tolist()], strict=True))
@@ -90,7 +101,7 @@ def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
     """The stretches of y (n,), finite numbers; the very same array where there is no gap."""
     if not len(gaps.at):
         return [Stretch(y, 0)]
-    parts = cut(len(y), gaps, LONGEST_BRIDGE)
+    parts = cut(len(y), gaps, bridge(len(y), gaps))
     inside = [gaps.within(begin, end) for begin, end, _ in parts]
     spaced = [spread(y[begin:end], own) for (begin, end, _), own in zip(parts, inside, strict=True)]
     if all(missing is None for _, missing in spaced):
@@ -143,13 +154,14 @@ class _Drawn:
             weights = np.linalg.solve(whole[np.ix_(known, known)], across.T).T
             left = whole[np.ix_(lost, lost)] - weights @ across.T
             size, vectors = np.linalg.eigh((left + left.T) / 2)
-            self._known[key] = weights, vectors * np.sqrt(np.maximum(size, 0.0))
+            root = np.asarray(vectors * np.sqrt(np.maximum(size, 0.0)), dtype=np.float64)
+            self._known[key] = np.asarray(weights, dtype=np.float64), root
         return self._known[key]
 
 
-def _runs(missing: Mask) -> Iterator[tuple[int, int]]:
+def _runs(missing: Mask) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
-    yield from edges.reshape(-1, 2).tolist()
+    return [(begin, end) for begin, end in edges.reshape(-1, 2).tolist()]
 
 
 def _covariance(parts: Sequence[tuple[Array, Mask | None]]) -> Array:
@@ -172,4 +184,5 @@ def _covariance(parts: Sequence[tuple[Array, Mask | None]]) -> Array:
 def _nearest(values: Array, drawn: Array) -> Array:
     above = np.searchsorted(values, drawn).clip(1, len(values) - 1)
     below = above - 1
-    return np.where(drawn - values[below] < values[above] - drawn, values[below], values[above])
+    nearest = np.where(drawn - values[below] < values[above] - drawn, values[below], values[above])
+    return np.asarray(nearest, dtype=np.float64)

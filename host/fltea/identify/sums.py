@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from fltea.identify.gaps import LONGEST_BRIDGE, Gaps, Stretch, bridged, no_gaps
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around
-from fltea.spectrum.octaves import Octaves
-from fltea.spectrum.periodogram import Periodogram, periodogram
+from fltea.spectrum.octaves import SHORTEST, Drift, Lines, Octaves, put_together
+from fltea.spectrum.periodogram import Periodogram, check_enough, periodogram
 from fltea.spectrum.spectral import Spectral, examine
 
 Array = NDArray[np.float64]
@@ -48,6 +48,45 @@ def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
     return sums
 
 
+def lines_of_stretches(
+    stretches: Sequence[Stretch], sums: Octaves, h: float
+) -> tuple[Periodogram, Drift | None]:
+    """The spectrum and the drift of stretches, of which `sums` are the sums.
+
+    Sums of a long record have the octaves that fit its length, and of short stretches in it the lower ones
+    hold nothing. So each stretch has sums of its own here.
+
+    Raises:
+        ValueError: they are constant, or too short.
+    """
+    if len(stretches) == 1:
+        return sums.lines_and_drift(0, h)
+    if sums.counts(0).constant:
+        raise ValueError("y is constant: there is no noise in it")
+    found = [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
+    welch = [lines for one in found for lines in one.welch]
+    whole: dict[int, list[Lines]] = {}
+    for one in found:
+        whole.setdefault(one.depth, []).extend(one.whole)
+    together = [on_one_grid(parts) for parts in whole.values() if parts]
+    if not welch and not together:
+        check_enough(0, max(len(one.y) for one in stretches))
+    drifts = [one.drift for one in found if one.drift is not None]
+    amplitudes = sum(one.amplitudes for one in drifts)
+    drift = Drift(sum(d.power * d.amplitudes for d in drifts) / amplitudes, amplitudes) if drifts else None
+    return put_together(welch + together, h, max(one.n for one in found)), drift
+
+
+def on_one_grid(parts: Sequence[Lines]) -> Lines:
+    """The lines of stretches of several lengths, averaged where they are nearer than those of the longest."""
+    lam, power, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    step = min(float(np.diff(one[0]).min(initial=math.inf)) for one in parts)
+    cell = np.rint(lam / step).astype(np.int64) if math.isfinite(step) else np.arange(len(lam))
+    _, place = np.unique(cell, return_inverse=True)
+    total = np.bincount(place, weight).astype(np.float64)
+    return np.bincount(place, weight * lam) / total, np.bincount(place, weight * power) / total, total
+
+
 def limited(y: Array) -> Array:
     """Take the outliers off y (n,): samples far from the mean of their chunk are moved nearer, as live.
 
@@ -69,7 +108,15 @@ def lines_of(sums: Octaves, h: float, from_hz: float = 0.0, notch: Bands = ()) -
     Raises:
         ValueError: y is constant, or too few are left.
     """
-    whole = sums.periodogram(0, h)
+    return left_in(sums.periodogram(0, h), from_hz, notch)
+
+
+def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
+    """The lines above from_hz and outside of the bands (low, high), in Hz.
+
+    Raises:
+        ValueError: too few are left.
+    """
     return whole.without(from_hz, notch) if from_hz > 0 or notch else whole
 
 
@@ -101,13 +148,14 @@ def examined_stretches(
         # At the full resolution.
         peaks = find_peaks(periodogram(limited(longest), h, from_hz=from_hz, notch=notch))
     sums = octaves_of_stretches(stretches)
-    notch = around(sums.periodogram(0, h), notch)
+    lines, drift = lines_of_stretches(stretches, sums, h)
+    notch = around(lines, notch)
     return examine(
-        lines_of(sums, h, from_hz, notch),
+        left_in(lines, from_hz, notch),
         samples * h,
         samples,
         cells=sums.cells(0, h),
-        drift=sums.lines_and_drift(0, h)[1],
+        drift=drift,
         peaks=peaks,
         from_hz=from_hz,
         notch=notch,
