@@ -144,7 +144,7 @@ def test_allan_deviation_of_stretches() -> None:
     (one,) = white(2000, 1, 1)
     assert allan_of_stretches([one], H) == allan(one, H)
     both = allan_of_stretches([one, one], H)
-    assert both.deviation_dps == pytest.approx(allan(one, H).deviation_dps)
+    assert both.deviation == pytest.approx(allan(one, H).deviation)
     assert both.degrees_of_freedom[5] == pytest.approx(2 * allan(one, H).degrees_of_freedom[5], rel=0.02)
     with pytest.raises(ValueError, match="99 samples"):
         allan_of_stretches([one[:99], one[:50]], H)
@@ -197,7 +197,7 @@ def test_a_recording_with_losses(tmp_path: Path) -> None:
     assert axis.result.verdict.kind == "white"
     assert axis.result.fltea.samples + axis.result.fltea.predicted < 2000 < axis.result.samples
     assert axis.allan is not None
-    assert axis.allan.N_deg_per_sqrt_s.value == pytest.approx(16 / LSB_PER_DPS * math.sqrt(H), rel=0.05)
+    assert axis.allan.N.value == pytest.approx(16 / LSB_PER_DPS * math.sqrt(H), rel=0.05)
     assert axis.reproduction is not None
     assert axis.reproduction.everywhere
     assert axis.curves is not None

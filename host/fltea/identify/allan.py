@@ -6,13 +6,14 @@ Intervals and coefficients are those of the live curve (`fltea.spectrum.allan_cu
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients, times
+from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients
 from fltea.spectrum.allan_curve import checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 from fltea.spectrum.composite_intervals import Estimate
@@ -29,41 +30,50 @@ SQRT_HOUR = 60.0
 
 
 class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The curve, and its coefficients."""
+    """The curve, and its coefficients, in the unit of the samples (deg/s, m/s²)."""
 
     tau_s: tuple[float, ...]
-    deviation_dps: tuple[float, ...]
-    low_dps: tuple[float, ...]
+    deviation: tuple[float, ...]
+    low: tuple[float, ...]
     """95 % interval"""
-    high_dps: tuple[float, ...]
+    high: tuple[float, ...]
     degrees_of_freedom: tuple[float, ...]
-    N_deg_per_sqrt_s: Coefficient
-    B_dps: Coefficient
-    K_dps_per_sqrt_s: Coefficient
-
-    @property
-    def N_deg_per_sqrt_h(self) -> float | None:
-        """N in the unit of data sheets."""
-        return times(self.N_deg_per_sqrt_s.value, SQRT_HOUR)
-
-    @property
-    def B_deg_per_h(self) -> float | None:
-        """B in the unit of data sheets."""
-        return times(self.B_dps.value, HOUR)
-
-    @property
-    def K_deg_per_h_per_sqrt_h(self) -> float | None:
-        """K in the unit of data sheets."""
-        return times(self.K_dps_per_sqrt_s.value, HOUR * SQRT_HOUR)
+    N: Coefficient
+    """per √s, which is the same as the unit over √Hz"""
+    B: Coefficient
+    K: Coefficient
+    """the unit per √s"""
 
 
-def allan(y_dps: ArrayLike, h: float, unit: str = "deg/s") -> Allan:
-    """Allan deviation of one axis (n,) in deg/s without missing samples, at a sampling period of h s.
+class Scale(NamedTuple):
+    """A unit in which N, B or K is shown, and how many of it one of the curve's is."""
+
+    unit: str
+    factor: float
+
+
+class Scales(NamedTuple):
+    """Of one sensor."""
+
+    N: Scale
+    B: Scale
+    K: Scale
+
+
+def scales(unit: str) -> Scales:
+    """The units of data sheets for a curve in deg/s; of another unit its own."""
+    if unit == "deg/s":
+        return Scales(Scale("deg/√h", SQRT_HOUR), Scale("deg/h", HOUR), Scale("deg/h/√h", HOUR * SQRT_HOUR))
+    return Scales(Scale(f"{unit}/√Hz", 1.0), Scale(unit, 1.0), Scale(f"{unit}/√s", 1.0))
+
+
+def allan(y: ArrayLike, h: float, unit: str = "deg/s") -> Allan:
+    """Allan deviation of one axis (n,) in `unit`, without missing samples, at a sampling period of h s.
 
     Raises:
         ValueError: y is not finite, constant or shorter than SHORTEST_RECORD, or h is not positive.
     """
-    return allan_of_stretches([np.ascontiguousarray(y_dps, dtype=np.float64)], h, unit)
+    return allan_of_stretches([np.ascontiguousarray(y, dtype=np.float64)], h, unit)
 
 
 def allan_of_stretches(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
@@ -105,11 +115,11 @@ def with_white_noise(found: Allan, white: Estimate) -> Allan:
     Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
     there is; the fit of the spectrum knows of both.
     """
-    N = found.N_deg_per_sqrt_s
+    N = found.N
     if white.low is None or white.high is None or not white.low > 0:
         return found
     fitted = replace(N, value=white.value, low=white.low, high=white.high, reason="")
-    return replace(found, N_deg_per_sqrt_s=fitted)
+    return replace(found, N=fitted)
 
 
 def averaging_factors(samples: int) -> NDArray[np.int64]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from fltea.identify.allan import SQRT_HOUR
+from fltea.identify.allan import SQRT_HOUR, scales
 from fltea.identify.axis import AxisResult
 from fltea.identify.fltea_fit import FlteaFit
 from fltea.identify.load import GYRO_UNIT
@@ -138,10 +138,10 @@ def rows(axis: AxisReport) -> list[Row]:
         ]
     if axis.allan:
         a = axis.allan
+        of = scales(axis.unit)
         found += [
-            ("Allan N [deg/√h]", _coefficient(a.N_deg_per_sqrt_s, a.N_deg_per_sqrt_h)),
-            ("Allan B [deg/h]", _coefficient(a.B_dps, a.B_deg_per_h)),
-            ("Allan K [deg/h/√h]", _coefficient(a.K_dps_per_sqrt_s, a.K_deg_per_h_per_sqrt_h)),
+            (f"Allan {letter} [{scale.unit}]", _coefficient(c, scale.factor))
+            for letter, c, scale in (("N", a.N, of.N), ("B", a.B, of.B), ("K", a.K, of.K))
         ]
     return found
 
@@ -299,11 +299,16 @@ def _root(p: Parameter) -> str:
     return UNDEFINED if p.low is None else f"{p.value**0.5:.4g}"
 
 
-def _coefficient(c: Coefficient, value: float | None) -> str:
-    if value is None or c.value is None or c.low is None or c.high is None:
+def _coefficient(c: Coefficient, scale: float) -> str:
+    if c.value is None or c.low is None or c.high is None:
         return "not seen"
-    scale = value / c.value
-    return f"{value:.3g} ({c.low * scale:.3g}…{c.high * scale:.3g})"
+    return f"{c.value * scale:.3g} ({c.low * scale:.3g}…{c.high * scale:.3g})"
+
+
+def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:
+    """The axes of each sensor by themselves, for their rows have other units."""
+    units = dict.fromkeys(axis.unit for axis in axes.values())
+    return [{name: axis for name, axis in axes.items() if axis.unit == unit} for unit in units]
 
 
 def side_by_side(axes: Mapping[str, AxisReport]) -> list[tuple[str, list[str]]]:

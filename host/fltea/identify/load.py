@@ -41,13 +41,15 @@ GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
 class Request(msgspec.Struct, frozen=True):
     """What to read: the files of one recording, and how.
 
-    channels: axes; None for all of the gyroscope's. limits: how much memory it may take.
+    channels: axes; None for all of the gyroscope's. accel: and all of the accelerometer's then, if there is
+    one. limits: how much memory it may take.
     """
 
     paths: tuple[Path, ...]
     channels: tuple[str, ...] | None = None
     how: How = AS_IT_SAYS
     limits: Limits = DEFAULT_LIMITS
+    accel: bool = False
 
     @property
     def name(self) -> str:
@@ -195,7 +197,10 @@ def _traps(
 
 
 def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:
-    wanted = request.channels or tuple(name for name in axes if name in AXES)
+    # An accelerometer that nobody asked for is left out where it says nothing: some put zeros there.
+    wanted = request.channels or tuple(
+        name for name, one in axes.items() if name in AXES or (request.accel and np.ptp(one.y) > 0)
+    )
     lacking = [name for name in wanted if name not in axes]
     if lacking:
         raise UsageError(f"{request.name}: has no {', '.join(lacking)} (it has {', '.join(axes)}).")

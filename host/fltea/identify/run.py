@@ -19,7 +19,7 @@ from fltea.identify.allan import Allan, allan_of_stretches, with_white_noise
 from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
 from fltea.identify.curves import Curves, curves
 from fltea.identify.gaps import bridged, longest_epoch
-from fltea.identify.load import GYRO_UNIT, Loaded, Request, Series, Unreadable, load
+from fltea.identify.load import Loaded, Request, Series, Unreadable, load
 from fltea.identify.noise_model import AxisModel, identified
 from fltea.identify.reproduction import Reproduction, reproduction
 from fltea.identify.shuffled import Copies, estimate, groups
@@ -34,11 +34,6 @@ CHECK_S = 5.0
 
 USUAL_TASKS = 3
 """Of a recording that has not been read yet: its axes. The bar grows with the groups of their copies."""
-
-NOT_A_GYROSCOPE = (
-    "no Allan deviation of accelerometers: its coefficients, the comparison with the model, imu.yaml and the "
-    "model's file are for gyroscopes, in units of deg/s"
-)
 
 Progress = Callable[[str, int, int], None]
 """Is told what has just been done, and how many tasks of how many are done."""
@@ -283,15 +278,12 @@ def identify_series(series: Series, h: float, options: IdentifyOptions, figures:
         result.rivals, result.verdict.kind, result.peaks, result.std, h, composite=result.composite
     )
     found, drawn, reason = None, None, ""
-    if series.unit != GYRO_UNIT:
-        reason = NOT_A_GYROSCOPE
-    else:
-        try:
-            stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
-            found = with_white_noise(allan_of_stretches(stretches, h), result.composite.N)
-            drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
-        except ValueError as error:
-            reason = str(error)
+    try:
+        stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
+        found = with_white_noise(allan_of_stretches(stretches, h, series.unit), result.composite.N)
+        drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
+    except ValueError as error:
+        reason = str(error)
     traps = axis_traps(series.y, h, series.lsb, result.peaks, series.unit, series.gaps)
     shown = curves(series.y, h, series.lsb, options, result, series.gaps) if figures else None
     return AxisReport(series.unit, series.lsb, result, model, found, drawn, reason, traps, shown)

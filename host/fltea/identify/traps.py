@@ -38,6 +38,10 @@ RATE_PPM = 1000.0
 SHORTEST_RUN = 5
 LONG = 1 << 20
 """Samples from which on medians and commonest values are those of a part, spread evenly."""
+FINER = {
+    "deg/s": "±250 deg/s has eight times the resolution of ±2000",
+    "m/s²": "±2 g has eight times the resolution of ±16 g",
+}
 LINE_SHARE = 0.01
 """Of the power, from which on a line is a warning."""
 
@@ -71,7 +75,7 @@ def axis_traps(
     return (
         *_too_short(len(samples), h),
         *_offset_and_drift(samples, h, unit),
-        *_quantisation(samples, lsb),
+        *_quantisation(samples, lsb, unit),
         *_outliers(samples, h, lsb, unit, gaps),
         *_saturation(samples, lsb),
         *_stuck(samples),
@@ -193,7 +197,7 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> list[Trap]:
     return found
 
 
-def _quantisation(y: Array, lsb: float | None) -> list[Trap]:
+def _quantisation(y: Array, lsb: float | None, unit: str) -> list[Trap]:
     step = lsb or _step(y)
     if step is None:
         return []
@@ -207,7 +211,7 @@ def _quantisation(y: Array, lsb: float | None) -> list[Trap]:
             "bad" if sigma < TOO_COARSE_LSB else "warning",
             f"σ is {sigma:.2g} LSB: rounding makes up {share:.0%} of the variance"
             + (", and is not white." if sigma < TOO_COARSE_LSB else "."),
-            "Choose a smaller range of the sensor (±250 deg/s has eight times the resolution of ±2000).",
+            f"Choose a smaller range of the sensor ({FINER.get(unit, FINER['deg/s'])}).",
         )
     ]
 
