@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
+from fltea.identify import findings
 from fltea.identify.allan import allan, allan_of_stretches, overlapping_stretches
 from fltea.identify.axis import IdentifyOptions, identify_axis
 from fltea.identify.fltea_fit import fltea_fit
@@ -196,6 +197,8 @@ def test_a_recording_with_losses(tmp_path: Path) -> None:
     assert isinstance(axis, AxisReport)
     assert axis.result.verdict.kind == "white"
     assert axis.result.fltea.samples + axis.result.fltea.predicted < 2000 < axis.result.samples
+    assert axis.result.longest_stretch > 1300
+    assert f"over the longest part, {axis.result.fltea.samples:,} of 2,6" in findings.settings(axis)
     assert axis.allan is not None
     assert axis.allan.N.value == pytest.approx(16 / LSB_PER_DPS * math.sqrt(H), rel=0.05)
     assert axis.reproduction is not None

@@ -72,6 +72,8 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One axis, identified. Variances and standard deviations are in the unit of y, deg/s for a gyroscope."""
 
     samples: int
+    longest_stretch: int
+    """of them, without a break but for bridged gaps; narrow lines and the drift rate are looked for in it"""
     rate_hz: float
     duration_s: float
     mean: float
@@ -127,6 +129,7 @@ def identify_axis(
     critical = dict(zip(PROBABILITIES, critical_values(seen.ordinates).tolist(), strict=True))
     return AxisResult(
         samples=len(samples),
+        longest_stretch=max(len(one.y) for one in stretches),
         rate_hz=1 / h,
         duration_s=seen.evidence.duration_s,
         mean=float(samples.mean()),

@@ -185,8 +185,8 @@ def settings(axis: AxisReport) -> str:
     guard = ", ".join(f"{cause} {n:,}" for cause, n in f.interventions.items()) or "never"
     drift = NONE if f.alpha_drift is None else f"{f.alpha_drift:+.3g}"
     return (
-        f"{method(f)}; the guard stepped in: {guard}; R = {f.R:.4g} ({axis.unit})²; {f.restarts} restarts; α "
-        f"moved by {drift} over the last third{'' if f.converged else ': not converged'}."
+        f"{method(axis.result)}; the guard stepped in: {guard}; R = {f.R:.4g} ({axis.unit})²; "
+        f"{f.restarts} restarts; α moved by {drift} over the last third{'' if f.converged else ': not converged'}."
     )
 
 
@@ -204,12 +204,18 @@ def not_described(axes: Mapping[str, AxisReport]) -> list[str]:
     ]
 
 
-def method(f: FlteaFit) -> str:
-    """The settings that the axes have in common."""
+def method(r: AxisResult) -> str:
+    """The settings that the axes have in common, and over how many of the samples FLTEA was run."""
+    f = r.fltea
     window = "unlimited" if f.settings.window is None else f"{f.settings.window:,} samples"
     return (
         f"FLTEA {f.variant}, guard {f.guard}, window {window}, start-up {f.startup_samples:,} samples, "
         f"R from the {f.R_from}"
+        + (
+            f", over the longest part, {f.samples:,} of {r.samples:,} samples"
+            if f.samples < r.samples
+            else ""
+        )
     )
 
 

@@ -32,7 +32,7 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
             table.add_row(*(_shown(text) for text in (label, *values)))
         console.print(table)
     if good:
-        for line in dict.fromkeys(findings.method(axis.result.fltea) for axis in good.values()):
+        for line in dict.fromkeys(findings.method(axis.result) for axis in good.values()):
             console.print(_shown(f"{line}."))
         for line in findings.not_described(good):
             console.print(_shown(line))
