@@ -81,6 +81,9 @@ def test_bridges_leave_the_samples_alone() -> None:
     assert np.isin(one.y[missing], y).all()  # counts stay counts
     seen, gaps = in_gaps(y, 3, LONGEST_BRIDGE + 1)
     assert [len(one.y) for one in bridged(seen, gaps)] == np.diff([0, *gaps.at, len(seen)]).tolist()
+    unknown = Gaps(np.array([1000]), np.array([0]))
+    assert [len(one.y) for one in bridged(y, unknown)] == [1000, 2000]
+    assert longest_epoch(len(y), unknown) == (1000, 3000)
 
 
 def with_gaps(y: Array, seed: int) -> tuple[Array, float, float, tuple[()], Gaps]:

@@ -184,9 +184,10 @@ def settings(axis: AxisReport) -> str:
     f = axis.result.fltea
     guard = ", ".join(f"{cause} {n:,}" for cause, n in f.interventions.items()) or "never"
     drift = NONE if f.alpha_drift is None else f"{f.alpha_drift:+.3g}"
+    moved = f"{drift} over the last third{'' if f.converged else ': not converged'}"
     return (
         f"{method(axis.result)}; the guard stepped in: {guard}; R = {f.R:.4g} ({axis.unit})²; "
-        f"{f.restarts} restarts; α moved by {drift} over the last third{'' if f.converged else ': not converged'}."
+        f"{f.restarts} restarts; α moved by {moved}."
     )
 
 
