@@ -92,6 +92,20 @@ def with_gaps(y: Array, seed: int) -> tuple[Array, float, float, tuple[()], Gaps
     return seen, H, 0.0, (), gaps
 
 
+@pytest.mark.parametrize("phi", [0.0, 0.9, -0.6])
+def test_what_is_drawn_is_like_the_rest(phi: float) -> None:
+    """Of the same variance, and of the same correlation with its neighbours; neither smooth nor alone."""
+    y = ar((phi,), 20_000, 1, 9)[0]
+    seen, gaps = in_gaps(y, 300, 5)
+    (one,) = bridged(seen, gaps)
+    _, missing = spread(seen, gaps)
+    assert missing is not None
+    drawn = np.flatnonzero(missing)
+    assert np.var(one.y[drawn]) == pytest.approx(1 / (1 - phi**2), rel=0.2)
+    steps = one.y[drawn] - phi * one.y[drawn - 1]
+    assert np.var(steps) == pytest.approx(1.0, rel=0.15)
+
+
 def slow(n: int, seed: int) -> Array:
     """White noise and a relaxation."""
     return np.asarray(ar((0.98,), n, 1, seed)[0] + 5 * white(n, 1, seed + 1)[0])
