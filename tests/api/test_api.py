@@ -83,6 +83,9 @@ def test_live_takes_arrays_of_any_length() -> None:
     assert dict(found) == dict(same)
     assert found["a"].verdict == "white"
     assert found["a"].allan is not None
+    assert found["a"].allan.tau_s[0] == pytest.approx(0.01)
+    assert found["a"].spectrum is not None
+    assert 49 < found["a"].spectrum.hz[-1] <= 50
     parts.skip(500)
     parts.add(y)
     assert parts.fit(curves=False)["a"].breaks["gaps"] == 1
@@ -131,6 +134,29 @@ def test_all_stretches_count_and_time_goes_on_in_gaps(tmp_path: Path) -> None:
     report = fltea.open(path, axes=["gyro_x"]).identify()
     assert report["gyro_x"].details == identify_axis(y.y, 1 / RATE_HZ, y.lsb, None, y.gaps)
     assert "300 lost in 1 gaps" in found._repr_html_()
+
+
+def test_a_recording_in_parquet(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow", reason="the extra notebook is not installed")
+    found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
+    found.to_parquet(tmp_path / "a.parquet")
+    table = pandas.read_parquet(tmp_path / "a.parquet")
+    assert list(table.columns) == ["time_s", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"]
+    np.testing.assert_array_equal(table["gyro_y_dps"], found["gyro_y"])
+    np.testing.assert_allclose(np.diff(table["time_s"]), 1 / RATE_HZ)
+
+
+def test_a_library_that_is_missing_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
+    for library, call in (
+        ("pandas", found.to_pandas),
+        ("pyarrow", lambda: found.to_parquet(tmp_path / "b.parquet")),
+    ):
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(fltea.UsageError, match=f"{library}, which is not installed.*notebook"):
+            call()
+    assert not (tmp_path / "b.parquet").exists()
 
 
 def test_a_recording_that_is_none(tmp_path: Path) -> None:

@@ -1,9 +1,11 @@
 """Results as tables of pandas, which is an extra."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fltea.api._said import PARAMETERS, Said
+from fltea.records.whole_file import whole_file
 from fltea.settings.extras import load
 
 if TYPE_CHECKING:
@@ -30,6 +32,14 @@ def columns(found: Mapping[str, Any], time_s: Any) -> "pd.DataFrame":
     """Columns over time in s."""
     pandas = _pandas()
     return pandas.DataFrame(dict(found), index=pandas.Index(time_s, name="time_s"))
+
+
+def parquet(path: Path, found: Mapping[str, Any]) -> None:
+    """Write columns to a Parquet file, whole or not at all."""
+    arrow = load("pyarrow", "pyarrow", "notebook", "to_parquet() needs")
+    writer = load("pyarrow.parquet", "pyarrow", "notebook", "to_parquet() needs")
+    with whole_file(path) as file:
+        writer.write_table(arrow.table(dict(found)), file)
 
 
 def _pandas() -> Any:

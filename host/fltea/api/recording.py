@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from fltea.api._check import period_s
 from fltea.api._html import page
-from fltea.api._tables import columns
+from fltea.api._tables import columns, parquet
 from fltea.api.identified import Report
 from fltea.api.series import of_series
 from fltea.identify.axis import IdentifyOptions
-from fltea.identify.load import Counts, Loaded, Request, Unreadable, load, recordings
+from fltea.identify.load import ACCEL_UNIT, GYRO_UNIT, Counts, Loaded, Request, Unreadable, load, recordings
 from fltea.identify.traps import Trap
 from fltea.recording.how import How, TimeUnit
 from fltea.records.errors import UsageError
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
+
+IN_NAMES = {GYRO_UNIT: "dps", ACCEL_UNIT: "ms2"}
+"""Units as names of columns have them."""
 
 
 class Recording(Mapping[str, Array]):
@@ -103,6 +106,18 @@ class Recording(Mapping[str, Array]):
             UsageError: pandas is not installed.
         """
         return columns(self, self.time_s)
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> None:
+        """Write `time_s` and the axes, as `gyro_x_dps` or `accel_x_ms2`, to a Parquet file.
+
+        The file appears whole or not at all.
+
+        Raises:
+            UsageError: pyarrow is not installed.
+            FlteaError: the file cannot be written.
+        """
+        found = {f"{name}_{IN_NAMES[self.units[name]]}": y for name, y in self.items()}
+        parquet(Path(path), {"time_s": self.time_s, **found})
 
     def _repr_html_(self) -> str:
         c = self.counts
