@@ -12,6 +12,7 @@ import pytest
 from fltea.api import series
 from fltea.api._svg import Curve, log_log
 from fltea.identify.axis import identify_axis
+from fltea.identify.load import Request, load
 from identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
 
 NOISE = np.random.default_rng(4).standard_normal(3000)
@@ -119,6 +120,20 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
     assert list(report.to_pandas().index) == ["gyro_y", "gyro_x"]
     with pytest.raises(KeyError, match="gyro_y, gyro_x"):
         _ = found["gyro_z"]
+
+
+def test_all_stretches_count_and_time_goes_on_in_gaps(tmp_path: Path) -> None:
+    """A gap of 300 samples after 1,000: two stretches, and what the command says of them."""
+    raw, seq = counts(2500), np.arange(2500) + np.where(np.arange(2500) >= 1000, 300, 0)
+    path = npz(tmp_path / "a.npz", raw, time_s=seq / RATE_HZ, seq=seq, accel_raw=raw, accel_lsb_per_g=16384.0)
+    found = fltea.open(path)
+    assert list(found)[3:] == ["accel_x", "accel_y", "accel_z"]
+    assert (found.counts.used, found.counts.lost, found.units["accel_x"]) == (2500, 300, "m/s²")
+    np.testing.assert_allclose(found.time_s, seq / RATE_HZ)
+    y = load(Request((path,))).axes["gyro_x"]
+    report = fltea.open(path, axes=["gyro_x"]).identify()
+    assert report["gyro_x"].details == identify_axis(y.y, 1 / RATE_HZ, y.lsb, None, y.gaps)
+    assert "300 lost in 1 gaps" in found._repr_html_()
 
 
 def test_a_recording_in_parquet(tmp_path: Path) -> None:

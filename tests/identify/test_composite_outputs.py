@@ -77,12 +77,18 @@ def test_a_walk_goes_as_far_as_a_walk_does(mean_of: int) -> None:
     np.testing.assert_allclose(steps.var(axis=0) / expected, 1, atol=4 * np.sqrt(2 / 600))
 
 
-def test_a_file_of_version_2_and_one_of_version_1(tmp_path: Path) -> None:
+def test_files_of_all_versions(tmp_path: Path) -> None:
     models = NoiseModels(100.0, H, "rest.npz", {"gyro_x": AxisModel(NOISE)})
     path = tmp_path / "m.json"
     write_models(path, models)
     assert read_models(path) == models
-    assert json.loads(path.read_text())["version"] == 2
+    assert json.loads(path.read_text())["version"] == 3
+    path.write_text(
+        json.dumps(
+            {k: v for k, v in msgspec.to_builtins(models).items() if k != "accel_axes"} | {"version": 2}
+        )
+    )
+    assert read_models(path) == models
     old = NoiseModels(100.0, H, "rest.npz", {"gyro_x": AxisModel(White(R_dps2=0.04))})
     path.write_text(json.dumps(msgspec.to_builtins(old) | {"version": 1}))
     assert read_models(path) == old
@@ -127,7 +133,7 @@ def test_what_a_filter_reads(found: Composite, tmp_path: Path) -> None:
     path = tmp_path / "navigation.json"
     write_navigation(path, {"gyro_x": found}, 100.0, "rest.npz")
     read = json.loads(path.read_text())
-    assert (read["format"], read["version"], read["h_s"]) == ("fltea-navigation-model", 1, 0.01)
+    assert (read["format"], read["version"], read["h_s"]) == ("fltea-navigation-model", 2, 0.01)
     axis = read["axes"]["gyro_x"]
     assert axis["N_deg_per_sqrt_h"] == pytest.approx(60 * found.N.value)
     slow, fast = axis["gauss_markov"]
@@ -143,8 +149,8 @@ def test_what_a_filter_reads(found: Composite, tmp_path: Path) -> None:
 
 def test_kalibr_gets_from_the_model_what_the_curve_does_not_show(found: Composite) -> None:
     curve = allan(noise(APART, 200_000, H, 3), H)
-    hidden = msgspec.structs.replace(curve.K_dps_per_sqrt_s, value=None, reason="hidden")
-    curve = msgspec.structs.replace(curve, K_dps_per_sqrt_s=hidden)
+    hidden = msgspec.structs.replace(curve.K, value=None, reason="hidden")
+    curve = msgspec.structs.replace(curve, K=hidden)
     assert "gyroscope_random_walk" not in yaml.safe_load(imu_yaml_of({"gyro_x": curve}, 100.0, "rest.npz"))
     text = imu_yaml_of({"gyro_x": curve}, 100.0, "rest.npz", composites={"gyro_x": found})
     assert found.K is not None

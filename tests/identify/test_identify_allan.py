@@ -3,7 +3,7 @@
 import allantools
 import numpy as np
 import pytest
-from fltea.identify.allan import allan, averaging_factors, overlapping
+from fltea.identify.allan import allan, averaging_factors, overlapping, scales
 from fltea.identify.noise_model import AR1, AxisModel, Fractional, Resonance, White, draw
 from fltea.identify.reproduction import reproduction
 from fltea.spectrum.allan_curve import local_slopes
@@ -41,21 +41,21 @@ def test_white_noise_has_n_and_nothing_else() -> None:
     N_true = 0.01
     y = allantools.noise.white(N, b0=2 * N_true**2, fs=1 / H)  # one-sided
     found = allan(y + 4.5, H)
-    assert found.N_deg_per_sqrt_s.value == pytest.approx(N_true, rel=0.02)
-    assert found.N_deg_per_sqrt_s.low < N_true < found.N_deg_per_sqrt_s.high
-    assert found.N_deg_per_sqrt_h == pytest.approx(60 * N_true, rel=0.02)
-    assert (found.B_dps.value, found.B_deg_per_h) == (None, None)
-    assert "B is at most" in found.B_dps.reason
-    assert (found.K_dps_per_sqrt_s.value, found.K_deg_per_h_per_sqrt_h) == (None, None)
-    assert "hours" in found.K_dps_per_sqrt_s.reason
+    assert found.N.value == pytest.approx(N_true, rel=0.02)
+    assert found.N.low < N_true < found.N.high
+    assert scales("deg/s").N == ("deg/√h", 60.0)
+    assert found.B.value is None
+    assert "B is at most" in found.B.reason
+    assert found.K.value is None
+    assert "hours" in found.K.reason
 
 
 def test_random_walk_has_k_and_no_n() -> None:
     found = allan(random_walk(0.02), H)
-    assert found.K_dps_per_sqrt_s.value == pytest.approx(0.02, rel=0.06)
-    assert found.K_deg_per_h_per_sqrt_h == pytest.approx(0.02 * 3600 * 60, rel=0.06)
-    assert found.N_deg_per_sqrt_s.value is None
-    assert "nowhere white" in found.N_deg_per_sqrt_s.reason
+    assert found.K.value == pytest.approx(0.02, rel=0.06)
+    assert scales("deg/s").K == ("deg/h/√h", 3600 * 60)
+    assert found.N.value is None
+    assert "nowhere white" in found.N.reason
 
 
 def test_flicker_has_b() -> None:
@@ -65,27 +65,27 @@ def test_flicker_has_b() -> None:
     generator.generateNoise()
     y = np.diff(generator.time_series)
     found = allan(y * B_true * 0.6643 / generator.adev(1.0, 1.0), H)
-    assert found.B_dps.value == pytest.approx(B_true, rel=0.1)
-    assert found.B_deg_per_h == pytest.approx(36, rel=0.1)
-    assert found.B_dps.tau_to_s > 3 * found.B_dps.tau_from_s
+    assert found.B.value == pytest.approx(B_true, rel=0.1)
+    assert scales("deg/s").B.factor * found.B.value == pytest.approx(36, rel=0.1)
+    assert found.B.tau_to_s > 3 * found.B.tau_from_s
 
 
 def test_all_at_once() -> None:
     y = allantools.noise.white(N, b0=2 * 0.01**2, fs=1 / H) + random_walk(0.02)
     found = allan(y, H)
-    assert found.N_deg_per_sqrt_s.value == pytest.approx(0.01, rel=0.03)
-    assert found.K_dps_per_sqrt_s.value == pytest.approx(0.02, rel=0.35)
+    assert found.N.value == pytest.approx(0.01, rel=0.03)
+    assert found.K.value == pytest.approx(0.02, rel=0.35)
     # The lowest point of N²/τ + K²τ/3, which is what a data sheet calls bias instability.
-    assert found.B_dps.value * 0.6643 == pytest.approx(np.sqrt(2 / np.sqrt(3) * 0.01 * 0.02), rel=0.15)
-    assert 0.3 < found.B_dps.tau_from_s < 3
-    assert found.N_deg_per_sqrt_s.tau_to_s < found.B_dps.tau_from_s < found.K_dps_per_sqrt_s.tau_to_s
+    assert found.B.value * 0.6643 == pytest.approx(np.sqrt(2 / np.sqrt(3) * 0.01 * 0.02), rel=0.15)
+    assert 0.3 < found.B.tau_from_s < 3
+    assert found.N.tau_to_s < found.B.tau_from_s < found.K.tau_to_s
 
 
 def test_coefficients_of_white_noise_are_not_made_up() -> None:
     found = [allan(y, H) for y in white(3000, 60, 1)]
-    assert sum(a.B_dps.value is not None for a in found) <= 1
-    assert sum(a.K_dps_per_sqrt_s.value is not None for a in found) <= 1
-    assert all(a.N_deg_per_sqrt_s.value == pytest.approx(0.1, rel=0.1) for a in found)
+    assert sum(a.B.value is not None for a in found) <= 1
+    assert sum(a.K.value is not None for a in found) <= 1
+    assert all(a.N.value == pytest.approx(0.1, rel=0.1) for a in found)
 
 
 def test_intervals_hold_the_truth() -> None:
@@ -94,7 +94,7 @@ def test_intervals_hold_the_truth() -> None:
     for y in white(2000, 100, 2):
         found = allan(y, H)
         truth = np.sqrt(H / np.array(found.tau_s))
-        inside.append((np.array(found.low_dps) < truth) & (truth < np.array(found.high_dps)))
+        inside.append((np.array(found.low) < truth) & (truth < np.array(found.high)))
     share = np.mean(inside, axis=0)
     assert np.abs(share - 0.95).max() < 0.09
     assert share[:-3].mean() == pytest.approx(0.95, abs=0.02)
@@ -113,9 +113,9 @@ def test_averaging_factors(n: int) -> None:
 def test_scale_and_offset(scale: float, offset: float) -> None:
     y = white(500, 1, 3)[0]
     one, other = allan(y, H), allan(y * scale + offset * scale, H)
-    assert other.deviation_dps == pytest.approx([d * scale for d in one.deviation_dps], rel=1e-6)
+    assert other.deviation == pytest.approx([d * scale for d in one.deviation], rel=1e-6)
     assert other.degrees_of_freedom == one.degrees_of_freedom
-    assert other.N_deg_per_sqrt_s.value == pytest.approx(one.N_deg_per_sqrt_s.value * scale, rel=1e-6)
+    assert other.N.value == pytest.approx(one.N.value * scale, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -137,13 +137,13 @@ def test_intervals_are_those_of_allantools() -> None:
     """Its sums of the degrees of freedom are cut off where ours are thinned."""
     for y in (white(3000, 1, 1)[0], random_walk(0.02), white(30_000, 1, 2)[0]):
         found = allan(y, H)
-        slope = local_slopes(np.array(found.tau_s), np.array(found.deviation_dps))
+        slope = local_slopes(np.array(found.tau_s), np.array(found.deviation))
         power = np.clip(np.rint(-1 - 2 * slope), -2, 0).astype(int)
         for i, (m, kind) in enumerate(zip(averaging_factors(len(y)).tolist(), power.tolist(), strict=True)):
             edf = allantools.edf_greenhall(alpha=kind, d=2, m=m, N=len(y) + 1, overlapping=True)
             assert found.degrees_of_freedom[i] == pytest.approx(edf, rel=0.012)
-            low, high = allantools.confidence_interval(found.deviation_dps[i], edf, 0.95)
-            assert (found.low_dps[i], found.high_dps[i]) == pytest.approx((low, high), rel=0.01)
+            low, high = allantools.confidence_interval(found.deviation[i], edf, 0.95)
+            assert (found.low[i], found.high[i]) == pytest.approx((low, high), rel=0.01)
 
 
 MODELS = {

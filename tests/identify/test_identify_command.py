@@ -1,6 +1,7 @@
 """`fltea identify` as a user has it: table, JSON, files, exit codes."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -60,7 +61,7 @@ def test_json(recording: Path) -> None:
         assert {"F", "alpha", "f", "R"} <= set(axis["whittle"])
         assert {"kind", "text", "what", "why", "next", "rules"} == set(axis["verdict"])
         assert axis["unit"] == "deg/s"
-        assert axis["allan"]["N_deg_per_sqrt_s"]["value"] == pytest.approx(16 / 131 / 10, rel=0.1)
+        assert axis["allan"]["N"]["value"] == pytest.approx(16 / 131 / 10, rel=0.1)
         assert axis["fltea"]["variant"] == "joint"
         assert axis["fltea"]["settings"]["window"] == 100
         assert isinstance(axis["fltea"]["converged"], bool)
@@ -99,13 +100,31 @@ def test_every_trap_is_told(
     assert "20 Hz" in found["gyro_z"]["line"]
 
 
-def test_accelerometer_says_what_it_has_not(
+def test_both_sensors_in_one_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = npz(tmp_path / "a.npz", counts(900), accel_raw=counts(900), accel_lsb_per_g=16384.0)
-    assert here(monkeypatch, path, "--channels", "accel_x,gyro_y") == 0
+    """With imu.yaml the accelerometer comes too, but for an axis that stands still; all files have both."""
+    accel = counts(900, seed=3)
+    accel[:, 1] = 0
+    path = npz(tmp_path / "a.npz", counts(900), accel_raw=accel, accel_lsb_per_g=16384.0)
+    imu, model, filter_ = (tmp_path / name for name in ("imu.yaml", "model.json", "filter.json"))
+    files = ("--imu-yaml", imu, "--export-model", model, "--gauss-markov", filter_)
+    assert here(monkeypatch, path, *files, "--inflate", "5,10") == 0
     out = capsys.readouterr().out
-    assert out.count("No Allan deviation of accelerometers") == 1
+    for text in ("accel_x: white", "accel_z: white", "Allan N [deg/√h]", "Allan N [m/s²/√Hz]"):
+        assert text in out
+    assert "accel_y" not in out
+    entry = re.search(
+        r"^accelerometer_noise_density: +(\S+) .* of accel_[xz]; 5 times", imu.read_text(), re.M
+    )
+    assert entry is not None
+    assert float(entry[1]) == pytest.approx(5 * 16 * 9.80665 / 16384 / 10, rel=0.1)
+    assert list(read_models(model).accel_axes) == ["accel_x", "accel_z"]
+    found = json.loads(filter_.read_text())["accel_axes"]["accel_z"]
+    assert found["N_ms2_per_sqrt_hz"]["value"] == pytest.approx(16 * 9.80665 / 16384 / 10, rel=0.1)
+    assert here(monkeypatch, path, "--channels", "accel_x") == 0
+    out = capsys.readouterr().out
+    assert "gyro_x" not in out
     assert "over last third" in out
     assert "FLTEA joint, guard consistent, window 100 samples, start-up" in out
 
@@ -170,6 +189,8 @@ def test_a_bad_file_among_others(
     ("arguments", "message"),
     [
         (["away.npz"], "no such file"),
+        (["rest.npz", "--inflate", "5"], "give that too"),
+        (["rest.npz", "--imu-yaml", "i.yaml", "--inflate", "0.5"], "1 or more"),
         (["rest.npz", "--notch", "five"], "give a band in Hz"),
         (["rest.npz", "--from-hz", "-1"], "from_hz is a frequency"),
         (["rest.npz", "--from-hz", "49.9"], "are needed"),

@@ -1,4 +1,4 @@
-"""Recordings of every kind to axes without a missing sample."""
+"""Recordings of every kind to axes, and where samples are missing in them."""
 
 from pathlib import Path
 
@@ -29,25 +29,31 @@ def test_npz_in_deg_per_s(tmp_path: Path) -> None:
     assert not found.traps
 
 
-def test_longest_unbroken_stretch(tmp_path: Path) -> None:
-    """Three samples missing after 100, a new epoch 250 later: the piece between is used, and told so."""
+def test_all_stretches(tmp_path: Path) -> None:
+    """Three samples missing after 100, a new epoch 250 later: all are used, with their places, and told."""
     raw = counts(500)
     seq = np.arange(500) + np.where(np.arange(500) >= 100, 3, 0)
     epoch = np.where(np.arange(500) >= 350, 2, 1)
     path = npz(tmp_path / "a.npz", raw, time_s=seq / RATE_HZ, seq=seq, epoch=epoch)
     found = load(Request((path,)))
-    np.testing.assert_array_equal(found.axes["gyro_y"].y, raw[100:350, 1] / LSB_PER_DPS)
+    one = found.axes["gyro_y"]
+    np.testing.assert_array_equal(one.y, raw[:, 1] / LSB_PER_DPS)
+    assert (one.gaps.at.tolist(), one.gaps.missing.tolist()) == ([100, 350], [3, 0])
     c = found.counts
-    assert (c.samples, c.used, c.used_from, c.stretches) == (500, 250, 100, 3)
-    assert (c.lost, c.gaps) == (3, 1)
-    assert [trap.kind for trap in found.traps] == ["gaps"]
+    assert (c.samples, c.used, c.used_from, c.stretches) == (500, 500, 0, 3)
+    assert (c.lost, c.gaps, c.bridged) == (3, 1, 3)
+    (trap,) = found.traps
+    assert trap.kind == "gaps"
+    assert "500 of 500 samples, in 3 stretches, are used. 3 lost ones are drawn" in trap.text
 
 
-def test_a_gap_at_the_very_end_and_the_first_of_equals(tmp_path: Path) -> None:
-    seq = np.arange(200) + np.where(np.arange(200) >= 100, 1, 0)
+def test_so_many_short_gaps_are_bridged_by_nothing(tmp_path: Path) -> None:
+    """Every fifth sample is lost: what is drawn would be a good part of the record."""
+    seq = np.arange(200) * 5 // 4
     path = npz(tmp_path / "a.npz", counts(200), time_s=seq / RATE_HZ, seq=seq)
     found = load(Request((path,)))
-    assert (found.counts.used, found.counts.used_from) == (100, 0)
+    assert (found.counts.used, found.counts.lost, found.counts.bridged) == (200, 49, 0)
+    assert "drawn" not in found.traps[0].text
 
 
 def test_csv_with_its_columns(tmp_path: Path) -> None:
@@ -77,6 +83,8 @@ def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
     path.write_bytes(b"".join(msgspec.json.encode(record) + b"\n" for record in records))
     found = load(Request((path,)))
     assert (found.counts.used, found.counts.used_from, found.counts.stretches) == (60, 30, 2)
+    assert not len(found.axes["gyro_x"].gaps.at)
+    assert "60 of 90 samples, in 2 stretches, are used. The others are of another" in found.traps[0].text
     assert found.axes["gyro_x"].lsb == 1 / 131
     assert (found.counts.late, found.counts.retried, found.counts.saturated) == (0, 1, 0)
 
@@ -86,7 +94,8 @@ def test_mcap_session(tmp_path: Path) -> None:
     mcap_support.record(tmp_path / "rec", mcap_support.transport(400))
     found = load(Request((tmp_path / "rec",)))
     assert found.counts.lost == 3
-    assert found.counts.used == 249
+    assert (found.counts.used, found.counts.bridged) == (397, 3)
+    assert found.axes["gyro_x"].gaps.at.tolist() == [60, 148]
     assert found.hello.device_id is not None
     ((only,),) = recordings([tmp_path / "rec"])
     again = load(Request((only,)))

@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 import yaml
+from fltea.documents.imu_yaml import Inflation
 from fltea.identify.allan import allan
 from fltea.identify.model_file import NoiseModels, imu_yaml_of, read_models, write_models
 from fltea.identify.noise_model import (
@@ -71,7 +72,7 @@ axis_models = st.builds(AxisModel, kinds, st.lists(lines, max_size=3).map(tuple)
 @settings(max_examples=30)
 @given(axis_models, axis_models, st.text(max_size=20))
 def test_round_trip(x: AxisModel, y: AxisModel, source: str) -> None:
-    models = NoiseModels(100.0, H, source, {"gyro_x": x, "gyro_y": y})
+    models = NoiseModels(100.0, H, source, {"gyro_x": x, "gyro_y": y}, {"accel_z": y})
     assert msgspec.json.decode(msgspec.json.encode(models), type=NoiseModels) == models
 
 
@@ -88,7 +89,7 @@ def test_file(tmp_path: Path) -> None:
         "f": -3.0,
         "Q": 0.15,
     }
-    assert (written["format"], written["version"], written["h_s"]) == ("fltea-noise-model", 2, 0.01)
+    assert (written["format"], written["version"], written["h_s"]) == ("fltea-noise-model", 3, 0.01)
 
 
 def bad(**changes: object) -> str:
@@ -106,7 +107,7 @@ def bad(**changes: object) -> str:
         ("{}", "--export-model"),
         ("\x00\xff", "is no noise model"),
         ('{"format": "other", "version": 1}', "--export-model"),
-        (bad(version=3), "version 3; this fltea reads versions 1 to 2"),
+        (bad(version=4), "version 4; this fltea reads versions 1 to 3"),
         (bad(version="1"), "is no noise model"),
         (bad(kind="pink"), "pink"),
         (bad(alpha=2.0), r"alpha must be in \[0, 2\)"),
@@ -117,6 +118,7 @@ def bad(**changes: object) -> str:
         (bad(h_s=0.02), "h_s"),
         (bad(rate_hz=0.0), "rate_hz must be > 0"),
         (bad(axes={}), "axes are gyro_x"),
+        (bad(accel_axes={"gyro_x": {"noise": {"kind": "white", "R_dps2": 1.0}}}), "accel_axes are accel_x"),
         (bad(axes={"gyro_z": {"noise": {"kind": "white", "R_dps2": 1.0}}}), "got gyro_z"),
         (bad(axes={"gyro_x": {"noise": {"kind": "ar1", "R_dps2": 1.0, "phi": 1.0, "s2_dps2": 1.0}}}), "phi"),
         (
@@ -268,3 +270,34 @@ def test_imu_yaml() -> None:
     found = yaml.safe_load(imu_yaml_of(both, 100.0, "rest.npz"))
     assert found["gyroscope_random_walk"] == pytest.approx(np.radians(0.5), rel=0.3)
     assert found["gyroscope_noise_density"] == pytest.approx(np.radians(0.2 * 0.1), rel=0.03)
+
+
+def test_imu_yaml_of_both_sensors() -> None:
+    """Four entries in the units of Kalibr, and what inflation makes of them."""
+    y = white(20_000, 1, 1)[0]
+    walk = np.cumsum(white(20_000, 1, 2)[0]) * 0.5 * np.sqrt(H)
+    curves = {"gyro_x": allan(y + walk, H), "accel_y": allan(9.8 + 0.2 * y + 0.1 * walk, H, "m/s²")}
+    found = yaml.safe_load(imu_yaml_of(curves, 100.0, "rest.npz"))
+    assert len(found) == 6
+    assert found["accelerometer_noise_density"] == pytest.approx(0.2 * 0.1, rel=0.05)
+    assert found["accelerometer_random_walk"] == pytest.approx(0.05, rel=0.3)
+    assert found["gyroscope_random_walk"] == pytest.approx(np.radians(0.5), rel=0.3)
+    text = imu_yaml_of(curves, 100.0, "rest.npz", inflation=Inflation(5.0, 10.0))
+    assert "# Inflated: noise densities 5 times and random walks 10 times" in text
+    assert f"5 times the measured {found['accelerometer_noise_density']:.6e}" in text
+    larger = yaml.safe_load(text)
+    for key, value in found.items():
+        factor = 5 if "density" in key else 10 if "walk" in key else 1
+        assert larger[key] == (pytest.approx(factor * value, rel=1e-5) if factor > 1 else value)
+    only = imu_yaml_of({"accel_y": curves["accel_y"]}, 100.0, "rest.npz")
+    assert "# gyroscope_noise_density:  # rad/s/sqrt(Hz); not known: no axis was analysed" in only
+
+
+def test_a_model_of_an_accelerometer_is_not_simulated(tmp_path: Path) -> None:
+    models = NoiseModels(100.0, H, "rest.npz", {}, {"accel_z": AxisModel(KINDS["white"])})
+    write_models(tmp_path / "m.json", models)
+    assert read_models(tmp_path / "m.json") == models
+    with pytest.raises(UsageError, match="no axis of a gyroscope"):
+        write_model_simulation(
+            tmp_path / "a.npz", tmp_path / "m.json", n=9, lsb_per_dps=None, range_dps=1, offset_dps=0, seed=1
+        )

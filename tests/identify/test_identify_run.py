@@ -38,7 +38,7 @@ def closing(workers: Workers) -> Iterator[Workers]:
 
 
 def files(folder: Path, count: int) -> list[Request]:
-    """Recordings of one, two and three axes: of accelerometers, of which least is computed."""
+    """Recordings of one, two and three axes, of accelerometers."""
     found = []
     for i in range(count):
         path = npz(folder / f"{i}.npz", counts(N, 1), accel_raw=counts(N, 3, seed=i), accel_lsb_per_g=16384.0)

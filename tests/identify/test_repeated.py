@@ -85,6 +85,13 @@ def test_a_sensor_that_is_read_too_fast(held: int) -> None:
     assert found(np.repeat(y, held, axis=1)[:, :6000])
 
 
+def test_numbers_too_small_to_be_squared() -> None:
+    y = white(500, 2, 1) * 1e-300
+    seen = repeats([(axis, None) for axis in y])
+    assert seen is not None
+    assert not seen.found
+
+
 def test_how_many_are_by_chance() -> None:
     y = counted(white(60_000, 3, 1), 1.0)
     by_chance = float(np.prod([(np.unique(a, return_counts=True)[1] ** 2).sum() / 60_000**2 for a in y]))

@@ -75,9 +75,9 @@ def test_what_identify_reads_is_read_live(kind):
     y = KINDS[kind]()
     live, file = curve(y), allan(y, H)
     pairs = [
-        (live.N, file.N_deg_per_sqrt_s, 0.05),
-        (live.B, file.B_dps, 0.2),
-        (live.K, file.K_dps_per_sqrt_s, 0.2),
+        (live.N, file.N, 0.05),
+        (live.B, file.B, 0.2),
+        (live.K, file.K, 0.2),
     ]
     for mine, theirs, error in pairs:
         assert (mine.value is None) == (theirs.value is None)

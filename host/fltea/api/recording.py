@@ -60,8 +60,14 @@ class Recording(Mapping[str, Array]):
 
     @property
     def time_s(self) -> Array:
-        """Time of each sample in s from the first one, (n,), by the rate."""
-        return np.asarray(np.arange(self.counts.used) / self.rate_hz)
+        """Time of each sample in s from the first one, (n,), by the rate; lost samples take their time.
+
+        Where nobody knows how many were lost, as at a restart, no time passes.
+        """
+        gaps = next(iter(self._loaded.axes.values())).gaps
+        number = np.arange(self.counts.used)
+        number[1:] += np.cumsum(np.bincount(gaps.at, gaps.missing, len(number))).astype(np.int64)[1:]
+        return np.asarray(number / self.rate_hz)
 
     @property
     def units(self) -> dict[str, str]:
@@ -143,7 +149,7 @@ def open(
 
     Args:
         path: a file, a folder of parts of one session, or the session's name.
-        axes: which ones; None: all of the gyroscope's.
+        axes: which ones; None: all of the gyroscope's, and the accelerometer's where there is one.
         columns: of text: which columns are the axes.
         units: of text: deg/s, mdps, rad/s, or lsb:N.
         rate_hz: of text without times: sample rate in Hz.
@@ -170,5 +176,5 @@ def open(
         raise UsageError(f"{path}: holds {len(found)} recordings; open one of them by its file or session.")
     if isinstance(found[0], Unreadable):
         raise found[0].error
-    request = Request(found[0], None if axes is None else tuple(axes), how)
+    request = Request(found[0], None if axes is None else tuple(axes), how, accel=True)
     return Recording(request.name, load(request))

@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike
 from fltea.api._check import one_axis, period_s
 from fltea.api.identified import Identified
 from fltea.identify.axis import IdentifyOptions, identify_axis
+from fltea.identify.gaps import bridged
 from fltea.identify.load import Series
-from fltea.identify.sums import examined, octaves_of
+from fltea.identify.sums import examined_stretches, lines_of_stretches, octaves_of_stretches
 from fltea.records.fit import Interval
 from fltea.spectrum.fit_allan import fit_allan
 from fltea.spectrum.live_axes import spectrum_of
@@ -47,9 +48,11 @@ def identify(
 
 def of_series(axis: str, series: Series, h: float, options: IdentifyOptions) -> Identified:
     """The same of an axis of a recording."""
-    found = identify_axis(series.y, h, series.lsb, options)
-    seen = examined(series.y, h, options.from_hz, options.notch_hz)
-    octaves = octaves_of(series.y)
+    found = identify_axis(series.y, h, series.lsb, options, series.gaps)
+    stretches = bridged(series.y, series.gaps)
+    seen = examined_stretches(stretches, len(series.y), h, options.from_hz, options.notch_hz)
+    octaves = octaves_of_stretches(stretches)
+    lines, _ = lines_of_stretches(stretches, octaves, h)
     *sums, samples = octaves.allan(0)
     curve = fit_allan(tuple(sums), samples, h, series.unit, lambda lam: seen.spectrum(lam, h))
     white = found.composite.N
@@ -72,7 +75,7 @@ def of_series(axis: str, series: Series, h: float, options: IdentifyOptions) -> 
         s2=_interval(w.s2),
         R=_interval(w.R),
         allan=curve,
-        spectrum=spectrum_of(octaves.lines_and_drift(0, h)[0], seen),
+        spectrum=spectrum_of(lines, seen),
         details=found,
     )
 

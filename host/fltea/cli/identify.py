@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fltea.cli import how
+from fltea.cli import exports, how
 from fltea.cli.output import print_result, say
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import UsageError
 from fltea.records.visible import visible_lines
 from fltea.settings.extras import load
 
@@ -43,7 +43,8 @@ def identify(
     channels: Annotated[
         str | None,
         typer.Option(
-            metavar="A,B,…", help="Axes: gyro_x … (all of them is the default), accel_x, accel_y, accel_z."
+            metavar="A,B,…",
+            help="Axes: gyro_x …, accel_x …; default: the gyroscope's, with --imu-yaml both sensors'.",
         ),
     ] = None,
     variant: Annotated[
@@ -93,6 +94,14 @@ def identify(
     imu_yaml: Annotated[
         Path | None,
         typer.Option("--imu-yaml", metavar="FILE", help="Write imu.yaml of one recording, as for Kalibr."),
+    ] = None,
+    inflate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X|X,Y",
+            help="imu.yaml: write X times what was measured; with Y, random walks Y times. 5 to 20 is "
+            "common, for what a sensor has in motion only.",
+        ),
     ] = None,
     gauss_markov: Annotated[
         Path | None,
@@ -149,11 +158,14 @@ def identify(
         )
     except ValueError as error:
         raise UsageError(f"command line: {error}.") from error
+    replay = chosen.replay
+    files_wanted = exports.Files(
+        export_model, imu_yaml, gauss_markov, exports.parse_inflation(inflate, imu_yaml), replay.how.topic
+    )
     if report is not None:
         from fltea.identify import report as page
 
         page.prepare_folder(report)
-    replay = chosen.replay
     found = reading.recordings(files)
     requests: list[reading.Request | reading.Unreadable] = [
         one
@@ -163,10 +175,12 @@ def identify(
             tuple(chosen.channels) if chosen.channels else None,
             replay.how,
             replay.limits,
+            # Its file has entries for both sensors; elsewhere three more axes would only take twice the time.
+            accel=imu_yaml is not None,
         )
         for one in found
     ]
-    if len(requests) > 1 and (export_model or imu_yaml or gauss_markov):
+    if len(requests) > 1 and files_wanted.any:
         raise UsageError("--export-model, --imu-yaml and --gauss-markov are for one recording.")
     settings = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None)
     reports = _run(requests, settings, jobs, dask)
@@ -180,7 +194,7 @@ def identify(
     if report is not None:
         written = page.write(report, reports)
         say(f"fltea: {written[0]}, and {len(written) - 1} figures")
-    _export(reports[0], export_model, imu_yaml, gauss_markov)
+    exports.write(reports[0], files_wanted)
     _fail(reports)
 
 
@@ -273,41 +287,6 @@ def _bar() -> "Iterator[Progress]":
         yield lambda text, done, total: bar.update(
             task, completed=done, total=total, description=visible_lines(text)
         )
-
-
-def _export(report: "FileReport", model: Path | None, yaml: Path | None, navigation: Path | None) -> None:
-    from fltea.identify import model_file, navigation_file
-    from fltea.identify.run import AxisReport
-
-    if report.recording is None or not (model or yaml or navigation):
-        return
-    axes = {
-        name: axis
-        for name, axis in report.axes.items()
-        if isinstance(axis, AxisReport) and name.startswith("gyro_")
-    }
-    rate_hz = report.recording.hello.rate_hz
-    composites = {name: axis.result.composite for name, axis in axes.items()}
-    if model is not None:
-        try:
-            models = model_file.NoiseModels(
-                rate_hz, 1 / rate_hz, report.name, {name: axis.model for name, axis in axes.items()}
-            )
-        except ValueError as error:
-            raise FlteaError(f"--export-model: {error}.") from error
-        model_file.write_models(model, models)
-    if yaml is not None:
-        curves = {name: axis.allan for name, axis in axes.items() if axis.allan is not None}
-        if not curves:
-            reasons = {axis.allan_reason for axis in axes.values()} or {"no axis of a gyroscope"}
-            raise FlteaError(f"--imu-yaml: there is no Allan deviation ({'; '.join(reasons)}).")
-        model_file.write_text(
-            yaml, model_file.imu_yaml_of(curves, rate_hz, report.name, composites=composites)
-        )
-    if navigation is not None:
-        if not axes:
-            raise FlteaError("--gauss-markov: no axis of a gyroscope was identified.")
-        navigation_file.write_navigation(navigation, composites, rate_hz, report.name)
 
 
 def _show(reports: "Sequence[FileReport]") -> None:

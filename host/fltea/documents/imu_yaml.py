@@ -23,6 +23,15 @@ class AxisNoise(NamedTuple):
     K: Shown
 
 
+class Inflation(NamedTuple):
+    """Factors by which what was measured is written larger, 1 or more."""
+
+    density: float
+    random_walk: float
+
+
+AS_MEASURED = Inflation(1.0, 1.0)
+
 NOT_ANALYSED = "the accelerometer was not analysed"
 
 
@@ -33,32 +42,58 @@ def imu_yaml(
     *,
     accel: Mapping[str, AxisNoise] | None = None,
     rostopic: str = "/imu0",
+    inflation: Inflation = AS_MEASURED,
 ) -> str:
     """The text of the file, for axes by name; source: what they were identified from.
 
-    Kalibr has one figure for all axes: it gets that of the worst. What is not known is a comment.
+    Kalibr has one figure for all axes: it gets that of the worst. What is not known is a comment. Of inflated
+    figures the comment has what was measured.
     """
     forces = accel or {}
     without = NOT_ANALYSED if not forces else ""
+    density, walk = inflation
     what = "Noise" if forces else "Gyroscope noise"
     lines = [
         f"# {what} by fltea {__version__} from {' '.join(source.split())}",
         "# (Allan deviation; of the axes the worst). The model is white noise and a random walk of the rate.",
         "# Kalibr wants all six entries: fill in what is not known from the data sheet, or record longer.",
+        *_about(inflation),
         *_entry(
-            "accelerometer_noise_density", {a: n.N for a, n in forces.items()}, "m/s^2/sqrt(Hz)", without
+            "accelerometer_noise_density",
+            {a: n.N for a, n in forces.items()},
+            "m/s^2/sqrt(Hz)",
+            density,
+            without,
         ),
-        *_entry("accelerometer_random_walk", {a: n.K for a, n in forces.items()}, "m/s^3/sqrt(Hz)", without),
-        *_entry("gyroscope_noise_density", {a: n.N for a, n in gyro.items()}, "rad/s/sqrt(Hz)"),
-        *_entry("gyroscope_random_walk", {a: n.K for a, n in gyro.items()}, "rad/s^2/sqrt(Hz)"),
+        *_entry(
+            "accelerometer_random_walk", {a: n.K for a, n in forces.items()}, "m/s^3/sqrt(Hz)", walk, without
+        ),
+        *_entry("gyroscope_noise_density", {a: n.N for a, n in gyro.items()}, "rad/s/sqrt(Hz)", density),
+        *_entry("gyroscope_random_walk", {a: n.K for a, n in gyro.items()}, "rad/s^2/sqrt(Hz)", walk),
         f"{'update_rate:':<29}{rate_hz:.6g}  # Hz",
         f"{'rostopic:':<29}{rostopic}",
     ]
     return "\n".join(lines) + "\n"
 
 
+def _about(inflation: Inflation) -> list[str]:
+    """What the factors are for."""
+    if inflation == AS_MEASURED:
+        return [
+            "# These are figures of a sensor at rest. In motion come errors of scale, alignment and",
+            "# vibration, which Kalibr and VINS have no terms for: users write 5 to 20 times as much",
+            "# (fltea identify --inflate 10).",
+        ]
+    return [
+        f"# Inflated: noise densities {inflation.density:g} times and random walks "
+        f"{inflation.random_walk:g} times what was measured at rest.",
+        "# That is for errors of scale, alignment and vibration in motion, which Kalibr and VINS have no",
+        "# terms for. The right factor is the least with which residuals lie within three deviations.",
+    ]
+
+
 def _entry(
-    key: str, found: Mapping[str, Shown], unit: str, without: str = "no axis was analysed"
+    key: str, found: Mapping[str, Shown], unit: str, factor: float, without: str = "no axis was analysed"
 ) -> list[str]:
     """The largest of the axes, in rad where the unit has it, and whose it is."""
     known = {axis: one.value for axis, one in found.items() if one.value is not None}
@@ -74,4 +109,6 @@ def _entry(
         + (f"; not known of {', '.join(unknown)}" if unknown else "")
     )
     value = math.radians(known[worst]) if unit.startswith("rad") else known[worst]
-    return [f"{key + ':':<29}{value:.6e}  # {unit}, {remark}"]
+    if factor != 1:
+        remark += f"; {factor:g} times the measured {value:.6e}"
+    return [f"{key + ':':<29}{factor * value:.6e}  # {unit}, {remark}"]

@@ -5,15 +5,17 @@ Intervals and coefficients are those of the live curve (`fltea.spectrum.allan_cu
 """
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients, times
+from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients
 from fltea.spectrum.allan_curve import checked, points
-from fltea.spectrum.allan_dof import full_overlap
+from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 from fltea.spectrum.composite_intervals import Estimate
 
 Array = NDArray[np.float64]
@@ -28,50 +30,83 @@ SQRT_HOUR = 60.0
 
 
 class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The curve, and its coefficients."""
+    """The curve, and its coefficients, in the unit of the samples (deg/s, m/s²)."""
 
     tau_s: tuple[float, ...]
-    deviation_dps: tuple[float, ...]
-    low_dps: tuple[float, ...]
+    deviation: tuple[float, ...]
+    low: tuple[float, ...]
     """95 % interval"""
-    high_dps: tuple[float, ...]
+    high: tuple[float, ...]
     degrees_of_freedom: tuple[float, ...]
-    N_deg_per_sqrt_s: Coefficient
-    B_dps: Coefficient
-    K_dps_per_sqrt_s: Coefficient
-
-    @property
-    def N_deg_per_sqrt_h(self) -> float | None:
-        """N in the unit of data sheets."""
-        return times(self.N_deg_per_sqrt_s.value, SQRT_HOUR)
-
-    @property
-    def B_deg_per_h(self) -> float | None:
-        """B in the unit of data sheets."""
-        return times(self.B_dps.value, HOUR)
-
-    @property
-    def K_deg_per_h_per_sqrt_h(self) -> float | None:
-        """K in the unit of data sheets."""
-        return times(self.K_dps_per_sqrt_s.value, HOUR * SQRT_HOUR)
+    N: Coefficient
+    """per √s, which is the same as the unit over √Hz"""
+    B: Coefficient
+    K: Coefficient
+    """the unit per √s"""
 
 
-def allan(y_dps: ArrayLike, h: float) -> Allan:
-    """Allan deviation of one axis (n,) in deg/s without missing samples, at a sampling period of h s.
+class Scale(NamedTuple):
+    """A unit in which N, B or K is shown, and how many of it one of the curve's is."""
+
+    unit: str
+    factor: float
+
+
+class Scales(NamedTuple):
+    """Of one sensor."""
+
+    N: Scale
+    B: Scale
+    K: Scale
+
+
+def scales(unit: str) -> Scales:
+    """The units of data sheets for a curve in deg/s; of another unit its own."""
+    if unit == "deg/s":
+        return Scales(Scale("deg/√h", SQRT_HOUR), Scale("deg/h", HOUR), Scale("deg/h/√h", HOUR * SQRT_HOUR))
+    return Scales(Scale(f"{unit}/√Hz", 1.0), Scale(unit, 1.0), Scale(f"{unit}/√s", 1.0))
+
+
+def allan(y: ArrayLike, h: float, unit: str = "deg/s") -> Allan:
+    """Allan deviation of one axis (n,) in `unit`, without missing samples, at a sampling period of h s.
 
     Raises:
         ValueError: y is not finite, constant or shorter than SHORTEST_RECORD, or h is not positive.
     """
-    y = np.ascontiguousarray(y_dps, dtype=np.float64)
-    if y.ndim != 1 or not np.isfinite(y).all():
+    return allan_of_stretches([np.ascontiguousarray(y, dtype=np.float64)], h, unit)
+
+
+def allan_of_stretches(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
+    """The same of several stretches (n,), each overlapping in itself, as far as a quarter of the longest.
+
+    Raises:
+        ValueError: as `allan`; the longest stretch is shorter than SHORTEST_RECORD.
+    """
+    if any(y.ndim != 1 or not np.isfinite(y).all() for y in stretches):
         raise ValueError("y must be finite numbers, of shape (n,)")
-    checked(len(y), h)
-    if np.ptp(y) == 0:
+    longest = max(map(len, stretches))
+    checked(longest, h)
+    if all(np.ptp(y) == 0 for y in stretches):
         raise ValueError("the axis is constant: there is no noise to analyse")
-    factors = averaging_factors(len(y))
-    found = points(factors, overlapping(y, factors), h, lambda power: full_overlap(power, factors, len(y)))
+    factors = averaging_factors(longest)
+    lengths = [len(y) for y in stretches]
+    found = points(
+        factors, overlapping_stretches(stretches, factors), h, lambda power: _degrees(power, factors, lengths)
+    )
     tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
-    return Allan(tau, deviation, low, high, degrees, *coefficients(found, h))
+    return Allan(tau, deviation, low, high, degrees, *coefficients(found, h, unit))
+
+
+def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
+    """Degrees of freedom of all stretches together, by their number of terms."""
+    if len(lengths) == 1:
+        return full_overlap(power, factors, lengths[0])
+    m = np.asarray(factors, dtype=np.float64)
+    terms = np.zeros(len(m))
+    for length, count in zip(*np.unique(lengths, return_counts=True), strict=True):
+        use = 2 * m <= length
+        terms[use] += count * (1 + np.floor(np.minimum(m, FULL_PARTS) * (length - 2 * m) / m))[use]
+    return degrees_of_freedom(power, m, terms, FULL_PARTS)
 
 
 def with_white_noise(found: Allan, white: Estimate) -> Allan:
@@ -80,11 +115,11 @@ def with_white_noise(found: Allan, white: Estimate) -> Allan:
     Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
     there is; the fit of the spectrum knows of both.
     """
-    N = found.N_deg_per_sqrt_s
+    N = found.N
     if white.low is None or white.high is None or not white.low > 0:
         return found
     fitted = replace(N, value=white.value, low=white.low, high=white.high, reason="")
-    return replace(found, N_deg_per_sqrt_s=fitted)
+    return replace(found, N=fitted)
 
 
 def averaging_factors(samples: int) -> NDArray[np.int64]:
@@ -99,16 +134,24 @@ def overlapping(y: Array, factors: NDArray[np.int64]) -> Array:
 
     Blocks stay in the cache and memory is one array more, also for a day at 100 Hz.
     """
-    phase = np.empty(len(y) + 1)
-    phase[0] = 0.0
-    np.subtract(y, y.mean(), out=phase[1:])
-    np.cumsum(phase, out=phase)
-    found = np.empty(len(factors))
-    for i, m in enumerate(factors.tolist()):
-        squares, n = 0.0, len(phase) - 2 * m
-        for begin in range(0, n, BLOCK):
-            end = min(begin + BLOCK, n)
-            steps = phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
-            squares += float(steps @ steps)
-        found[i] = math.sqrt(squares / (2 * n)) / m
-    return found
+    return overlapping_stretches([y], factors)
+
+
+def overlapping_stretches(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array:
+    """The same of several stretches, averaged by their number of terms."""
+    squares, terms = np.zeros(len(factors)), np.zeros(len(factors))
+    for y in stretches:
+        phase = np.empty(len(y) + 1)
+        phase[0] = 0.0
+        np.subtract(y, y.mean(), out=phase[1:])
+        np.cumsum(phase, out=phase)
+        for i, m in enumerate(factors.tolist()):
+            n = len(phase) - 2 * m
+            if n < 1:
+                break
+            terms[i] += n
+            for begin in range(0, n, BLOCK):
+                end = min(begin + BLOCK, n)
+                steps = phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
+                squares[i] += float(steps @ steps)
+    return np.asarray(np.sqrt(squares / (2 * terms)) / factors)

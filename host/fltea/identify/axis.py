@@ -6,11 +6,12 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea.identify.fltea_fit import FlteaFit, fltea_fit
+from fltea.identify.gaps import Gaps, Stretch, bridged, no_gaps
 from fltea.identify.shuffled import Copies, ShuffledBand, shuffled_band
-from fltea.identify.sums import examined
+from fltea.identify.sums import examined_stretches
 from fltea.settings.config import EstimatorConfig
 from fltea.spectrum.composite import Composite, composite
 from fltea.spectrum.drift_rate import drift_rate
@@ -71,6 +72,8 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One axis, identified. Variances and standard deviations are in the unit of y, deg/s for a gyroscope."""
 
     samples: int
+    longest_stretch: int
+    """of them, without a break but for bridged gaps; narrow lines and the drift rate are looked for in it"""
     rate_hz: float
     duration_s: float
     mean: float
@@ -93,9 +96,16 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def identify_axis(
-    y: ArrayLike, h: float, lsb: float | None = None, options: IdentifyOptions | None = None
+    y: ArrayLike,
+    h: float,
+    lsb: float | None = None,
+    options: IdentifyOptions | None = None,
+    gaps: Gaps | None = None,
 ) -> AxisResult:
-    """Identify one axis y (n,), without missing samples, at a sampling period of h s.
+    """Identify one axis y (n,) at a sampling period of h s.
+
+    gaps: where samples are missing between those of y. The spectrum is of all stretches; FLTEA is run over
+    the longest epoch, and narrow lines are searched for in the longest stretch.
 
     The shuffled copies are left for `with_copies`: they take most of the time, and anyone may do them.
 
@@ -108,15 +118,18 @@ def identify_axis(
     samples = np.ascontiguousarray(y, dtype=np.float64)
     if samples.ndim != 1:
         raise ValueError(f"y is one axis, (n,), got shape {samples.shape}")
-    seen = examined(samples, h, o.from_hz, o.notch_hz)
-    own, own_innovations = fltea_fit(samples, h, o.estimator, lsb)
+    gaps = gaps or no_gaps()
+    stretches = bridged(samples, gaps)
+    seen = examined_stretches(stretches, len(samples), h, o.from_hz, o.notch_hz)
+    own, own_innovations = fltea_fit(samples, h, o.estimator, lsb, gaps)
     other_variant = OTHER[o.estimator.variant]
     other, other_innovations = fltea_fit(
-        samples, h, msgspec.structs.replace(o.estimator, variant=other_variant), lsb
+        samples, h, msgspec.structs.replace(o.estimator, variant=other_variant), lsb, gaps
     )
     critical = dict(zip(PROBABILITIES, critical_values(seen.ordinates).tolist(), strict=True))
     return AxisResult(
         samples=len(samples),
+        longest_stretch=max(len(one.y) for one in stretches),
         rate_hz=1 / h,
         duration_s=seen.evidence.duration_s,
         mean=float(samples.mean()),
@@ -134,7 +147,7 @@ def identify_axis(
         whittle=fractional_fit(seen.fits.data, seen.fits.full, h, white=seen.evidence.p_clean >= LEVEL),
         band=seen.band,
         rivals=seen.evidence.contest,
-        composite=_composite(samples, h, seen),
+        composite=_composite(stretches, len(samples), h, seen),
         peaks=seen.evidence.peaks,
         fltea=own,
         fltea_other=other,
@@ -142,13 +155,14 @@ def identify_axis(
     )
 
 
-def _composite(y: NDArray[np.float64], h: float, seen: Spectral) -> Composite:
-    found = composite(seen.fits.data, h, len(y), seen.fits.sums)
+def _composite(stretches: Sequence[Stretch], samples: int, h: float, seen: Spectral) -> Composite:
+    found = composite(seen.fits.data, h, samples, seen.fits.sums)
+    longest = max((one.y for one in stretches), key=len)
     low_pass = seen.evidence.low_pass
     return msgspec.structs.replace(
         found,
         low_pass_hz=low_pass.corner_hz if low_pass else None,
-        drift_rate=drift_rate(y, h, found.spectrum),
+        drift_rate=drift_rate(longest, h, found.spectrum),
     )
 
 

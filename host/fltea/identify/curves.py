@@ -10,8 +10,10 @@ from fltea.estimator.baseline import baseline_of, lane_baselines
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
 from fltea.identify.axis import AxisResult, IdentifyOptions
+from fltea.identify.fltea_fit import after_startup
+from fltea.identify.gaps import Gaps, bridged, longest_epoch, no_gaps
 from fltea.identify.shuffled import ACCURACY, BLOCK, PROBABILITIES
-from fltea.identify.sums import lines_of, octaves_of
+from fltea.identify.sums import left_in, lines_of_stretches, octaves_of_stretches
 from fltea.noise.spectra import HIGHEST_ORDER
 from fltea.settings.config import EstimatorConfig
 from fltea.spectrum.models import FULL, held, share
@@ -65,17 +67,26 @@ class Curves(NamedTuple):
     innovations: int
 
 
-def curves(y: Array, h: float, lsb: float | None, options: IdentifyOptions, result: AxisResult) -> Curves:
+def curves(
+    y: Array,
+    h: float,
+    lsb: float | None,
+    options: IdentifyOptions,
+    result: AxisResult,
+    gaps: Gaps | None = None,
+) -> Curves:
     """Make them for an axis that has been identified; arguments as for `axis.identify_axis`."""
-    sums = octaves_of(y)
-    whole = binned(lines_of(sums, h, options.from_hz, options.notch_hz))
-    clean = binned(lines_of(sums, h, result.band.from_hz, result.band.notch_hz))
+    gaps = gaps or no_gaps()
+    stretches = bridged(y, gaps)
+    lines, _ = lines_of_stretches(stretches, octaves_of_stretches(stretches), h)
+    whole = binned(left_in(lines, options.from_hz, options.notch_hz))
+    clean = binned(left_in(lines, result.band.from_hz, result.band.notch_hz))
     fits = [fit(clean, held("alpha", alpha)) for alpha in ORDERS.tolist()]
     nll = np.array([float(one.nll[0]) for one in fits])
     weight = np.array([float(share(one.theta[0, -1])) for one in fits])
     critical = np.array([critical_value("alpha", one) for one in (1 - weight < NO_WHITE * weight).tolist()])
     lowest = min(float(nll.min()), float(fit(clean, FULL).nll[0]))
-    path, innovation = _path(y, h, lsb, options)
+    path, innovation = _path(y, gaps, h, lsb, options)
     tested = innovation[len(innovation) // 3 :]
     return Curves(
         Spectrum(whole.lam / (2 * np.pi * h), whole.power[0], whole.counts),
@@ -88,25 +99,31 @@ def curves(y: Array, h: float, lsb: float | None, options: IdentifyOptions, resu
     )
 
 
-def _path(y: Array, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
-    """The data in lane 0, and white noise of the same distribution, drawn from their samples, in the others.
+def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
+    """The data, as far as FLTEA is run over them, in lane 0; in the others white noise, drawn from them.
 
     Returns the innovations of the data, too.
     """
     config, startup = options.estimator, options.estimator.startup_needed
+    begin, end = longest_epoch(len(y), gaps)
+    y, gaps = y[begin:end], gaps.within(begin, end)
     copies = min(COPIES, options.shuffles)
     rng = np.random.default_rng(options.seed)
     own = baseline_of(y, "axis", config, lsb)
     bias, R = _baselines(rng.choice(y, (startup, copies)), own.bias_dps[0], own.R[0], config, lsb)
     settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
     lanes = Lanes(copies + 1, settings)
-    rest = y[startup:]
+    rest, missing = after_startup(y, gaps, config)
     block = max(BLOCK, -(-len(rest) // POINTS))
     rows, innovation = [], np.empty(len(rest))
     for start in range(0, len(rest), block):
         now = rest[start : start + block]
         drawn = rng.choice(y, (len(now), copies))
-        e = lanes.run(np.column_stack([now, drawn]) - bias)
+        # What is lost of the data is lost of the copies.
+        gone = (
+            None if missing is None else np.repeat(missing[start : start + block, None], copies + 1, axis=1)
+        )
+        e = lanes.run(np.column_stack([now, drawn]) - bias, gone)
         innovation[start : start + block] = e.innovation[:, 0]
         rows.append(np.stack([e.alpha[-1], e.alpha_std[-1], e.f[-1], e.f_std[-1]]))
     table = np.stack(rows)

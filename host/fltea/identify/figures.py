@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.identify.allan import scales
 from fltea.identify.curves import Curves
 from fltea.identify.findings import model_name
 from fltea.identify.noise_model import AxisModel, model_spectrum, noise_of
@@ -138,22 +139,24 @@ def _allan(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes, a = figure.subplots(), axis.allan
     assert a is not None
     tau = np.array(a.tau_s)
-    axes.fill_between(tau, a.low_dps, a.high_dps, color=BAND, alpha=0.7, linewidth=0, label="95 %")
-    axes.plot(tau, a.deviation_dps, ".-", markersize=4, linewidth=0.8, label="Allan deviation", **DATA)
+    axes.fill_between(tau, a.low, a.high, color=BAND, alpha=0.7, linewidth=0, label="95 %")
+    axes.plot(tau, a.deviation, ".-", markersize=4, linewidth=0.8, label="Allan deviation", **DATA)
     if (found := axis.reproduction) is not None:
-        data = np.array(a.deviation_dps)
+        data = np.array(a.deviation)
         low, middle, high = (data * np.array(ratio) for ratio in (found.low, found.ratio, found.high))
         color = RIVAL["color"]
         axes.fill_between(tau, low, high, color=color, alpha=0.2, linewidth=0)
         axes.plot(tau, middle, label=f"noise of the model ({model_name(axis)})", **RIVAL)
-    _line(axes, tau, a.N_deg_per_sqrt_s.value, -0.5, 1.0, f"N = {a.N_deg_per_sqrt_h or 0:.3g} deg/√h", WHITE)
-    K = a.K_dps_per_sqrt_s.value
-    _line(axes, tau, K, 0.5, 3.0, f"K = {a.K_deg_per_h_per_sqrt_h or 0:.3g} deg/h/√h", FRACTIONAL)
-    if a.B_dps.value is not None:
-        label = f"B = {a.B_deg_per_h:.3g} deg/h"
-        axes.axhline(a.B_dps.value * FLICKER, color="#7b3294", linewidth=1.2, linestyle="-.", label=label)
-    axes.set(xscale="log", yscale="log", xlabel="averaging time τ [s]", ylabel="Allan deviation [deg/s]")
-    bottom, top = min(a.low_dps), max(a.high_dps)
+    of = scales(axis.unit)
+    _line(axes, tau, a.N.value, -0.5, 1.0, f"N = {(a.N.value or 0) * of.N.factor:.3g} {of.N.unit}", WHITE)
+    _line(axes, tau, a.K.value, 0.5, 3.0, f"K = {(a.K.value or 0) * of.K.factor:.3g} {of.K.unit}", FRACTIONAL)
+    if a.B.value is not None:
+        label = f"B = {a.B.value * of.B.factor:.3g} {of.B.unit}"
+        axes.axhline(a.B.value * FLICKER, color="#7b3294", linewidth=1.2, linestyle="-.", label=label)
+    axes.set(
+        xscale="log", yscale="log", xlabel="averaging time τ [s]", ylabel=f"Allan deviation [{axis.unit}]"
+    )
+    bottom, top = min(a.low), max(a.high)
     axes.set_ylim(bottom / 1.6, top * 1.6)
     axes.legend(fontsize=8, loc="best")
 

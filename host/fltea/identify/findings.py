@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from fltea.identify.allan import SQRT_HOUR
+from fltea.identify.allan import SQRT_HOUR, scales
 from fltea.identify.axis import AxisResult
 from fltea.identify.fltea_fit import FlteaFit
 from fltea.identify.load import GYRO_UNIT
@@ -138,10 +138,10 @@ def rows(axis: AxisReport) -> list[Row]:
         ]
     if axis.allan:
         a = axis.allan
+        of = scales(axis.unit)
         found += [
-            ("Allan N [deg/√h]", _coefficient(a.N_deg_per_sqrt_s, a.N_deg_per_sqrt_h)),
-            ("Allan B [deg/h]", _coefficient(a.B_dps, a.B_deg_per_h)),
-            ("Allan K [deg/h/√h]", _coefficient(a.K_dps_per_sqrt_s, a.K_deg_per_h_per_sqrt_h)),
+            (f"Allan {letter} [{scale.unit}]", _coefficient(c, scale.factor))
+            for letter, c, scale in (("N", a.N, of.N), ("B", a.B, of.B), ("K", a.K, of.K))
         ]
     return found
 
@@ -184,9 +184,10 @@ def settings(axis: AxisReport) -> str:
     f = axis.result.fltea
     guard = ", ".join(f"{cause} {n:,}" for cause, n in f.interventions.items()) or "never"
     drift = NONE if f.alpha_drift is None else f"{f.alpha_drift:+.3g}"
+    moved = f"{drift} over the last third{'' if f.converged else ': not converged'}"
     return (
-        f"{method(f)}; the guard stepped in: {guard}; R = {f.R:.4g} ({axis.unit})²; {f.restarts} restarts; α "
-        f"moved by {drift} over the last third{'' if f.converged else ': not converged'}."
+        f"{method(axis.result)}; the guard stepped in: {guard}; R = {f.R:.4g} ({axis.unit})²; "
+        f"{f.restarts} restarts; α moved by {moved}."
     )
 
 
@@ -204,12 +205,18 @@ def not_described(axes: Mapping[str, AxisReport]) -> list[str]:
     ]
 
 
-def method(f: FlteaFit) -> str:
-    """The settings that the axes have in common."""
+def method(r: AxisResult) -> str:
+    """The settings that the axes have in common, and over how many of the samples FLTEA was run."""
+    f = r.fltea
     window = "unlimited" if f.settings.window is None else f"{f.settings.window:,} samples"
     return (
         f"FLTEA {f.variant}, guard {f.guard}, window {window}, start-up {f.startup_samples:,} samples, "
         f"R from the {f.R_from}"
+        + (
+            f", over the longest part, {f.samples:,} of {r.samples:,} samples"
+            if f.samples < r.samples
+            else ""
+        )
     )
 
 
@@ -299,11 +306,16 @@ def _root(p: Parameter) -> str:
     return UNDEFINED if p.low is None else f"{p.value**0.5:.4g}"
 
 
-def _coefficient(c: Coefficient, value: float | None) -> str:
-    if value is None or c.value is None or c.low is None or c.high is None:
+def _coefficient(c: Coefficient, scale: float) -> str:
+    if c.value is None or c.low is None or c.high is None:
         return "not seen"
-    scale = value / c.value
-    return f"{value:.3g} ({c.low * scale:.3g}…{c.high * scale:.3g})"
+    return f"{c.value * scale:.3g} ({c.low * scale:.3g}…{c.high * scale:.3g})"
+
+
+def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:
+    """The axes of each sensor by themselves, for their rows have other units."""
+    units = dict.fromkeys(axis.unit for axis in axes.values())
+    return [{name: axis for name, axis in axes.items() if axis.unit == unit} for unit in units]
 
 
 def side_by_side(axes: Mapping[str, AxisReport]) -> list[tuple[str, list[str]]]:

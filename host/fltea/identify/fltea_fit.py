@@ -11,6 +11,7 @@ from fltea.estimator.baseline import baseline_of
 from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
+from fltea.identify.gaps import Gaps, Mask, longest_epoch, no_gaps, spread
 from fltea.settings.config import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums, describes
 
@@ -40,6 +41,10 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """in its square"""
     R_from: Literal["start-up window", "setting"]
     startup_samples: int
+    samples: int
+    """that it was run over, the start-up window among them: those of the longest epoch"""
+    predicted: int
+    """lost ones between them, of which it made predictions only"""
     restarts: int
     interventions: dict[str, int]
     """of the guard, since the last start, by cause; those that never happened left out"""
@@ -56,9 +61,12 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def fltea_fit(
-    y: Array, h: float, config: EstimatorConfig, lsb: float | None = None
+    y: Array, h: float, config: EstimatorConfig, lsb: float | None = None, gaps: Gaps | None = None
 ) -> tuple[FlteaFit, Innovations | None]:
-    """Run the variant and guard of `config` over one axis without missing samples, (n,), at a period of h s.
+    """Run the variant and guard of `config` over one axis, (n,), at a period of h s.
+
+    gaps: between the samples, if there are any. As live, lost samples are predicted, and after a long gap all
+    begins again: so it is run over the longest part between two such gaps.
 
     Returns the last estimates, and the test of the innovations of the last two thirds.
 
@@ -68,6 +76,9 @@ def fltea_fit(
         ValueError: settings that no filter can work with, fewer samples than the start-up window has
             and a hundred more, or an axis that is constant in it.
     """
+    gaps = gaps or no_gaps()
+    begin, end = longest_epoch(len(y), gaps)
+    y, gaps = y[begin:end], gaps.within(begin, end)
     if len(y) < config.startup_needed + LEAST:
         raise ValueError(
             f"{len(y)} samples: the start-up window takes {config.startup_needed}, and at least {LEAST} "
@@ -77,7 +88,8 @@ def fltea_fit(
     if base.constant_axes:
         raise ValueError("the axis is constant in the start-up window: there is no noise to identify")
     bias, R = base.bias_dps[0], base.R[0]
-    run = _Run(y[config.startup_needed :], bias, h, config, R)
+    used, (rest, missing) = len(y), after_startup(y, gaps, config)
+    run = _Run(rest, missing, bias, h, config, R)
     alpha, alpha_std, f, f_std = (_number(value) if run.valid else None for value in run.last)
     alpha_drift, f_drift = run.alpha.value(), run.f.value()
     tested = run.innovations
@@ -93,6 +105,8 @@ def fltea_fit(
         R=R,
         R_from="start-up window" if config.R == "auto" else "setting",
         startup_samples=config.startup_needed,
+        samples=used,
+        predicted=0 if missing is None else int(missing.sum()),
         restarts=run.restarts,
         interventions=run.interventions,
         alpha_drift=alpha_drift,
@@ -104,6 +118,11 @@ def fltea_fit(
     return result, tested
 
 
+def after_startup(y: Array, gaps: Gaps, config: EstimatorConfig) -> tuple[Array, Mask | None]:
+    """What follows the start-up window of one epoch, lost samples in their places, and which these are."""
+    return spread(y[config.startup_needed :], gaps.within(config.startup_needed, len(y)))
+
+
 class _Run:
     """One lane over y (n,), the start-up window taken off, under the supervisor; memory for one block.
 
@@ -111,13 +130,17 @@ class _Run:
     innovations: the test of those of the last two thirds.
     """
 
-    def __init__(self, y: Array, bias: float, h: float, config: EstimatorConfig, R: float) -> None:
+    def __init__(
+        self, y: Array, missing: Mask | None, bias: float, h: float, config: EstimatorConfig, R: float
+    ) -> None:
         lanes = Lanes(1, lane_settings(config, h, [R]))
         n, third = len(y), len(y) // 3
         tested = InnovationSums()
         self.alpha, self.f = _Drift(n - third, n), _Drift(n - third, n)
         for start in range(0, n, CHUNK):
-            block = lanes.run(y[start : start + CHUNK, np.newaxis] - bias)
+            now = slice(start, start + CHUNK)
+            gone = None if missing is None else missing[now, np.newaxis]
+            block = lanes.run(y[now, np.newaxis] - bias, gone)
             self.alpha.add(start, block.alpha[:, 0])
             self.f.add(start, block.f[:, 0])
             if start + CHUNK > third:

@@ -1,6 +1,7 @@
-"""Recordings to axes that can be identified: the longest stretch without a missing sample of each.
+"""Recordings to axes that can be identified: all samples of one rate and scale, and where some are missing.
 
-A spectrum of a series with holes is another one's, so nothing is bridged here. What is left out is counted.
+What may be done across a gap is for whoever uses the samples to say (`fltea.identify.gaps`). Of several rates
+or scales the one with the most samples is taken. What is left out is counted.
 """
 
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.archive.info import sessions
+from fltea.identify.gaps import Gaps, bridge, no_gaps
 from fltea.identify.traps import Trap, sensor_traps, source_trap, timing_traps
 from fltea.recording.bag_files import bags_in
 from fltea.recording.how import AS_IT_SAYS, How
@@ -23,6 +25,7 @@ from fltea.records.records import ACCEL_AXES, AXES, Hello
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
+from fltea.stream.time import Timebase
 from fltea.wire.layout import SampleFlags
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
@@ -34,19 +37,24 @@ MAX_GAP = 100
 MOST_TOLD = 5
 """Troubles of the recording itself that are told one by one."""
 
+MOST_GROUPS = 8
+"""Rates and scales whose samples are kept at a time: each has its files."""
+
 GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
 
 
 class Request(msgspec.Struct, frozen=True):
     """What to read: the files of one recording, and how.
 
-    channels: axes; None for all of the gyroscope's. limits: how much memory it may take.
+    channels: axes; None for all of the gyroscope's. accel: and all of the accelerometer's then, if there is
+    one. limits: how much memory it may take.
     """
 
     paths: tuple[Path, ...]
     channels: tuple[str, ...] | None = None
     how: How = AS_IT_SAYS
     limits: Limits = DEFAULT_LIMITS
+    accel: bool = False
 
     @property
     def name(self) -> str:
@@ -58,15 +66,17 @@ class Request(msgspec.Struct, frozen=True):
 class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the recording holds, and how much of it is used.
 
-    samples: all that arrived. used: of the longest stretch that is unbroken, whose first is number
-    `used_from` of all. stretches: pieces between breaks. lost, gaps, duplicates, before_hello: as in `stats`.
-    late, retried, saturated: samples of the stretch that the device flagged so.
+    samples: all that arrived. used: those of the rate and scale that most of them have; the first is number
+    `used_from` of all. stretches: pieces between breaks, of all. bridged: lost samples between those used
+    that others stand for. lost, gaps, duplicates, before_hello: as in `stats`. late, retried, saturated:
+    samples used that the device flagged so.
     """
 
     samples: int
     used: int
     used_from: int
     stretches: int
+    bridged: int
     lost: int
     gaps: int
     duplicates: int
@@ -77,11 +87,12 @@ class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Series(NamedTuple):
-    """One axis: y (n,) and one LSB, if it is known, in `unit`."""
+    """One axis: y (n,) and one LSB, if it is known, in `unit`; gaps: where samples are missing in it."""
 
     y: Array
     unit: str
     lsb: float | None
+    gaps: Gaps = no_gaps()
 
 
 class Loaded(NamedTuple):
@@ -156,36 +167,29 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         recording = open_mcap(request.paths, f"replay:{request.name}", request.limits)()
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)
-    longest = now = _Stretch(0, folder)
-    stretches = samples = 0
+    groups = _Groups(folder)
     told: list[Trap] = []
     for event in events:
         if isinstance(event, Trouble):
             told.append(source_trap(event.kind, event.message))
         for found in decoder.feed(event):
-            if not isinstance(found, Decoded):
-                continue
-            if found.missing or found.new_epoch is not None or not now.fits(found):
-                now.close(unless=longest)
-                now = _Stretch(samples, folder)
-                stretches += 1
-            samples += len(found.block)
-            now.add(found, decoder)
-            if len(now) > len(longest):
-                longest.close(unless=now)
-                longest = now
-    if longest.hello is None:
+            if isinstance(found, Decoded):
+                groups.add(found, decoder)
+    used = groups.largest()
+    if used.hello is None:
         raise UsageError(f"{request.name}: holds no samples that can be used.")
     c = decoder.place
     lost = c.lost, c.gaps, c.duplicates, c.before_hello
-    counts = Counts(samples, len(longest), longest.first, stretches, *lost, *longest.flagged)
-    axes, clock_ppm = longest.axes(), None if longest.no_clock else longest.ppm
-    traps = _traps(longest, counts, axes, clock_ppm)
-    return Loaded(longest.hello, counts, _chosen(axes, request), clock_ppm, (*told[:MOST_TOLD], *traps))
+    gaps = used.gaps()
+    bridged = gaps.lost_up_to(bridge(len(used), gaps))
+    counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
+    axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
+    traps = _traps(used, counts, axes, clock_ppm)
+    return Loaded(used.hello, counts, _chosen(axes, request), clock_ppm, (*told[:MOST_TOLD], *traps))
 
 
 def _traps(
-    used: "_Stretch", counts: Counts, axes: dict[str, Series], clock_ppm: float | None
+    used: "_Group", counts: Counts, axes: dict[str, Series], clock_ppm: float | None
 ) -> tuple[Trap, ...]:
     assert used.hello is not None
     gyro = [name for name in AXES if name in axes]
@@ -195,6 +199,7 @@ def _traps(
         lost=counts.lost,
         gaps=counts.gaps,
         stretches=counts.stretches,
+        bridged=counts.bridged,
         rate_hz=used.hello.rate_hz,
         clock_ppm=clock_ppm,
     )
@@ -203,15 +208,66 @@ def _traps(
 
 
 def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:
-    wanted = request.channels or tuple(name for name in axes if name in AXES)
+    # An accelerometer that nobody asked for is left out where it says nothing: some put zeros there.
+    wanted = request.channels or tuple(
+        name for name, one in axes.items() if name in AXES or (request.accel and np.ptp(one.y) > 0)
+    )
     lacking = [name for name in wanted if name not in axes]
     if lacking:
         raise UsageError(f"{request.name}: has no {', '.join(lacking)} (it has {', '.join(axes)}).")
     return {name: axes[name] for name in wanted}
 
 
-class _Stretch:
-    """Samples that follow each other without a break, all of one rate and scale."""
+class _Groups:
+    """The samples of a recording, those of each rate and scale by themselves."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self.samples = self.stretches = 0
+        self._folder = folder
+        self._groups: dict[tuple[object, ...], _Group] = {}
+        self._last: _Group | None = None
+
+    def add(self, found: Decoded, decoder: Decoder) -> None:
+        """Take the next samples."""
+        group = self._of(found)
+        broken = group is not self._last or found.missing > 0 or found.new_epoch is not None
+        self.stretches += broken
+        # Where another rate, scale or start of the sensor came between, nobody knows how many are missing.
+        known = group is self._last and found.new_epoch in (None, "gap")
+        missing = found.missing if known else 0
+        group.add(found, decoder, missing if broken else None)
+        self.samples += len(found.block)
+        self._last = group
+
+    def largest(self) -> "_Group":
+        """That with the most samples, the first of equals; the others are forgotten."""
+        largest = max(self._groups.values(), key=len, default=_Group(0, None))
+        for group in self._groups.values():
+            if group is not largest:
+                group.close()
+        return largest
+
+    def _of(self, found: Decoded) -> "_Group":
+        block, hello = found.block, found.hello
+        accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
+        key = (
+            hello.device_id,
+            hello.sensor,
+            hello.rate_hz,
+            hello.gyro_lsb_per_dps,
+            hello.accel_lsb_per_g,
+            block.gyro_dps.shape[1],
+            accel_axes,
+        )
+        if key not in self._groups:
+            if len(self._groups) == MOST_GROUPS:
+                self._groups.pop(min(self._groups, key=lambda one: len(self._groups[one]))).close()
+            self._groups[key] = _Group(self.samples, self._folder)
+        return self._groups[key]
+
+
+class _Group:
+    """Samples of one rate and scale, and the breaks between them."""
 
     def __init__(self, first: int, folder: Path | None) -> None:
         self.first = first
@@ -221,29 +277,27 @@ class _Stretch:
         self.flagged = [0, 0, 0]
         self._in_files = folder is not None
         self._spool = Spool(folder)
-        self._gyro_axes = self._accel_axes = 0
         self._samples = 0
+        self._at: list[int] = []
+        self._missing: list[int] = []
+        self._clock: Timebase | None = None
+        self._of_clock = self._most_of_clock = 0
 
     def __len__(self) -> int:
         return self._samples
 
-    def fits(self, found: Decoded) -> bool:
-        """Whether a sample is like those before it."""
-        a, b = self.hello, found.hello
-        return a is None or (
-            (a.rate_hz, a.gyro_lsb_per_dps, a.accel_lsb_per_g)
-            == (b.rate_hz, b.gyro_lsb_per_dps, b.accel_lsb_per_g)
-            and found.block.gyro_dps.shape[1] == self._gyro_axes
-            and (found.block.accel_ms2 is None) == (self._accel_axes == 0)
-        )
+    def gaps(self) -> Gaps:
+        """Where samples are missing."""
+        return Gaps(np.array(self._at, dtype=np.int64), np.array(self._missing, dtype=np.int64))
 
-    def add(self, found: Decoded, decoder: Decoder) -> None:
-        """Take the next ones."""
+    def add(self, found: Decoded, decoder: Decoder, missing: int | None) -> None:
+        """Take the next ones; missing: that many before them, 0 if nobody knows, None: they follow on."""
         block = found.block
         if self.hello is None:
             self.hello = found.hello
-            self._gyro_axes = block.gyro_dps.shape[1]
-            self._accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
+        elif missing is not None:
+            self._at.append(self._samples)
+            self._missing.append(missing)
         self._samples += len(block)
         for names, values in ((AXES, block.gyro_dps), (ACCEL_AXES, block.accel_ms2)):
             for name, column in zip(names, () if values is None else values.T, strict=False):
@@ -253,14 +307,13 @@ class _Stretch:
                 self.flagged[i] += int(np.count_nonzero(block.flags & flag))
         # Of a recording without arrival times the device's are given out for them.
         self.no_clock = self.no_clock and bool((found.raw.host_ns == block.device_us * 1000).all())
-        if decoder.timebase is not None:
-            self.ppm = decoder.timebase.clock_ppm
+        self._ask(decoder.timebase, len(block))
 
     def axis(self, name: str) -> Array:
         """One axis in memory, (n,)."""
         return self._spool.whole(name)
 
-    def axes(self) -> dict[str, Series]:
+    def axes(self, gaps: Gaps) -> dict[str, Series]:
         """All of them by name."""
         assert self.hello is not None
         found = {}
@@ -271,10 +324,18 @@ class _Stretch:
             for name in names:
                 if name in self._spool:
                     y = self._spool.mapped(name) if self._in_files else self._spool.whole(name)
-                    found[name] = Series(y, unit, lsb)
+                    found[name] = Series(y, unit, lsb, gaps)
         return found
 
-    def close(self, unless: "_Stretch") -> None:
-        """Forget the samples, unless they are those of `unless`."""
-        if self is not unless:
-            self._spool.remove()
+    def close(self) -> None:
+        """Forget the samples."""
+        self._spool.remove()
+
+    def _ask(self, clock: Timebase | None, samples: int) -> None:
+        """The device's clock against the host's, as the longest epoch has it."""
+        if clock is None:
+            return
+        self._of_clock = self._of_clock + samples if clock is self._clock else samples
+        self._clock = clock
+        if self._of_clock > self._most_of_clock:
+            self._most_of_clock, self.ppm = self._of_clock, clock.clock_ppm

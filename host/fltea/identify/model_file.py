@@ -7,30 +7,33 @@ from pathlib import Path
 import msgspec
 
 from fltea import __version__
-from fltea.documents.imu_yaml import AxisNoise, Shown, imu_yaml
+from fltea.documents.imu_yaml import AS_MEASURED, AxisNoise, Inflation, Shown, imu_yaml
 from fltea.identify.allan import Allan
 from fltea.identify.noise_model import AxisModel, check_stationary
 from fltea.records.errors import UsageError
-from fltea.records.records import AXES
+from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.whole_file import whole_file
 from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.composite import Composite
 from fltea.spectrum.composite_intervals import Estimate
 
 FORMAT = "fltea-noise-model"
-VERSION = 2
-READABLE = (1, 2)
-"""Version 1 has no composite noise; all else is the same."""
+VERSION = 3
+READABLE = (1, 2, 3)
+"""Version 1 has no composite noise, and 1 and 2 have no accelerometer; all else is the same."""
 
 
 class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The models of a gyroscope's axes, gyro_x first, and what they were identified from."""
+    """The models of a gyroscope's axes, gyro_x first, and of an accelerometer's, and what they are from."""
 
     rate_hz: float
     h_s: float
     source: str
     """file or session that was identified"""
     axes: dict[str, AxisModel]
+    """of the gyroscope"""
+    accel_axes: dict[str, AxisModel] = {}
+    """of the accelerometer: wherever a name says dps, it is m/s²"""
     fltea: str = __version__
     format: str = FORMAT
     version: int = VERSION
@@ -40,9 +43,11 @@ class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"rate_hz must be > 0, got {self.rate_hz}")
         if not math.isclose(self.h_s * self.rate_hz, 1, rel_tol=1e-6):
             raise ValueError(f"h_s = {self.h_s} is not 1 / rate_hz = {1 / self.rate_hz}")
-        if not self.axes or set(self.axes) != set(AXES[: len(self.axes)]):
+        if not (self.axes or self.accel_axes) or set(self.axes) != set(AXES[: len(self.axes)]):
             raise ValueError(f"axes are {', '.join(AXES)}, one after the other, got {', '.join(self.axes)}")
-        for axis, model in self.axes.items():
+        if not set(self.accel_axes) <= set(ACCEL_AXES):
+            raise ValueError(f"accel_axes are {', '.join(ACCEL_AXES)}, got {', '.join(self.accel_axes)}")
+        for axis, model in (self.axes | self.accel_axes).items():
             try:
                 check_stationary(model, self.h_s)
             except ValueError as error:
@@ -102,20 +107,22 @@ def imu_yaml_of(
     *,
     composites: Mapping[str, Composite] | None = None,
     rostopic: str = "/imu0",
+    inflation: Inflation = AS_MEASURED,
 ) -> str:
-    """Kalibr's imu.yaml from the Allan deviations of gyroscope axes, by name.
+    """Kalibr's imu.yaml from the Allan deviations of axes of both sensors, by name.
 
     composites: what is asked for N and K where the curve does not have their slope. A Gauss–Markov part is
     given for neither: it is no random walk, and Kalibr has no entry for it.
     """
-    gyro = {}
+    gyro: dict[str, AxisNoise] = {}
+    accel: dict[str, AxisNoise] = {}
     for axis, curve in curves.items():
         model = (composites or {}).get(axis)
-        gyro[axis] = AxisNoise(
-            _shown(curve.N_deg_per_sqrt_s, model.N if model else None),
-            _shown(curve.K_dps_per_sqrt_s, model.K if model else None),
+        (accel if axis in ACCEL_AXES else gyro)[axis] = AxisNoise(
+            _shown(curve.N, model.N if model else None),
+            _shown(curve.K, model.K if model else None),
         )
-    return imu_yaml(gyro, rate_hz, source, rostopic=rostopic)
+    return imu_yaml(gyro, rate_hz, source, accel=accel, rostopic=rostopic, inflation=inflation)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -97,8 +97,8 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
 
 def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
     """Times as often as independent axes with fine counts they are equal at once, for correlated steps."""
-    if int(moved.sum()) < PARTS:
-        return 1.0
+    if int(moved.sum()) < PARTS or not all(one[moved].var(dtype=np.float64) > 0 for one in steps):
+        return 1.0  # of numbers too small to be squared nothing is known
     correlation = np.atleast_2d(np.corrcoef([one[moved] for one in steps]))
     return float(1 / math.sqrt(max(float(np.linalg.det(correlation)), LEAST_DETERMINANT)))
 

@@ -106,7 +106,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
             yield f'<p class="verdict"><b>{name}: {escape(axis.result.verdict.kind)}.</b> {text}</p>'
         else:
             yield f'<p class="verdict"><b>{name}</b>: <span class="bad">{escape(axis.error)}</span></p>'
-    yield _table(good)
+    yield from map(_table, findings.by_sensor(good))
     for line in findings.not_described(good):
         yield f"<p>{escape(line)}</p>"
     yield _traps(report)
@@ -129,8 +129,6 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
 
 
 def _table(axes: dict[str, AxisReport]) -> str:
-    if not axes:
-        return ""
     head = "".join(f"<th>{name}</th>" for name in axes)
     lines = []
     for label, values in findings.side_by_side(axes):

@@ -2,12 +2,13 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.identify.allan import averaging_factors, overlapping
+from fltea.identify.allan import averaging_factors, overlapping, overlapping_stretches
 from fltea.identify.noise_model import AxisModel, check_stationary, draws
 
 Array = NDArray[np.float64]
@@ -50,21 +51,30 @@ class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def reproduction(
-    y_dps: ArrayLike, h: float, model: AxisModel, *, simulations: int = SIMULATIONS, seed: int = 0
+    y_dps: ArrayLike,
+    h: float,
+    model: AxisModel,
+    *,
+    simulations: int = SIMULATIONS,
+    seed: int = 0,
+    stretches: Sequence[Array] | None = None,
 ) -> Reproduction:
-    """Compare one axis (n,) in deg/s, without missing samples, with noise of its model; h in s.
+    """Compare one axis (n,), in the unit of its model, with noise of that model; h in s.
+
+    stretches: those of the axis, if samples are missing.
 
     Raises:
         ValueError: the model has no finite variance, or the axis is constant.
     """
     y = np.ascontiguousarray(y_dps, dtype=np.float64)
     check_stationary(model, h)
-    factors = averaging_factors(len(y))
+    stretches = stretches or [y]
+    factors = averaging_factors(max(map(len, stretches)))
     mean_of = -(-len(y) // LONGEST)
     if mean_of > 1:
         whole = mean_of * np.rint(factors / mean_of).astype(np.int64)
         factors = np.unique(np.where(factors < FEWEST_MEANS * mean_of, factors, whole))
-    data = overlapping(y, factors)
+    data = overlapping_stretches(stretches, factors)
     if not data.all():
         raise ValueError("the axis is constant: there is nothing to compare with")
     rng = np.random.default_rng(seed)

@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
 
-from fltea.identify.allan import Allan, allan, with_white_noise
+from fltea.identify.allan import Allan, allan_of_stretches, with_white_noise
 from fltea.identify.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
 from fltea.identify.curves import Curves, curves
-from fltea.identify.load import GYRO_UNIT, Loaded, Request, Series, Unreadable, load
+from fltea.identify.gaps import bridged, longest_epoch
+from fltea.identify.load import Loaded, Request, Series, Unreadable, load
 from fltea.identify.noise_model import AxisModel, identified
 from fltea.identify.reproduction import Reproduction, reproduction
 from fltea.identify.shuffled import Copies, estimate, groups
@@ -32,11 +34,6 @@ CHECK_S = 5.0
 
 USUAL_TASKS = 3
 """Of a recording that has not been read yet: its axes. The bar grows with the groups of their copies."""
-
-NOT_A_GYROSCOPE = (
-    "no Allan deviation of accelerometers: its coefficients, the comparison with the model, imu.yaml and the "
-    "model's file are for gyroscopes, in units of deg/s"
-)
 
 Progress = Callable[[str, int, int], None]
 """Is told what has just been done, and how many tasks of how many are done."""
@@ -249,9 +246,10 @@ class _Loop:
             axis = _Axis(name)
             arguments = (series, h, options, self._settings.figures)
             axes.append(_Task(report, axis, identify_series, arguments))
-            for part, group in enumerate(groups(len(series.y), options.shuffles)):
+            epoch = longest_epoch(len(series.y), series.gaps)
+            for part, group in enumerate(groups(epoch[1] - epoch[0], options.shuffles)):
                 axis.parts.append(None)
-                copy = (series.y, h, options.estimator, series.lsb, group, options.seed)
+                copy = (series.y, h, options.estimator, series.lsb, group, options.seed, epoch)
                 copies.append(_Task(report, axis, estimate, copy, part))
         self._axes.extend(axes + copies)
         self._total += len(axes) + len(copies) - USUAL_TASKS
@@ -275,21 +273,19 @@ def identify_series(series: Series, h: float, options: IdentifyOptions, figures:
     Raises:
         ValueError: it is too short or constant.
     """
-    result = identify_axis(series.y, h, series.lsb, options)
+    result = identify_axis(series.y, h, series.lsb, options, series.gaps)
     model = identified(
         result.rivals, result.verdict.kind, result.peaks, result.std, h, composite=result.composite
     )
     found, drawn, reason = None, None, ""
-    if series.unit != GYRO_UNIT:
-        reason = NOT_A_GYROSCOPE
-    else:
-        try:
-            found = with_white_noise(allan(series.y, h), result.composite.N)
-            drawn = reproduction(series.y, h, model, seed=options.seed)
-        except ValueError as error:
-            reason = str(error)
-    traps = axis_traps(series.y, h, series.lsb, result.peaks, series.unit)
-    shown = curves(series.y, h, series.lsb, options, result) if figures else None
+    try:
+        stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
+        found = with_white_noise(allan_of_stretches(stretches, h, series.unit), result.composite.N)
+        drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
+    except ValueError as error:
+        reason = str(error)
+    traps = axis_traps(series.y, h, series.lsb, result.peaks, series.unit, series.gaps)
+    shown = curves(series.y, h, series.lsb, options, result, series.gaps) if figures else None
     return AxisReport(series.unit, series.lsb, result, model, found, drawn, reason, traps, shown)
 
 

@@ -72,17 +72,26 @@ def groups(samples: int, copies: int) -> list[range]:
 
 
 def estimate(
-    y: Array, h: float, config: EstimatorConfig, lsb: float | None, copies: range, seed: int
+    y: Array,
+    h: float,
+    config: EstimatorConfig,
+    lsb: float | None,
+    copies: range,
+    seed: int,
+    part: tuple[int, int] | None = None,
 ) -> Copies:
     """Estimate shuffled copies of one axis y (n,) with the settings of `config`, period h in s.
 
     copies: their numbers. Each is shuffled by (seed, number), and comes out the same beside whatever others.
-    Of records of more than LONGEST samples they are drawn.
+    Of records of more than LONGEST samples they are drawn. part: begin and end of the samples that are meant,
+    if not all: those that FLTEA was run over.
     Memory is compressed whatever `config.memory` says.
 
     Raises:
         ValueError: settings that no filter can work with.
     """
+    if part is not None:
+        y = y[slice(*part)]
     lanes, startup = len(copies), config.startup_needed
     parts = _parts(np.asarray(y), copies, seed, startup, config.variant)
     shuffles = next(parts)
@@ -93,9 +102,9 @@ def estimate(
     settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
     runner = Lanes(lanes, settings)
     lost = np.zeros(lanes, dtype=bool)
-    for part in chain([shuffles[:, startup:]], parts):
-        for start in range(0, part.shape[1], BLOCK):
-            block = runner.run(part[:, start : start + BLOCK].T - bias)
+    for now in chain([shuffles[:, startup:]], parts):
+        for start in range(0, now.shape[1], BLOCK):
+            block = runner.run(now[:, start : start + BLOCK].T - bias)
             for one in block.lost:
                 lost[one.lane] |= one.reason == "runaway"
     return Copies(block.alpha[-1].copy(), block.f[-1].copy(), lost | ~block.valid[-1])

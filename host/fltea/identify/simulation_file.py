@@ -83,6 +83,8 @@ def write_model_simulation(
 
     _check_name(out)
     models = read_models(model)
+    if not models.axes:
+        raise UsageError(f"{model}: has no axis of a gyroscope, and nothing else is simulated.")
     if n < 1 or not math.isfinite(offset_dps):
         raise UsageError("simulate needs --samples ≥ 1 and a finite --offset.")
     try:

@@ -26,12 +26,13 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
         console.print(_shown(str(report.failure), style="red"))
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
-    if good:
-        table = Table("", *good, box=box.SIMPLE_HEAD, pad_edge=False)
-        for label, values in findings.side_by_side(good):
+    for axes in findings.by_sensor(good):
+        table = Table("", *axes, box=box.SIMPLE_HEAD, pad_edge=False)
+        for label, values in findings.side_by_side(axes):
             table.add_row(*(_shown(text) for text in (label, *values)))
         console.print(table)
-        for line in dict.fromkeys(findings.method(axis.result.fltea) for axis in good.values()):
+    if good:
+        for line in dict.fromkeys(findings.method(axis.result) for axis in good.values()):
             console.print(_shown(f"{line}."))
         for line in findings.not_described(good):
             console.print(_shown(line))
@@ -39,10 +40,10 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
         console.print(_verdict(name, axis))
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
         console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
-    for axes, trap in findings.traps(report):
+    for whose, trap in findings.traps(report):
         text = _shown(f"{trap.severity}: ", style=COLOURS[trap.severity])
         plain = "default not dim not bold"
-        text.append_text(_shown(f"{axes}: " if axes else "", style=plain))
+        text.append_text(_shown(f"{whose}: " if whose else "", style=plain))
         text.append_text(_shown(f"{trap.text} {trap.remedy}", style=plain))
         console.print(text)
     for doubt in findings.doubts(report):

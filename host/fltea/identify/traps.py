@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.identify.gaps import Gaps, no_gaps
 from fltea.identify.repeated import repeats
 from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum.lines import Peak
@@ -38,6 +39,10 @@ RATE_PPM = 1000.0
 SHORTEST_RUN = 5
 LONG = 1 << 20
 """Samples from which on medians and commonest values are those of a part, spread evenly."""
+FINER = {
+    "deg/s": "±250 deg/s has eight times the resolution of ±2000",
+    "m/s²": "±2 g has eight times the resolution of ±16 g",
+}
 LINE_SHARE = 0.01
 """Of the power, from which on a line is a warning."""
 
@@ -52,20 +57,27 @@ class Trap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def axis_traps(
-    y: ArrayLike, h: float, lsb: float | None = None, peaks: Sequence[Peak] = (), unit: str = "deg/s"
+    y: ArrayLike,
+    h: float,
+    lsb: float | None = None,
+    peaks: Sequence[Peak] = (),
+    unit: str = "deg/s",
+    gaps: Gaps | None = None,
 ) -> tuple[Trap, ...]:
-    """Look at one axis (n,) without missing samples, at a sampling period of h s.
+    """Look at one axis (n,), at a sampling period of h s.
 
-    lsb: one count in the unit of y, if known. peaks: those found in its spectrum.
+    lsb: one count in the unit of y, if known. peaks: those found in its spectrum. gaps: where samples are
+    missing.
     """
+    gaps = gaps or no_gaps()
     samples = np.ascontiguousarray(y, dtype=np.float64)
     if len(samples) < 2 * BLOCKS or np.ptp(samples) == 0:
         return (*_too_short(len(samples), h), *_stuck(samples))
     return (
         *_too_short(len(samples), h),
         *_offset_and_drift(samples, h, unit),
-        *_quantisation(samples, lsb),
-        *_outliers(samples, h, lsb, unit),
+        *_quantisation(samples, lsb, unit),
+        *_outliers(samples, h, lsb, unit, gaps),
         *_saturation(samples, lsb),
         *_stuck(samples),
         *_peaks(peaks),
@@ -98,18 +110,32 @@ def source_trap(kind: str, text: str) -> Trap:
 
 
 def timing_traps(
-    *, used: int, samples: int, lost: int, gaps: int, stretches: int, rate_hz: float, clock_ppm: float | None
+    *,
+    used: int,
+    samples: int,
+    lost: int,
+    gaps: int,
+    stretches: int,
+    rate_hz: float,
+    clock_ppm: float | None,
+    bridged: int = 0,
 ) -> tuple[Trap, ...]:
     """Look at what became of time: `identify.load.Counts`, and the device's clock against the host's."""
     found = []
     if lost or gaps or stretches > 1:
         share = lost / max(samples + lost, 1)
+        done = [f"{used} of {samples} samples, in {stretches} stretches, are used."]
+        if bridged:
+            done.append(
+                f"{bridged} lost ones are drawn between their neighbours; nothing is made up for others."
+            )
+        if used < samples:
+            done.append("The others are of another rate or scale.")
         found.append(
             Trap(
                 "gaps",
                 "warning" if used < 0.5 * samples or share > 0.01 else "note",
-                f"{lost} samples ({share:.2%}) are missing in {gaps} gaps; the longest unbroken stretch, "
-                f"{used} of {samples} samples, is used.",
+                f"{lost} samples ({share:.2%}) are missing in {gaps} gaps. {' '.join(done)}",
                 "Look at what the recording says of the link (`fltea info`); record again without losses.",
             )
         )
@@ -178,7 +204,7 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> list[Trap]:
     return found
 
 
-def _quantisation(y: Array, lsb: float | None) -> list[Trap]:
+def _quantisation(y: Array, lsb: float | None, unit: str) -> list[Trap]:
     step = lsb or _step(y)
     if step is None:
         return []
@@ -192,12 +218,12 @@ def _quantisation(y: Array, lsb: float | None) -> list[Trap]:
             "bad" if sigma < TOO_COARSE_LSB else "warning",
             f"σ is {sigma:.2g} LSB: rounding makes up {share:.0%} of the variance"
             + (", and is not white." if sigma < TOO_COARSE_LSB else "."),
-            "Choose a smaller range of the sensor (±250 deg/s has eight times the resolution of ±2000).",
+            f"Choose a smaller range of the sensor ({FINER.get(unit, FINER['deg/s'])}).",
         )
     ]
 
 
-def _outliers(y: Array, h: float, lsb: float | None, unit: str) -> list[Trap]:
+def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> list[Trap]:
     # Against the mean of both neighbours, which a drift or slow noise does not move.
     r = y[:-2] + y[2:]
     r /= 2
@@ -205,6 +231,9 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str) -> list[Trap]:
     # Of coarse counts r has steps of half an LSB, and its median is no better known.
     scale = _scale(_thin(r)) + 1.4826 / 4 * (lsb or _step(y) or 0.0) or float(r.std())
     size = np.abs(r, out=r)
+    # Across a gap slow noise and the offset have moved on.
+    beside = np.concatenate([gaps.at - 2, gaps.at - 1])
+    size[beside[(beside >= 0) & (beside < len(size))]] = 0.0
     is_top = size > OUTLIER * scale
     is_top[1:] &= size[1:] >= size[:-1]
     is_top[:-1] &= size[:-1] >= size[1:]
@@ -220,7 +249,7 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str) -> list[Trap]:
             Trap(
                 "torn reads",
                 "bad",
-                f"{torn} jumps of ±256 LSB for one sample (the first at {_first(at, h)}): bytes of two "
+                f"{torn} jumps of ±256 LSB for one sample (the first at {_first(at, h, gaps)}): bytes of two "
                 "measurements mixed.",
                 "Read all bytes of a sample in one burst, after the data-ready signal or with the shadow "
                 "registers on.",
@@ -233,7 +262,7 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str) -> list[Trap]:
                 "outliers",
                 "bad" if others > 1e-3 * len(y) else "warning",
                 f"{others} samples stand out from both neighbours, by up to {largest:.3g} {unit} or "
-                f"{largest / scale:.0f} standard deviations (the first at {_first(at, h)}).",
+                f"{largest / scale:.0f} standard deviations (the first at {_first(at, h, gaps)}).",
                 "Was the sensor touched, or is the link at fault? Leave that part out, or record again.",
             )
         )
@@ -317,5 +346,5 @@ def _thin(values: Array) -> Array:
     return values[:: -(-len(values) // LONG)] if len(values) > LONG else values
 
 
-def _first(at: NDArray[np.intp], h: float) -> str:
-    return f"{at[0] * h:.4g} s"
+def _first(at: NDArray[np.intp], h: float, gaps: Gaps) -> str:
+    return f"{gaps.place(int(at[0])) * h:.4g} s"

@@ -12,6 +12,7 @@ With a memory of M samples nothing older than two M is in the figures, and betwe
 
 import functools
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -105,6 +106,24 @@ class Drift(NamedTuple):
     """three a stretch"""
 
 
+Lines = tuple[Array, Array, Array]
+"""Frequencies in rad a sample, powers and weights, (m,) each."""
+
+
+class Parts(NamedTuple):
+    """What a spectrum is put together from."""
+
+    welch: list[Lines]
+    """of each octave that has blocks"""
+    whole: list[Lines]
+    """of each stretch that is kept whole, at the lowest rate"""
+    depth: int
+    """octaves above that"""
+    drift: Drift | None
+    n: int
+    """samples of the longest stretch that is kept whole; without any, of a block"""
+
+
 class Octaves:
     """Running spectra of several lanes that are sampled together."""
 
@@ -185,23 +204,26 @@ class Octaves:
             raise ValueError(f"h is a sampling period in s and must be > 0, got {h}")
         if self.counts(lane).constant:
             raise ValueError("y is constant: there is no noise in it")
+        found = self.parts(lane)
+        if not (found.welch or found.whole):
+            check_enough(0, self.samples)
+        return put_together(found.welch + found.whole, h, found.n), found.drift
+
+    def parts(self, lane: int) -> Parts:
+        """Return what the spectrum of a lane is put together from."""
         welch, values, lengths = self._native.spectrum(lane)
         depth = len(welch)
-        parts = [
+        octaves = [
             _welch_lines(level, np.frombuffer(power), blocks, effective)
             for level, (power, blocks, effective) in enumerate(welch)
             if blocks > 0
         ]
         stretches = _stretches(np.frombuffer(values, np.float32), np.frombuffer(lengths, np.int32))
         amplitudes: list[Array] = []
-        parts += [_whole_lines(depth, y, amplitudes) for y in stretches]
+        whole = [_whole_lines(depth, y, amplitudes) for y in stretches]
         longest = max((len(y) for y in stretches), default=0)
         n = (longest << depth) if longest else BLOCK << max(depth - 1, 0)
-        if not parts:
-            check_enough(0, self.samples)
-        lam, power, weight = _in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-        check_enough(len(lam), n)
-        return Periodogram(lam, power, h, n, weight), _drift_of(amplitudes, depth)
+        return Parts(octaves, whole, depth, _drift_of(amplitudes, depth), n)
 
     def cells(self, lane: int, h: float) -> list[BandCells]:
         """Return how the power of each octave went on, highest band first; h as of `periodogram`."""
@@ -224,7 +246,18 @@ class Octaves:
         return AllanPoints(*self._native.allan(lane))
 
 
-def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> tuple[Array, Array, Array]:
+def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
+    """The lines of all parts, at least one, in order; n: as of `Periodogram`.
+
+    Raises:
+        ValueError: there are too few.
+    """
+    lam, power, weight = _in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    check_enough(len(lam), n)
+    return Periodogram(lam, power, h, n, weight)
+
+
+def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> Lines:
     own = np.asarray(2 * np.pi / BLOCK * (_FIRST_LINE + np.arange(len(power))), dtype=np.float64)
     scale = 2.0**level / (_HANN_POWER * blocks) / _passed(own, level)
     weight = effective / (1 + _HALF_OVERLAP * (1 - 1 / max(effective, 1))) / _HANN_LINES
@@ -254,7 +287,7 @@ def _drift_of(amplitudes: list[Array], level: int) -> Drift | None:
     return Drift(power, len(all_of_them))
 
 
-def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> tuple[Array, Array, Array]:
+def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> Lines:
     """Frequencies, powers and weights; of drift, taken out of long records, `amplitudes` takes note."""
     m = len(y)
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
@@ -302,7 +335,7 @@ def _passed_on_grid(level: int) -> Array:
     return np.asarray(math.prod(deeper, start=gain))
 
 
-def _in_order(lam: Array, power: Array, weight: Array) -> tuple[Array, Array, Array]:
+def _in_order(lam: Array, power: Array, weight: Array) -> Lines:
     """Rising in frequency; lines at the same one (of stretches of one length) become their average."""
     unique, place = np.unique(lam, return_inverse=True)
     if len(unique) == len(lam):

@@ -1,0 +1,95 @@
+"""The files that `fltea identify` writes for other programs: models, imu.yaml, a navigation filter's."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from fltea.records.errors import FlteaError, UsageError
+
+if TYPE_CHECKING:
+    from fltea.identify.run import FileReport
+
+
+class Files(NamedTuple):
+    """Which of them are wanted. inflation: factors of imu.yaml. topic: of the recording, if it was given."""
+
+    model: Path | None
+    yaml: Path | None
+    navigation: Path | None
+    inflation: tuple[float, float]
+    topic: str | None
+
+    @property
+    def any(self) -> bool:
+        """Whether one is."""
+        return any(path is not None for path in (self.model, self.yaml, self.navigation))
+
+
+def parse_inflation(text: str | None, yaml: Path | None) -> tuple[float, float]:
+    """The factors of `10` or `5,10`: of noise densities and of random walks; 1 of None.
+
+    Raises:
+        UsageError: they are no numbers, or below 1, or there is no imu.yaml to write them to.
+    """
+    if text is None:
+        return 1.0, 1.0
+    if yaml is None:
+        raise UsageError("--inflate is for --imu-yaml: give that too.")
+    first, comma, second = text.partition(",")
+    try:
+        density, walk = float(first), float(second if comma else first)
+    except ValueError:
+        density = walk = 0.0
+    if not (1 <= density < math.inf and 1 <= walk < math.inf):
+        raise UsageError(f"--inflate {text}: give one factor, 1 or more, such as 10, or two, such as 5,10.")
+    return density, walk
+
+
+def write(report: "FileReport", files: Files) -> None:
+    """Write them; nothing of a recording that could not be read.
+
+    Raises:
+        FlteaError: one cannot be written, or what it needs was not found.
+    """
+    from fltea.documents.imu_yaml import Inflation
+    from fltea.identify import model_file, navigation_file
+    from fltea.identify.run import AxisReport
+    from fltea.records.records import ACCEL_AXES
+
+    if report.recording is None or not files.any:
+        return
+    axes = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    rate_hz = report.recording.hello.rate_hz
+    composites = {name: axis.result.composite for name, axis in axes.items()}
+    if files.model is not None:
+        try:
+            models = model_file.NoiseModels(
+                rate_hz,
+                1 / rate_hz,
+                report.name,
+                {name: axis.model for name, axis in axes.items() if name not in ACCEL_AXES},
+                {name: axis.model for name, axis in axes.items() if name in ACCEL_AXES},
+            )
+        except ValueError as error:
+            raise FlteaError(f"--export-model: {error}.") from error
+        model_file.write_models(files.model, models)
+    if files.yaml is not None:
+        curves = {name: axis.allan for name, axis in axes.items() if axis.allan is not None}
+        if not curves:
+            reasons = {axis.allan_reason for axis in axes.values()} or {"no axis was identified"}
+            raise FlteaError(f"--imu-yaml: there is no Allan deviation ({'; '.join(reasons)}).")
+        model_file.write_text(
+            files.yaml,
+            model_file.imu_yaml_of(
+                curves,
+                rate_hz,
+                report.name,
+                composites=composites,
+                rostopic=files.topic or "/imu0",
+                inflation=Inflation(*files.inflation),
+            ),
+        )
+    if files.navigation is not None:
+        if not axes:
+            raise FlteaError("--gauss-markov: no axis was identified.")
+        navigation_file.write_navigation(files.navigation, composites, rate_hz, report.name)
