@@ -25,6 +25,7 @@ from fltea.records.events import Values
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
 from fltea.records.whole_file import text_of, whole_file
+from fltea.settings.duration import Duration
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
@@ -76,7 +77,7 @@ def export(
     paths: Sequence[Path],
     out: Path,
     what: What,
-    max_gap: int,
+    max_gap: Duration,
     *,
     force: bool = False,
     limits: Limits = DEFAULT_LIMITS,
@@ -116,7 +117,7 @@ def export(
     return rows
 
 
-def decode(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS) -> Iterator[Decoded]:
+def decode(paths: Sequence[Path], max_gap: Duration, limits: Limits = DEFAULT_LIMITS) -> Iterator[Decoded]:
     """The samples of a recording of any kind."""
     if len(paths) == 1 and is_one_file(paths[0]):
         source: Any = ReplaySource(paths[0], limits=limits)

@@ -11,6 +11,7 @@ import msgspec
 from fltea.recording.kind import is_one_file
 from fltea.records.records import Hello, LinkStats
 from fltea.records.visible import visible
+from fltea.settings.duration import Duration
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, find_mcap_sessions, open_mcap
 from fltea.stream.decode import Decoded, Decoder
@@ -61,7 +62,7 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
     return single + [[part.path for part in parts] for parts in found]
 
 
-def summarise(paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS) -> Summary:
+def summarise(paths: Sequence[Path], max_gap: Duration, limits: Limits = DEFAULT_LIMITS) -> Summary:
     """Read a recording once, from its raw bytes.
 
     Raises:

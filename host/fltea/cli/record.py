@@ -7,6 +7,8 @@ import typer
 
 from fltea.cli.output import print_lines, say
 from fltea.records.errors import FlteaError, UsageError
+from fltea.settings import duration
+from fltea.settings.duration import Duration
 from fltea.settings.extras import load
 from fltea.wire import layout as wire
 
@@ -32,6 +34,22 @@ ReplaySettings = Annotated[
         help="A limit on memory: replay.max_chunk_mb (of MCAP) or replay.max_mb (of other files).",
     ),
 ]
+
+
+MaxGap = Annotated[
+    str,
+    typer.Option(metavar="N|TIME", help="Longest gap within an epoch, in samples or as a time such as 1s."),
+]
+
+
+def _max_gap(text: str) -> Duration:
+    value = duration.parse(text)
+    assert value is not None
+    try:
+        duration.check("--max-gap", value, 0)
+    except ValueError as error:
+        raise UsageError(f"{error}.") from error
+    return value
 
 
 def _limits(texts: list[str] | None) -> "Limits":
@@ -97,7 +115,7 @@ def info(
     json: Annotated[
         bool, typer.Option("--json", help="One JSON object a recording, each on a line.")
     ] = False,
-    max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+    max_gap: MaxGap = str(MAX_GAP),
     set_: ReplaySettings = None,
 ) -> None:
     """Sum recordings up: device, settings, duration, samples, gaps, resets, rate, and what is missing.
@@ -116,7 +134,7 @@ def info(
 
     limits = _limits(set_)
     for number, files in enumerate(sessions(paths)):
-        summary = summarise(files, max_gap, limits)
+        summary = summarise(files, _max_gap(max_gap), limits)
         if json:
             print(msgspec.json.encode(summary).decode())
         else:
@@ -133,7 +151,7 @@ def export(
             "that the device made beside the host's; `fits` of the maximum-likelihood fit."
         ),
     ] = "samples",
-    max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+    max_gap: MaxGap = str(MAX_GAP),
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists already.")] = False,
     set_: ReplaySettings = None,
 ) -> None:
@@ -150,7 +168,7 @@ def export(
     """
     from fltea.archive.export import export as write_export
 
-    rows = write_export(paths, to, what, max_gap, force=force, limits=_limits(set_))
+    rows = write_export(paths, to, what, _max_gap(max_gap), force=force, limits=_limits(set_))
     say(f"{to}: {rows} {what}")
 
 
