@@ -3,15 +3,18 @@
 Register facts: DS-000189, revision 1.3; numbers typed by hand. A register of bank 2 has 0x200 above it.
 """
 
+import errno
 import itertools
+import random
 
 import pytest
 from fake_smbus import MS, FakeBus, FakeHost, Pi, TellsTime, taken_ns
 from fltea.records.errors import UsageError
-from fltea.sources.i2c.driver import Driver, SensorFault, chip_of
+from fltea.sources.i2c.driver import Driver, SensorFault, TransferFailed, chip_of
 from fltea.sources.i2c.source import parse_url
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import sensor_name
+from smbus2 import i2c_msg
 
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
@@ -124,6 +127,23 @@ def test_settings_and_samples_do_not_mix_up_their_banks(bench: Bench) -> None:
     assert bench.driver.i2c_errors == 0
 
 
+def test_a_bank_that_could_not_be_selected_is_selected_later(bench: Bench) -> None:
+    bank = 0x00
+
+    def refuse(messages: tuple[i2c_msg, ...]) -> int | None:
+        return errno.EREMOTEIO if bytes(messages[0]) == bytes([0x7F, bank]) else None
+
+    bench.wait(20)
+    bench.bus.inject = refuse
+    with pytest.raises(TransferFailed):  # on the way back from bank 2
+        bench.driver.check_settings()
+    bank = 0x20
+    waiting = bench.driver.level().bytes
+    assert (waiting >= 2 * 12, waiting % 12) == (True, 0)
+    bench.bus.inject = lambda messages: None
+    bench.driver.check_settings()
+
+
 def test_a_full_fifo_keeps_the_oldest(bench: Bench) -> None:
     bench.wait(400)
     level = bench.driver.level()
@@ -183,6 +203,21 @@ def test_a_program_that_is_held_up() -> None:
     assert pi.told == ["fifo_overflow"]
     assert len(pi.missing) == 1
     assert 75 <= pi.missing[0] <= 90  # 1 s less the 42 samples that the FIFO held
+
+
+def test_errors_on_the_bus_mix_up_no_banks() -> None:
+    """Also those of the transfer that selects one: what is read then would be another register."""
+    pi, chance = Pi(model=Icm20948), random.Random(5)
+
+    def inject(messages: object) -> int | None:
+        pi.bus.broken_at = chance.random()
+        return chance.choice([errno.EREMOTEIO, errno.EIO]) if chance.random() < 0.03 else None
+
+    pi.host.at(12_000 * MS, lambda: setattr(pi.bus, "inject", inject))
+    pi.run_until(15.0).check()
+    assert pi.epochs == ["start"]
+    assert pi.status.i2c_errors > 10
+    assert set(pi.told) <= {"fifo_restarted"}
 
 
 def test_a_chip_that_forgets_is_set_up_again() -> None:

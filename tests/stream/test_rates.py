@@ -15,9 +15,9 @@ from fltea.settings.config import load_config
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 
-LASTS_S = 3
+LASTS_S = 2
 STARTUP_S = 1
-LOST_S = (1.5, 2.0)
+LOST_S = (1.2, 1.7)
 S = 1_000_000_000
 T = TypeVar("T")
 
