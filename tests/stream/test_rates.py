@@ -12,6 +12,7 @@ from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawBlock
 from fltea.records.records import AnyRecord, Epoch, Estimate, Fit, Gap
 from fltea.settings.config import load_config
+from fltea.sources.replay import TOGETHER_NS, _paced
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 
@@ -83,3 +84,19 @@ def test_a_gap_is_as_long_as_it_lasts(rate_hz: int, longest: str, reasons: list[
 def test_a_window_that_is_too_long_at_this_rate_is_named() -> None:
     with pytest.raises(UsageError, match="estimator: at 8000 Hz: window must be 1 to 10000000 samples"):
         walk(8000, estimator__window="2 h")
+
+
+@pytest.mark.parametrize(("rate_hz", "most"), [(10, 1), (100, 1), (1000, 10), (8000, 80)])
+def test_in_real_time_what_is_due_within_10_ms_comes_together(
+    monkeypatch: pytest.MonkeyPatch, rate_hz: int, most: int
+) -> None:
+    """Singly, 8 kHz would not keep up; at the Due's 100 Hz each sample comes at its own time."""
+    monkeypatch.setattr("fltea.sources.synthetic.sleep_until", lambda due_ns, closed: None)
+    source = SyntheticSource(f"?rate_hz={rate_hz}&n=400", realtime=True)
+    blocks = [event for event in source.events() if isinstance(event, RawBlock)]
+    assert max(len(block.sequence) for block in blocks) == most
+    assert [k for block in blocks for k in block.sequence] == list(range(400))
+    for block in blocks:
+        parts = list(_paced(block))
+        assert max(part.host_ns[-1] - part.host_ns[0] for part in parts) < TOGETHER_NS
+        assert [k for part in parts for k in part.sequence] == block.sequence.tolist()
