@@ -3,6 +3,7 @@
 Writes firmware/due/image/fltea_due.bin and fltea_due.json (committed: timer mode) and, to build/firmware/,
 both modes with JSON, ELF, map and stack use. Run tools/build_id.py first: the id is in the image.
 
+`--to FILE.bin --mode data_ready --define FLTEA_RATE_HZ=500` writes one image with other settings instead.
 `--check` writes nothing to the repository: it builds anew and compares. Exit codes: 0 the committed image is
 what the sources give; 1 it is not; 2 the build failed; 3 no compiler; 4 a compiler of another version than
 the image's.
@@ -16,6 +17,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,8 +62,10 @@ def compiler() -> str | None:
     return _run([f"{PREFIX}g++", "--version"], Path.cwd()).splitlines()[0]
 
 
-def build(root: Path, mode: str, folder: Path) -> Image:
+def build(root: Path, mode: str, folder: Path, defines: Sequence[str] = ()) -> Image:
     """Build one image, with all that arises on the way in `folder`. Raises BuildError.
+
+    defines: of firmware/core/settings.h, such as FLTEA_RATE_HZ=200.
 
     The compiler is called from within firmware/ and sees relative paths only, so that the bytes do not depend
     on where the repository is.
@@ -73,6 +77,7 @@ def build(root: Path, mode: str, folder: Path) -> Image:
         name = source.relative_to(firmware).as_posix()
         target = (folder / name.replace("/", "_")).with_suffix(".o").resolve()
         mapped = [f"-ffile-prefix-map={firmware.resolve()}=firmware", f"-DFLTEA_SAMPLING_MODE={mode}"]
+        mapped += [f"-D{define}" for define in defines]
         _run([f"{PREFIX}g++", *FLAGS, *mapped, "-c", "-o", str(target), name], firmware)
         objects.append(str(target))
     elf = (folder / "fltea_due.elf").resolve()
@@ -161,6 +166,16 @@ def main() -> int:
     parser.add_argument(
         "--root", type=Path, default=Path(__file__).resolve().parent.parent, help="repository"
     )
+    parser.add_argument(
+        "--to",
+        type=Path,
+        metavar="FILE.bin",
+        help="write one image with other settings there, and its facts beside it (FILE.json)",
+    )
+    parser.add_argument("--mode", choices=MODES, default=COMMITTED_MODE, help="of --to")
+    parser.add_argument(
+        "--define", action="append", default=[], metavar="NAME=VALUE", help="of --to, e.g. FLTEA_RATE_HZ=200"
+    )
     arguments = parser.parse_args()
     root: Path = arguments.root
     folder = root / "build/firmware"
@@ -172,6 +187,11 @@ def main() -> int:
             return _say(
                 NO_COMPILER, f"no {PREFIX}g++ here: install gcc-arm-none-eabi, or use the committed {IMAGE}"
             )
+        if arguments.to is not None:
+            image = build(root, arguments.mode, folder / "other", arguments.define)
+            arguments.to.write_bytes(image.data)
+            arguments.to.with_suffix(".json").write_text(record(root, image, made_by), encoding="utf-8")
+            return _say(OK, f"{arguments.to}: {', '.join([arguments.mode, *arguments.define])}")
         images = {mode: build(root, mode, folder / mode) for mode in MODES}
     except BuildError as error:
         return _say(FAILED, str(error))

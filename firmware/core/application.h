@@ -92,12 +92,20 @@ class Application {
              ? kSamplesPerS * Estimation::kAxes * wire_size<Estimate>() / settings::kEstimateEvery +
                    wire_size<Estimator>()
              : 0);
-    static_assert(kBytesPerS < kBaud / 10 * 9 / 10, "the line has to take all that is to be said");
-    // Less would leave a small ring no time for ESTIMATOR between two samples (Link::send).
-    static_assert(!settings::kEstimate || settings::kSamplePeriodUs >= 4000, "too fast for estimates");
+    static_assert(
+        kBytesPerS < settings::kLineBaud / 10 * 9 / 10,
+        "the line has to take all that is to be said: another FLTEA_RATE_HZ, FLTEA_BAUD or kEstimateEvery");
+    // The bus takes as long for a sample and its guard; nine clocks a byte, each with a register's number.
+    static constexpr uint32_t kReadUs =
+        (Mpu9250::kBurstBytes + Mpu9250::kGuardBytes + 6) * 9 * 1000000 / settings::kI2cHz;
+    static_assert(kReadUs < settings::kSamplePeriodUs * 3 / 4, "the bus has to take all samples");
+    // Three axes take 1.1 ms of the processor, and a ring as small as Arduino's has to have room for
+    // ESTIMATOR in mid-period (Link::send).
+    static_assert(!settings::kEstimate || settings::kSamplePeriodUs >= 2000, "too fast for estimates");
 
     static constexpr uint32_t kLateUs = settings::kSamplePeriodUs / 10;
-    static constexpr uint32_t kMostSilenceUs = 5 * settings::kSamplePeriodUs;
+    static constexpr uint32_t kMostSilenceUs =
+        settings::kSamplePeriodUs < 10000 ? 50000 : 5 * settings::kSamplePeriodUs;
 
     void take_sample() {
         Health::Reading reading;
@@ -145,7 +153,7 @@ class Application {
             status_.done();
             workload_.begin(now_us);
         }
-        const uint32_t quiet_us = sampler_.until_next_us(now_us);
+        const uint32_t quiet_us = sampler_.until_next_us(now_us) + kReadUs;
         if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
         if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
     }

@@ -96,8 +96,9 @@ class Health {
     // What became of a question about the chip's settings.
     enum class Answer : uint8_t { right, right_at_second, wrong, none };
 
-    // Three instants in a row are more than a disturbance and less than the host's patience.
-    static constexpr uint8_t kLostInstants = 3;
+    // Three instants in a row, and 30 ms, are more than a disturbance and less than the host's patience.
+    static constexpr uint8_t kLostInstants =
+        settings::kSamplePeriodUs < 10000 ? 30000 / settings::kSamplePeriodUs : 3;
     // The noise of seven channels does not stand still; a chip asleep does, and keeps its settings.
     static constexpr uint8_t kMostEqual = 10;
     // After a reset the registers answer like after power-up: within 100 ms (PS-MPU-9250A-01, start-up time).

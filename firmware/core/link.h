@@ -7,6 +7,7 @@
 #include "byte_sink.h"
 #include "frame.h"
 #include "messages.h"
+#include "settings.h"
 
 namespace fltea {
 
@@ -23,11 +24,12 @@ class Link {
         }
     }
 
-    // Sends any other message if a sample fits beside it, or will fit by the time that the next one is due,
-    // in `quiet_us`: a small ring does not hold both. False: not now, try again later.
+    // Sends any other message if a sample fits beside it, or will fit by the time that the next one comes, in
+    // `quiet_us` at the earliest: a small ring does not hold both. False: not now, try again later.
     template <typename Message>
     bool send(const Message& message, uint32_t device_us, uint32_t quiet_us = 0) {
-        if (!room_for<Message>(quiet_us > 2 * kSampleUs ? 0 : wire_size<Sample>())) return false;
+        const size_t gone = quiet_us / kByteUs;  // the line has taken as many bytes by then
+        if (!room_for<Message>(gone < wire_size<Sample>() ? wire_size<Sample>() - gone : 0)) return false;
         write(message, sequences_[Message::type()]++, device_us);
         return true;
     }
@@ -53,8 +55,8 @@ class Link {
         }
     }
 
-    // What the line takes for a sample: ten bits a byte.
-    static constexpr uint32_t kSampleUs = wire_size<Sample>() * 10 * 1000000 / kBaud;
+    // What the line takes for a byte: ten bits.
+    static constexpr uint32_t kByteUs = 10 * 1000000 / settings::kLineBaud;
 
     // 0x00 before the first frame ends the rubbish that the line may hold.
     static constexpr size_t kOpening = 1;

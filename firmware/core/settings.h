@@ -15,6 +15,22 @@
 #define FLTEA_ESTIMATE true
 #endif
 
+// Samples a second, bandwidth and full scale: -DFLTEA_RATE_HZ=200 -DFLTEA_DLPF_HZ=92
+// -DFLTEA_GYRO_RANGE_DPS=250
+#ifndef FLTEA_RATE_HZ
+#define FLTEA_RATE_HZ 100
+#endif
+#ifndef FLTEA_DLPF_HZ
+#define FLTEA_DLPF_HZ 184
+#endif
+#ifndef FLTEA_GYRO_RANGE_DPS
+#define FLTEA_GYRO_RANGE_DPS 2000
+#endif
+// Of the line to the host: -DFLTEA_BAUD=400000, and the same for `fltea run --baud`
+#ifndef FLTEA_BAUD
+#define FLTEA_BAUD kBaud
+#endif
+
 namespace fltea {
 namespace settings {
 
@@ -22,11 +38,15 @@ namespace settings {
 // sensor's clock (±1 %) rules, and each time stamp is that of the sensor's own conversion.
 constexpr SamplingMode kSamplingMode = SamplingMode::FLTEA_SAMPLING_MODE;
 
-// Time between sampling instants [us]; whole milliseconds, the sensor's internal step.
-constexpr uint32_t kSamplePeriodUs = 10000;
+// Time between sampling instants [us]; whole milliseconds, the sensor's internal step. At kBaud the line
+// takes 500 Hz; 1000 Hz need 400,000 baud and no estimates. Above 100 Hz prefer data_ready: by the timer a
+// sample is up to 1 ms old.
+constexpr uint32_t kSamplePeriodUs = 1000000 / FLTEA_RATE_HZ;
+static_assert(kSamplePeriodUs * FLTEA_RATE_HZ == 1000000,
+              "FLTEA_RATE_HZ must divide a second without a rest");
 
 // Full scale, plus and minus [deg/s]: 250, 500, 1000 or 2000.
-constexpr uint16_t kGyroRangeDps = 2000;
+constexpr uint16_t kGyroRangeDps = FLTEA_GYRO_RANGE_DPS;
 
 // Full scale, plus and minus [g]: 2, 4, 8 or 16.
 constexpr uint16_t kAccelRangeG = 2;
@@ -34,7 +54,7 @@ constexpr uint16_t kAccelRangeG = 2;
 // Bandwidth of the sensor's low-pass filters [Hz]: 184, 92, 41, 20, 10 or 5. The noise is the signal here,
 // and a narrow filter colours it: 0.01 deg/s/sqrt(Hz) over 184 Hz gives about 0.02 (deg/s)^2, over 41 Hz
 // about 0.005.
-constexpr uint16_t kDlpfHz = 184;
+constexpr uint16_t kDlpfHz = FLTEA_DLPF_HZ;
 
 // AD0 to ground: 0x68; AD0 to 3.3 V: 0x69.
 constexpr uint8_t kSensorAddress = 0x68;
@@ -45,11 +65,13 @@ constexpr uint32_t kI2cTimeoutUs = 3000;
 // Whether the device estimates by itself; ESTIMATOR reports to the host with what. Variant, guard, start-up
 // window and the filters' numbers are those of `fltea run`: filter_settings.h.
 constexpr bool kEstimate = FLTEA_ESTIMATE;
-// ESTIMATEs belong to samples whose sequence is a multiple of this; at 2 the line is two thirds full.
-constexpr uint16_t kEstimateEvery = 10;
+// ESTIMATEs belong to samples whose sequence is a multiple of this: ten times a second. At 2 and 100 Hz the
+// line is two thirds full.
+constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 
-// To the host [baud]: exact on the Due (84 MHz / 16 / 21) and on its USB chip; the usual 115200 is not.
-constexpr uint32_t kLineBaud = kBaud;
+// To the host [baud]. 250,000 is exact on the Due (84 MHz / 16 / 21) and on its USB chip; the usual 115200 is
+// not. 400,000 is exact on the USB chip, and 1 % more on the Due (84 MHz / 16 / 13).
+constexpr uint32_t kLineBaud = FLTEA_BAUD;
 
 }  // namespace settings
 }  // namespace fltea

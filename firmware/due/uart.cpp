@@ -1,6 +1,7 @@
 #include "uart.h"
 
 #include "../core/messages.h"
+#include "../core/settings.h"
 #include "clock.h"
 #include "cortex_m3.h"
 #include "handlers.h"
@@ -14,8 +15,12 @@ namespace {
 using namespace sam3x;
 
 // Datasheet, UART, Baud Rate Generator.
-constexpr uint32_t kDivisor = clock::kMasterHz / 16 / kBaud;
-static_assert(kDivisor * 16 * kBaud == clock::kMasterHz, "the baud rate is exact");
+constexpr uint32_t kBaudTimes16 = settings::kLineBaud * 16;
+constexpr uint32_t kDivisor = (clock::kMasterHz + kBaudTimes16 / 2) / kBaudTimes16;
+// Ten bits bear twice as much between both ends.
+static_assert(kDivisor * kBaudTimes16 >= clock::kMasterHz / 100 * 99 &&
+                  kDivisor * kBaudTimes16 <= clock::kMasterHz / 100 * 101,
+              "the baud rate is right within 1 %");
 
 constexpr uint32_t kTransmitPin = 1u << 9;  // PA9, peripheral A: UTXD
 

@@ -79,7 +79,7 @@ USAGE = {
     "no such command": (["walk"], "walk"),
     "no such flag": (["run", "--colour"], "--colour"),
     "flag without value": (["run", "--source"], "--source"),
-    "no whole number": (["run", "--window", "x"], "--window|x"),
+    "no length": (["run", "--window", "x"], "estimator: window 'x': give a number of samples, or a time"),
     "too many words": (["run", "rest.npz"], "rest.npz"),
     "no such source": (["run", "-s", "mqtt:x"], "'mqtt:' is no kind of source"),
     "no such file": (["run", "-s", "replay:none.npz"], "none.npz: there is no such file"),

@@ -13,7 +13,7 @@ import pytest
 from due_support import ROOT
 from fltea.lab.evaluate.cramer_rao import bound
 from fltea.noise.spectra import g_of, step_variance
-from fltea.settings.config import device_name
+from fltea.settings.device_name import device_name
 from fltea.sources.synthetic import parse_noise
 
 from tools import demo

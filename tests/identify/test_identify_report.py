@@ -52,10 +52,10 @@ def test_page_has_all_and_needs_nothing(made: tuple[Path, list[FileReport], list
         assert sorted(kind.rpartition("_")[2] for kind in kinds if axis in kind) == sorted(figures.TITLES)
     assert len(kinds) == 2 * len(figures.TITLES)
     assert not re.search(r"<(link|script|iframe)|url\(|src=\"(?!data:)|href=", page)
-    for axis in reports[0].axes.values():
-        assert isinstance(axis, AxisReport)
-        assert html.escape(axis.result.verdict.text) in page
-        for rule in axis.result.verdict.rules:
+    for axis_report in reports[0].axes.values():
+        assert isinstance(axis_report, AxisReport)
+        assert html.escape(axis_report.result.verdict.text) in page
+        for rule in axis_report.result.verdict.rules:
             assert rule.question in page
 
 

@@ -168,6 +168,7 @@ def test_a_raspberry_pi_is_told_how_to_switch_its_bus_on(system: FakeSystem) -> 
     [
         ({0x68: 0x71}, "ok", "MPU-9250 answers at /dev/i2c-1, address 0x68", None),
         ({0x68: 0x70}, "warning", "the same kind of gyroscope, but no magnetometer", None),
+        ({0x68: 0xEA}, "ok", "ICM-20948 answers at /dev/i2c-1, address 0x68", None),
         ({0x68: 0x33}, "problem", "WHO_AM_I 0x33", "a bad contact on SDA"),
         ({0x69: 0x71}, "problem", "but at 0x69: MPU-9250", "--source 'i2c:///dev/i2c-1?addr=0x69'"),
         ({}, "problem", "no chip answers at /dev/i2c-1, address 0x68", "i2cdetect -y 1"),

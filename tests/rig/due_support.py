@@ -33,11 +33,14 @@ def with_fault(name: str) -> tuple[DueRun, Row]:
     return measure(image(), next(case for case in CASES if case.name == name))
 
 
-def build(mode: str, folder: Path) -> bytes:
-    """An image of the present sources, where the compiler is there; CI has it."""
+def build(mode: str, folder: Path, *defines: str) -> bytes:
+    """An image of the present sources, where the compiler is there; CI has it.
+
+    defines: of firmware/core/settings.h.
+    """
     if shutil.which("arm-none-eabi-g++") is None:
         missing("no arm-none-eabi-g++ (Debian: gcc-arm-none-eabi)")
     sys.path.insert(0, str(ROOT / "tools"))
     from build_firmware import build
 
-    return build(ROOT, mode, folder).data
+    return build(ROOT, mode, folder, defines).data

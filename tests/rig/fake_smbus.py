@@ -20,8 +20,8 @@ from smbus2 import i2c_msg
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
-from tools.due_emulator.mpu9250_registers import FIFO_R_W
 from tools.due_emulator.noise import Motion, World
 
 S = 1_000_000_000
@@ -92,7 +92,7 @@ class FakeHost:
 class FakeBus:
     """`smbus2.SMBus` with one chip. inject: errno that a transaction fails with, or None."""
 
-    def __init__(self, host: FakeHost, chip: Mpu9250, baud: int = 400_000) -> None:
+    def __init__(self, host: FakeHost, chip: Mpu9250 | Icm20948, baud: int = 400_000) -> None:
         self.host = host
         self.chip = chip
         self.inject: Injection = lambda messages: None
@@ -155,7 +155,7 @@ class FakeBus:
         ctypes.memmove(message.buf, data, n)
 
     def _read(self, n: int, *, last: bool) -> bytes:
-        if self._register == FIFO_R_W:  # what `read` comes to, without its way for every byte
+        if self._register == self.chip.fifo_register:  # what `read` comes to, without its way for every byte
             return bytes(self.chip.fifo.pop() for _ in range(n))
         return bytes(self.chip.read(ack=not last or i < n - 1) for i in range(n))
 
@@ -174,10 +174,11 @@ class Pi:
         url: str = "///dev/i2c-1?addr=0x68",
         start_ns: int = 0,
         overrides: dict[str, object] | None = None,
+        model: type[Mpu9250 | Icm20948] = Mpu9250,
         **chip: object,
     ) -> None:
         self.host = FakeHost(start_ns)
-        self.chip = Mpu9250(world or TellsTime(), **chip)
+        self.chip = model(world or TellsTime(), **chip)
         self.bus = FakeBus(self.host, self.chip)
         self.source = I2cSource(url, open_bus=self.bus.open, host=self.host)
         self.pipeline = Pipeline(self.source, load_config(None, overrides or NO_ESTIMATES))
@@ -246,7 +247,7 @@ class Pi:
         Numbers and moments of one epoch agree to the sample, no sample arrived before it was taken, and what
         was not delivered was counted.
         """
-        period_ns = 10 * MS / (1 + ppm * 1e-6)
+        period_ns = S / self.hello.rate_hz / (1 + ppm * 1e-6)
         epoch, first, arrived_ns = -1, (0, 0), 0
         times: list[int] = []
         samples = self.of(Sample)

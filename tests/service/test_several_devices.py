@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 from fltea.records.errors import UsageError
-from fltea.settings.config import NAME, Config, device_name, load_configs
+from fltea.settings.config import Config, load_configs
+from fltea.settings.device_name import NAME, device_name
 from host_support import QUICK, fltea
 from hypothesis import given
 from hypothesis import strategies as st

@@ -129,6 +129,7 @@ IMPOSSIBLE = [
     ("format", "json", "format: "),
     ("pace", "slow", "pace: "),
     ("link.max_gap", -1, "link: max_gap"),
+    ("link.max_gap", "fast", "link: max_gap 'fast': give a number of samples, or a time"),
     ("replay.rate_hz", 0, "replay: rate_hz"),
     ("replay.rate_hz", float("nan"), "replay: rate_hz"),
     ("replay.rate_hz", float("inf"), "replay: rate_hz"),

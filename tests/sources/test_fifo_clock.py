@@ -15,7 +15,7 @@ class Sensor:
     """Takes sample k at begin + k periods, and is looked at every now and then."""
 
     def __init__(self, ppm: float, begin_ns: int = 7 * MS, drift_per_s: float = 0.0) -> None:
-        self.clock = FifoClock(100.0)
+        self.clock = FifoClock(100.0, 0.03)
         self.period_ns = 10 * MS / (1 + ppm * 1e-6)
         self.begin_ns = begin_ns
         self.drift = drift_per_s
@@ -121,7 +121,7 @@ def test_after_a_set_up_the_numbers_go_on_by_time() -> None:
 
 
 def test_the_first_sample_is_number_0() -> None:
-    clock = FifoClock(100.0)
+    clock = FifoClock(100.0, 0.03)
     assert clock.resume(2, 5 * S, 5 * S + 12 * MS) == (0, 0)
     taken = clock.take(2, 2, 5 * S + 12 * MS, timely=True)
     assert [number for number, _ in taken] == [0, 1]

@@ -30,7 +30,7 @@ SETTLED_S = 12.0
     ],
 )
 def test_the_url(rest: str, path: str, address: int) -> None:
-    assert parse_url(rest) == (path, address)
+    assert parse_url(rest) == (path, address, "")
 
 
 @pytest.mark.parametrize(

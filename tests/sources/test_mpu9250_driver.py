@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 from fake_smbus import MS, FakeBus, FakeHost, TellsTime
-from fltea.sources.i2c import registers as reg
-from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed, kind_of, settings_of
+from fltea.sources.i2c import mpu9250_registers as reg
+from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed, chip_of
 from fltea.wire.layout import FaultCode
-from fltea.wire.sensors import SENSORS
+from fltea.wire.sensors import MPU_FAMILY
 from smbus2 import i2c_msg
 
 from tools.due_emulator.mpu9250 import Mpu9250
@@ -107,7 +107,7 @@ def test_what_is_set_on_an_mpu6050() -> None:
     assert bench.driver.level().bytes == 4 * 14
 
 
-@pytest.mark.parametrize("who_am_i", SENSORS)
+@pytest.mark.parametrize("who_am_i", MPU_FAMILY)
 def test_every_relative_is_set_up_and_read(who_am_i: int) -> None:
     bench = Bench(who_am_i=who_am_i).set_up()
     assert bench.driver.identify() == who_am_i
@@ -217,7 +217,7 @@ def test_a_flipped_bit_of_a_setting_is_asked_again(bench: Bench) -> None:
 
 
 def test_bits_without_a_meaning_may_be_anything() -> None:
-    for setting in settings_of(kind_of(0x71)):
+    for setting in chip_of(0x71).settings:
         assert setting.kept(setting.value | ~setting.meaning & 0xFF)
         assert not setting.kept(setting.value ^ setting.meaning)
 

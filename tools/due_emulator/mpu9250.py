@@ -36,6 +36,8 @@ class Mpu9250:
     when the INT pin changes. It has been powered for long at time 0.
     """
 
+    fifo_register = reg.FIFO_R_W
+
     def __init__(
         self, world: World, *, who_am_i: int = 0x71, address: int = 0x68, clock_ppm: float = 0.0
     ) -> None:
@@ -56,7 +58,6 @@ class Mpu9250:
         self._measured: tuple[Motion, int, int, bytes] | None = None
         self._pointer = 0
         self._selected = self._reading = self._pointer_next = self._busy = False
-        self._registers = bytearray(128)
         self._output = self._shown = bytes(OUTPUT_BYTES)
         self._output_ns = -1
         self._status = self._count_latch = 0
@@ -273,8 +274,7 @@ class Mpu9250:
 
     def _restore(self) -> None:
         """Reset values, and the clock started anew if they let it run."""
-        self._ready_at_ns = None
-        self._quiet_until_ns = 0
+        self._ready_at_ns, self._quiet_until_ns = None, 0
         self._registers = bytearray(128)
         for register, value in self.variant.reset.items():
             self._registers[register] = value

@@ -26,6 +26,7 @@ from fltea.records.events import Values
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
 from fltea.records.whole_file import text_of, whole_file
+from fltea.settings.duration import Duration
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
@@ -77,7 +78,7 @@ def export(
     paths: Sequence[Path],
     out: Path,
     what: What,
-    max_gap: int,
+    max_gap: Duration,
     *,
     force: bool = False,
     limits: Limits = DEFAULT_LIMITS,
@@ -119,7 +120,7 @@ def export(
 
 
 def decode(
-    paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
+    paths: Sequence[Path], max_gap: Duration, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
 ) -> Iterator[Decoded]:
     """The samples of a recording of any kind."""
     if len(paths) == 1 and is_one_file(paths[0]):

@@ -14,6 +14,7 @@ from fltea.recording.kind import is_one_file
 from fltea.records.events import Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.records.visible import visible
+from fltea.settings.duration import Duration
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, find_mcap_sessions, open_mcap
 from fltea.stream.decode import Decoded, Decoder
@@ -69,7 +70,7 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
 
 
 def summarise(
-    paths: Sequence[Path], max_gap: int, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
+    paths: Sequence[Path], max_gap: Duration, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
 ) -> Summary:
     """Read a recording once, from its raw bytes.
 

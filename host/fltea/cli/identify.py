@@ -16,6 +16,7 @@ from fltea.cli import exports, how
 from fltea.cli.output import print_result, say
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible_lines
+from fltea.settings import duration
 from fltea.settings.extras import load
 
 if TYPE_CHECKING:
@@ -55,10 +56,14 @@ def identify(
         str | None, typer.Option(help="FLTEA: `off`, `faithful` or `consistent` (default).")
     ] = None,
     window: Annotated[
-        int | None, typer.Option("--window", "-L", help="FLTEA: length L of the memory in samples.")
+        str | None,
+        typer.Option(
+            "--window", "-L", metavar="N|TIME", help="FLTEA: length L of the memory in samples, or as 30s."
+        ),
     ] = None,
     startup: Annotated[
-        int | None, typer.Option(metavar="N", help="FLTEA: samples of the start-up window.")
+        str | None,
+        typer.Option(metavar="N|TIME", help="FLTEA: start-up window in samples, or as a time such as 5s."),
     ] = None,
     config: Annotated[
         Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML file, as of `fltea run`.")
@@ -137,12 +142,12 @@ def identify(
     flags = {
         "estimator.variant": variant,
         "estimator.guard": guard,
-        "estimator.window": window,
-        "estimator.startup": startup,
+        "estimator.window": duration.parse(window),
+        "estimator.startup": duration.parse(startup),
         "accel.variant": variant,
         "accel.guard": guard,
-        "accel.window": window,
-        "accel.startup": startup,
+        "accel.window": duration.parse(window),
+        "accel.startup": duration.parse(startup),
         "channels": _list(channels),
         "replay.columns": _list(columns),
         "replay.units": units,

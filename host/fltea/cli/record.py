@@ -9,6 +9,8 @@ from fltea.cli import how
 from fltea.cli.output import print_lines, say
 from fltea.recording.how import How
 from fltea.records.errors import FlteaError, UsageError
+from fltea.settings import duration
+from fltea.settings.duration import Duration
 from fltea.settings.extras import load
 from fltea.wire import layout as wire
 
@@ -34,6 +36,22 @@ ReplaySettings = Annotated[
         help="A limit on memory: replay.max_chunk_mb (of MCAP) or replay.max_mb (of other files).",
     ),
 ]
+
+
+MaxGap = Annotated[
+    str,
+    typer.Option(metavar="N|TIME", help="Longest gap within an epoch, in samples or as a time such as 1s."),
+]
+
+
+def _max_gap(text: str) -> Duration:
+    value = duration.parse(text)
+    assert value is not None
+    try:
+        duration.check("--max-gap", value, 0)
+    except ValueError as error:
+        raise UsageError(f"{error}.") from error
+    return value
 
 
 def _limits(texts: list[str] | None) -> "Limits":
@@ -99,7 +117,7 @@ def info(
     json: Annotated[
         bool, typer.Option("--json", help="One JSON object a recording, each on a line.")
     ] = False,
-    max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+    max_gap: MaxGap = str(MAX_GAP),
     topic: how.Topic = None,
     set_: ReplaySettings = None,
 ) -> None:
@@ -119,7 +137,7 @@ def info(
 
     limits = _limits(set_)
     for number, files in enumerate(sessions(paths)):
-        summary = summarise(files, max_gap, limits, How(topic=topic))
+        summary = summarise(files, _max_gap(max_gap), limits, How(topic=topic))
         if json:
             print(msgspec.json.encode(summary).decode())
         else:
@@ -136,7 +154,7 @@ def export(
             "that the device made beside the host's; `fits` of the maximum-likelihood fit."
         ),
     ] = "samples",
-    max_gap: Annotated[int, typer.Option(help="Longest gap in samples within an epoch.")] = MAX_GAP,
+    max_gap: MaxGap = str(MAX_GAP),
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists already.")] = False,
     topic: how.Topic = None,
     set_: ReplaySettings = None,
@@ -155,7 +173,7 @@ def export(
     from fltea.archive.export import export as write_export
 
     chosen = How(topic=topic)
-    rows = write_export(paths, to, what, max_gap, force=force, limits=_limits(set_), how=chosen)
+    rows = write_export(paths, to, what, _max_gap(max_gap), force=force, limits=_limits(set_), how=chosen)
     say(f"{to}: {rows} {what}")
 
 

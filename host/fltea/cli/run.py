@@ -7,7 +7,7 @@ import typer
 
 from fltea.cli import how
 from fltea.records.errors import UsageError
-from fltea.settings import filters
+from fltea.settings import duration, filters
 from fltea.settings.config import load_configs, parse_setting
 from fltea.settings.old_names import OLD_WHITE_BAND, old_engine
 from fltea.wire import layout as wire
@@ -122,16 +122,21 @@ def run(
         typer.Option(metavar="SEED", help="Shuffle a recording: what would white noise of this size give?"),
     ] = None,
     window: Annotated[
-        int | None,
+        str | None,
         typer.Option(
             "--window",
             "-L",
-            help=f"Length L of the memory in samples (default {filters.WINDOW}); 0: unlimited.",
+            metavar="N|TIME",
+            help="Length L of the memory in samples, or as a time such as 30s "
+            f"(default {filters.WINDOW} samples); 0: unlimited.",
         ),
     ] = None,
     startup: Annotated[
-        int | None,
-        typer.Option(metavar="N", help=f"Samples of the start-up window (default {filters.STARTUP})."),
+        str | None,
+        typer.Option(
+            metavar="N|TIME",
+            help=f"Start-up window in samples, or as a time such as 5s (default {filters.STARTUP} samples).",
+        ),
     ] = None,
     bias: Annotated[
         str | None,
@@ -177,7 +182,12 @@ def run(
     ] = None,
     baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
     max_gap: Annotated[
-        int | None, typer.Option(help=f"Longest gap in samples that is bridged (default {filters.MAX_GAP}).")
+        str | None,
+        typer.Option(
+            metavar="N|TIME",
+            help="Longest gap that is bridged, in samples or as a time such as 1s "
+            f"(default {filters.MAX_GAP} samples).",
+        ),
     ] = None,
     set_: Annotated[
         list[str] | None,
@@ -232,8 +242,8 @@ def run(
         "replay.time_unit": time_unit,
         "replay.topic": topic,
         "replay.shuffle": shuffle,
-        "estimator.window": window,
-        "estimator.startup": startup,
+        "estimator.window": duration.parse(window),
+        "estimator.startup": duration.parse(startup),
         "estimator.bias": _numbers(bias, "--bias", ("startup", "none")),
         "estimator.R": _numbers(r, "--r", ("auto",)),
         "estimator.estimate_on": estimate_on,
@@ -242,7 +252,7 @@ def run(
         "estimator.guard": guard,
         "estimator.tuning": tuning,
         "link.baud": baud,
-        "link.max_gap": max_gap,
+        "link.max_gap": duration.parse(max_gap),
     }
     overrides = {path: value for path, value in flags.items() if value is not None}
     overrides.update(parse_setting(text) for text in set_ or [])

@@ -120,7 +120,7 @@ class BaselineRule:
 
 def rule_of(axes: Sequence[str], config: EstimatorConfig, resolution: float | None) -> BaselineRule:
     """The rule of an estimator's settings; resolution: one LSB in the axes' unit, None where unknown."""
-    return BaselineRule(axes, config.startup, config.bias, config.R, resolution)
+    return BaselineRule(axes, config.startup_samples, config.bias, config.R, resolution)
 
 
 def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: float | None) -> Baseline:

@@ -19,7 +19,7 @@ def lane_settings(
     order, parameter, state, joint = config.order, config.parameter, config.state, config.joint
     return EngineSettings(
         h=h,
-        window=config.window or None,
+        window=config.window_samples or None,
         memory=config.memory,
         variant=config.variant,
         guard=config.guard,

@@ -93,6 +93,14 @@ class Settings(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self.options, estimator=msgspec.structs.replace(config, **numbers))
 
 
+def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
+    """The options with times as samples, h s each; UsageError if there are more of them than may be."""
+    try:
+        return msgspec.structs.replace(options, estimator=options.estimator.at(1 / h))
+    except ValueError as error:
+        raise UsageError(f"{error}.") from error
+
+
 class _Task(NamedTuple):
     """To read a recording, or (with an axis) to identify one of its axes or a group of its copies."""
 
@@ -239,7 +247,7 @@ class _Loop:
         for name, series in recording.axes.items():
             report.axes[name] = Failure("not done")  # keeps the order of the axes
             try:
-                options = self._settings.of_axis(name, tuple(recording.axes))
+                options = _at_rate(self._settings.of_axis(name, tuple(recording.axes)), h)
             except FlteaError as error:
                 report.axes[name] = Failure(str(error))
                 continue

@@ -142,7 +142,7 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "fifo_overflow",
-        "The FIFO of a sensor on I²C ran over, because nobody read it for more than 0.36 s.",
+        "The FIFO of a sensor on I²C ran over, because nobody read it for more than a third of a second.",
         "Relieve the machine; the text says how many samples are lost.",
     ),
     ErrorKind(

@@ -7,7 +7,7 @@ from serial.tools import list_ports
 from fltea.recording.kind import KINDS, is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
-from fltea.settings.config import BY_DEVICE, Config
+from fltea.settings.config import BY_DEVICE, Config, EstimatorConfig
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
@@ -75,7 +75,7 @@ def open_source(config: Config) -> Source:
             return ReplaySource(
                 Path(rest),
                 how=replay.how,
-                startup=0 if by_device else config.estimator.startup_needed,
+                startup=0 if by_device else _startup(config.estimator),
                 shuffle=replay.shuffle,
                 realtime=config.pace == "real",
                 limits=replay.limits,
@@ -96,3 +96,8 @@ def _need_wire(config: Config, url: str) -> None:
             f"--estimate-on {who}: {url} gives samples only. An Arduino Due estimates by itself, so this "
             "needs its port (serial:PORT) or an .mcap recording of it; else --estimate-on host."
         )
+
+
+def _startup(config: EstimatorConfig) -> int:
+    """Samples that a recording needs at least, as far as that is known without its rate."""
+    return config.startup_needed if isinstance(config.startup, int) else 0

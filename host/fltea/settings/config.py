@@ -5,14 +5,16 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
 
 import msgspec
 
 from fltea.recording.how import How, TimeUnit
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
-from fltea.settings import filters
+from fltea.settings import duration, filters
+from fltea.settings.device_name import NAME, device_name, device_names
+from fltea.settings.duration import Duration
 from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.settings.live import LiveConfig
@@ -34,16 +36,15 @@ MOST_MB = 1e9
 class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Serial link.
 
-    baud: speed of a serial port. max_gap: longest gap in samples that is bridged; a longer one begins a new
-    epoch.
+    baud: speed of a serial port. max_gap: longest gap that is bridged, in samples or as a time ("1 s"); a
+    longer one begins a new epoch.
     """
 
     baud: int = wire.BAUD
-    max_gap: int = filters.MAX_GAP
+    max_gap: Duration = filters.MAX_GAP
 
     def __post_init__(self) -> None:
-        if self.max_gap < 0:
-            raise ValueError("max_gap must be 0 samples or more")
+        duration.check("max_gap", self.max_gap, 0)
 
 
 class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -114,9 +115,10 @@ BY_DEVICE = ("device", "both")
 
 
 class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True):
-    """The estimator, its start-up window (samples), bias (deg/s) and R ((deg/s)²).
+    """The estimator, its start-up window, bias (deg/s) and R ((deg/s)²).
 
-    window: length L of the memory in samples; 0: unlimited. startup: samples of the start-up window.
+    window: length L of the memory; 0: unlimited. startup: length of the start-up window. Both are in samples,
+    or a time ("30 s"), of which `at` makes samples.
     bias: "startup" (its mean), "none", or deg/s, one for all axes or a list. R: "auto" (the variance of the
     start-up window), or (deg/s)², one for all axes or a list.
     estimate_on: "host" (this computer), "device" (an Arduino Due's own estimates, none here) or "both" (the
@@ -129,7 +131,7 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
     printed algorithm (guard "off").
     """
 
-    startup: int = filters.STARTUP
+    startup: Duration = filters.STARTUP
     bias: Literal["startup", "none"] | float | list[float] = "startup"
     R: Literal["auto"] | float | list[float] = "auto"
     estimate_on: EstimateOn = "host"
@@ -149,8 +151,7 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
             )
         if not 1 <= self.gate <= 1000:
             raise ValueError(f"gate must be 1 to 1000 standard deviations, got {self.gate:g}")
-        if self.startup < 2:
-            raise ValueError("startup must be at least 2 samples: a variance needs two")
+        duration.check("startup", self.startup, 2)
         if any(not math.isfinite(r) or r <= 0 for r in _given(self.R)):
             raise ValueError("R is a variance and must be a positive number")
         if not all(math.isfinite(b) for b in _given(self.bias)):
@@ -164,10 +165,32 @@ class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True
         given = self.R != "auto" or self.state.Q != type(self)().state.Q
         return "startup" if given or self.guard == "off" else DEFAULT_TUNING
 
+    def at(self, rate_hz: float) -> Self:
+        """The same with times as samples at a rate.
+
+        Raises:
+            ValueError: a window that no filter can keep.
+        """
+        window = duration.in_samples(self.window, rate_hz, 1)
+        startup = duration.in_samples(self.startup, rate_hz, 2)
+        if (window, startup) == (self.window, self.startup):
+            return self
+        return msgspec.structs.replace(self, window=window, startup=startup)
+
+    @property
+    def window_samples(self) -> int:
+        """`window`, once `at` has made samples of it."""
+        return duration.known("window", self.window)
+
+    @property
+    def startup_samples(self) -> int:
+        """`startup`, once `at` has made samples of it."""
+        return duration.known("startup", self.startup)
+
     @property
     def startup_needed(self) -> int:
         """Samples that the start-up window takes: none if neither bias nor R is drawn from it."""
-        return self.startup if self.bias == "startup" or self.R == "auto" else 0
+        return self.startup_samples if self.bias == "startup" or self.R == "auto" else 0
 
 
 class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
@@ -225,9 +248,6 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"name {self.name!r}: letters, digits, '_', '.' and '-' make a device's name")
 
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-"""A device's name: it becomes part of file names and of MQTT topics."""
-
 OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
 """What a table [device.NAME] may say; the rest is said once for the whole program."""
 
@@ -258,7 +278,7 @@ def load_configs(
         raise UsageError('command line: --source: say where it is, for instance "serial:/dev/ttyACM0".')
     devices: dict[str | None, Mapping[str, Any]] = {**tree.pop("device", {})}
     if urls:
-        names = _names(urls) if len(urls) > 1 else [None]  # one alone may be named by `name`
+        names = device_names(urls) if len(urls) > 1 else [None]  # one alone may be named by `name`
         devices = dict(zip(names, ({"source": url} for url in urls), strict=True))
     configs = []
     for name, table in (devices or {None: {}}).items():
@@ -283,34 +303,6 @@ def load_configs(
         name = name or config.name or device_name(config.source)
         configs.append(_convert({**merged, "name": name}, f"{file}"))
     return configs
-
-
-def device_name(url: str | None) -> str:
-    """Name of a device that nobody named: the last part of its address."""
-    if url is None or "hwgrep:" in url:
-        return "due"
-    path, _, query = url.partition("?")
-    words = [
-        word for word in re.split(r"[^A-Za-z0-9_.:-]+", path.removeprefix("replay:")) if word.strip("-.:")
-    ]
-    last = words[-1].strip(":").replace(":", "-") if words else "device"
-    if url.startswith("replay:"):
-        last = last.rsplit(".", 1)[0]
-    if url.startswith("i2c:"):
-        last += "-" + (dict(part.partition("=")[::2] for part in query.split("&")).get("addr") or "0x68")
-    usable = NAME.search(last)
-    return usable[0] if usable else "device"
-
-
-def _names(urls: list[str]) -> list[str]:
-    """A name for each, numbered where two would be the same."""
-    names: list[str] = []
-    for url in urls:
-        name, number = device_name(url), 2
-        while name in names:
-            name, number = f"{device_name(url)}-{number}", number + 1
-        names.append(name)
-    return names
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

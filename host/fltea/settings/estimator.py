@@ -9,6 +9,7 @@ import math
 import msgspec
 
 from fltea.settings import filters
+from fltea.settings.duration import Duration, check
 
 LONGEST_WINDOW = 10_000_000
 """Samples; more than a day at 100 Hz, and as much memory as a small computer has to spare."""
@@ -107,15 +108,17 @@ class JointSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class GyroscopeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All of one gyroscope estimator; `window` is the implementation length L in samples, 0: unlimited."""
+    """All of one gyroscope estimator; `window` is the implementation length L, 0: unlimited."""
 
-    window: int = filters.WINDOW
+    window: Duration = filters.WINDOW
     state: StateSettings = StateSettings()
     order: OrderSettings = OrderSettings()
     parameter: ParameterSettings = ParameterSettings()
 
     def __post_init__(self) -> None:
-        if not 0 <= self.window <= LONGEST_WINDOW:
+        if isinstance(self.window, str):
+            check("window", self.window, 0)
+        elif not 0 <= self.window <= LONGEST_WINDOW:
             raise ValueError(
                 f"window must be 1 to {LONGEST_WINDOW} samples, or 0 for an unlimited one, "
                 f"got {self.window}; the paper uses 3000"

@@ -156,12 +156,16 @@ class ReplaySource:
         self._closed = True
 
 
+TOGETHER_NS = 5_000_000
+"""One at a time, samples of 8 kHz would not keep up with real time."""
+
+
 def _paced(event: Event) -> Iterator[Event]:
-    """An event at its time: of samples those that came together."""
+    """An event at its time: of samples those that came together, or nearly so."""
     if not isinstance(event, RawBlock):
         yield event
         return
-    begins = [0, *(np.flatnonzero(np.diff(event.host_ns)) + 1).tolist()]
+    begins = [0, *(np.flatnonzero(np.diff(event.host_ns // TOGETHER_NS)) + 1).tolist()]
     for begin, end in zip(begins, [*begins[1:], len(event.host_ns)], strict=True):
         yield event.rows(begin, end)
 

@@ -15,6 +15,8 @@ from fltea.records.records import AXES, Hello, LinkStats
 from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
 
+PACE_S = 0.01
+"""In real time, what comes within it comes at once: at 100 Hz each sample by itself."""
 AT_ONCE = 256
 """Samples of a block where none is waited for."""
 
@@ -120,20 +122,19 @@ class SyntheticSource:
             gyro_range_dps=s.range_dps,
             gyro_lsb_per_dps=s.lsb_per_dps or None,
         )
-        k = 0
+        k, at_once = 0, max(1, round(s.rate_hz * PACE_S)) if self._realtime else AT_ONCE
         while not self._closed and (s.n == 0 or k < s.n):
             rows = []
-            for number in range(k, k + (1 if self._realtime else AT_ONCE)):
+            for number in range(k, min(k + at_once, s.n) if s.n else k + at_once):
                 device_us = round(number * 1e6 / s.rate_hz)
                 due_ns = begin_ns + device_us * 1000
-                if self._realtime:
-                    sleep_until(due_ns, lambda: self._closed)
-                if self._closed or (s.n and number >= s.n):
-                    break
                 times = device_us % TIME_WRAP_US, due_ns
                 rows.append(RawSample(number % SEQUENCE_WRAP, *times, noise.step()))
-            if rows:
-                yield block_of(rows)
+            if self._realtime:
+                sleep_until(rows[-1].host_ns, lambda: self._closed)
+                if self._closed:
+                    return
+            yield block_of(rows)
             k += len(rows)
 
     def link_stats(self) -> LinkStats:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown, RawBlock
 from fltea.records.records import EpochReason, Hello
+from fltea.settings.duration import Duration
 from fltea.stream.place import Piece, Place
 from fltea.stream.time import Timebase
 from fltea.wire.sample_scaling import accel_ms2, gyro_dps, temperatures_c
@@ -32,7 +33,7 @@ class Decoder:
     """
 
     def __init__(
-        self, unix_offset_ns: Callable[[], int], max_gap: int, device: str | None = None, every: int = 1
+        self, unix_offset_ns: Callable[[], int], max_gap: Duration, device: str | None = None, every: int = 1
     ) -> None:
         self.place = Place(max_gap)
         self.timebase: Timebase | None = None

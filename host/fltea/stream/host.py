@@ -12,6 +12,7 @@ from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.lanes import Reason
 from fltea.estimator.online_state import OnlineState
 from fltea.records.block import AxisColumns, Block, Bools
+from fltea.records.errors import UsageError
 from fltea.records.events import Event, Ints
 from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, EstimatorInfo
 from fltea.records.repeat import OnceAMinute
@@ -122,7 +123,7 @@ class Channels:
 
     def bridge(self, count: int) -> None:
         """Bridge the time for which the program stood still, as far as the memory reaches."""
-        self.on_missing(min(count, self.config.window or LONGEST_BRIDGE))
+        self.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def notices(self, host_ns: int) -> Iterator[Notice]:
         """What there is to tell once the window is full."""
@@ -145,7 +146,15 @@ class Channels:
         bias = tuple(c.bias) if isinstance(c.bias, list) else c.bias
         R = tuple(c.R) if isinstance(c.R, list) else c.R
         return EstimatorInfo(
-            c.variant, c.estimate_on, c.memory, c.guard, c.window, c.startup_needed, bias, R, c.tuned_by
+            c.variant,
+            c.estimate_on,
+            c.memory,
+            c.guard,
+            c.window_samples,
+            c.startup_needed,
+            bias,
+            R,
+            c.tuned_by,
         )
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
@@ -176,6 +185,18 @@ class Channels:
             )
 
 
+def _at(config: EstimatorConfig, table: str, rate_hz: float) -> EstimatorConfig:
+    """The settings with times as samples.
+
+    Raises:
+        UsageError: more samples than there may be.
+    """
+    try:
+        return config.at(rate_hz)
+    except ValueError as error:
+        raise UsageError(f"{table}: at {rate_hz:g} Hz: {error}.") from error
+
+
 class HostEstimates:
     """Lets the channels of both sensors take every sample.
 
@@ -201,10 +222,26 @@ class HostEstimates:
         self._gyro = self._accel = None
         if gyro and self._settings is not None:
             state, resolution = saved.gyro if saved else None, resolution_dps(hello)
-            self._gyro = Channels(gyro, self._settings(), h, resolution, GYRO_UNIT, self._said, state)
+            self._gyro = Channels(
+                gyro,
+                _at(self._settings(), "estimator", hello.rate_hz),
+                h,
+                resolution,
+                GYRO_UNIT,
+                self._said,
+                state,
+            )
         if accel:
             state, resolution = saved.accel if saved else None, accel_resolution_ms2(hello)
-            self._accel = Channels(accel, self._config.accel, h, resolution, ACCEL_UNIT, self._said, state)
+            self._accel = Channels(
+                accel,
+                _at(self._config.accel, "accel", hello.rate_hz),
+                h,
+                resolution,
+                ACCEL_UNIT,
+                self._said,
+                state,
+            )
 
     def bridge(self, count: int) -> None:
         """Bridge the time for which the program stood still."""

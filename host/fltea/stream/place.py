@@ -12,6 +12,7 @@ import numpy as np
 
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Ints, RawBlock
 from fltea.records.records import EpochReason, Hello
+from fltea.settings.duration import Duration, in_samples
 
 MAX_SILENCE_NS = 30 * 60 * 10**9
 """After half an hour without a sample the wraps of device time (71.6 minutes) cannot be told."""
@@ -48,13 +49,13 @@ class _Row(NamedTuple):
 class Place:
     """Turns wrapped samples into unbroken pieces, or says where they broke.
 
-    max_gap: longest gap, in samples, that an epoch survives.
+    max_gap: longest gap that an epoch survives, in samples or as a time.
     Counters: `delivered`, `lost`, `gaps`, `duplicates`, `before_hello` (samples that could not
     be used because their HELLO had not been heard).
     """
 
-    def __init__(self, max_gap: int) -> None:
-        self.max_gap = max_gap
+    def __init__(self, max_gap: Duration) -> None:
+        self._max_gap = max_gap
         self.hello: Hello | None = None
         self.delivered = self.lost = self.gaps = self.duplicates = self.before_hello = 0
         self._boot: tuple[int | None, str | None] | None = None
@@ -162,7 +163,7 @@ class Place:
             missing = step - 1
             self.lost += missing
             self.gaps += missing > 0
-            reason = reason or ("gap" if missing > self.max_gap else None)
+            reason = reason or ("gap" if missing > in_samples(self._max_gap, hello.rate_hz, 1) else None)
         self._pending = None
         seq, device_us = self._seq + step, self._device_us + time_step_us
         return Piece(raw, np.array([seq]), np.array([device_us]), missing, reason)

@@ -1,7 +1,7 @@
-"""The MPU-9250 family: who answers to which WHO_AM_I, and the scale of its thermometer.
+"""The MPU-9250 family and the ICM-20948: who answers to which WHO_AM_I, and the scale of its thermometer.
 
 Sources: MPU-9250 register map RM-MPU-9250A-00, registers 65-66 and 117; MPU-6050 register map
-RM-MPU-6000A-00, registers 65-66 and 117.
+RM-MPU-6000A-00, registers 65-66 and 117; ICM-20948 data sheet DS-000189, 8.1 and 8.30.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Counts = NDArray[np.int16] | NDArray[np.float64]
 
-SENSORS = {
+MPU_FAMILY = {
     0x71: "MPU-9250",
     0x73: "MPU-9255",
     0x70: "MPU-6500",
@@ -17,7 +17,11 @@ SENSORS = {
     0x75: "MPU-9250 clone (0x75)",
     0x78: "MPU-9250 clone (0x78)",
 }
-"""WHO_AM_I to name."""
+"""WHO_AM_I to name, of chips that have the MPU-9250's registers."""
+
+ICM20948 = 0xEA
+SENSORS = MPU_FAMILY | {ICM20948: "ICM-20948"}
+"""WHO_AM_I to name, of all chips with a known scale."""
 
 NO_SENSOR = 0
 """WHO_AM_I in HELLO while no sensor has answered."""

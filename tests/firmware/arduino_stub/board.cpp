@@ -18,7 +18,6 @@ namespace {
 
 constexpr uint64_t kUs = 1000;
 constexpr uint64_t kBitNs = 2500;          // 400 kHz
-constexpr uint64_t kByteNs = 40000;        // 10 bits at 250,000 baud
 constexpr uint64_t kSpinNs = 25000 * kUs;  // Wire's 100,000 turns, about 20 cycles each
 constexpr int kRing = 128;
 constexpr uint8_t kAddress = 0x68;
@@ -27,6 +26,9 @@ enum Reg : uint8_t { kSmplrtDiv = 0x19, kIntEnable = 0x38, kBurst = 0x3B, kPwrMg
 
 const uint32_t kIdentifier[4] = {0x03020100, 0x07060504, 0x0B0A0908, 0x0F0E0D0C};
 const uint32_t kProgram[4] = {0x20088000, 0x000800F1, 0x000800E5, 0x000800E5};
+
+// Ten bits on the line, which is used before begin() by tests of the parts.
+uint64_t byte_ns() { return 10000000000ull / (board.baud ? board.baud : 250000); }
 
 uint64_t edge_period_ns() { return (board.chip.registers[kSmplrtDiv] + 1u) * 1000 * kUs; }
 
@@ -210,12 +212,12 @@ void UARTClass::flush(void) {}
 int UARTClass::availableForWrite(void) {
     if (board.line_stuck) return 0;
     const uint64_t left_ns = board.idle_ns > board.now_ns ? board.idle_ns - board.now_ns : 0;
-    return stub::kRing - 1 - static_cast<int>((left_ns + stub::kByteNs - 1) / stub::kByteNs);
+    return stub::kRing - 1 - static_cast<int>((left_ns + stub::byte_ns() - 1) / stub::byte_ns());
 }
 size_t UARTClass::write(const uint8_t value) {
     board.waited |= availableForWrite() <= 0;
     if (board.idle_ns < board.now_ns) board.idle_ns = board.now_ns;
-    board.idle_ns += stub::kByteNs;
+    board.idle_ns += stub::byte_ns();
     board.sent.push_back(value);
     return 1;
 }

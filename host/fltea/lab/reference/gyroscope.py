@@ -20,6 +20,7 @@ import numpy as np
 
 from fltea.estimator.lanes import LOST_ORDER, Reason
 from fltea.lab.reference import filters as reference
+from fltea.settings.duration import known
 from fltea.settings.estimator import GyroscopeSettings
 
 
@@ -130,7 +131,7 @@ class GyroscopeEstimator:
                 P0=parameter.P0, Q0=parameter.Q0, w0=parameter.f0, R=R, delta=parameter.delta
             ),
             reference.StateSettings(P0=state.P0, Q=state.Q, x0=state.x0, R=R),
-            window=self.settings.window,
+            window=known("window", self.settings.window),
         )
 
 

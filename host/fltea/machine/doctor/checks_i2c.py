@@ -7,13 +7,15 @@ from urllib.parse import parse_qs, urlsplit
 from fltea.machine.devices import find_buses, is_raspberry_pi
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.host_system import System, permission_remedy
-from fltea.wire.sensors import RELATIVES, SENSORS, sensor_name
+from fltea.wire.sensors import ICM20948, MPU_FAMILY, RELATIVES, SENSORS, sensor_name
 
 DEFAULT_BUS = "/dev/i2c-1"
 ADDRESSES = (0x68, 0x69)
 """With the chip's pin AD0 at GND, and at 3.3 V."""
 
-WHO_AM_I = 0x75
+WHO_AM_I, WHO_AM_I_OF_ICM = 0x75, 0x00
+"""Of the MPU-9250 and its relatives, and of the ICM-20948."""
+
 FASTEST_HZ = 400_000
 ENABLE = "sudo raspi-config nonint do_i2c 0, then reboot (elsewhere: dtparam=i2c_arm=on in config.txt)."
 
@@ -62,11 +64,18 @@ def _speed(system: System, bus: str) -> Iterator[Finding]:
         yield ok("i2c", text)
 
 
+def _who_am_i(system: System, bus: str, address: int) -> int:
+    who = system.read_i2c_register(bus, address, WHO_AM_I)
+    if who not in MPU_FAMILY and system.read_i2c_register(bus, address, WHO_AM_I_OF_ICM) == ICM20948:
+        return ICM20948
+    return who
+
+
 def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
     answers: dict[int, int] = {}
     for candidate in {address: None, **dict.fromkeys(ADDRESSES)}:
         try:
-            answers[candidate] = system.read_i2c_register(bus, candidate, WHO_AM_I)
+            answers[candidate] = _who_am_i(system, bus, candidate)
         except OSError as error:
             if error.errno == errno.EBUSY:
                 yield ok(
@@ -97,4 +106,6 @@ def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
     elif who in SENSORS:
         yield ok("sensor", name)
     else:
-        yield problem("sensor", f"{name}: no MPU-9250.", "another chip, or a bad contact on SDA?")
+        yield problem(
+            "sensor", f"{name}: no MPU-9250 or ICM-20948.", "another chip, or a bad contact on SDA?"
+        )

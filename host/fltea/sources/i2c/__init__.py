@@ -1,1 +1,1 @@
-"""An MPU-9250 on an I²C bus of this machine: bus, driver, and its FIFO read on time."""
+"""A sensor on an I²C bus of this machine: bus, driver, and its FIFO read on time."""

@@ -13,8 +13,6 @@ NS_PER_S = 1_000_000_000
 BLOCKS_KEPT = 60
 """A minute of blocks of a second: the sensor's clock drifts as it warms up."""
 
-CLOCK_ERROR = 0.03
-"""Before anything is measured: three times the ±1 % of the data sheet (PS-MPU-9250A-01, 4.15)."""
 DRIFT = 1e-4
 SPREAD_NS = 5_000_000
 """A slope over a span is right within this part of it, but for the drift."""
@@ -34,20 +32,26 @@ class Resumed(NamedTuple):
 class FifoClock:
     """Numbers samples from 0 and ties their numbers to the host's time.
 
-    rate_hz: what the sensor's rate should be. `next` is the number of the sample that comes next. Samples
+    rate_hz: what the sensor's rate should be; clock_error: the part of it by which it may be off before
+    anything is measured. `next` is the number of the sample that comes next. Samples
     always arrive after their time, most of them late by a varying bit, so of every second only the
     earliest counts.
     """
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, clock_error: float) -> None:
         self.next = 0
+        self._last_ns: float | None = None
+        self.begin(rate_hz, clock_error)
+
+    def begin(self, rate_hz: float, clock_error: float) -> None:
+        """A sensor was set up: its clock begins, and may be another one's. The numbers go on."""
         self._nominal_ns = NS_PER_S / rate_hz
         self._block_samples = round(rate_hz)
-        self._last_ns: float | None = None
+        self._first_error = clock_error
         self.forget()
 
     def forget(self) -> None:
-        """The sensor was set up anew: its clock began anew. The numbers go on."""
+        """Nothing that was measured holds any longer. The numbers go on."""
         self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS_KEPT)
         self._earliest: tuple[int, int] | None = None
         self._block_end = 0
@@ -137,9 +141,9 @@ class FifoClock:
     def _clock_error(self) -> float:
         """Bound of the relative error of the period."""
         if len(self._blocks) < 2:
-            return CLOCK_ERROR
+            return self._first_error
         span_ns = self._blocks[-1][1] - self._blocks[0][1]
-        return min(CLOCK_ERROR, DRIFT + SPREAD_NS / span_ns)
+        return min(self._first_error, DRIFT + SPREAD_NS / span_ns)
 
     def _error(self, at_ns: int) -> float:
         """Bound of the error of a prediction [samples]."""

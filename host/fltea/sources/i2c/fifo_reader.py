@@ -6,29 +6,20 @@ from itertools import takewhile
 from typing import NamedTuple
 
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, RawSample
-from fltea.sources.i2c.driver import (
-    BURST_SAMPLES,
-    RATE_HZ,
-    SAMPLE,
-    Driver,
-    Level,
-    SensorFault,
-    TransferFailed,
-)
+from fltea.sources.i2c.driver import BURST_BYTES, Driver, Level, SensorFault, TransferFailed
 from fltea.sources.i2c.fifo_clock import FifoClock
 from fltea.wire.layout import FaultCode, SampleFlags
 
-PERIOD_US = round(1e6 / RATE_HZ)
 TIMELY_NS = 2_000_000
 """A count that took longer to ask for tells nothing about the sensor's clock."""
 SILENT_NS = 100_000_000
 """A sensor that gives no sample for this long has stopped."""
 MOST_EQUAL = 10
-"""The noise of seven channels does not stand still."""
+"""The noise of six or seven channels does not stand still."""
 INT16_ENDS = (32767, -32768)
 
 Row = tuple[int, ...]
-"""The seven counts of one sample."""
+"""The counts of one sample, as the FIFO held them."""
 
 
 class Loss(NamedTuple):
@@ -40,7 +31,7 @@ class Loss(NamedTuple):
 
 
 def _not_of_empty_fifo(row: Row) -> bool:
-    """An empty FIFO repeats its last byte [4.37]; seven channels never agree so well."""
+    """An empty FIFO repeats its last byte [4.37]; six channels never agree so well."""
     return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 
 
@@ -57,7 +48,7 @@ class FifoReader:
         self.losses: list[Loss] = []
         self._driver = driver
         self._now_ns = now_ns
-        self._clock = FifoClock(RATE_HZ)
+        self._clock = FifoClock(driver.chip.rate_hz, driver.chip.clock_error)
         self._cause = ""
         self._restart_due = False
         self._restarted_ns = 0
@@ -65,6 +56,8 @@ class FifoReader:
         self._last: Row = ()
         self._equal = 0
         self._latest_ns = 0
+        self._origin = (0, 0.0)
+        self._period_us = 1e6 / driver.chip.rate_hz
 
     @property
     def hurry(self) -> bool:
@@ -73,7 +66,11 @@ class FifoReader:
 
     def begin(self) -> None:
         """The sensor was set up, and its FIFO begins to fill."""
-        self._clock.forget()
+        chip = self._driver.chip
+        last = max(0, self._clock.next - 1)
+        self._origin = (last, self._device_us(last))  # another chip may have another rate; time goes on
+        self._period_us = 1e6 / chip.rate_hz
+        self._clock.begin(chip.rate_hz, chip.clock_error)
         self._last, self._equal = (), 0
         self._restarted("")
 
@@ -127,7 +124,7 @@ class FifoReader:
         return level, doubt
 
     def _doubt(self, level: Level) -> str | None:
-        samples, rest = divmod(level.bytes, SAMPLE.size)
+        samples, rest = divmod(level.bytes, self._driver.chip.sample.size)
         if level.overflowed:
             return "overflow"
         if rest:
@@ -138,16 +135,18 @@ class FifoReader:
 
     def _whole_samples(self, level: Level, doubt: str | None) -> int:
         """How many samples can be believed: what a full FIFO took before may be whole."""
-        if doubt is None or (doubt == "overflow" and self._driver.kind.keeps_oldest):
-            return min(level.bytes, self._driver.kind.fifo_bytes) // SAMPLE.size
+        chip = self._driver.chip
+        if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
+            return min(level.bytes, chip.fifo_bytes) // chip.sample.size
         return 0
 
     def _take_out(self, n: int) -> tuple[list[Row], str | None]:
         """Read n samples: those that came, and why others may be gone if it is not sure that they stay."""
         rows: list[Row] = []
+        burst = BURST_BYTES // self._driver.chip.sample.size
         try:
             while len(rows) < n:
-                rows += self._driver.read_samples(min(BURST_SAMPLES, n - len(rows)))
+                rows += self._driver.read_samples(min(burst, n - len(rows)))
         except TransferFailed as failed:
             return rows, "broken_transfer" if failed.acknowledged else None
         true = list(takewhile(_not_of_empty_fifo, rows))
@@ -162,7 +161,9 @@ class FifoReader:
 
     def _watch_overflow(self, level: Level, read: int) -> None:
         """If the program was held up since `level`, the FIFO may have run over behind what was read."""
-        room_ns = (self._driver.kind.fifo_bytes // SAMPLE.size - read) * PERIOD_US * 900
+        chip = self._driver.chip
+        room = chip.fifo_bytes // chip.sample.size - read
+        room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
         if self._now_ns() - level.before_ns > room_ns:
             self._cause, self._restart_due = "overflow", True
             self._restart_due = self._driver.level().overflowed
@@ -174,13 +175,18 @@ class FifoReader:
             raise SensorFault(FaultCode.SENSOR_FROZEN, self._equal)
         if self._equal > 1:
             flags |= SampleFlags.REPEATED
-        gyro = row[4:]
+        accel, temperature, gyro = self._driver.counts(row)
         if any(count in INT16_ENDS for count in gyro):
             flags |= SampleFlags.SATURATED
         # A count is made a moment before it is known, so that the next sample may seem to be the earlier one.
         self._latest_ns = max(self._latest_ns, arrived_ns)
-        sequence, device_us = number % SEQUENCE_WRAP, number * PERIOD_US % TIME_WRAP_US
-        return RawSample(sequence, device_us, self._latest_ns, gyro, row[:3], row[3], int(flags))
+        sequence, device_us = number % SEQUENCE_WRAP, round(self._device_us(number)) % TIME_WRAP_US
+        return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))
+
+    def _device_us(self, number: int) -> float:
+        """Nominal time of a sample: its number in periods."""
+        first, first_us = self._origin
+        return first_us + (number - first) * self._period_us
 
     def _restart(self) -> None:
         self._driver.restart_fifo()

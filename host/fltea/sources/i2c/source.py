@@ -1,6 +1,6 @@
-"""An MPU-9250 on a Linux I²C bus, as events: `i2c:///dev/i2c-1?addr=0x68`.
+"""An MPU-9250 or ICM-20948 on a Linux I²C bus, as events: `i2c:///dev/i2c-1?addr=0x68`.
 
-The sensor's FIFO holds 0.36 s of samples, so that this program may be held up for as long without a loss.
+The sensor's FIFO holds a third of a second, so that this program may be held up for as long without a loss.
 It is read every 20 to 30 ms, at random: at a multiple of the sensor's own period each reading would come
 equally late after a sample, and how late would look like the drift of a clock.
 """
@@ -12,7 +12,7 @@ import random
 import time
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 from urllib.parse import parse_qsl, urlsplit
 
 from fltea import __version__
@@ -26,11 +26,10 @@ from fltea.sources.i2c.bus import Bus, explain_open_failure
 from fltea.sources.i2c.driver import (
     ACCEL_LSB_PER_G,
     ACCEL_RANGE_G,
+    CHIPS,
     GYRO_LSB_PER_DPS,
     GYRO_RANGE_DPS,
-    RATE_HZ,
     RESET_S,
-    SAMPLE,
     SETTLE_S,
     TRIES,
     Driver,
@@ -81,8 +80,16 @@ class _Closed(Exception):
     """`close` was called."""
 
 
-def parse_url(rest: str) -> tuple[str, int]:
-    """Path of the bus and address of the sensor, from what stands behind `i2c:`.
+class Place(NamedTuple):
+    """Path of the bus, address of the sensor, and its family if the user said it."""
+
+    path: str
+    address: int
+    chip: str = ""
+
+
+def parse_url(rest: str) -> Place:
+    """Where the sensor is, from what stands behind `i2c:`.
 
     Raises:
         UsageError: names what is wrong.
@@ -91,10 +98,17 @@ def parse_url(rest: str) -> tuple[str, int]:
     parts = urlsplit(rest)
     if parts.netloc or not parts.path.startswith("/dev/") or parts.fragment:
         raise UsageError(f"i2c:{rest}: no path of a bus such as /dev/i2c-1. {usual}.")
-    address = ADDRESSES[0]
+    address, chip = ADDRESSES[0], ""
     for key, value in parse_qsl(parts.query, keep_blank_values=True):
+        if key == "chip":
+            chip = value
+            if chip not in CHIPS:
+                raise UsageError(
+                    f"i2c:{rest}: chip is {' or '.join(CHIPS)}, not '{value}'. Without it the chip is asked."
+                )
+            continue
         if key != "addr":
-            raise UsageError(f"i2c:{rest}: there is no key '{key}'; the one that it takes is addr. {usual}.")
+            raise UsageError(f"i2c:{rest}: there is no key '{key}'; it takes addr and chip. {usual}.")
         try:
             address = int(value, 0)
         except ValueError:
@@ -103,7 +117,7 @@ def parse_url(rest: str) -> tuple[str, int]:
             raise UsageError(
                 f"i2c:{rest}: addr is 0x68 (AD0 at GND) or 0x69 (AD0 at 3.3 V), not '{value}'. {usual}."
             )
-    return parts.path, address
+    return Place(parts.path, address, chip)
 
 
 def device_id(path: str, address: int) -> str:
@@ -130,11 +144,11 @@ class I2cSource:
         open_bus: Callable[[str, int], Bus] | None = None,
         host: HostClock | None = None,
     ) -> None:
-        self.path, self.address = parse_url(rest)
+        self.path, self.address, chip = parse_url(rest)
         self.url = f"i2c:{self.path}?addr=0x{self.address:02X}"
         self._open_bus = open_bus or i2c_bus.open_bus
         self._host = host or SystemClock()
-        self._driver = Driver(self.address, self._host.host_ns)
+        self._driver = Driver(self.address, self._host.host_ns, chip)
         self._reader = FifoReader(self._driver, self._host.host_ns)
         self._random = random.Random(0)
         self._boot_id = int.from_bytes(os.urandom(4), "big")
@@ -171,7 +185,7 @@ class I2cSource:
     def link_stats(self) -> LinkStats:
         """Count what was read; a frame is a sample, and a bad one a restart of the FIFO, by its cause."""
         return LinkStats(
-            bytes=self._reader.samples * SAMPLE.size,
+            bytes=self._reader.samples * self._driver.chip.sample.size,
             frames=self._reader.samples,
             bad_frames=dict(self._reader.restarts),
             reconnects=max(0, self._openings - 1),
@@ -265,7 +279,7 @@ class I2cSource:
         return Hello(
             source=self.url,
             host_ns=self._host.host_ns(),
-            rate_hz=RATE_HZ,
+            rate_hz=self._driver.chip.rate_hz,
             sampling_mode="fifo",
             boot_id=self._boot_id,
             device_id=self._device_id,
@@ -277,7 +291,7 @@ class I2cSource:
             gyro_lsb_per_dps=GYRO_LSB_PER_DPS,
             accel_range_g=ACCEL_RANGE_G,
             accel_lsb_per_g=ACCEL_LSB_PER_G,
-            gyro_dlpf_hz=self._driver.kind.gyro_dlpf_hz,
+            gyro_dlpf_hz=self._driver.chip.gyro_dlpf_hz,
         )
 
     def _status(self) -> DeviceStatus:

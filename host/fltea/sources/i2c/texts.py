@@ -20,16 +20,18 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
         case FaultCode.SENSOR_UNKNOWN:
             return (
                 f"a chip answers at 0x{address:02X} on {path}, but its WHO_AM_I is 0x{detail:02X}: no "
-                "MPU-9250, and none of its known relatives. Is it another kind of sensor? 0x00 or 0xFF mean "
-                "a bad contact on SDA."
+                "MPU-9250, none of its known relatives, and no ICM-20948. Is it another kind of sensor? 0x00 "
+                "or 0xFF mean a bad contact on SDA, or an ICM-20948 that another program left with another "
+                "bank of registers selected: then add '&chip=icm20948' to the source."
             )
         case FaultCode.READBACK_MISMATCH:
-            register, written, read = detail >> 16 & 0xFF, detail >> 8 & 0xFF, detail & 0xFF
+            register, written, read = detail >> 16, detail >> 8 & 0xFF, detail & 0xFF
+            bank = f" of bank {register >> 8}" if register >> 8 else ""
             return (
-                f"register 0x{register:02X} of the sensor at 0x{address:02X} on {path} holds 0x{read:02X} in "
-                f"place of 0x{written:02X}, so it is set up again. Once: its 3.3 V supply dipped, or it was "
-                "plugged in anew. Again and again: a clone, another program that uses the sensor, or wires "
-                "too long for the bus's baud rate (keep them below 30 cm)."
+                f"register 0x{register & 0xFF:02X}{bank} of the sensor at 0x{address:02X} on {path} holds "
+                f"0x{read:02X} in place of 0x{written:02X}, so it is set up again. Once: its 3.3 V supply "
+                "dipped, or it was plugged in anew. Again and again: a clone, another program that uses the "
+                "sensor, or wires too long for the bus's baud rate (keep them below 30 cm)."
             )
         case FaultCode.BUS_HELD:
             return (
@@ -65,8 +67,8 @@ def loss_text(cause: str, missing: int, doubt: int) -> tuple[str, str]:
     match cause:
         case "overflow":
             return "fifo_overflow", (
-                f"the sensor's FIFO ran over: nobody read it for more than the 0.36 s that it holds; {lost}. "
-                "Is the machine overloaded, or was the program stopped?"
+                "the sensor's FIFO ran over: nobody read it for longer than the third of a second that it "
+                f"holds; {lost}. Is the machine overloaded, or was the program stopped?"
             )
         case "misaligned":
             why = "held no whole samples: disturbed wires, or another program that reads the same sensor"

@@ -1,0 +1,58 @@
+"""How long something lasts: in samples, or a time such as "30 s", of which the rate makes samples."""
+
+import math
+import re
+
+Duration = int | str
+"""Samples, or a number with one of `SECONDS` behind it."""
+
+SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+def check(name: str, value: Duration, least: int) -> None:
+    """See whether it can be used, as far as that does not depend on the rate.
+
+    Raises:
+        ValueError: fewer samples than `least`, or a text that is no time.
+    """
+    if isinstance(value, str):
+        if _seconds(value) is None:
+            raise ValueError(
+                f"{name} {value!r}: give a number of samples, or a time such as '30 s' ({', '.join(SECONDS)})"
+            )
+    elif value < least:
+        raise ValueError(f"{name} must be at least {least} samples")
+
+
+def in_samples(value: Duration, rate_hz: float, least: int) -> int:
+    """The number of samples at a rate; of a time above 0 at least `least`."""
+    if not isinstance(value, str):
+        return value
+    seconds = _seconds(value)
+    assert seconds is not None, value  # `check` has seen it
+    return max(least, round(seconds * rate_hz)) if seconds else 0
+
+
+def known(name: str, value: Duration) -> int:
+    """What is in samples already; ValueError for a time."""
+    if isinstance(value, str):
+        raise ValueError(f"{name} is a time, {value}: `at` makes samples of it once the rate is known")
+    return value
+
+
+def parse(text: str | None) -> Duration | None:
+    """What a flag says: a number stays a number."""
+    if text is None:
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        return text.strip()
+
+
+def _seconds(text: str) -> float | None:
+    found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", text)
+    if found is None or found[2] not in SECONDS:
+        return None
+    seconds = float(found[1]) * SECONDS[found[2]]
+    return seconds if math.isfinite(seconds) and seconds < 1e9 else None

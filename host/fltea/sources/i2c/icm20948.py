@@ -1,0 +1,100 @@
+"""The ICM-20948: registers and settings, by its data sheet DS-000189 (revision 1.3).
+
+Numbers in brackets: section of the data sheet. Numbers and bits of the registers agree with two drivers in
+wide use, those of PX4 and of W. Ewald (ICM20948_WE). The chip has banks of registers; 127 selects one in any
+of them [8.65].
+
+The FIFO takes acceleration and rate only: in which place the temperature would come is not documented.
+"""
+
+from struct import Struct
+from typing import Final
+
+from fltea.sources.i2c.chip import Chip, Setting
+
+BANK_2: Final = 0x200
+"""What stands above a register's number for bank 2."""
+
+WHO_AM_I: Final = 0x00
+"""[8.1]"""
+USER_CTRL: Final = 0x03
+"""[8.2] Bit 6: FIFO_EN."""
+PWR_MGMT_1: Final = 0x06
+"""[8.4] Reset, sleep, clock; reset value 0x41, asleep."""
+PWR_MGMT_2: Final = 0x07
+"""[8.5] Axes that are off."""
+INT_ENABLE_2: Final = 0x12
+"""[8.9] Overflow of the FIFO."""
+INT_STATUS_2: Final = 0x1B
+"""[8.14] The same; reading it clears it."""
+TEMP_OUT_H: Final = 0x39
+"""[8.30] First of 2."""
+FIFO_EN_1: Final = 0x66
+"""[8.56] What of the auxiliary bus goes into the FIFO."""
+FIFO_EN_2: Final = 0x67
+"""[8.57] What of the chip's own sensors does: bit 4 acceleration, 3 to 1 rate z, y, x, 0 temperature."""
+FIFO_RST: Final = 0x68
+"""[8.58] Set and cleared, it empties the FIFO; it does not clear itself."""
+FIFO_MODE: Final = 0x69
+"""[8.59] Bit 0: a full FIFO takes nothing more."""
+FIFO_COUNT_H: Final = 0x70
+"""[8.60] First of 2: bytes in the FIFO; reading it latches both."""
+FIFO_R_W: Final = 0x72
+"""[8.62] The FIFO's oldest byte, taken out by reading it; the address stays here within a transfer."""
+BANK_SELECT: Final = 0x7F
+"""[8.65] Bits 5:4."""
+GYRO_SMPLRT_DIV: Final = BANK_2 | 0x00
+"""[10.1] Output rate = 1125 Hz / (1 + value), with GYRO_FCHOICE."""
+GYRO_CONFIG_1: Final = BANK_2 | 0x01
+"""[10.2] Bits 5:3 GYRO_DLPFCFG, 2:1 GYRO_FS_SEL, 0 GYRO_FCHOICE (1: the filter is on)."""
+ODR_ALIGN_EN: Final = BANK_2 | 0x09
+"""[10.10] Bit 0: gyroscope and accelerometer begin a period together."""
+ACCEL_SMPLRT_DIV_1: Final = BANK_2 | 0x10
+"""[10.11] High bits of the accelerometer's divider."""
+ACCEL_SMPLRT_DIV_2: Final = BANK_2 | 0x11
+"""[10.12] Output rate = 1125 Hz / (1 + value), with ACCEL_FCHOICE."""
+ACCEL_CONFIG: Final = BANK_2 | 0x14
+"""[10.15] Bits 5:3 ACCEL_DLPFCFG, 2:1 ACCEL_FS_SEL, 0 ACCEL_FCHOICE."""
+
+DIVIDER: Final = 8
+"""125 Hz: the rate with a period of whole milliseconds that is nearest to 100 Hz."""
+FIFO_EN: Final = 0x40
+ALL_FIFOS: Final = 0x1F
+
+SETTINGS = (
+    Setting(PWR_MGMT_1, 0x01, 0x6F),  # awake, the best clock
+    Setting(PWR_MGMT_2, 0x00, 0x3F),  # all axes on
+    Setting(GYRO_SMPLRT_DIV, DIVIDER, 0xFF),
+    Setting(GYRO_CONFIG_1, 0 << 3 | 3 << 1 | 1, 0x3F),  # 196.6 Hz, ±2000 deg/s
+    Setting(ODR_ALIGN_EN, 0x01, 0x01),
+    Setting(ACCEL_SMPLRT_DIV_1, 0, 0x0F),
+    Setting(ACCEL_SMPLRT_DIV_2, DIVIDER, 0xFF),
+    Setting(ACCEL_CONFIG, 0 << 3 | 0 << 1 | 1, 0x3F),  # 246 Hz, ±2 g
+    Setting(INT_ENABLE_2, 0x01, 0x01),
+    Setting(FIFO_MODE, 0x01, 0x01),
+    Setting(FIFO_EN_1, 0x00, 0x0F),
+    Setting(FIFO_EN_2, 0x1E, 0x1F),
+)
+
+ICM20948 = Chip(
+    rate_hz=1125 / (1 + DIVIDER),
+    clock_error=0.1,  # the PLL's deviation is within what TIMEBASE_CORRECTION_PLL can express [4.14]
+    gyro_dlpf_hz=196.6,
+    reset=(PWR_MGMT_1, 0x80),
+    settings=SETTINGS,
+    checked=(
+        (PWR_MGMT_1, 2),
+        (GYRO_SMPLRT_DIV, ACCEL_CONFIG + 1 - GYRO_SMPLRT_DIV),
+        (FIFO_EN_1, FIFO_MODE + 1 - FIFO_EN_1),
+    ),
+    restart=((USER_CTRL, 0), (FIFO_RST, ALL_FIFOS), (FIFO_RST, 0), (USER_CTRL, FIFO_EN)),
+    running=Setting(USER_CTRL, FIFO_EN, 0xF0),
+    sample=Struct(">6h"),
+    fifo_bytes=512,  # [4.16]; chips were seen that hold 4,096, of which no more than this is used
+    keeps_oldest=True,
+    fifo_count=FIFO_COUNT_H,
+    fifo_data=FIFO_R_W,
+    overflow=(INT_STATUS_2, ALL_FIFOS),
+    temperature=TEMP_OUT_H,
+    bank_select=BANK_SELECT,
+)

@@ -1,0 +1,48 @@
+"""The MPU-9250 and its relatives, set up like the Due's firmware does it (firmware/core/mpu9250.h)."""
+
+from struct import Struct
+
+from fltea.sources.i2c import mpu9250_registers as reg
+from fltea.sources.i2c.chip import Chip, Setting
+
+RATE_HZ = 100.0
+SAMPLE = Struct(">7h")
+"""Acceleration, temperature, rate, as in the output registers [4.22 to 4.24]."""
+
+
+def mpu9250(who_am_i: int) -> Chip:
+    """The chip with this WHO_AM_I; a clone is taken for an MPU-9250.
+
+    FIFO: PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17. Clock: three times the ±1 % of PS-MPU-9250A-01, 4.15.
+    Without FIFO_MODE the overflow of an MPU-6050 tears a sample.
+    """
+    old = who_am_i == 0x68
+    stop = 0 if old else reg.FIFO_MODE_STOP
+    settings = (
+        Setting(reg.PWR_MGMT_1, reg.PLL_CLOCK, 0x7F),
+        Setting(reg.SMPLRT_DIV, round(1000 / RATE_HZ) - 1, 0xFF),
+        Setting(reg.CONFIG, stop | 1, 0x3F | stop),
+        Setting(reg.GYRO_CONFIG, 3 << reg.RANGE_SHIFT, 0xFB),
+        Setting(reg.ACCEL_CONFIG, 0 << reg.RANGE_SHIFT, 0xF8),
+        Setting(reg.ACCEL_CONFIG_2, 1, 0x0F),
+        Setting(reg.INT_PIN_CFG, reg.PULSE_HIGH, 0xFE),
+        Setting(reg.INT_ENABLE, reg.FIFO_OVERFLOW, 0x59),
+        Setting(reg.FIFO_EN, reg.FIFO_ALL, 0xFF),
+    )
+    return Chip(
+        rate_hz=RATE_HZ,
+        clock_error=0.03,
+        gyro_dlpf_hz=188.0 if old else 184.0,
+        reset=(reg.PWR_MGMT_1, reg.RESET),
+        settings=tuple(s for s in settings if not (old and s.register == reg.ACCEL_CONFIG_2)),
+        checked=((reg.SMPLRT_DIV, reg.FIFO_EN + 1 - reg.SMPLRT_DIV),),
+        # An MPU-6050 resets its FIFO only while it is off.
+        restart=tuple((reg.USER_CTRL, value) for value in (0, reg.USER_FIFO_RST, reg.USER_FIFO_EN)),
+        running=Setting(reg.USER_CTRL, reg.USER_FIFO_EN, 0x70),
+        sample=SAMPLE,
+        fifo_bytes=1024 if old else 512,
+        keeps_oldest=not old,
+        fifo_count=reg.FIFO_COUNT_H,
+        fifo_data=reg.FIFO_R_W,
+        overflow=(reg.INT_STATUS, reg.FIFO_OVERFLOW),
+    )

@@ -1,0 +1,262 @@
+"""The ICM-20948 as its register file: what a driver sees over I2C, in virtual time.
+
+Written from its data sheet DS-000189, revision 1.3; numbers in brackets are its sections. The Raspberry Pi's
+driver is tested against it, and shares no register with it. Not modelled: filters, self-test, offsets, cycle
+mode, the interrupt pin, the DMP, the auxiliary I2C bus and the magnetometer behind it, and the rate of an
+accelerometer with a divider of its own.
+"""
+
+import errno
+
+from fltea.wire.sensors import temperature_counts
+
+from tools.due_emulator.mpu9250_fifo import Fifo
+from tools.due_emulator.mpu9250_scaling import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, to_counts
+from tools.due_emulator.noise import World
+
+PS_PER_NS = 1000
+MS_NS = 1_000_000
+QUIET_NS = 11 * MS_NS
+"""No acknowledge after power-up or reset."""
+READY_NS = 95 * MS_NS
+"""Until then settings are lost: the register start-up time is 100 ms at most [3.4], a little less here, for a
+driver may count from the moment at which it began to write the reset."""
+
+WHO_AM_I, USER_CTRL, PWR_MGMT_1 = 0x000, 0x003, 0x006
+INT_STATUS_2, ACCEL_XOUT_H, TEMP_OUT_L = 0x01B, 0x02D, 0x03A
+FIFO_EN_2, FIFO_RST, FIFO_MODE = 0x067, 0x068, 0x069
+FIFO_COUNTH, FIFO_COUNTL, FIFO_R_W = 0x070, 0x071, 0x072
+BANK_SELECT = 0x7F
+GYRO_SMPLRT_DIV, GYRO_CONFIG_1, ACCEL_CONFIG = 0x200, 0x201, 0x214
+
+_RESET = {PWR_MGMT_1: 0x41, 0x005: 0x40, GYRO_CONFIG_1: 0x01, ACCEL_CONFIG: 0x01}
+_WRITABLE = {
+    USER_CTRL: 0xF0,
+    0x005: 0x70,
+    PWR_MGMT_1: 0x6F,
+    0x007: 0x3F,
+    0x00F: 0xFE,
+    0x010: 0x8F,
+    0x011: 0x01,
+    0x012: 0x1F,
+    0x013: 0x1F,
+    0x066: 0x0F,
+    FIFO_EN_2: 0x1F,
+    FIFO_RST: 0x1F,
+    FIFO_MODE: 0x1F,
+    0x076: 0x01,
+    GYRO_SMPLRT_DIV: 0xFF,
+    GYRO_CONFIG_1: 0x3F,
+    0x202: 0x3F,
+    0x209: 0x01,
+    0x210: 0x0F,
+    0x211: 0xFF,
+    ACCEL_CONFIG: 0x3F,
+    0x215: 0x1F,
+    0x253: 0x07,
+}
+"""Bits that keep what is written [8, 10]; other registers are read-only, reserved, or not modelled."""
+_SOURCES = ((0x10, 0, 6), (0x02, 6, 8), (0x04, 8, 10), (0x08, 10, 12))
+"""Bit of FIFO_EN_2 and slice of the output bytes."""
+
+
+class Icm20948:
+    """One chip on the bus; byte by byte through `start`, `write`, `read` and `stop`.
+
+    world: where motion comes from. clock_ppm: how much too fast its clock is. fifo_bytes: what its FIFO
+    holds. It has been powered for long at time 0.
+    """
+
+    fifo_register = FIFO_R_W
+
+    def __init__(
+        self, world: World, *, address: int = 0x68, clock_ppm: float = 0.0, fifo_bytes: int = 512
+    ) -> None:
+        self.world = world
+        self.address = address
+        self.fifo = Fifo()
+        self.fifo.size = fifo_bytes
+        self.powered = True
+        self.bank = 0
+        self._clock_ppm = clock_ppm
+        self._now_ns = self._quiet_until_ns = 0
+        self._ready_at_ns: int | None = None
+        self._pointer = self._status = self._count = 0
+        self._selected = self._reading = self._pointer_next = False
+        self._anchor_ps = self._updates = 0
+        self._period_ps: int | None = None
+        self._output = bytes(14)
+        self._registers: dict[int, int] = {}
+        self._restore()
+
+    # Time and power
+
+    def advance(self, now_ns: int) -> None:
+        """Let time run up to `now_ns`."""
+        if self._ready_at_ns is not None and self._ready_at_ns <= now_ns:
+            self._now_ns = self._ready_at_ns
+            self._restore()
+        self._now_ns = now_ns
+        while self._period_ps is not None:
+            at_ns = -(-(self._anchor_ps + (self._updates + 1) * self._period_ps) // PS_PER_NS)
+            if at_ns > now_ns:
+                break
+            self._updates += 1
+            self._convert(at_ns)
+
+    @property
+    def output_hz(self) -> float:
+        """Nominal rate of the output registers; 0 when it stands still [8.4, 10.1, 10.2]."""
+        power = self.register(PWR_MGMT_1)
+        if not self.powered or self._ready_at_ns is not None or power & 0x40 or power & 7 == 7:
+            return 0.0
+        if not self.register(GYRO_CONFIG_1) & 1:  # without GYRO_FCHOICE nothing is divided
+            return 9000.0
+        return 1125.0 / (1 + self.register(GYRO_SMPLRT_DIV))
+
+    def power_off(self) -> None:
+        """Take the supply away."""
+        self.powered = False
+        self._restore()
+
+    def power_on(self) -> None:
+        """Power it up."""
+        self.powered = True
+        self._begin_reset()
+
+    def brown_out(self) -> None:
+        """Fall back to reset values in the midst of running, and answer on at once: the worst case."""
+        self._restore()
+
+    # Bus
+
+    def start(self, address: int, read: bool) -> bool:
+        """Take a START or repeated START with an address; return whether it acknowledges."""
+        self._selected = address == self.address and self.powered and self._now_ns >= self._quiet_until_ns
+        self._reading = read
+        self._pointer_next = not read
+        return self._selected
+
+    def write(self, byte: int) -> bool:
+        """Take a byte: the register's address first, then values of it and of those that follow."""
+        if not self._selected or self._reading:
+            return False
+        if self._pointer_next:
+            self._pointer, self._pointer_next = byte & 0x7F, False
+        else:
+            self._store(byte)
+            self._step()
+        return True
+
+    def read(self, ack: bool) -> int:
+        """Give the next byte; without `ack` it is the last one."""
+        if not self._selected or not self._reading:
+            return 0xFF
+        value = self._load()
+        self._step()
+        self._selected = ack
+        return value
+
+    def stop(self) -> None:
+        """Take a STOP."""
+        self._selected = False
+
+    def register(self, register: int) -> int:
+        """What a register holds, without the bus; its number with 256 times the bank."""
+        return self._registers.get(register, 0)
+
+    def spoil(self, register: int, value: int) -> None:
+        """Change a register behind the driver's back."""
+        self._registers[register] = value
+
+    def read_block(self, register: int, n: int) -> bytes:
+        """Read n bytes of the bank that is selected, as `smbus2` does; OSError if nobody acknowledges."""
+        data = b""
+        if self.start(self.address, False) and self.write(register) and self.start(self.address, True):
+            data = bytes(self.read(ack=i < n - 1) for i in range(n))
+        self.stop()
+        if len(data) < n:
+            raise OSError(errno.EREMOTEIO, "Remote I/O error")
+        return data
+
+    # Registers
+
+    def _full_pointer(self) -> int:
+        return self._pointer if self._pointer == BANK_SELECT else self.bank << 8 | self._pointer
+
+    def _step(self) -> None:
+        if self._full_pointer() != FIFO_R_W:
+            self._pointer = (self._pointer + 1) & 0x7F
+
+    def _load(self) -> int:
+        register = self._full_pointer()
+        if ACCEL_XOUT_H <= register <= TEMP_OUT_L:
+            return self._output[register - ACCEL_XOUT_H]
+        match register:
+            case 0x7F:
+                return self.bank << 4
+            case 0x000:
+                return 0xEA
+            case 0x01B:
+                status, self._status = self._status, 0
+                return status
+            case 0x070:  # latches both bytes [8.60]
+                self._count = len(self.fifo)
+                return self._count >> 8
+            case 0x071:
+                return self._count & 0xFF
+            case 0x072:
+                return self.fifo.pop()
+        return self.register(register)
+
+    def _store(self, value: int) -> None:
+        register = self._full_pointer()
+        if register == BANK_SELECT:
+            self.bank = value >> 4 & 3
+        elif register == PWR_MGMT_1 and value & 0x80:
+            self._begin_reset()
+        else:
+            before = self.output_hz
+            self._registers[register] = value & _WRITABLE.get(register, 0)
+            if self.output_hz != before:
+                self._start_clock()
+        if self.register(FIFO_RST):  # held, it keeps the FIFO empty [8.58]
+            self.fifo.clear()
+
+    def _begin_reset(self) -> None:
+        self._restore()
+        self._quiet_until_ns = self._now_ns + QUIET_NS
+        self._ready_at_ns = self._now_ns + READY_NS
+        self._start_clock()
+
+    def _restore(self) -> None:
+        self._ready_at_ns = None
+        self._quiet_until_ns = 0
+        self._registers = dict(_RESET)
+        self.bank = 0
+        self.fifo.clear()
+        self._status = self._count = 0
+        self._output = bytes(14)
+        self._selected = False
+        self._start_clock()
+
+    # Conversions
+
+    def _start_clock(self) -> None:
+        self._anchor_ps, self._updates = self._now_ns * PS_PER_NS, 0
+        rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
+        self._period_ps = round(1e12 / rate_hz) if rate_hz else None
+
+    def _convert(self, at_ns: int) -> None:
+        motion = self.world.at(at_ns)
+        accel_lsb = ACCEL_LSB_PER_G[self.register(ACCEL_CONFIG) >> 1 & 3]
+        gyro_lsb = GYRO_LSB_PER_DPS[self.register(GYRO_CONFIG_1) >> 1 & 3]
+        values = [to_counts(a * accel_lsb) for a in motion.accel_g]
+        values += [to_counts(r * gyro_lsb) for r in motion.rate_dps]
+        values += [to_counts(temperature_counts(motion.celsius, 0xEA))]
+        self._output = b"".join(values)
+        sources = self.register(FIFO_EN_2)
+        if self.register(USER_CTRL) & 0x40 and not self.register(FIFO_RST) and sources:
+            data = b"".join(self._output[a:b] for bit, a, b in _SOURCES if sources & bit)
+            if self.fifo.push(data, bool(self.register(FIFO_MODE) & 1)):
+                self._status |= 0x01
