@@ -52,10 +52,12 @@ WORD = st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_siz
     WORD, st.sampled_from(["{0}@pi", "u:{0}@pi:1883", "mqtt://u:{0}@pi", "mqtts://:{0}@pi", "mqtt://pi@{0}"])
 )
 def test_password_in_the_address_is_refused_and_not_repeated(password: str, form: str) -> None:
-    with pytest.raises(UsageError) as refused:
-        load_config(None, {"mqtt.broker": form.format(password)})
-    assert "FLTEA_MQTT_PASSWORD" in str(refused.value)
-    assert password not in str(refused.value)
+    said = []
+    for secret_word in (password, "correct horse"):
+        with pytest.raises(UsageError, match="FLTEA_MQTT_PASSWORD") as refused:
+            load_config(None, {"mqtt.broker": form.format(secret_word)})
+        said.append(str(refused.value))
+    assert said[0] == said[1]  # whatever the password is; one may be a part of the message's own words
 
 
 @pytest.mark.parametrize(

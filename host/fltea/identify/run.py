@@ -110,6 +110,8 @@ class _Task(NamedTuple):
     arguments: tuple[Any, ...]
     part: int | None = None
     """number of the group of copies"""
+    again: bool = False
+    """whether a process has died of it, or of what was under way at the same time"""
 
 
 @dataclass
@@ -193,7 +195,7 @@ class _Loop:
                 self._after_death()
 
     def _hand_out(self, reading: deque[_Task]) -> None:
-        while len(self._pending) < (1 if self._alone else self._workers.slots):
+        while len(self._pending) < self._room():
             queue = self._alone or self._axes or reading
             if not queue:
                 return
@@ -206,6 +208,10 @@ class _Loop:
                 self._after_death()
                 continue
             self._pending[future] = task
+
+    def _room(self) -> int:
+        alone = self._alone or any(task.again for task in self._pending.values())
+        return 1 if alone else self._workers.slots
 
     def _take(self, future: Future[Any]) -> bool:
         """Take a result; False if there is none because a process died."""
@@ -263,15 +269,15 @@ class _Loop:
         self._total += len(axes) + len(copies) - USUAL_TASKS
 
     def _after_death(self) -> None:
-        """One of those under way killed its process; each is tried again alone, so the culprit is found."""
+        """One of those under way killed its process; each is tried alone: who dies then did it."""
         tasks = list(self._pending.values())
         self._pending.clear()
-        if len(tasks) == 1:
+        if len(tasks) == 1 and tasks[0].again:
             self._settle(
                 tasks[0], FlteaError("the process that worked on it was killed; did memory run out?")
             )
         else:
-            self._alone.extend(tasks)
+            self._alone.extend(task._replace(again=True) for task in tasks)
         self._workers.renew()
 
 
