@@ -181,18 +181,32 @@ def _print(running: "Fleet", every_s: float | None) -> None:
     try:
         if not running.listener.is_up.wait(FIRST_S):
             raise FlteaError(f"no broker answered within {FIRST_S:g} s.")
-        before = -1
-        while before != running.roll.messages:
-            before = running.roll.messages
-            time.sleep(SETTLED_S)
+        _settle(running, SETTLED_S)
         line()
         while every_s is not None:
-            time.sleep(every_s)
+            _turn(running, every_s)
             line()
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     finally:
         running.close()
+
+
+def _turn(running: "Fleet", seconds: float) -> None:
+    from fltea.fleet.program import TURN_S
+
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        running.turn()
+        time.sleep(TURN_S)
+
+
+def _settle(running: "Fleet", quiet_s: float) -> None:
+    """Until all that the broker retains has been asked for, and nothing new came for a while."""
+    before = -1, False
+    while before != (len(running.roll.sensors), True):
+        before = len(running.roll.sensors), running.is_complete
+        _turn(running, quiet_s)
 
 
 def _export(history: Path | None, out: Path) -> None:

@@ -18,6 +18,7 @@ from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 
 KEEPALIVE_S = 15
+RETAINED = ("hello", "fit")
 LONGEST_WAIT_S = 5
 IN_FLIGHT = 65_535
 """Messages that the broker may send before we acknowledge one: after an outage it has one of each sensor."""
@@ -42,6 +43,7 @@ class Listener:
         self.is_up = threading.Event()
         self.outages = 0
         self._told = self._closed = False
+        self._asked: list[str] = []
         self._client = client = Client(
             CallbackAPIVersion.VERSION2,
             f"fltea-fleet-{secrets.token_hex(4)}",
@@ -71,6 +73,18 @@ class Listener:
             if self.is_up.is_set():
                 self._client.publish(f"{self._prefix}/{topic}", payload, qos=1, retain=retain)
 
+    def fetch(self, device_ids: list[str]) -> None:
+        """Ask for what the broker retains of some sensors; those of the call before have been answered.
+
+        Of all at once it would drop most: mosquitto keeps 1,000 messages for a client that reads more slowly
+        than it writes, and a fit has 25 kB.
+        """
+        if self._asked:
+            self._client.unsubscribe(self._asked)
+        self._asked = [f"{self._prefix}/{name}/{kind}" for name in device_ids for kind in RETAINED]
+        if self._asked:
+            self._client.subscribe([(topic, SubscribeOptions(qos=1)) for topic in self._asked])
+
     def close(self) -> None:
         """Disconnect."""
         self._closed = True
@@ -88,8 +102,11 @@ class Listener:
         if reason.is_failure:
             self._down(*self._broker.explain_refusal(reason))
             return
-        options = SubscribeOptions(qos=0)
-        client.subscribe([(f"{self._prefix}/+/{kind}", options) for kind in KINDS])
+        options = SubscribeOptions(qos=1)
+        later = SubscribeOptions(qos=1, retainHandling=SubscribeOptions.RETAIN_DO_NOT_SEND)
+        client.subscribe(
+            [(f"{self._prefix}/+/{kind}", later if kind == "fit" else options) for kind in KINDS]
+        )
         if self._told:
             self._tell("", f"{self._broker.address}: the connection is back.")
         self._told = False

@@ -19,8 +19,14 @@ from fltea.settings.outputs import MqttConfig
 JUMP_S = 60.0
 """The wall clock is taken as set anew if it differs from the steady one by more."""
 
+ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
+"""So many sensors a turn; so often for one of which the broker retains nothing."""
+
 LONG_JUMP_S = 86_400.0
 """After such a jump nothing is pruned: nobody knows how old the rows are."""
+
+
+TURN_S = 0.2
 
 
 class Plan(NamedTuple):
@@ -57,7 +63,7 @@ class Clock:
 
 
 class Fleet:
-    """The program. All state is behind `lock`; `turn` is called every second by whoever runs it.
+    """The program. All state is behind `lock`; `turn` is called every `TURN_S` by whoever runs it.
 
     Raises:
         UsageError: settings, or a history, that cannot be used.
@@ -75,6 +81,7 @@ class Fleet:
         self.look_s = 0.0
         self._say = say or (lambda text: print(text, file=sys.stderr, flush=True))
         self._look_due = 0.0
+        self._asked: dict[str, tuple[int, float]] = {}
         self._told = ""
         self.listener = Listener(plan.mqtt, self.take, self._tell)
 
@@ -94,8 +101,10 @@ class Fleet:
                     self.history.add(unix_s, sensor.device_id, name, axis)
 
     def turn(self) -> None:
-        """What is due: a look, alerts, history."""
+        """What is due: a look, alerts, history, and what the broker retains of sensors that are new."""
         now = self.clock.steady()
+        if self.listener.is_up.is_set():
+            self.listener.fetch(self._lacking(now))
         if now < self._look_due:
             return
         self._look_due = now + self.plan.look_every_s
@@ -105,11 +114,37 @@ class Fleet:
             unix_s = self.clock.unix_s()
             if not self.clock.long_jump:
                 self.pruned += self.history.prune(unix_s - self.plan.keep_s)
-            self.roll.forget(now - self.plan.keep_s)
+            for name in self.roll.forget(now - self.plan.keep_s):
+                self._asked.pop(name, None)
             trouble = self.history.trouble
         if trouble and trouble != self._told:
             self._tell("disk_full", trouble)
         self._told = trouble
+
+    def _lacking(self, now: float) -> list[str]:
+        """Sensors of which no fit or no HELLO came yet, some of them."""
+        found: list[str] = []
+        with self.lock:
+            for name, sensor in self.roll.sensors.items():
+                if sensor.axes and sensor.hello is not None:
+                    continue
+                times, due = self._asked.get(name, (0, 0.0))
+                if times < ASK_TIMES and now >= due:
+                    self._asked[name] = times + 1, now + ASK_EVERY_S
+                    found.append(name)
+                    if len(found) == ASK_AT_ONCE:
+                        break
+        return found
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all that the broker retains has been asked for."""
+        with self.lock:
+            return all(
+                name in self._asked
+                for name, sensor in self.roll.sensors.items()
+                if not sensor.axes or sensor.hello is None
+            )
 
     def look_now(self) -> None:
         """Compare all sensors, and publish what has begun or ended."""

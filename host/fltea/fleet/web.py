@@ -21,7 +21,7 @@ from tornado.web import Application, HTTPError, RequestHandler
 
 from fltea.fleet.figures import QUANTITIES
 from fltea.fleet.metrics import text_of
-from fltea.fleet.program import Fleet
+from fltea.fleet.program import TURN_S, Fleet
 from fltea.fleet.summary import COLUMNS, distribution, groups, rows, table
 from fltea.records.errors import FlteaError
 from fltea.sinks.own_names import is_own, own_names
@@ -246,7 +246,7 @@ def serve(
     server = HTTPServer(application(Shown(fleet, own_names(host, names), password)), max_body_size=0)
     server.add_sockets(sockets)
     loop = IOLoop.current()
-    turns = PeriodicCallback(fleet.turn, 1000)
+    turns = PeriodicCallback(fleet.turn, TURN_S * 1000)
     turns.start()
     stop(loop)
     ready(sockets[0].getsockname()[1])
