@@ -68,6 +68,9 @@ def fleet(
     silent_after: Annotated[
         str, typer.Option(metavar="TIME", help="A sensor of which nothing is heard for so long is silent.")
     ] = "90s",
+    look_every: Annotated[
+        str, typer.Option(metavar="TIME", help="How often all sensors are compared.")
+    ] = "5s",
     most: Annotated[
         int, typer.Option("--max-sensors", help="Further ones are counted and named, and not kept.")
     ] = 20_000,
@@ -131,7 +134,8 @@ def fleet(
         _seconds("--history-every", history_every),
         _seconds("--keep", keep),
         _seconds("--silent-after", silent_after),
-        most=most,
+        _seconds("--look-every", look_every),
+        most,
     )
     every_s = None if every is None else _seconds("--every", every)
     if every_s is not None and not json:

@@ -96,11 +96,14 @@ def _spread(away: Floats, std: Floats) -> float:
 
 
 def _weighted_median(value: Floats, weight: Floats) -> float:
-    """Smooth where weights are equal: the plain median of them."""
+    """Half of the weight is on either side; between two values where it is so for both."""
     weight = np.minimum(weight, 3 * np.median(weight))  # no sensor alone decides, however well it is known
     order = np.argsort(value)
-    value, weight = value[order], weight[order]
-    return float(np.interp(weight.sum() / 2, np.cumsum(weight) - weight / 2, value))
+    value, below = value[order], np.cumsum(weight[order])
+    half = below[-1] / 2
+    first = min(int(np.searchsorted(below, half * (1 - 1e-9))), len(value) - 1)
+    last = min(int(np.searchsorted(below, half * (1 + 1e-9))), len(value) - 1)
+    return float(value[first] + value[last]) / 2
 
 
 def student_tail(t: float, degrees: float) -> float:
