@@ -171,9 +171,9 @@ def main() -> int:
         parser.error("1 to 100,000 sensors, no more bad ones than there are, and no negative time")
     bad = bad_ones(given.sensors, given.bad)
     fleet = [sensor(place, bad) for place in range(given.sensors)]
-    for one in bad:
-        name = fleet[one.place].device_id
-        print(f"bad: {name} {one.axis}: {one.times:g} times the usual {one.figure}", file=sys.stderr)
+    for odd in bad:
+        name = fleet[odd.place].device_id
+        print(f"bad: {name} {odd.axis}: {odd.times:g} times the usual {odd.figure}", file=sys.stderr)
     publisher = Publisher(given.host, given.port, given.prefix)
     begin = time.monotonic()
     for one in fleet:

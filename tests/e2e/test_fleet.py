@@ -17,7 +17,8 @@ from typing import Any
 
 import pytest
 from browser_support import PATIENCE_MS, Watched, browsers
-from mosquitto_support import Mosquitto
+from host_support import fltea_here
+from mosquitto_support import Mosquitto, free_port, make_authority, tool
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from playwright.sync_api import Browser, expect
@@ -205,24 +206,77 @@ def test_the_page_is_for_those_who_know_the_password(stage: Stage, broker: Mosqu
     ],
 )
 def test_mistakes(arguments: list[str], words: str) -> None:
-    from host_support import fltea_here
-
     done = fltea_here("fleet", *arguments)
     assert (done.returncode, words in done.stderr) == (2, True), done.stderr
 
 
-def test_numbers_for_a_script_and_no_broker(broker: Mosquitto) -> None:
+def answers(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(tmp_path: Path) -> None:
+    """tools/deploy/mosquitto as it stands, but for its folders and its port."""
+    authority, port = tmp_path / "authority", free_port()
+    ca = make_authority(authority)
+    example = ROOT / "tools/deploy/mosquitto"
+    for user in ("a", "b", "fleet"):
+        new = ["-c"] if user == "a" else []
+        command = [tool("mosquitto_passwd"), "-b", *new, str(authority / "passwords"), user, f"{user}-secret"]
+        subprocess.run(command, check=True, capture_output=True)
+    (authority / "acl").write_bytes((example / "acl").read_bytes())
+    for name in ("acl", "passwords"):
+        (authority / name).chmod(0o600)
+    text = (example / "fltea.conf").read_text().replace("/etc/mosquitto/fltea", str(authority))
+    text = text.replace("/var/lib/mosquitto/", f"{tmp_path}/").replace(
+        "listener 8883", f"listener {port} 127.0.0.1"
+    )
+    (tmp_path / "conf").write_text(text + ("user root\n" if os.geteuid() == 0 else ""))
+    heard: list[str] = []
+    with subprocess.Popen([tool("mosquitto"), "-c", tmp_path / "conf"], stderr=subprocess.DEVNULL) as process:
+        try:
+            wait_until(lambda: answers(port), "the broker")
+            fleet, a = (
+                Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5) for _ in "12"
+            )
+            reasons: dict[int, str] = {}
+            a.on_publish = lambda client, data, mid, reason, properties: reasons.update(
+                {mid: reason.getName()}
+            )
+            fleet.on_message = lambda client, data, message: heard.append(message.topic)
+            for client, user in ((fleet, "fleet"), (a, "a")):
+                client.username_pw_set(user, f"{user}-secret")
+                client.tls_set(str(ca))
+                client.connect("localhost", port)
+                client.loop_start()
+            subscribed: list[object] = []
+            fleet.on_subscribe = lambda *_: subscribed.append(_)
+            fleet.subscribe("fltea/#", qos=1)
+            wait_until(lambda: bool(subscribed), "the subscription")
+            mids = {
+                topic: a.publish(topic, b"{}", qos=1).mid for topic in ("fltea/b/fit", "x", "fltea/a/fit")
+            }
+            wait_until(lambda: len(reasons) == 3, "answers")
+            wait_until(lambda: bool(heard), "what is allowed")
+            assert {topic: reasons[mid] for topic, mid in mids.items()} == {
+                "fltea/b/fit": "Not authorized", "x": "Not authorized", "fltea/a/fit": "Success",
+            }  # fmt: skip
+            assert heard == ["fltea/a/fit"]
+            for client in (fleet, a):
+                client.disconnect()
+                client.loop_stop()
+        finally:
+            process.kill()
+
+
+def test_numbers_for_a_script_and_no_broker(broker: Mosquitto, monkeypatch: pytest.MonkeyPatch) -> None:
     load(broker.port, sensors=30)
     command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", f"127.0.0.1:{broker.port}", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     found = json.loads(done.stdout)
     assert (done.returncode, found["sensors"], found["axes"]) == (0, 30, {"drift": 90})
+    monkeypatch.setattr("fltea.cli.fleet.FIRST_S", 0.2)
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
-        done = subprocess.run(
-            [*command[:-2], f"127.0.0.1:{nobody.getsockname()[1]}", "--json"],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-        )
+        done = fltea_here("fleet", "--mqtt", f"127.0.0.1:{nobody.getsockname()[1]}", "--json")
     assert (done.returncode, "nobody listens there" in done.stderr) == (1, True)

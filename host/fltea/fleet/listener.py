@@ -28,7 +28,7 @@ class Listener:
     """Subscribes to what a fleet is made of, and publishes alerts.
 
     take: is given topic and payload, in the library's thread; the broker waits for it, so nothing piles up
-    here. tell: is given kind and text of what is wrong with the connection, once an outage, and ("", text)
+    here. tell: is given kind and text of what is wrong with the connection, once an outage. back: is called
     when all is well again.
 
     Raises:
@@ -36,10 +36,14 @@ class Listener:
     """
 
     def __init__(
-        self, settings: MqttConfig, take: Callable[[str, bytes], None], tell: Callable[[str, str], None]
+        self,
+        settings: MqttConfig,
+        take: Callable[[str, bytes], None],
+        tell: Callable[[str, str], None],
+        back: Callable[[], None],
     ) -> None:
         self._broker = Broker(settings)
-        self._prefix, self._take, self._tell = settings.prefix, take, tell
+        self._prefix, self._take, self._tell, self._back = settings.prefix, take, tell, back
         self.is_up = threading.Event()
         self.outages = 0
         self._told = self._closed = False
@@ -108,7 +112,7 @@ class Listener:
             [(f"{self._prefix}/+/{kind}", later if kind == "fit" else options) for kind in KINDS]
         )
         if self._told:
-            self._tell("", f"{self._broker.address}: the connection is back.")
+            self._back()
         self._told = False
         self.is_up.set()
 

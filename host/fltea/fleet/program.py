@@ -83,7 +83,7 @@ class Fleet:
         self._look_due = 0.0
         self._asked: dict[str, tuple[int, float]] = {}
         self._told = ""
-        self.listener = Listener(plan.mqtt, self.take, self._tell)
+        self.listener = Listener(plan.mqtt, self.take, self._tell, lambda: self._say("the broker is back."))
 
     def start(self) -> None:
         """Connect to the broker."""
@@ -201,4 +201,4 @@ class Fleet:
             self.history.close()
 
     def _tell(self, kind: str, text: str) -> None:
-        self._say(f"{kind}: {text}" if kind else text)
+        self._say(f"{kind}: {text}")
