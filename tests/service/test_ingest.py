@@ -18,7 +18,7 @@ NAMES = st.sampled_from(["a", "b", "c", "d", "ä", "a/b", "", "x" * 65, "program
 def test_only_so_many_devices_each_from_its_second_message_on(
     said: list[tuple[str, bool]], limit: int
 ) -> None:
-    admission, heard, inside = Admission(limit, "program"), dict.fromkeys("abcd", 0), set()
+    admission, heard, inside = Admission(limit, "program"), dict.fromkeys("abcd", 0), set[str]()
     taken = 0
     for name, leaves in said:
         verdict = admission.judge(name, 0)
@@ -52,7 +52,7 @@ def test_names_that_are_made_up_take_nobodys_place_and_are_told() -> None:
     for _ in range(2):
         inbox.put("real", b"frames")
     assert [(m.device, m.data) for m in inbox.take(0)] == [("real", b"frames")]
-    ((kind, text),) = losses.look(0)
+    ((kind, text, *_),) = losses.look(0)
     assert kind == "devices_refused"
     assert "301 names were heard once" in text
     assert not list(losses.look(1)), "once a minute"
@@ -61,7 +61,7 @@ def test_names_that_are_made_up_take_nobodys_place_and_are_told() -> None:
 def test_names_are_told_so_that_no_terminal_obeys_them() -> None:
     inbox = Inbox(2, 1 << 24)
     inbox.put("\x1b[2J" + "x" * 500, b"")
-    ((_, text),) = Losses(inbox, "mqtt://broker").look(0)
+    ((_, text, *_),) = Losses(inbox, "mqtt://broker").look(0)
     assert text.isprintable()
     assert len(text) < 400
 
@@ -77,7 +77,7 @@ def test_a_device_that_floods_loses_its_own_and_is_named() -> None:
     taken = inbox.take(0)
     assert [message.device for message in taken] == ["flood"] * 4 + ["quiet"]
     assert inbox.overflow() == {"flood": 16 * len(part)}
-    ((kind, text),) = Losses(inbox, "mqtt://broker").look(0)
+    ((kind, text, *_),) = Losses(inbox, "mqtt://broker").look(0)
     assert kind == "frames_overflow"
     assert f"flood ({16 * len(part)} bytes)" in text
     inbox.put("flood", part)
@@ -103,7 +103,7 @@ def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm()
     assert told[: LOOKS - 1] == [None] * (LOOKS - 1), "devices that begin together are no reason"
     news = [one for one in told if one]
     assert load.slower == 2 ** len(news) == 64
-    assert {kind for kind, _ in news} == {"fits_slowed"}
+    assert {one.kind for one in news} == {"fits_slowed"}
     while load.slower > 1:
         before, since_ns = load.slower, now_ns
         while load.slower == before:

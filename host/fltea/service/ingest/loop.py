@@ -170,6 +170,6 @@ class Ingest:
                 self._walk(name, line, None)
         self._broken_ns = {name: ns for name, ns in self._broken_ns.items() if ns > now_ns}
         if slowed := self._pressure.look(now_ns):
-            self._report(*slowed)
+            self._report(slowed.kind, slowed.message)
         for told in self._losses.look(now_ns):
-            self._report(*told)
+            self._report(told.kind, told.message)

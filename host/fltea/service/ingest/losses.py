@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from fltea.records.events import Trouble
 from fltea.records.repeat import OnceAMinute
 from fltea.service.ingest.admission import Verdict
 from fltea.service.ingest.inbox import Inbox
@@ -28,7 +29,8 @@ REASONS: dict[Verdict, _Reason] = {
     ),
     "bad_name": _Reason(
         1,
-        "messages came under names of more than 64 characters, or of others than letters, digits, _ . and -",
+        "messages came under names that no device has: of more than 64 characters, of others than letters, "
+        "digits, _ . and -, or of this program",
     ),
 }
 
@@ -42,8 +44,8 @@ class Losses:
         self._away: dict[Verdict, int] = {}
         self._overflow: dict[str, int] = {}
 
-    def look(self, now_ns: int) -> Iterator[tuple[str, str]]:
-        """Yield kind and text of what there is to tell."""
+    def look(self, now_ns: int) -> Iterator[Trouble]:
+        """Yield what there is to tell."""
         inbox = self._inbox
         inbox.expire(now_ns)
         for verdict, reason in REASONS.items():
@@ -55,7 +57,7 @@ class Losses:
                 text = (
                     f"{self._where}: {new} {reason.text}. The last was {last}; the limit is {limit} devices."
                 )
-                yield "devices_refused", text
+                yield Trouble("devices_refused", text, now_ns, fatal=False)
         overflow = inbox.overflow()
         new_bytes = {name: size - self._overflow.get(name, 0) for name, size in overflow.items()}
         worst = max(new_bytes, key=lambda name: new_bytes[name], default=None)
@@ -67,4 +69,4 @@ class Losses:
                 f"queue and are lost, most of them of {worst} ({new_bytes[worst]} bytes): it floods, or this "
                 "machine does not keep up."
             )
-            yield "frames_overflow", text
+            yield Trouble("frames_overflow", text, now_ns, fatal=False)

@@ -1,5 +1,6 @@
 """Whether this machine keeps up with its devices; the live fits give way if it does not, all alike."""
 
+from fltea.records.events import Trouble
 from fltea.stream.fit_times import FitLoad
 
 LATE_NS = 10**9
@@ -29,8 +30,8 @@ class Pressure:
         """Take note of how long a message waited."""
         self._longest_ns = max(self._longest_ns, ns)
 
-    def look(self, now_ns: int) -> tuple[str, str] | None:
-        """Judge what happened since the last look; kind and text of an `error` record if that is news."""
+    def look(self, now_ns: int) -> Trouble | None:
+        """Judge what happened since the last look; what there is to tell if that is news."""
         longest_ns, self._longest_ns = self._longest_ns, 0
         load = self._load
         if longest_ns > CALM_NS:
@@ -43,7 +44,7 @@ class Pressure:
                 f"messages of {load.devices} devices wait for {longest_ns * 1e-9:.1f} s, so the live fits of "
                 f"all of them come {load.slower:g} times more rarely; no sample is left out."
             )
-            return "fits_slowed", text
+            return Trouble("fits_slowed", text, now_ns, fatal=False)
         if load.slower > 1 and now_ns - max(self._late_ns, self._changed_ns) >= QUIET_NS:
             self._changed_ns = now_ns
             load.slower /= 2

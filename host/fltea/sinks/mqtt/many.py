@@ -2,7 +2,7 @@
 
 Each device has an `MqttSink` without a thread or a connection of its own, so topics, states, retries and
 counts are those of any device. Devices stand under the name by which the broker let them publish, never under
-what their HELLO says. The program has a status of its own, `<prefix>/<program>/status`: the will.
+what their HELLO says. The program has a status of its own, `<prefix>/<program>/ingest`: the will.
 """
 
 import secrets
@@ -53,7 +53,7 @@ class ManyMqttSink(Sink):
         self._program, self._apart = program, frozenset(apart)
         self._report, self._told = report, OnceAMinute()
         broker = Broker(settings)
-        self._status_topic = f"{settings.prefix}/{program}/status"
+        self._status_topic = f"{settings.prefix}/{program}/ingest"
         will = (self._status_topic, self._status("offline", "connection_lost"))
         self._shared = SharedConnection(broker, f"fltea-{program}-{secrets.token_hex(4)}", will)
         self._own = self._shared.connect()
