@@ -113,7 +113,7 @@ class ManyMqttSink(Sink):
             self._shared.pump()
         for sink in self._sinks.values():
             sink.leave()
-        self._shared.close()
+        self._shared.close(deadline_s)
 
     def _look_after_own(self) -> None:
         """The program's own status, said with each connection; a lost one is opened again by a device."""
