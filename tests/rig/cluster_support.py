@@ -1,0 +1,68 @@
+"""What the tests of tables of verdicts share: recordings in no folder's order, and what a table holds."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from fltea.cluster.listing import File
+from fltea.cluster.verdict_table import VerdictTable
+from fltea.cluster.whole import Ask
+from identify_files import settings
+from pyarrow import parquet
+
+ASK = Ask(settings(shuffles=0))
+"""Quick."""
+
+
+def file(number: int, *, size: int = 10, stamp: str = "1") -> File:
+    return File(f"s3://lab/{number}.csv", "s3", f"lab/{number}.csv", size, stamp)
+
+
+@contextlib.contextmanager
+def open_table(folder: Path, digest: str = ASK.digest()) -> Iterator[VerdictTable]:
+    table = VerdictTable(folder, digest)
+    try:
+        yield table
+    finally:
+        table.close()
+
+
+def rows_in(folder: Path) -> list[dict[str, Any]]:
+    """As pandas and others read it."""
+    return sorted(parquet.read_table(folder).to_pylist(), key=lambda row: (row["file"], row["axis"] or ""))
+
+
+@contextlib.contextmanager
+def s3_server() -> Iterator[Any]:
+    """An S3 server on the loopback with the bucket `lab`; its file system. The environment names it."""
+    import logging
+
+    from fltea.cluster.listing import file_system
+    from moto.server import ThreadedMotoServer
+
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    known = {
+        "AWS_ENDPOINT_URL": f"http://{host}:{port}",
+        "AWS_ACCESS_KEY_ID": "key",
+        "AWS_SECRET_ACCESS_KEY": "secret",
+        "AWS_DEFAULT_REGION": "us-east-1",
+        "AWS_EC2_METADATA_DISABLED": "true",
+    }
+    before = {name: os.environ.get(name) for name in known}
+    os.environ.update(known)
+    try:
+        system = file_system("s3")
+        system.mkdir("lab")
+        yield system
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name)
+            else:
+                os.environ[name] = value
+        server.stop()
