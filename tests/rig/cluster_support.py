@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from fltea.cluster.listing import File
+from fltea.cluster.listing import File, files_of
+from fltea.cluster.run import Progress, run
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask
+from fltea.identify.workers import Workers
 from identify_files import settings
 from pyarrow import parquet
 
@@ -32,6 +34,20 @@ def open_table(folder: Path, digest: str = ASK.digest()) -> Iterator[VerdictTabl
 def rows_in(folder: Path) -> list[dict[str, Any]]:
     """As pandas and others read it."""
     return sorted(parquet.read_table(folder).to_pylist(), key=lambda row: (row["file"], row["axis"] or ""))
+
+
+def values(folder: Path) -> list[dict[str, Any]]:
+    """What does not depend on who was how fast."""
+    return [{**row, "seconds": None} for row in rows_in(folder)]
+
+
+def identified(pattern: str, how: Ask, out: Path, workers: Workers, **options: Any) -> Progress:
+    """All files of a pattern to a table; the workers are closed."""
+    try:
+        with open_table(out, how.digest()) as table:
+            return run(files_of([pattern]), how, workers, table, **options)
+    finally:
+        workers.close()
 
 
 @contextlib.contextmanager

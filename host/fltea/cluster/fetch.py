@@ -21,7 +21,7 @@ def local_copy(file: File, folder: Path) -> Path:
     if file.protocol == "file":
         return Path(file.path)
     copy = folder / f"recording{file.suffix}"
-    _check_room(file, file.size, folder)
+    check_room(file, file.size, folder)
     with (
         file_system(file.protocol).open(file.path, "rb", cache_type="none") as source,
         copy.open("wb") as out,
@@ -32,20 +32,12 @@ def local_copy(file: File, folder: Path) -> Path:
     return copy
 
 
-def read_range(file: File, begin: int, end: int) -> bytes:
-    """The bytes begin … end - 1.
+def check_room(file: File, size: int, folder: Path) -> None:
+    """Check that the disk of a folder takes so many bytes of a file.
 
     Raises:
-        FlteaError: there are fewer.
-        OSError: and whatever its file system raises.
+        UsageError: it does not.
     """
-    data: bytes = file_system(file.protocol).cat_file(file.path, start=begin, end=end)
-    if len(data) != end - begin:
-        raise FlteaError(f"{file.url}: ends at byte {begin + len(data)}; it had {file.size} when listed.")
-    return data
-
-
-def _check_room(file: File, size: int, folder: Path) -> None:
     free = shutil.disk_usage(folder).free
     if size + LEAST_FREE > free:
         raise UsageError(

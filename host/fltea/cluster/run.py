@@ -3,12 +3,15 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import msgspec
 
+from fltea.cluster.cut import Cut
 from fltea.cluster.listing import File
 from fltea.cluster.rows import Key, Row, failed
+from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask, identify_file
 from fltea.identify.workers import Workers
@@ -29,10 +32,22 @@ class Progress(msgspec.Struct):
     now: str = ""
 
 
+@dataclass
+class _Pieces:
+    """A file whose pieces are being summed."""
+
+    sums: list[PieceSums | None]
+    failed: bool = False
+
+
 class _Task(NamedTuple):
+    """What is done to a file, or to one of its pieces, of that number."""
+
     file: File
     do: Callable[..., Any]
     arguments: tuple[Any, ...]
+    pieces: _Pieces | None = None
+    number: int = 0
     again: bool = False
     """whether a process has died of it, or of what was under way at the same time"""
 
@@ -92,10 +107,15 @@ class _Loop:
 
     def _task(self) -> _Task | None:
         for queue in (self._alone, self._next):
-            if queue:
-                return queue.popleft()
+            while queue:
+                task = queue.popleft()
+                if task.pieces is None or not task.pieces.failed:
+                    return task
         file = next(self._files, None)
-        return None if file is None else _Task(file, identify_file, (file, self._ask))
+        if file is None:
+            return None
+        large = file.size > self._ask.block_bytes
+        return _Task(file, cuts_of if large else identify_file, (file, self._ask))
 
     def _hand_out(self) -> bool:
         """Give the workers what they have room for; False if there is nothing more."""
@@ -128,9 +148,37 @@ class _Loop:
         return True
 
     def _settle(self, task: _Task, result: Any) -> None:
+        file, pieces = task.file, task.pieces
+        if pieces is not None and pieces.failed:
+            return
         if isinstance(result, BaseException):
-            result = failed(Key(task.file, self._digest), _text(result), again=True)
-        self._finish(task.file, result)
+            self._fail(task, f"{type(result).__name__}: {result}", again=True)
+        elif task.do is cuts_of:
+            self._cut(file, result)
+        elif pieces is None:
+            self._finish(file, result)
+        elif isinstance(result, str):
+            self._fail(task, result, again=False)
+        else:
+            pieces.sums[task.number] = result
+            self._progress.now = f"{file.url} piece {task.number + 1} of {len(pieces.sums)}"
+            self._tell(self._progress)
+            if None not in pieces.sums:
+                self._next.appendleft(_Task(file, fit_pieces, (file, self._ask, pieces.sums)))
+
+    def _cut(self, file: File, cuts: list[Cut]) -> None:
+        if not cuts:
+            self._next.append(_Task(file, identify_file, (file, self._ask)))
+            return
+        pieces = _Pieces([None] * len(cuts))
+        for number, cut in enumerate(cuts):
+            self._next.append(_Task(file, sum_piece, (file, cut, self._ask), pieces, number))
+
+    def _fail(self, task: _Task, reason: str, *, again: bool) -> None:
+        if task.pieces is not None:
+            task.pieces.failed = True
+            reason = f"piece {task.number + 1} of {len(task.pieces.sums)}: {reason}"
+        self._finish(task.file, failed(Key(task.file, self._digest), reason, again=again))
 
     def _finish(self, file: File, rows: list[Row]) -> None:
         self._table.add(rows)
@@ -154,7 +202,3 @@ class _Loop:
         else:
             self._alone.extend(task._replace(again=True) for task in tasks)
         self._workers.renew()
-
-
-def _text(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"
