@@ -6,7 +6,17 @@ import pytest
 from fltea.cluster.listing import JOURNAL, File, files_of
 from fltea.records.errors import FlteaError, UsageError
 
-NAMES = ("a.mcap", "x/a.npz", "x/b.txt", "x/c.png", "x/y/d.mcap", "x/y/e", "z/f.csv", "t.parquet/g.parquet")
+NAMES = (
+    "a.mcap",
+    "x/a.npz",
+    "x/b.txt",
+    "x/c.png",
+    "x/y/d.mcap",
+    "x/y/e",
+    "z/[f].csv",
+    "z/f.csv",
+    "t.parquet/g.parquet",
+)
 
 
 @pytest.fixture
@@ -22,7 +32,7 @@ def lab(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("pattern", "found"),
     [
-        ("", ["a.mcap", "x/a.npz", "x/b.txt", "x/y/d.mcap", "z/f.csv"]),
+        ("", ["a.mcap", "x/a.npz", "x/b.txt", "x/y/d.mcap", "z/[f].csv", "z/f.csv"]),
         ("x", ["x/a.npz", "x/b.txt", "x/y/d.mcap"]),
         ("**/*.mcap", ["a.mcap", "x/y/d.mcap"]),
         ("*/*.[nt]*", ["x/a.npz", "x/b.txt"]),
@@ -30,6 +40,8 @@ def lab(tmp_path: Path) -> Path:
         ("x/*", ["x/a.npz", "x/b.txt", "x/c.png"]),
         ("x/*/e", ["x/y/e"]),
         ("x/c.png", ["x/c.png"]),
+        ("z/[f].csv", ["z/[f].csv"]),
+        ("z/[fg].csv", ["z/f.csv"]),
     ],
 )
 def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
@@ -68,12 +80,29 @@ def test_memory_holds_no_more_than_a_folder(lab: Path) -> None:
     [
         ("zip::s3://lab/a.zip", "chains"),
         ("ssh://host/file.csv", "not a file system"),
+        ("s3://key:secret@lab/a.csv", r"^s3://…@…: a name or password"),
         ("nowhere/*.csv", "no recording is there"),
     ],
 )
 def test_what_is_refused(pattern: str, text: str) -> None:
     with pytest.raises(UsageError, match=text):
         list(files_of([pattern]))
+
+
+def test_signatures_do_not_stand_in_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Web:
+        def _strip_protocol(self, path: str) -> str:
+            return path
+
+        def info(self, path: str) -> dict[str, object]:
+            return {"name": path, "type": "file", "size": 7, "ETag": "x"}
+
+    monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Web())
+    one, other = files_of(["https://host/a.csv?sign=secret", "https://host/a.csv?sign=other"])
+    assert (one.path, one.suffix) == ("https://host/a.csv?sign=secret", ".csv")
+    assert one.url.startswith("https://host/a.csv?…")
+    assert "secret" not in one.url
+    assert one.url != other.url
 
 
 def test_what_a_file_system_says_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

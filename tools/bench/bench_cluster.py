@@ -1,13 +1,11 @@
 """`fltea identify --out` with a Dask cluster of one and of two workers: files and bytes a second.
 
-`python -m tools.bench.bench_cluster [--json]`: a minute. Recordings of ten minutes as MCAP, and one large
+Recordings of ten minutes as MCAP, and one large
 .npy that is summed in pieces; all on this machine's disk, so the network of a cluster is not in it.
 """
 
-import json
 import os
 import shutil
-import sys
 import tempfile
 import time
 import warnings
@@ -38,6 +36,7 @@ def measure() -> dict[str, Any]:
     """Wall-clock and processor time of each; the workers have loaded all they need before."""
     from distributed import LocalCluster
 
+    start: Any = LocalCluster  # it has no types
     found: dict[str, Any] = {"cores": os.cpu_count()}
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what Dask says of its own ports and files
@@ -50,7 +49,7 @@ def measure() -> dict[str, Any]:
             quick, how=How(units="deg/s", rate_hz=float(RATE_HZ)), block_bytes=size // PIECES + 1
         )
         for workers in (1, 2):
-            with LocalCluster(
+            with start(
                 n_workers=workers, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
             ) as cluster:
                 address = cluster.scheduler_address
@@ -118,8 +117,3 @@ def text(found: dict[str, Any]) -> str:
                 f" {one['worker_cpu_s_per_file']:18.3f} {one['client_cpu_s_per_file'] * 1e3:19.1f}"
             )
     return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    figures = measure()
-    print(json.dumps(figures) if "--json" in sys.argv else text(figures))

@@ -1,5 +1,6 @@
 """Which recordings there are, on any file system that fsspec reaches: their address, size and stamp."""
 
+import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import PurePosixPath
@@ -11,7 +12,10 @@ from fltea.settings.extras import how_to_install, load
 
 PROTOCOLS = ("file", "s3", "s3a", "gs", "gcs", "abfs", "az", "http", "https", "memory")
 """Chains (`zip::s3://…`) and protocols that run programs elsewhere are none of these."""
-MAGIC = re.compile(r"[*?\[]")
+LIKE_NAMES = ("file", "http", "https")
+"""What they call a file is its address."""
+MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
+"""Of patterns. Behind a question mark in a web address stands what the server is asked."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
 """What file systems call it when a file is no longer the same, the surest first."""
 JOURNAL = "_journal.ndjson"
@@ -90,6 +94,11 @@ def _split(pattern: str) -> tuple[str, str]:
     protocol, separator, rest = pattern.partition("://")
     if not separator:
         return "file", pattern
+    if "@" in rest.partition("/")[0]:
+        raise UsageError(
+            f"{protocol}://…@…: a name or password in a URL would stand in the table. The workers "
+            "take credentials from their environment (host/cluster.md)."
+        )
     if "::" in protocol:
         raise UsageError(f"{pattern}: chains of file systems are not read; name the file itself.")
     return protocol.lower(), pattern if protocol.lower() in ("http", "https") else rest
@@ -97,7 +106,8 @@ def _split(pattern: str) -> tuple[str, str]:
 
 def _matching(system: Any, protocol: str, path: str) -> Iterator[File]:
     path = system._strip_protocol(path)
-    if not MAGIC.search(path):
+    magic = (MAGIC if protocol not in ("http", "https") else MAGIC_OF_WEB).search(path)
+    if magic is None or system.isfile(path):  # a name may hold brackets
         about = system.info(path)
         if about["type"] != "directory":
             yield _file(system, protocol, about)
@@ -109,7 +119,7 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File]:
         return
     from fsspec.utils import glob_translate
 
-    fixed = path[: MAGIC.search(path).start()].rpartition("/")[0]  # type: ignore[union-attr]
+    fixed = path[: magic.start()].rpartition("/")[0]
     depth = None if "**" in path else path[len(fixed) :].strip("/").count("/")
     wanted = re.compile(glob_translate(path))
     for one in _below(system, fixed or system.root_marker, depth):
@@ -144,7 +154,10 @@ def _below(system: Any, folder: str, depth: int | None) -> Iterator[dict[str, An
 
 def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
     name = str(about["name"])
-    url = name if protocol in ("file", "http", "https") else f"{protocol}://{name.lstrip('/')}"
+    url = name if protocol in LIKE_NAMES else f"{protocol}://{name.lstrip('/')}"
+    if protocol in ("http", "https") and "?" in url:  # it may be a signature, and the table is for everybody
+        place, _, query = url.partition("?")
+        url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
     stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
     size = about.get("size")
     if size is None:  # what a web server lists
