@@ -2,7 +2,6 @@
 
 import os
 import signal
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import ASK, identified, open_table, rows_in, s3_server, values
+from cluster_support import ASK, identified, open_table, rows_in, s3_server, two_workers, values
 from fltea.cluster.listing import files_of
 from fltea.cluster.run import Progress, run
 from fltea.cluster.whole import identify_file
@@ -18,7 +17,6 @@ from fltea.identify.workers import Here
 from fltea.recording.how import How
 from identify_files import counts, npz
 from identify_support import white
-from toolchain import missing
 
 
 @pytest.fixture(scope="module")
@@ -96,11 +94,6 @@ def test_no_room_for_a_copy(s3: Any, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Path) -> None:
     """Two workers, small files and one in pieces; one worker is killed in the midst of that one."""
-    try:
-        from distributed import LocalCluster
-    except ModuleNotFoundError:
-        missing("distributed is not installed: pip install -e '.[dask]'")
-    from fltea.identify.dask_workers import DaskWorkers
 
     n = 1 << 13
     how = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"), block_bytes=8 * n // 4 + 256)
@@ -109,20 +102,18 @@ def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Pa
     for name, samples in (("a", n), ("b", 1000), ("c", 700)):
         np.save(tmp_path / f"{name}.npy", noise[:samples])
         s3.put_file(tmp_path / f"{name}.npy", f"lab/pieces/{name}/{name}.npy")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
-        with LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
-        ) as cluster:
-            workers = DaskWorkers(cluster.scheduler_address)
-            pids = list(workers._client.run(os.getpid).values())
+    with two_workers() as cluster:
+        from fltea.identify.dask_workers import DaskWorkers
 
-            def kill_one(progress: Progress) -> None:
-                if "piece" in progress.now and not killed:
-                    killed.append(pids[0])
-                    os.kill(pids[0], signal.SIGKILL)
+        workers = DaskWorkers(cluster.scheduler_address)
+        pids = list(workers._client.run(os.getpid).values())
 
-            done = identified("s3://lab/pieces/**", how, tmp_path / "v.parquet", workers, tell=kill_one)
+        def kill_one(progress: Progress) -> None:
+            if "piece" in progress.now and not killed:
+                killed.append(pids[0])
+                os.kill(pids[0], signal.SIGKILL)
+
+        done = identified("s3://lab/pieces/**", how, tmp_path / "v.parquet", workers, tell=kill_one)
     assert killed
     assert (done.done, done.failed) == (3, 0)
     identified("s3://lab/pieces", how, tmp_path / "w.parquet", Here())

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from fltea.cluster.whole import Ask
 from fltea.identify.workers import Workers
 from identify_files import settings
 from pyarrow import parquet
+from toolchain import missing
 
 ASK = Ask(settings(shuffles=0))
 """Quick."""
@@ -48,6 +50,23 @@ def identified(pattern: str, how: Ask, out: Path, workers: Workers, **options: A
             return run(files_of([pattern]), how, workers, table, **options)
     finally:
         workers.close()
+
+
+@contextlib.contextmanager
+def two_workers() -> Iterator[Any]:
+    """A Dask cluster with two workers, in processes of their own; one that dies stays dead."""
+    try:
+        from distributed import LocalCluster
+    except ModuleNotFoundError:
+        missing("distributed is not installed: pip install -e '.[dask]'")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
+        with LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as found:
+            for nanny in found.workers.values():
+                nanny.close_gracefully()  # says that it shall not start another
+            yield found
 
 
 @contextlib.contextmanager
