@@ -54,6 +54,18 @@ def test_the_answer_of_the_whole(tmp_path: Path) -> None:
     assert row.fltea_alpha is None
 
 
+def test_a_change_is_seen_across_pieces(tmp_path: Path) -> None:
+    """No piece shows it by itself; and the Allan deviation is of all of them."""
+    louder = np.repeat([1.0, 1.0, 2.0, 2.0], FEW // 4)
+    np.save(tmp_path / "a.npy", louder * (SHORT - 1.5))
+    (file,) = files_of([str(tmp_path / "a.npy")])
+    (whole,) = identify_file(file, ask(1))
+    sums = [sum_piece(file, cut, ask(4)) for cut in cuts_of(file, ask(4))]
+    (row,) = fit_pieces(file, ask(4), sums)
+    assert row.kind == whole.kind == "not stationary"
+    assert pytest.approx(whole.N, rel=0.02) == row.N
+
+
 def test_pieces_of_other_scales_are_left_out(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", SHORT)
     (file,) = files_of([str(tmp_path / "a.npy")])

@@ -1,5 +1,6 @@
 """The table of verdicts: what is in it stays in it, whatever was killed when; every file is in it once."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -92,13 +93,19 @@ def test_a_kill_between_parquet_and_journal_doubles_nothing(tmp_path: Path) -> N
     assert len(rows_in(out)) == 2
 
 
-def test_what_was_not_the_files_fault_is_tried_again(tmp_path: Path) -> None:
+@pytest.mark.parametrize("killed", [False, True])
+def test_what_was_not_the_files_fault_is_tried_again(tmp_path: Path, killed: bool) -> None:
+    """Also if it stands in the journal still."""
     out = tmp_path / "v.parquet"
-    with open_table(out) as table:
+    table = VerdictTable(out, DIGEST)
+    with contextlib.closing(table):
         table.add([Key(file(1), DIGEST).row(error="no network", again=True)])
         table.add([Key(file(2), DIGEST).row(error="is no recording")])
         table.add(rows(file(3)))
-    assert [row["error"] for row in rows_in(out)] == ["no network", "is no recording", None, None]
+        if killed:
+            table.close(keep_journal=True)
+    if not killed:
+        assert [row["error"] for row in rows_in(out)] == ["no network", "is no recording", None, None]
     with open_table(out) as table:
         assert [file(number) in table for number in (1, 2, 3)] == [False, True, True]
         table.add(rows(file(1)))
