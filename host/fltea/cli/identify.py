@@ -191,7 +191,7 @@ def identify(
         many.identify_many(files, out, ask, lambda: _workers(jobs, dask))
         return
     files_wanted = exports.Files(
-        export_model, imu_yaml, gauss_markov, exports.parse_inflation(inflate, imu_yaml), replay.how.topic
+        export_model, imu_yaml, gauss_markov, exports.parse_inflation(inflate, imu_yaml)
     )
     if report is not None:
         from fltea.identify import report as page
