@@ -252,7 +252,7 @@ def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
     Raises:
         ValueError: there are too few.
     """
-    lam, power, weight = _in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    lam, power, weight = in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
     check_enough(len(lam), n)
     return Periodogram(lam, power, h, n, weight)
 
@@ -335,7 +335,7 @@ def _passed_on_grid(level: int) -> Array:
     return np.asarray(math.prod(deeper, start=gain))
 
 
-def _in_order(lam: Array, power: Array, weight: Array) -> Lines:
+def in_order(lam: Array, power: Array, weight: Array) -> Lines:
     """Rising in frequency; lines at the same one (of stretches of one length) become their average."""
     unique, place = np.unique(lam, return_inverse=True)
     if len(unique) == len(lam):
