@@ -216,8 +216,10 @@ class Ingest:
         """Go on with a partition's devices where another left them, or let go of them."""
         self._caught_up.discard(item.partition)
         self._again.pop(item.partition, None)
-        for name in [name for name, line in self._lines.items() if line.partition == item.partition]:
-            self._give_up(name, moved=True)
+        for name, line in list(self._lines.items()):
+            if line.partition == item.partition:
+                line.walk.finish()  # its last statistics: what was walked here is counted
+                self._give_up(name, moved=True)
         if isinstance(item, Left):
             return
         self._again[item.partition] = _Again(item.done)
