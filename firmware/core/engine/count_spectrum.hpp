@@ -11,11 +11,11 @@
 
 #include <cstdint>
 
-#include "cosine_table.hpp"
 #include "count_sums.hpp"
 #include "fixed_math.hpp"
 #include "gate.hpp"
 #include "octave_ladder.hpp"
+#include "octave_tables.hpp"
 #include "soft_sqrt.hpp"
 
 namespace fltea {
