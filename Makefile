@@ -6,8 +6,8 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test lint gen bench reproduce firmware flash emulate mutants docs man dist clean \
-        install-service install-udev uninstall-service
+.PHONY: setup run test lint lint-types lint-style lint-cppcheck lint-generated gen bench reproduce firmware flash \
+        emulate mutants docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
 PY := .venv/bin/python
@@ -34,13 +34,24 @@ run: .venv/.run
 test: .venv/.dev
 	@$(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
-lint: .venv/.dev
+# Parts that need nothing of each other; `make --jobs=2 --output-sync lint` runs two at a time.
+LINT := lint-types lint-style lint-cppcheck lint-generated
+lint: $(LINT)
+$(LINT): .venv/.dev
+
+lint-types:
+	@$(PY) tools/check_types.py
+
+lint-style:
 	@$(PY) -m ruff format --check $(PY_DIRS)
 	@$(PY) -m ruff check $(PY_DIRS)
-	@$(PY) tools/check_types.py
 	@.venv/bin/clang-format --dry-run -Werror $(CXX_FILES)
+
+lint-cppcheck:
 	@cppcheck --quiet --std=c++11 --language=c++ --enable=warning,style,performance,portability --error-exitcode=1 \
 		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea
+
+lint-generated:
 	@$(PY) tools/gen_protocol.py --check
 	@$(PY) tools/gen_registers.py --check
 	@$(PY) tools/gen_filter_settings.py --check

@@ -15,7 +15,7 @@ from fltea.cli.app import app
 from fltea.records.records import Epoch, Error, Estimate, Stats
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, QUICK, fltea, strict_records
+from host_support import PATIENCE_S, QUICK, fltea, fltea_here, strict_records
 
 COMMANDS = typer.main.get_command(app).commands
 SAMPLE = wire.Sample(1, 2, 3, 4, 5, 6, 7, 0)
@@ -33,7 +33,7 @@ def plain(text: str) -> str:
 @pytest.mark.parametrize("width", [80, 140])
 @pytest.mark.parametrize("command", [None, *COMMANDS])
 def test_help_tells_exit_codes_and_every_flag(command: str | None, width: int) -> None:
-    result = fltea(*([command] if command else []), "--help", columns=width)
+    result = fltea_here(*([command] if command else []), "--help", columns=width)
     assert (result.returncode, result.stderr) == (0, "")
     text = plain(result.stdout)
     assert "Exit codes: 0 ended as asked" in text
@@ -118,7 +118,7 @@ def test_mistake_is_named_and_ends_with_2(name: str, tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     arguments, words = USAGE[name]
     command, *rest = arguments
-    result = fltea(command, *(["--once"] if command == "run" else []), *rest)
+    result = fltea_here(command, *(["--once"] if command == "run" else []), *rest)
     assert result.returncode == 2
     assert result.stdout == ""
     assert "Traceback" not in result.stderr
@@ -151,6 +151,17 @@ def test_failure_while_running_ends_with_1() -> None:
     assert "fltea: error: α = 0.3, f = 1000 is not stationary" in result.stderr
     assert "Traceback" not in result.stderr
     strict_records(result.stdout)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("walk",), ("run", "--once", "--window", "-1"), ("run", "--help")],
+    ids=["usage", "ours", "help"],
+)
+def test_a_process_ends_as_within_this_one(arguments: tuple[str, ...]) -> None:
+    """So what the tests above see within this process is what a user sees."""
+    result, here = fltea(*arguments), fltea_here(*arguments)
+    assert (result.returncode, result.stdout, result.stderr) == (here.returncode, here.stdout, here.stderr)
 
 
 # --- runs ---

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
+from bag_support import even, write_bag
 from fltea.cli import app as cli
 from fltea.cli.identify import parse_notch
 from fltea.identify.model_file import read_models
@@ -98,6 +100,14 @@ def test_every_trap_is_told(
     assert "3 jumps of ±256 LSB" in found["gyro_x"]["torn reads"]
     assert "σ is 0.8" in found["gyro_y"]["quantisation"]
     assert "20 Hz" in found["gyro_z"]["line"]
+
+
+def test_from_a_bag_to_imu_yaml_with_its_topic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = write_bag(tmp_path / "drive.bag", {"/cam/imu": even(900)})
+    assert here(monkeypatch, bag, "--imu-yaml", tmp_path / "imu.yaml") == 0
+    found = yaml.safe_load((tmp_path / "imu.yaml").read_text())
+    assert (found["rostopic"], found["update_rate"]) == ("/cam/imu", 200)
+    assert {"gyroscope_noise_density", "accelerometer_noise_density"} <= set(found)
 
 
 def test_both_sensors_in_one_command(

@@ -258,6 +258,9 @@ def test_imu_yaml() -> None:
     y = white(20_000, 2, 1) * [[0.1], [0.2]]
     walk = np.cumsum(white(20_000, 1, 2)[0]) * 0.5 * np.sqrt(H)
     both = {"gyro_x": allan(y[0], H), "gyro_y": allan(y[1], H)}
+    hostile = 'a: b # "c'
+    assert yaml.safe_load(imu_yaml_of(both, 100.0, "rest.npz", rostopic=hostile))["rostopic"] == hostile
+    assert "\nx:" not in imu_yaml_of(both, 100.0, "rest.npz", rostopic="/imu\nx: 1")
     text = imu_yaml_of(both, 99.32, "rest\n.npz", rostopic="/imu7")
     found = yaml.safe_load(text)
     assert set(found) == {"gyroscope_noise_density", "update_rate", "rostopic"}

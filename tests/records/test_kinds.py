@@ -16,7 +16,7 @@ CODE = {
     for file in sorted((ROOT / "host/fltea").rglob("*.py"))
     if file.name != "kinds.py"
 }
-MAKERS = {"Trouble", "Failed", "Error", "Notice", "Down", "Note"}
+MAKERS = {"Unusable", "Trouble", "Failed", "Error", "Notice", "Down", "Note"}
 """What carries a kind as its first field, or as `kind`."""
 TELLERS = {"_report", "_error", "_tell", "report"}
 """What is called with a kind first."""

@@ -19,8 +19,8 @@ def rows_of(parser: LineRows, *parts: bytes) -> list[tuple[int, list[float], flo
     last: list[Rows | None] = [parser.feed(part) for part in parts]
     for rows in [*last, parser.finish()]:
         if rows is not None:
-            times = [None] * len(rows.gyro) if rows.time is None else rows.time.tolist()
-            found += zip(rows.ordinal.tolist(), rows.gyro.tolist(), times, strict=True)
+            times = [None] * len(rows.values) if rows.time is None else rows.time.tolist()
+            found += zip(rows.ordinal.tolist(), rows.values.tolist(), times, strict=True)
     return found
 
 

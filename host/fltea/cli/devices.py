@@ -10,7 +10,7 @@ from fltea.cli.output import print_lines
 from fltea.records.visible import visible, visible_lines
 
 if TYPE_CHECKING:
-    from fltea.machine.devices import Bus, Port
+    from fltea.machine.devices import Bus, IioDevice, Port
     from fltea.machine.doctor.finding import Finding
 
 COLOURS = {"ok": typer.colors.GREEN, "warning": typer.colors.YELLOW, "problem": typer.colors.RED}
@@ -29,7 +29,7 @@ def devices(
     ] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
 ) -> None:
-    """List boards, other serial ports and I²C buses, by names that stay, and say who uses them or may not.
+    """List boards, serial ports, I²C buses and sensors of the kernel (IIO), and who uses them or may not.
 
     For example:
 
@@ -41,17 +41,19 @@ def devices(
     from fltea.machine.host_system import System
 
     system = System()
-    ports, buses = found.find_ports(system), found.find_buses(system)
+    ports, buses, sensors = found.find_ports(system), found.find_buses(system), found.find_iio(system)
     if probe:
         ports = [_probed(port) for port in ports]
     if json:
-        for entry in [*ports, *buses]:
+        for entry in [*ports, *buses, *sensors]:
             print(msgspec.json.encode(entry).decode())
         return
     for port in ports:
         print_lines("\n".join(map(visible, _port_lines(port))))
     for bus in buses:
         print_lines("\n".join(map(visible, _bus_lines(bus))))
+    for sensor in sensors:
+        print_lines("\n".join(map(visible, _iio_lines(sensor))))
     if not any(port.is_board for port in ports):
         print(
             "No Arduino Due on its programming port (the one beside the power socket). Is the cable in, and "
@@ -94,6 +96,20 @@ def _bus_lines(bus: "Bus") -> list[str]:
     lines = [bus.path, f"{INDENT}I²C bus{f', {bus.driver}' if bus.driver else ''}"]
     if bus.remedy is not None:
         lines.append(f"{INDENT}no permission: {bus.remedy}")
+    return lines
+
+
+def _iio_lines(sensor: "IioDevice") -> list[str]:
+    facts = [f"{sensor.name}: {' and '.join(sensor.sensors)}, by a driver of the kernel (IIO)"]
+    facts += [f"{sensor.rate_hz:g} Hz"] if sensor.rate_hz is not None else []
+    facts += [f"trigger {sensor.trigger or 'none'}"] if sensor.trigger is not None else []
+    lines = [sensor.path, INDENT + ", ".join(facts)]
+    if sensor.remedy is not None:
+        lines.append(f"{INDENT}no permission: {sensor.remedy}")
+    if sensor.holders:
+        lines.append(f"{INDENT}in use by {', '.join(map(str, sensor.holders))}")
+    elif sensor.remedy is None and "gyroscope" in sensor.sensors:
+        lines.append(f"{INDENT}fltea run --source iio:{sensor.name}")
     return lines
 
 

@@ -11,13 +11,12 @@ if TYPE_CHECKING:
 
 
 class Files(NamedTuple):
-    """Which of them are wanted. inflation: factors of imu.yaml. topic: of the recording, if it was given."""
+    """Which of them are wanted. inflation: factors of imu.yaml."""
 
     model: Path | None
     yaml: Path | None
     navigation: Path | None
     inflation: tuple[float, float]
-    topic: str | None
 
     @property
     def any(self) -> bool:
@@ -85,7 +84,7 @@ def write(report: "FileReport", files: Files) -> None:
                 rate_hz,
                 report.name,
                 composites=composites,
-                rostopic=files.topic or "/imu0",
+                rostopic=report.recording.topic or "/imu0",
                 inflation=Inflation(*files.inflation),
             ),
         )

@@ -165,7 +165,7 @@ def identify(
         raise UsageError(f"command line: {error}.") from error
     replay = chosen.replay
     files_wanted = exports.Files(
-        export_model, imu_yaml, gauss_markov, exports.parse_inflation(inflate, imu_yaml), replay.how.topic
+        export_model, imu_yaml, gauss_markov, exports.parse_inflation(inflate, imu_yaml)
     )
     if report is not None:
         from fltea.identify import report as page

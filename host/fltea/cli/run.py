@@ -37,10 +37,11 @@ def run(
             "-s",
             metavar="URL",
             help="`serial:PORT` (a device path, socket://HOST:PORT, hwgrep://REGEXP), "
-            "`i2c:///dev/i2c-1?addr=0x68` (a sensor on a Raspberry Pi), `replay:FILE` (.mcap or a folder of "
-            "them, .npz, .csv, .ndjson), `stdin:` or `serial-text:PORT?baud=115200` (lines of CSV or NDJSON, "
-            "live) or `synthetic:?alpha=0.3&f=-1.5`; more than once for several "
-            "devices. Default: the Arduino Due, waited for.",
+            "`i2c:///dev/i2c-1?addr=0x68` (a sensor on a Raspberry Pi), `iio:NAME` (a sensor with a driver "
+            "of the Linux kernel), `replay:FILE` (.mcap or a folder of them, .npz, .csv, .ndjson), `stdin:` "
+            "or `serial-text:PORT?baud=115200` (lines of CSV or NDJSON, live) or "
+            "`synthetic:?alpha=0.3&f=-1.5`; more than once for several devices. Default: the Arduino Due, "
+            "waited for.",
         ),
     ] = None,
     config: Annotated[

@@ -1,10 +1,13 @@
 """Kalibr's imu.yaml from what the Allan deviations of the axes show (pure)."""
 
+import json
 import math
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
 from fltea import __version__
+from fltea.records.visible import visible
 
 
 class Shown(NamedTuple):
@@ -71,7 +74,7 @@ def imu_yaml(
         *_entry("gyroscope_noise_density", {a: n.N for a, n in gyro.items()}, "rad/s/sqrt(Hz)", density),
         *_entry("gyroscope_random_walk", {a: n.K for a, n in gyro.items()}, "rad/s^2/sqrt(Hz)", walk),
         f"{'update_rate:':<29}{rate_hz:.6g}  # Hz",
-        f"{'rostopic:':<29}{rostopic}",
+        f"{'rostopic:':<29}{_plain(rostopic)}",
     ]
     return "\n".join(lines) + "\n"
 
@@ -112,3 +115,10 @@ def _entry(
     if factor != 1:
         remark += f"; {factor:g} times the measured {value:.6e}"
     return [f"{key + ':':<29}{factor * value:.6e}  # {unit}, {remark}"]
+
+
+def _plain(topic: str) -> str:
+    """A name of a topic as YAML; quoted if it is none that ROS allows."""
+    return (
+        topic if re.fullmatch(r"[A-Za-z0-9_/~]+", topic) else json.dumps(visible(topic), ensure_ascii=False)
+    )

@@ -98,7 +98,7 @@ class Series(NamedTuple):
 class Loaded(NamedTuple):
     """One recording. clock_ppm: how much faster the device's clock runs than the host's, None if unknown.
 
-    traps: those of the recording as a whole.
+    traps: those of the recording as a whole. topic: of a bag, "" of other files.
     """
 
     hello: Hello
@@ -106,6 +106,7 @@ class Loaded(NamedTuple):
     axes: dict[str, Series]
     clock_ppm: float | None
     traps: tuple[Trap, ...]
+    topic: str = ""
 
     @property
     def h(self) -> float:
@@ -152,13 +153,14 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         UsageError: it cannot be read, holds no samples, or not the axes that are asked for.
     """
     path = request.paths[0]
+    topic = ""
     if is_one_file(path):
         source = ReplaySource(
             path,
             how=request.how,
             limits=request.limits,
         )
-        events, offset = source.events(), lambda: source.unix_offset_ns
+        topic, events, offset = source.topic, source.events(), lambda: source.unix_offset_ns
     else:
         if request.how.of_text or request.how.topic is not None:
             raise UsageError(
@@ -185,7 +187,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
     axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
     traps = _traps(used, counts, axes, clock_ppm)
-    return Loaded(used.hello, counts, _chosen(axes, request), clock_ppm, (*told[:MOST_TOLD], *traps))
+    return Loaded(used.hello, counts, _chosen(axes, request), clock_ppm, (*told[:MOST_TOLD], *traps), topic)
 
 
 def _traps(

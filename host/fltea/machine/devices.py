@@ -1,4 +1,4 @@
-"""What is plugged in: serial ports under names that stay, and I²C buses."""
+"""What is plugged in: serial ports under names that stay, I²C buses, and sensors of the kernel (IIO)."""
 
 import os
 
@@ -6,6 +6,8 @@ import msgspec
 
 from fltea.machine.host_system import Holder, SerialPort, System, permission_remedy
 from fltea.records.records import Hello
+from fltea.sources.iio import sysfs as iio
+from fltea.sources.iio.buffer import rate_of
 from fltea.wire.transport import DUE_NATIVE_PORT, DUE_PROGRAMMING_PORT, DUE_VENDORS
 
 STABLE = (("/dev", "fltea-*"), ("/dev/serial/by-id", "*"), ("/dev/serial/by-path", "*"))
@@ -46,6 +48,41 @@ class Bus(msgspec.Struct, frozen=True, tag_field="class", tag="i2c_bus"):
     path: str
     driver: str
     remedy: str | None
+
+
+class IioDevice(msgspec.Struct, frozen=True, tag_field="class", tag="iio_device"):
+    """A gyroscope or IMU that the kernel has a driver for.
+
+    path: its node in /dev. name: what to call it in a URL. sensors: such as `gyroscope`. rate_hz: as its
+    driver says it, or null. trigger: its name, "" for none, null where the chip needs none. remedy: what
+    opens it to this user, or null. holders: programs that read it.
+    """
+
+    path: str
+    name: str
+    sensors: list[str]
+    rate_hz: float | None
+    trigger: str | None
+    remedy: str | None
+    holders: list[Holder]
+
+
+def find_iio(system: System) -> list[IioDevice]:
+    """The gyroscopes and IMUs that the kernel has drivers for and whose samples a buffer may hold."""
+    found = [one for one in iio.devices(system.root) if one.is_imu]
+    names = [one.name for one in found]
+    return [
+        IioDevice(
+            path=f"/dev/{one.id}",
+            name=one.name if names.count(one.name) == 1 else one.id,
+            sensors=[text for kind, text in iio.SENSORS.items() if one.channels(kind)],
+            rate_hz=rate_of(system.root, one),
+            trigger=one.text("trigger/current_trigger") if one.has("trigger/current_trigger") else None,
+            remedy=permission_remedy(system, f"/dev/{one.id}"),
+            holders=system.holders(f"/dev/{one.id}"),
+        )
+        for one in found
+    ]
 
 
 def find_ports(system: System) -> list[Port]:

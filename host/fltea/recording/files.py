@@ -75,7 +75,7 @@ class Stored(NamedTuple):
     """A recording that was checked as a whole and is read a block of rows at a time.
 
     blocks: gives all its rows again, each time it is called. start_unix_ns: when it begins; 0: not known.
-    about: what else it says of itself, for a person.
+    about: what else it says of itself, for a person. topic: of a bag, "" of other files.
     """
 
     samples: int
@@ -86,6 +86,7 @@ class Stored(NamedTuple):
     notes: tuple[Note, ...] = ()
     start_unix_ns: int = 0
     about: str = ""
+    topic: str = ""
 
     def whole(self) -> Recording:
         """All of it in memory."""

@@ -89,7 +89,7 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
             f"{visible(min(several))}:\n{_listed(topics, imu_only=True)}"
         )
     stored = messages.stored(visible(chosen.name), sorted(several - {chosen.name}), _few(notes))
-    return stored._replace(about=_about(chosen, topics))
+    return stored._replace(about=_about(chosen, topics), topic=chosen.name)
 
 
 def _is_named(topic: Topic, name: str | None) -> bool:

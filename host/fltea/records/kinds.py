@@ -82,13 +82,18 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "rate_differs",
-        "Samples without a time of their own come at another rate than `--rate` says.",
-        "Give the rate that the text names, or a column of times (`--time-column`).",
+        "Samples come at another rate than `--rate`, or the driver of an IIO device, says.",
+        "Lines of text: give the rate that the text names, or a column of times (`--time-column`).",
+    ),
+    ErrorKind(
+        "no_trigger",
+        "Nothing tells an IIO device when to take a sample; the text lists the triggers that exist.",
+        "Make a trigger as the text says, or name one: `iio:NAME?trigger=TRIGGER`.",
     ),
     ErrorKind(
         "no_rate",
-        "A column of times tells no rate that a gyroscope has, so its samples are left out.",
-        "Give the unit of the times (`--time-unit`), or the rate (`--rate`).",
+        "The times of samples tell no rate that a gyroscope has, so the samples are left out.",
+        "Give the unit of the times (`--time-unit`), or the rate (`--rate`; for IIO `?rate_hz=`).",
     ),
     ErrorKind(
         "uneven_times",

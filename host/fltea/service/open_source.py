@@ -8,6 +8,7 @@ from fltea.recording.kind import KINDS, is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
 from fltea.settings.config import BY_DEVICE, Config, EstimatorConfig
+from fltea.sources.iio.source import IioSource
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource
@@ -15,7 +16,7 @@ from fltea.sources.text_lines import PipeText, SerialText
 from fltea.wire.transport import ANY_BOARD
 
 TEXT = ("stdin", "serial-text")
-SAMPLES_ONLY = ("i2c", "synthetic", *TEXT)
+SAMPLES_ONLY = ("i2c", "iio", "synthetic", *TEXT)
 """Kinds that give no estimates of a device's own."""
 
 RECORDING_SUFFIXES = tuple(KINDS)
@@ -68,6 +69,8 @@ def open_source(config: Config) -> Source:
             from fltea.sources.i2c.source import I2cSource  # smbus2 loads on Linux only
 
             return I2cSource(rest)
+        case "iio":
+            return IioSource(rest)
         case "replay":
             by_device = config.estimator.estimate_on in BY_DEVICE
             if is_one_file(Path(rest)):
@@ -84,7 +87,7 @@ def open_source(config: Config) -> Source:
             return SyntheticSource(rest, realtime=config.pace != "fast")
     raise UsageError(
         f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "
-        "i2c:///dev/i2c-1?addr=0x68, stdin:, serial-text:PORT?baud=115200, replay:FILE, "
+        "i2c:///dev/i2c-1?addr=0x68, iio:NAME, stdin:, serial-text:PORT?baud=115200, replay:FILE, "
         "synthetic:?KEY=VALUE&…"
     )
 

@@ -74,7 +74,7 @@ class ReplaySource:
         self._closed = False
         self._mcap: McapRecording | None = None
         self._offset_ns = 0
-        self.about = ""
+        self.about = self.topic = ""
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         kind, file = "mcap", None
@@ -116,6 +116,7 @@ class ReplaySource:
             self._events = _from_recording(name, recording, shuffle)
             samples = recording.samples
             self._offset_ns, self.about = recording.start_unix_ns, recording.about
+            self.topic = recording.topic
         if kind not in TABLES and how.of_text:
             raise UsageError(
                 f"{path}: --columns, --units, --rate and --time-column are for text and tables; this one "

@@ -31,8 +31,8 @@ from fltea.records.events import (
 )
 from fltea.records.records import Hello, LinkStats
 from fltea.records.repeat import OnceAMinute
-from fltea.sources.text_numbers import UNIT_US, ArrivalWatch, ByOrder, ByTime, Numbered
-from fltea.sources.text_rows import REASONS, LineRows, Rows, wanted
+from fltea.sources.numbering import UNIT_US, ArrivalWatch, ByOrder, ByTime, Numbered, Rows
+from fltea.sources.text_rows import REASONS, LineRows, wanted
 from fltea.wire.ports import TICK_S
 from fltea.wire.transport import Port, Reader
 
@@ -131,7 +131,7 @@ class TextEvents:
         if self.rows.headers > self._headers:
             self._headers = self.rows.headers
             self._numbers.begin()
-        if rows is not None and len(rows.gyro):
+        if rows is not None and len(rows.values):
             yield from self._block(self._numbers.add(rows, now_ns), now_ns)
 
     def _block(self, pieces: Iterator[Numbered], now_ns: int) -> Iterator[Event]:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from fltea.recording.files import LARGEST_DPS, LARGEST_NUMBER, parse_units
 from fltea.recording.lines import shown
 from fltea.records.errors import UsageError
-from fltea.records.events import Ints
 from fltea.records.records import AXES
+from fltea.sources.numbering import Rows
 
 LONGEST_LINE = 1 << 16
 """Bytes; a line of samples has a hundred."""
@@ -56,17 +56,6 @@ class Wanted(NamedTuple):
     time: str | None
     factor: float
     lsb: float | None
-
-
-class Rows(NamedTuple):
-    """What lines held. gyro: (n, axes) in deg/s or counts. time: (n,) as written, None without such a column.
-
-    ordinal: (n,) number of each among the lines that are samples or lost ones, from 0.
-    """
-
-    gyro: NDArray[np.float64]
-    time: NDArray[np.float64] | None
-    ordinal: Ints
 
 
 class _Layout(NamedTuple):

@@ -18,6 +18,7 @@ from fltea.machine.doctor.checks_host import (
     check_udev,
 )
 from fltea.machine.doctor.checks_i2c import check_i2c
+from fltea.machine.doctor.checks_iio import check_iio
 from fltea.machine.doctor.checks_link import check_serial
 from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.finding import Finding, ok, problem
@@ -52,6 +53,10 @@ def check_source(config: Config, system: System, hear_s: float) -> Iterator[Find
     match scheme:
         case "i2c":
             yield from check_i2c(system, url)
+        case "iio":
+            yield from check_iio(system, url.partition(":")[2])
+        case "stdin" | "serial-text":
+            yield ok("source", f"{url}: lines of text; 'fltea run' tells what is wrong with them")
         case "synthetic":
             yield ok("source", f"{url}: made-up noise, nothing to look at")
         case "replay":

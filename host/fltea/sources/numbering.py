@@ -1,4 +1,4 @@
-"""Numbers and device times of samples that came as text: by a column of times, or by their order (pure)."""
+"""Numbers and device times of samples that come without numbers: by their times, or by their order (pure)."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fltea.recording.files import EVEN_SHARE, EVENNESS
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records.events import Ints, Trouble
-from fltea.sources.text_rows import Rows
 
 UNIT_US = {"s": 1e6, "ms": 1e3, "us": 1.0, "ns": 1e-3}
 COUNTER_WRAP = 1 << 32
@@ -30,13 +29,25 @@ LEAK = 0.98
 on a grain, and the rate is known to 0.1 %."""
 
 
+class Rows(NamedTuple):
+    """Samples that arrived together.
+
+    values: (n, columns) in deg/s, counts or what the source has. time: (n,) as the sender counts it, None
+    without such a column. ordinal: (n,) number of each among the samples and the lost ones, from 0.
+    """
+
+    values: NDArray[np.float64]
+    time: NDArray[np.float64] | None
+    ordinal: Ints
+
+
 class Numbered(NamedTuple):
     """Successive samples. begins: they do not follow on those before them, a new run of the sender begins."""
 
     begins: bool
     sequence: Ints
     device_us: Ints
-    gyro: NDArray[np.float64]
+    values: NDArray[np.float64]
     host_ns: Ints
 
 
@@ -64,7 +75,7 @@ class ByOrder:
         self._last_ns = host_ns
         sequence = rows.ordinal - self._base
         device_us = np.rint(sequence * (1e6 / self._rate_hz)).astype(np.int64)
-        yield Numbered(begins, sequence, device_us, rows.gyro, np.full(len(sequence), host_ns))
+        yield Numbered(begins, sequence, device_us, rows.values, np.full(len(sequence), host_ns))
 
     def finish(self) -> Iterator[Numbered]:
         """Nothing is kept back."""
@@ -100,7 +111,7 @@ class ByTime:
         """Number rows that arrived together; until the rate is known they wait."""
         assert rows.time is not None
         time_us = np.rint(rows.time * self._unit_us).astype(np.int64)
-        self._waiting.append((time_us, rows.gyro, np.full(len(time_us), host_ns)))
+        self._waiting.append((time_us, rows.values, np.full(len(time_us), host_ns)))
         if self.rate_hz is None:
             count = sum(len(entry[0]) for entry in self._waiting)
             steps = np.diff(time_us, prepend=time_us[0] if self._newest_us is None else self._newest_us)
@@ -119,15 +130,15 @@ class ByTime:
         axes = self._waiting[-1][1].shape[1]
         waiting = [entry for entry in self._waiting if entry[1].shape[1] == axes]
         self._waiting = []
-        time_us, gyro, host_ns = (np.concatenate(column) for column in zip(*waiting, strict=True))
+        time_us, values, host_ns = (np.concatenate(column) for column in zip(*waiting, strict=True))
         if self.rate_hz is None:
             self.rate_hz, self.uneven = rate_of(time_us)
         if self.rate_hz is None:
             self.unrated += len(time_us)
             return
-        yield from self._numbered(time_us, gyro, host_ns)
+        yield from self._numbered(time_us, values, host_ns)
 
-    def _numbered(self, time_us: Ints, gyro: NDArray[np.float64], host_ns: Ints) -> Iterator[Numbered]:
+    def _numbered(self, time_us: Ints, values: NDArray[np.float64], host_ns: Ints) -> Iterator[Numbered]:
         assert self.rate_hz is not None
         steps = np.diff(time_us, prepend=time_us[0] if self._last_us is None else self._last_us)
         if self._wrap_us is not None:
@@ -138,7 +149,7 @@ class ByTime:
         self.duplicates += int(same.sum())
         self._last_us = int(time_us[-1])
         kept = ~same
-        steps, gyro, host_ns = steps[kept], gyro[kept], host_ns[kept]
+        steps, values, host_ns = steps[kept], values[kept], host_ns[kept]
         if not len(steps):
             return
         broken = (steps < 0) | (steps > LONGEST_STEP_US)
@@ -147,9 +158,11 @@ class ByTime:
         begins = np.flatnonzero(broken).tolist()
         for begin, end in zip([0, *begins], [*begins, len(steps)], strict=True):
             if end > begin:
-                yield self._piece(bool(broken[begin]), steps[begin:end], gyro[begin:end], host_ns[begin:end])
+                yield self._piece(
+                    bool(broken[begin]), steps[begin:end], values[begin:end], host_ns[begin:end]
+                )
 
-    def _piece(self, begins: bool, steps_us: Ints, gyro: NDArray[np.float64], host_ns: Ints) -> Numbered:
+    def _piece(self, begins: bool, steps_us: Ints, values: NDArray[np.float64], host_ns: Ints) -> Numbered:
         assert self.rate_hz is not None
         if begins:
             steps_us = np.concatenate(([0], steps_us[1:]))
@@ -162,7 +175,7 @@ class ByTime:
         sequence = self._sequence + np.cumsum(numbers)
         device_us = self._device_us + np.cumsum(steps_us)
         self._sequence, self._device_us = int(sequence[-1]), int(device_us[-1])
-        return Numbered(begins, sequence, device_us, gyro, host_ns)
+        return Numbered(begins, sequence, device_us, values, host_ns)
 
 
 def rate_of(time_us: Ints) -> tuple[float | None, bool]:

@@ -1,0 +1,1 @@
+"""Gyroscopes and IMUs with a driver of the Linux kernel (IIO, industrial input and output)."""

@@ -1,0 +1,66 @@
+"""What the counts of an IIO channel mean: scale, offset and mount matrix (pure)."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Conversion(NamedTuple):
+    """From the counts of a sensor's axes, (n, axes), to what records hold.
+
+    Whole counts stay counts, and `lsb` is how many of them a unit has, as long as the mount matrix only swaps
+    and turns axes; otherwise `lsb` is None and the values are in the unit.
+
+    matrix: (axes, axes), holds the scale where `lsb` is None. offset: (axes,) to be added to the counts.
+    """
+
+    lsb: float | None
+    matrix: NDArray[np.float64]
+    offset: NDArray[np.float64]
+
+    def __call__(self, counts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Counts or values, (n, axes)."""
+        values: NDArray[np.float64] = (counts + self.offset) @ self.matrix.T
+        return values
+
+
+def conversion(
+    scales: Sequence[float], offsets: Sequence[float], mount: NDArray[np.float64] | None
+) -> Conversion:
+    """For axes with these scales in units a count.
+
+    mount: (3, 3), turns the sensor's axes into those of the machine that it sits in; not for fewer axes.
+
+    Raises:
+        ValueError: a scale is 0 or not finite, or the mount matrix turns nothing into something.
+    """
+    if not all(math.isfinite(scale) and scale > 0 for scale in scales):
+        raise ValueError(f"scale {', '.join(f'{scale:g}' for scale in scales)} is no scale")
+    if not all(map(math.isfinite, offsets)):
+        raise ValueError("an offset is not finite")
+    turn = np.eye(len(scales))
+    if mount is not None and len(scales) == 3:
+        if not np.isfinite(mount).all() or abs(abs(np.linalg.det(mount)) - 1.0) > 0.05:
+            raise ValueError(f"mount matrix {mount.tolist()} is no rotation")
+        turn = mount
+    swaps = bool((np.sort(np.abs(turn), axis=1) == [0.0] * (len(scales) - 1) + [1.0]).all())
+    if swaps and len(set(scales)) == 1 and all(offset.is_integer() for offset in map(float, offsets)):
+        return Conversion(1.0 / scales[0], turn, np.array(offsets, dtype=np.float64))
+    return Conversion(None, turn * np.array(scales), np.array(offsets, dtype=np.float64))
+
+
+def parse_mount(text: str) -> NDArray[np.float64] | None:
+    """A mount matrix such as `1, 0, 0; 0, 1, 0; 0, 0, 1`; None where there is none.
+
+    Raises:
+        ValueError: it is no such matrix.
+    """
+    if text.strip() in ("", "(null)"):
+        return None
+    rows = [row.replace(",", " ").split() for row in text.strip().split(";")]
+    if [len(row) for row in rows] != [3, 3, 3]:
+        raise ValueError(f"mount matrix '{text.strip()}' is no 3 x 3 matrix")
+    return np.array([[float(number) for number in row] for row in rows])

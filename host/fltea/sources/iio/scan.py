@@ -1,0 +1,94 @@
+"""Scans of a triggered buffer: where each channel stands in them, and their numbers (pure).
+
+The kernel's rules are those of Documentation/driver-api/iio/buffers.rst and of the sysfs ABI
+(Documentation/ABI/testing/sysfs-bus-iio, `scan_elements`).
+"""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.records.events import Ints
+
+TYPE = re.compile(r"(be|le):([su])(\d{1,3})/(\d{1,3})(?:X(\d{1,3}))?>>(\d{1,3})")
+STORAGE_BITS = (8, 16, 32, 64)
+"""The kernel aligns a channel to its own size, which has to be a power of 2."""
+
+
+class Element(NamedTuple):
+    """One channel of a scan.
+
+    name: such as `anglvel_x`. place: its number among the channels. bits: of the number, after a shift to the
+    right by `shift`, in `storage_bits`. repeat: so many numbers, one after the other.
+    """
+
+    name: str
+    place: int
+    big_endian: bool
+    signed: bool
+    bits: int
+    storage_bits: int
+    shift: int
+    repeat: int = 1
+
+    @property
+    def size(self) -> int:
+        """Bytes that it takes in a scan."""
+        return self.storage_bits // 8 * self.repeat
+
+
+def parse_element(name: str, index: str, text: str) -> Element:
+    """A channel, from the content of its files `…_index` and `…_type`, such as `le:s16/16>>0`.
+
+    Raises:
+        ValueError: they are not what the kernel's documentation says.
+    """
+    found = TYPE.fullmatch(text.strip())
+    if found is None or not index.strip().isdecimal():
+        raise ValueError(f"{name}: '{text.strip()}', index '{index.strip()}' is no layout of a channel")
+    bits, storage_bits, shift = int(found[3]), int(found[4]), int(found[6])
+    if storage_bits not in STORAGE_BITS or not 1 <= bits <= storage_bits - shift:
+        raise ValueError(f"{name}: {text.strip()}: {bits} bits, shifted by {shift}, in {storage_bits}")
+    return Element(
+        name, int(index), found[1] == "be", found[2] == "s", bits, storage_bits, shift, int(found[5] or 1)
+    )
+
+
+class ScanLayout:
+    """Where the channels of a scan stand. size: bytes of a scan.
+
+    Each channel is aligned to its own size, and the scan to the largest of them.
+    """
+
+    def __init__(self, elements: Sequence[Element]) -> None:
+        self.places: dict[str, tuple[Element, int]] = {}
+        end = 0
+        for element in sorted(elements, key=lambda element: element.place):
+            begin = -(-end // element.size) * element.size
+            self.places[element.name] = element, begin
+            end = begin + element.size
+        largest = max((element.size for element in elements), default=1)
+        self.size = -(-end // largest) * largest
+
+    def decode(self, data: bytes | memoryview) -> dict[str, Ints]:
+        """The first number of each channel of whole scans, each (scans,).
+
+        Raises:
+            ValueError: the bytes are no whole number of scans.
+        """
+        if len(data) % self.size:
+            raise ValueError(f"{len(data)} bytes are no whole number of scans of {self.size}")
+        scans = np.frombuffer(data, dtype=np.uint8).reshape(-1, self.size)
+        return {name: _numbers(scans, element, begin) for name, (element, begin) in self.places.items()}
+
+
+def _numbers(scans: NDArray[np.uint8], element: Element, begin: int) -> Ints:
+    width = element.storage_bits // 8
+    stored = np.ascontiguousarray(scans[:, begin : begin + width])
+    words = stored.view(f"{'>' if element.big_endian else '<'}u{width}")[:, 0].astype(np.uint64)
+    unused = np.uint64(64 - element.bits)
+    words = words >> np.uint64(element.shift) << unused
+    return (words.view(np.int64) >> np.int64(unused)) if element.signed else (words >> unused).view(np.int64)

@@ -1,0 +1,332 @@
+"""A gyroscope or IMU that the Linux kernel has a driver for, as events: `iio:NAME_OR_PATH`.
+
+Samples come from the triggered buffer with the driver's time stamps, which number them: where these run
+ahead of the rate, samples were lost, and are counted as missing. The rate is found from them too.
+"""
+
+import math
+import os
+import select
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import parse_qsl
+
+import numpy as np
+
+from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
+from fltea.records import clock
+from fltea.records.errors import UsageError
+from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Event, LinkDown, RawBlock, Tick, Trouble
+from fltea.records.records import Hello, LinkStats
+from fltea.records.repeat import OnceAMinute
+from fltea.sources.iio.buffer import Buffer, Unusable, Wishes, rate_of
+from fltea.sources.iio.conversion import Conversion, conversion, parse_mount
+from fltea.sources.iio.sysfs import ACCEL, GYRO, SENSORS, Attributes, devices, find, root_of
+from fltea.sources.numbering import ByOrder, ByTime, Numbered, Rows
+from fltea.wire.ports import TICK_S
+from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
+
+READ_BYTES = 1 << 16
+PATIENCE_NS = 5 * 10**9
+BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
+RATE_TOLERANCE = 0.05
+"""A chip's own oscillator is within some percent of what its driver says."""
+
+
+class Place(NamedTuple):
+    """What the URL says: the device, and what is to be set."""
+
+    device: str
+    wishes: Wishes
+
+
+def parse_url(rest: str) -> Place:
+    """What stands behind `iio:`.
+
+    Raises:
+        UsageError: no device, an unknown key, or no rate.
+    """
+    what, _, query = rest.partition("?")
+    usual = "Give for instance iio:bmi088_gyro or 'iio:iio:device0?rate_hz=200'; 'fltea devices' lists them"
+    if not what:
+        raise UsageError(f"iio:{rest}: no device is named. {usual}.")
+    rate_hz, trigger = None, None
+    for key, value in parse_qsl(query, keep_blank_values=True):
+        if key == "rate_hz":
+            try:
+                rate_hz = float(value)
+            except ValueError:
+                rate_hz = math.nan
+            if not LOWEST_RATE_HZ <= rate_hz <= HIGHEST_RATE_HZ:
+                raise UsageError(f"iio:{rest}: rate_hz={value} is no rate of a gyroscope.")
+        elif key == "trigger":
+            trigger = value
+        else:
+            raise UsageError(f"iio:{rest}: there is no key '{key}'; it takes rate_hz and trigger. {usual}.")
+    return Place(what, Wishes(rate_hz, trigger))
+
+
+class IioSource:
+    """Samples of one device; every failure is a `Trouble`, and the device is tried again.
+
+    rest: what stands behind `iio:`.
+
+    Raises:
+        UsageError: see `parse_url`.
+    """
+
+    live = prompt = True
+
+    def __init__(self, rest: str) -> None:
+        self._place = parse_url(rest)
+        self._root = root_of(self._place.device)
+        self.url = f"iio:{rest}"
+        self._boot = int.from_bytes(os.urandom(4), "big")
+        self._closed_read, self._closed_write = os.pipe()
+        self._closed = False
+        self._told = OnceAMinute()
+        self._bytes = self._samples = self._openings = self._duplicates = self._unrated = 0
+        self._unix_offset_ns = clock.unix_offset_ns()
+
+    @property
+    def unix_offset_ns(self) -> int:
+        """Nanoseconds from the monotonic clock to Unix time, as of the last event."""
+        return self._unix_offset_ns
+
+    def events(self) -> Iterator[Event]:
+        """Yield samples until `close`."""
+        failures = 0
+        while not self._closed:
+            before = self._samples
+            try:
+                for event in self._use():
+                    self._unix_offset_ns = clock.unix_offset_ns()
+                    yield event
+            except Unusable as unusable:
+                yield from self._tell(unusable.kind, str(unusable))
+            except OSError as error:
+                yield LinkDown(clock.host_ns())
+                yield from self._tell(
+                    "unplugged",
+                    f"the device was lost ({error.strerror}): it was unplugged, its driver was unloaded, or "
+                    "somebody switched its buffer off. It is opened again.",
+                )
+            failures = 0 if self._samples > before else failures + 1
+            yield from self._pause(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
+
+    def link_stats(self) -> LinkStats:
+        """Count what was read; a frame is a sample. Lost ones show in the numbers of the samples."""
+        counts = {"duplicate_time": self._duplicates, "no_rate": self._unrated}
+        return LinkStats(
+            bytes=self._bytes,
+            frames=self._samples,
+            bad_frames={reason: n for reason, n in counts.items() if n},
+            reconnects=max(0, self._openings - 1),
+        )
+
+    def close(self) -> None:
+        """End the iteration, which gives the device back its settings."""
+        if not self._closed:
+            self._closed = True
+            os.write(self._closed_write, b"\0")
+
+    def _use(self) -> Iterator[Event]:
+        """Open the device and read it until it is lost."""
+        device = self._find()
+        channels = {kind: device.channels(kind) for kind in (GYRO, ACCEL)}
+        if not channels[GYRO]:
+            raise Unusable("open_failed", f"{device.id} ({device.name}) {_what_it_has(device)}.")
+        if len(channels[ACCEL]) != 3:
+            channels[ACCEL] = []
+        buffer = Buffer(self._root, device, channels[GYRO] + channels[ACCEL], self._place.wishes)
+        try:
+            convert = {kind: _conversion(device, kind, channels[kind]) for kind in channels if channels[kind]}
+            self._openings += 1
+            yield from self._read(_Reader(device, self._root, buffer, channels, convert), buffer)
+        finally:
+            buffer.close()
+
+    def _find(self) -> Attributes:
+        found = find(self._root, self._place.device)
+        if len(found) == 1:
+            return found[0]
+        if found:
+            names = ", ".join(one.id for one in found)
+            raise Unusable("open_failed", f"several devices are called '{self._place.device}': {names}.")
+        there = ", ".join(f"{one.name} ({one.id})" for one in devices(self._root) if one.is_imu)
+        raise Unusable(
+            "no_port",
+            f"there is no IIO device '{self._place.device}'. "
+            + (
+                f"There is {there}."
+                if there
+                else "This machine has no gyroscope with a driver of the kernel: "
+                "is its module loaded (lsmod), and its device-tree overlay in config.txt?"
+            ),
+        )
+
+    def _read(self, reader: "_Reader", buffer: Buffer) -> Iterator[Event]:
+        ready = select.poll()
+        ready.register(buffer.fd, select.POLLIN)
+        ready.register(self._closed_read, select.POLLIN)
+        heard_ns, hello_due, rest = clock.host_ns(), True, b""
+        duplicates, unrated = self._duplicates, self._unrated
+        while not self._closed:
+            found = {fd for fd, _ in ready.poll(TICK_S * 1000)}
+            now_ns = clock.host_ns()
+            data = b""
+            if buffer.fd in found and not self._closed:
+                try:
+                    data = os.read(buffer.fd, READ_BYTES)
+                except BlockingIOError:
+                    continue
+                if not data:
+                    raise OSError(0, "its buffer has ended")
+            if not data:
+                yield Tick(now_ns)
+                if now_ns - heard_ns >= PATIENCE_NS:
+                    text = f"no sample came for {PATIENCE_NS // 10**9} s; {reader.why_silent()}."
+                    yield from self._tell("silent", text)
+                continue
+            heard_ns = now_ns
+            self._bytes += len(data)
+            rest += data
+            whole = len(rest) // buffer.layout.size * buffer.layout.size
+            if not whole:
+                continue
+            for piece in reader.take(rest[:whole], now_ns):
+                if piece.begins:
+                    self._boot = (self._boot + 1) % (1 << 32)
+                if piece.begins or hello_due:
+                    hello_due = False
+                    yield reader.hello(self.url, self._boot, now_ns)
+                    yield from self._judge_rate(reader)
+                self._samples += len(piece.sequence)
+                yield reader.block(piece)
+            rest = rest[whole:]
+            self._duplicates = duplicates + reader.numbers.duplicates
+            self._unrated = unrated + reader.numbers.unrated
+            if reader.numbers.unrated and reader.numbers.rate_hz is None:
+                yield from self._tell(
+                    "no_rate", "the time stamps of its samples tell no rate of a gyroscope."
+                )
+
+    def _judge_rate(self, reader: "_Reader") -> Iterator[Trouble]:
+        said, found = reader.said_hz, reader.numbers.rate_hz
+        if said is not None and found is not None and abs(found / said - 1) > RATE_TOLERANCE:
+            text = f"samples come at {found:.4g} Hz, and the driver says {said:g}; what is measured is used."
+            yield from self._tell("rate_differs", text, fatal=False)
+
+    def _tell(self, kind: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
+        now_ns = clock.host_ns()
+        if self._told.is_due((kind, text), now_ns):
+            yield Trouble(kind, f"{self.url}: {text}", now_ns, fatal)
+
+    def _pause(self, seconds: float) -> Iterator[Event]:
+        end_ns = clock.host_ns() + round(seconds * 1e9)
+        while not self._closed and (left_ns := end_ns - clock.host_ns()) > 0:
+            select.select([self._closed_read], [], [], min(TICK_S, left_ns * 1e-9))
+            yield Tick(clock.host_ns())
+
+
+class _Reader:
+    """What scans of one opening of a device become."""
+
+    def __init__(
+        self,
+        device: Attributes,
+        root: Path,
+        buffer: Buffer,
+        channels: dict[str, list[str]],
+        convert: dict[str, Conversion],
+    ) -> None:
+        self._device, self._layout, self._channels, self._convert = device, buffer.layout, channels, convert
+        self.said_hz = rate_of(root, device)
+        self.numbers: ByTime | ByOrder
+        self._origin_ns: int | None = None
+        self._ordinal = 0
+        self._has_time = buffer.has_time
+        if buffer.has_time:
+            self.numbers = ByTime("ns", None)
+        elif self.said_hz is not None:
+            self.numbers = ByOrder(self.said_hz)
+        else:
+            raise Unusable(
+                "no_rate",
+                f"{device.id} has no time stamps, and its driver does not say its rate: give it, "
+                "'iio:NAME?rate_hz=100'.",
+            )
+
+    def take(self, data: bytes, now_ns: int) -> Iterator[Numbered]:
+        """Number the samples of whole scans; their values are counts."""
+        counts = self._layout.decode(data)
+        names = self._channels[GYRO] + self._channels[ACCEL]
+        values = np.stack([counts[name] for name in names], axis=1).astype(np.float64)
+        time = None
+        if self._has_time:
+            if self._origin_ns is None:
+                self._origin_ns = int(counts["timestamp"][0])
+            time = (counts["timestamp"] - self._origin_ns).astype(np.float64)
+        ordinal = self._ordinal + np.arange(len(values), dtype=np.int64)
+        self._ordinal += len(values)
+        return self.numbers.add(Rows(values, time, ordinal), now_ns)
+
+    def block(self, piece: Numbered) -> RawBlock:
+        """Numbered samples with what their counts mean."""
+        axes = len(self._channels[GYRO])
+        return RawBlock(
+            piece.sequence % SEQUENCE_WRAP,
+            piece.device_us % TIME_WRAP_US,
+            piece.host_ns,
+            self._convert[GYRO](piece.values[:, :axes]),
+            self._convert[ACCEL](piece.values[:, axes:]) if ACCEL in self._convert else None,
+        )
+
+    def hello(self, source: str, boot_id: int, now_ns: int) -> Hello:
+        """Who speaks."""
+        assert self.numbers.rate_hz is not None
+        accel = self._convert.get(ACCEL)
+        return Hello(
+            source=source,
+            host_ns=now_ns,
+            rate_hz=self.numbers.rate_hz,
+            sampling_mode="iio",
+            boot_id=boot_id,
+            sensor=self._device.name,
+            gyro_lsb_per_dps=self._convert[GYRO].lsb,
+            accel_lsb_per_g=None if accel is None or accel.lsb is None else accel.lsb * STANDARD_GRAVITY_MS2,
+        )
+
+    def why_silent(self) -> str:
+        """What to look at where no samples come."""
+        trigger = self._device.text("trigger/current_trigger")
+        if trigger:
+            return (
+                f"its trigger '{trigger}' does not fire: is its interrupt wired, and its rate set "
+                "(sampling_frequency)? 'grep iio /proc/interrupts' counts"
+            )
+        return "is its interrupt wired, and its rate set (sampling_frequency)?"
+
+
+def _conversion(device: Attributes, kind: str, channels: list[str]) -> Conversion:
+    unit = math.pi / 180 if kind == GYRO else 1.0  # scales are in rad/s and m/s²
+    scales = [device.of_channel(channel, "scale") for channel in channels]
+    if None in scales:
+        raise Unusable("open_failed", f"{device.id} does not say the scale of its {SENSORS[kind]}.")
+    offsets = [device.of_channel(channel, "offset") or 0.0 for channel in channels]
+    try:
+        mount = parse_mount(device.text(f"in_{kind}_mount_matrix") or device.text("in_mount_matrix"))
+        return conversion([scale / unit for scale in scales if scale is not None], offsets, mount)
+    except ValueError as error:
+        raise Unusable("open_failed", f"{device.id}: {SENSORS[kind]}: {error}.") from error
+
+
+def _what_it_has(device: Attributes) -> str:
+    if device.channels(ACCEL):
+        return "has an accelerometer and no gyroscope; the gyroscope may be another device of the same chip"
+    if any(device.folder.glob("in_anglvel*_raw")):
+        return (
+            "has a gyroscope, but no buffer: 'sudo modprobe industrialio-triggered-buffer', or a newer kernel"
+        )
+    return "has no gyroscope"

@@ -1,0 +1,143 @@
+"""Layout of scans and meaning of counts, against the kernel's documentation and a slow, plain decoder."""
+
+import numpy as np
+import pytest
+from fltea.sources.iio.conversion import conversion, parse_mount
+from fltea.sources.iio.scan import Element, ScanLayout, parse_element
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+def test_the_layout_of_the_kernels_own_example() -> None:
+    """Documentation/driver-api/iio/buffers.rst: 12 bits in 16, shifted by 4, big-endian."""
+    element = parse_element("accel_x", "0\n", "be:s12/16>>4\n")
+    assert element == Element("accel_x", 0, True, True, 12, 16, 4)
+    layout = ScanLayout([element])
+    assert layout.decode(bytes([0x7F, 0xFF, 0x80, 0x00, 0xFF, 0xF5]))["accel_x"].tolist() == [2047, -2048, -1]
+
+
+def test_a_time_stamp_is_aligned_to_its_own_size() -> None:
+    elements = [parse_element(f"anglvel_{axis}", str(i), "le:s16/16>>0") for i, axis in enumerate("xyz")]
+    layout = ScanLayout([parse_element("timestamp", "3", "le:s64/64>>0"), *elements])
+    assert layout.size == 16
+    assert layout.places["timestamp"][1] == 8
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "le:s16/16",
+        "me:s16/16>>0",
+        "le:s17/16>>0",
+        "le:s16/24>>0",
+        "le:s16/16>>1",
+        "le:s0/16>>0",
+        "le:s8/99999>>0",
+    ],
+)
+def test_a_layout_that_cannot_be(text: str) -> None:
+    with pytest.raises(ValueError, match="anglvel_x"):
+        parse_element("anglvel_x", "0", text)
+
+
+def test_an_index_that_is_none() -> None:
+    with pytest.raises(ValueError, match="index ''"):
+        parse_element("anglvel_x", "", "le:s16/16>>0")
+
+
+@st.composite
+def elements(draw: st.DrawFn) -> list[Element]:
+    found = []
+    for place in range(draw(st.integers(1, 6))):
+        storage = draw(st.sampled_from([8, 16, 32, 64]))
+        bits = draw(st.integers(1, storage))
+        found.append(
+            Element(
+                f"c{place}",
+                place,
+                draw(st.booleans()),
+                draw(st.booleans()),
+                bits,
+                storage,
+                draw(st.integers(0, storage - bits)),
+                draw(st.sampled_from([1, 1, 1, 2, 4])),
+            )
+        )
+    return found
+
+
+def plainly(elements: list[Element], data: bytes) -> list[dict[str, int]]:
+    """Walks byte by byte, with Python's own integers."""
+    scans, at = [], 0
+    largest = max(element.size for element in elements)
+    while at < len(data):
+        begin, scan = at, {}
+        for element in elements:
+            while (at - begin) % element.size:
+                at += 1
+            word = data[at : at + element.storage_bits // 8]
+            number = int.from_bytes(word, "big" if element.big_endian else "little") >> element.shift
+            number %= 1 << element.bits
+            if element.signed and number >= 1 << (element.bits - 1):
+                number -= 1 << element.bits
+            scan[element.name] = number
+            at += element.size
+        while (at - begin) % largest:
+            at += 1
+        scans.append(scan)
+    return scans
+
+
+@given(elements(), st.integers(1, 4), st.randoms(use_true_random=False))
+def test_numbers_are_those_of_a_plain_decoder(found: list[Element], count: int, random) -> None:
+    layout = ScanLayout(found[::-1])
+    data = random.randbytes(layout.size * count)
+    columns = layout.decode(data)
+    plain = plainly(found, data)
+    assert len(plain) == count
+    for element in found:
+        wrap = 1 << 64 if element.bits == 64 and not element.signed else 0  # more than an int64 holds
+        got = [value % wrap if wrap else value for value in columns[element.name].tolist()]
+        assert got == [scan[element.name] for scan in plain]
+
+
+def test_half_a_scan_is_refused() -> None:
+    with pytest.raises(ValueError, match="3 bytes are no whole number of scans of 2"):
+        ScanLayout([Element("x", 0, False, True, 16, 16, 0)]).decode(bytes(3))
+
+
+@given(
+    st.permutations(range(3)),
+    st.tuples(*[st.sampled_from([-1.0, 1.0])] * 3),
+    st.tuples(*[st.floats(1e-6, 1.0)] * 3),
+    st.tuples(*[st.floats(-100, 100)] * 3),
+    st.floats(0.0, 3.0),
+)
+def test_counts_mean_what_the_kernels_documentation_says(order, signs, scales, offsets, angle) -> None:
+    """(raw + offset) * scale, turned by the mount matrix; counts stay counts where axes are only swapped."""
+    mount = np.zeros((3, 3))
+    mount[range(3), order] = signs
+    turned = mount @ [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    counts = np.array([[1.0, -20.0, 300.0], [32767.0, -32768.0, 0.0]])
+    truth = ((counts + offsets) * scales) @ turned.T
+    found = conversion(scales, offsets, turned)
+    values = found(counts) / (found.lsb or 1.0)
+    np.testing.assert_allclose(values, truth, rtol=1e-9, atol=1e-9)
+    same = conversion(scales[:1] * 3, (5.0, 0.0, -3.0), mount)
+    assert same.lsb == 1.0 / scales[0]
+    assert sorted(np.abs(same(counts)[0]).tolist()) == sorted(np.abs(counts[0] + [5.0, 0.0, -3.0]).tolist())
+
+
+@pytest.mark.parametrize("text", ["1,0,0;0,1,0", "1,0,0;0,1,0;0,0,x", "1,0;0,1;0,0", "a"])
+def test_a_mount_matrix_that_is_none(text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        parse_mount(text)
+
+
+def test_a_scale_of_nothing_and_a_matrix_that_flattens() -> None:
+    with pytest.raises(ValueError, match="is no scale"):
+        conversion([0.0], [0.0], None)
+    with pytest.raises(ValueError, match="is no rotation"):
+        conversion([1.0] * 3, [0.0] * 3, np.zeros((3, 3)))
+    assert parse_mount("(null)") is None
