@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "fading_sums.hpp"
 #include "gate.hpp"
@@ -62,6 +63,40 @@ struct RealSpectrum {
     static const Tables& tables() {
         static const Tables one;
         return one;
+    }
+
+    // Of samples: their mean, the power about it, and that of the sample that is farthest from it.
+    class Moments {
+      public:
+        Moments(const double* x, int n) {
+            double sums[4] = {0, 0, 0, 0}, powers[4] = {0, 0, 0, 0};
+            const double origin = x[0];
+            for (int i = 0; i < n; ++i) sums[i % 4] += x[i] - origin;
+            mean_ = origin + ((sums[0] + sums[1]) + (sums[2] + sums[3])) / n;
+            largest_ = 0;
+            for (int i = 0; i < n; ++i) {
+                const double apart = x[i] - mean_, power = apart * apart;
+                powers[i % 4] += power;
+                if (power > largest_) largest_ = power;
+            }
+            power_ = (powers[0] + powers[1]) + (powers[2] + powers[3]);
+        }
+        double mean() const { return mean_; }
+        double power() const { return power_; }
+        double largest() const { return largest_; }
+
+      private:
+        double mean_, power_, largest_;
+    };
+    // From sample to sample; 0 if there is none.
+    static double least_change(const double* x, int n) {
+        double least = std::numeric_limits<double>::infinity();
+        for (int i = 1; i < n; ++i) {
+            const double change = std::fabs(x[i] - x[i - 1]);
+            const double one = change > 0 ? change : least;
+            if (one < least) least = one;
+        }
+        return std::isinf(least) ? 0 : least;
     }
 
     struct Unit {

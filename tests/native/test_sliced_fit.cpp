@@ -183,7 +183,7 @@ TEST_CASE("sliced fit: bins of white noise have its variance, all its ordinates,
 TEST_CASE("sliced fit: answers are the host's of the same bins") {
     int whites = 0, fractionals = 0, relaxations = 0;
     for (int kind = 0; kind < 5; ++kind) {
-        for (int n : {3000, 60000, 400000}) {
+        for (int n : {3000, 60000, 150000}) {
             std::unique_ptr<Octaves> octaves(new Octaves(16.0f));
             const int parts[] = {0, 1, 4, 6, 1};
             const double shares[] = {0, 0.6, 0.5, 1.2, 3.0};
@@ -206,8 +206,10 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             CAPTURE(cold.alpha);
             CAPTURE(full.theta[0]);
             CAPTURE(cold.alpha_std);
-            CHECK(static_cast<double>(cold.ratio_white) ==
-                  doctest::Approx(2 * (white[0] - up_to_one.nll)).epsilon(2e-3).scale(20));
+            const double ratio = 2 * (white[0] - up_to_one.nll);
+            // In white noise there are many maxima that are nearly as high.
+            CHECK(static_cast<double>(cold.ratio_white) <= ratio + 0.05 + 2e-3 * ratio);
+            CHECK(static_cast<double>(cold.ratio_white) >= ratio - (ratio < 6 ? 0.5 : 0.05 + 2e-3 * ratio));
             // In white noise orders above 1 have many maxima, and none of them is asked for.
             if (cold.verdict != Verdict::white) {
                 CHECK(static_cast<double>(cold.ratio_ar1) ==
@@ -226,6 +228,12 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             CHECK(sliced->evaluations() * 5 < evaluations);
             CHECK(sliced->figures().ratio_white >= cold.ratio_white - 0.02f);
             CHECK(sliced->figures().verdict == cold.verdict);
+            if (n > 3000) continue;
+            // Much more data: on the grid again.
+            for (int k = 0; k < 2 * n; ++k) octaves->add(next());
+            make_bins(*octaves, *bins);
+            fit(*bins, *sliced);
+            CHECK(sliced->evaluations() * 2 > evaluations);
         }
     }
     CHECK(whites == 3);

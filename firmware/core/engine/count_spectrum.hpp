@@ -61,6 +61,46 @@ struct CountSpectrum {
     // Units of a level are 2^-n of those of level 0.
     static constexpr int halvings(int level) { return (level + 1) / 2; }
 
+    // Of samples: their mean, the power about it, and that of the sample that is farthest from it.
+    class Moments {
+      public:
+        Moments(const Input* x, int n) {
+            std::int32_t sum = 0, low = x[0], high = x[0];
+            std::int64_t squares = 0;
+            for (int i = 0; i < n; ++i) {
+                const std::int32_t one = x[i];
+                sum += one;
+                squares += one * one;
+                if (one < low) low = one;
+                if (one > high) high = one;
+            }
+            // n times the power, exactly.
+            const std::int64_t power = squares * n - static_cast<std::int64_t>(sum) * sum;
+            const float size = static_cast<float>(n);
+            mean_ = static_cast<float>(sum) / size;
+            power_ = fixed::to_float(power, 0) / size;
+            // n times the distance, exactly.
+            const float up = static_cast<float>(high * n - sum) / size;
+            const float down = static_cast<float>(sum - low * n) / size;
+            largest_ = up > down ? up * up : down * down;
+        }
+        float mean() const { return mean_; }
+        float power() const { return power_; }
+        float largest() const { return largest_; }
+
+      private:
+        float mean_, power_, largest_;
+    };
+    // From sample to sample; 0 if there is none.
+    static float least_change(const Input* x, int n) {
+        std::int32_t least = 0;
+        for (int i = 1; i < n; ++i) {
+            const std::int32_t apart = x[i] - x[i - 1], change = apart < 0 ? -apart : apart;
+            if (change > 0 && (least == 0 || change < least)) least = change;
+        }
+        return static_cast<float>(least);
+    }
+
     // Nothing is forgotten.
     struct Memory {
         static constexpr bool fades() { return false; }

@@ -248,18 +248,12 @@ class Gate {
 
     // Judges the chunk. A short one is judged as if it went on without noise.
     bool belongs() {
-        Real sums[4] = {0, 0, 0, 0}, powers[4] = {0, 0, 0, 0};
-        const Real origin = Real(chunk_[0]);
-        for (int i = 0; i < fill_; ++i) sums[i % 4] += Real(chunk_[i]) - origin;
-        const Real mean = origin + ((sums[0] + sums[1]) + (sums[2] + sums[3])) / Real(fill_);
-        Real largest = 0;
-        for (int i = 0; i < fill_; ++i) {
-            const Real apart = Real(chunk_[i]) - mean, power = apart * apart;
-            powers[i % 4] += power;
-            if (power > largest) largest = power;
+        const typename Kind::Moments moments(chunk_, fill_);
+        const Real mean = moments.mean(), power = moments.power(), largest = moments.largest();
+        if (bridged_ == 0) {
+            const Real change = Kind::least_change(chunk_, fill_);
+            if (change > 0 && change < resolution_) resolution_ = change;
         }
-        const Real power = (powers[0] + powers[1]) + (powers[2] + powers[3]);
-        if (bridged_ == 0) note_resolution();
         // Of rounding to the resolution there is at least that much, even while hardly any sample changes.
         const Real rounding = resolution_ < infinity() ? resolution_ * resolution_ / 12 : Real(0);
         const bool whole = fill_ == kChunk;
@@ -289,16 +283,6 @@ class Gate {
             chunk_[i] = Kind::input(apart < 0 ? mean - most : mean + most);
             ++counts_.limited;
         }
-    }
-
-    void note_resolution() {
-        Real least_change = resolution_;
-        for (int i = 1; i < fill_; ++i) {
-            const Real apart = Real(chunk_[i]) - Real(chunk_[i - 1]), change = apart < 0 ? -apart : apart;
-            const Real one = change > 0 ? change : resolution_;
-            if (one < least_change) least_change = one;
-        }
-        resolution_ = least_change;
     }
 
     void note_knock(Real variance) {

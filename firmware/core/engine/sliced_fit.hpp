@@ -111,10 +111,17 @@ class SlicedFit {
     void begin_model() {
         model_ = model_of(which_);
         starts_ = 0;
-        grid_ = 0;
+        // The best order up to 1 is a start of the full model.
+        grid_ = which_ == kFull ? kUpToOneGrid : 0;
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
         on_grid_ = !answers_[which_].known && grid_size() > 0;
+        // Where the best order is below 1 orders above 1 add nothing until the grid is searched again.
+        if (which_ == kFull && !on_grid_ && answers_[kFull].theta[0] < 1.0f) {
+            best_ = up_to_one_;
+            end_model();
+            return;
+        }
         if (which_ == kWhiteNoise) {
             evaluate_next();
         } else if (on_grid_) {
@@ -164,7 +171,7 @@ class SlicedFit {
             for (int i = 0; i < 3; ++i) point.theta[i] = answers_[which_].theta[i];
             return true;
         }
-        if (number > own || which_ == kRelaxation) return false;
+        if (number > own || which_ == kRelaxation || !on_grid_) return false;
         if (which_ == kFull) {
             for (int i = 0; i < 3; ++i) point.theta[i] = answers_[kUpToOne].theta[i];
         } else {  // AR(1) is the fractional model of order 1, with g = φ - 1
@@ -228,8 +235,8 @@ class SlicedFit {
         return grid_ >= grid_size() || !on_grid_ ? apart > 0.1f || apart < -0.1f : false;
     }
 
-    // Orders above 1 are on the grid of the full model only.
-    bool beyond() const { return which_ == kUpToOne && grid_ >= 4 * 18; }
+    // Orders above 1 are on the grid of the full model only, and no others.
+    bool beyond() const { return which_ == kUpToOne && grid_ >= kUpToOneGrid; }
 
     void keep() {
         int place = kKept;
@@ -240,6 +247,7 @@ class SlicedFit {
     }
 
     void end_model() {
+        if (which_ == kUpToOne) up_to_one_ = best_;
         Answer& answer = answers_[which_];
         for (int i = 0; i < 3; ++i) answer.theta[i] = best_.theta[i];
         answer.nll = best_.nll;
@@ -280,13 +288,13 @@ class SlicedFit {
     }
 
     static constexpr float kTolerance = 3e-4f, kApart = 6.0f;
-    enum { kFractionalGrid = 6 * 18 };
+    enum { kFractionalGrid = 6 * 18, kUpToOneGrid = 4 * 18 };
 
     SlicedTarget<Bins> target_;
     Answer answers_[kModels];
     Model<float> model_;
     Mapped<float> at_;
-    Point<float> next_, now_, best_, kept_[kKept];
+    Point<float> next_, now_, best_, up_to_one_, kept_[kKept];
     Search<float> search_ = Search<float>(model_of(kUpToOne));
     FitFigures figures_;
     float fitted_ordinates_;

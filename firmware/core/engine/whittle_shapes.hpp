@@ -10,6 +10,7 @@
 #include <cstddef>
 
 #include "pack_math.hpp"
+#include "real_math.hpp"
 #include "whittle_numbers.hpp"
 
 namespace fltea {
@@ -21,6 +22,18 @@ template <class R>
 constexpr R nearly_nothing() {
     return sizeof(R) == 8 ? R(1e-200) : R(1e-30);
 }
+
+template <class Number>
+Number exp_of(Number x) {
+    return engine::exp(x);
+}
+inline float exp_of(float x) { return math::exp(x); }
+// 0 <= x <= 3/2.
+template <class Number>
+Number sin_pi_of(Number x) {
+    return engine::sin_pi(x);
+}
+inline float sin_pi_of(float x) { return math::sin_pi(x); }
 
 // Each family: spectra of its parts for unit innovations, and the slopes of their logarithms by the shapes,
 // of which shape k belongs to the part `part_of(k)`.
@@ -46,9 +59,9 @@ struct Fractional {
     template <class Columns>
     void at(const Columns& bins, std::size_t i, Number* part, Number* slope) const {
         const Number ln_size = bins.ln_size(i), quarter = bins.quarter(i);
-        const Number size = engine::exp(alpha * ln_size);
+        const Number size = exp_of(alpha * ln_size);
         const Number turn = turns(bins, i, quarter);
-        const Number real = size * engine::sin_pi(turn + R(0.5)), imaginary = size * engine::sin_pi(turn);
+        const Number real = size * sin_pi_of(turn + R(0.5)), imaginary = size * sin_pi_of(turn);
         part[0] = R(1.0) / distance(size, real);
         const Number by_alpha = R(2.0) * (size * size * ln_size - g * (ln_size * real - quarter * imaginary));
         slope[0] = -by_alpha * part[0];
@@ -56,9 +69,9 @@ struct Fractional {
     }
     template <class Columns>
     void parts(const Columns& bins, std::size_t i, Number* part) const {
-        const Number size = engine::exp(alpha * bins.ln_size(i));
+        const Number size = exp_of(alpha * bins.ln_size(i));
         const Number turn = turns(bins, i, bins.quarter(i));
-        part[0] = R(1.0) / distance(size, size * engine::sin_pi(turn + R(0.5)));
+        part[0] = R(1.0) / distance(size, size * sin_pi_of(turn + R(0.5)));
     }
 
   private:

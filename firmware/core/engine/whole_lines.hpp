@@ -25,34 +25,35 @@ class WholeLines {
         std::int64_t sum = 0;
         for (int i = 0; i < n; ++i) sum += x[i];
         const std::int32_t mean = static_cast<std::int32_t>(sum / n);
-        float at[4] = {0, 0, 0, 0};
-        if (slow) cubic(x, mean, at);
         std::int32_t largest = 1;
         for (int i = 0; i < n; ++i) {
-            std::int32_t y = x[i] - mean;
-            if (slow) {
-                const float t = place(i);
-                y -= static_cast<std::int32_t>(at[0] + t * (at[1] + t * (at[2] + t * at[3])));
-            }
-            y_[i] = y;
-            if (y > largest) largest = y;
-            if (-y > largest) largest = -y;
+            y_[i] = x[i] - mean;
+            if (y_[i] > largest) largest = y_[i];
+            if (-y_[i] > largest) largest = -y_[i];
         }
-        lift_ = __builtin_clz(static_cast<unsigned>(largest)) - (32 - 22);
+        lift_ = __builtin_clz(static_cast<unsigned>(largest)) - (32 - kBits);
         for (int i = 0; i < n; ++i) y_[i] = lift_ >= 0 ? y_[i] * (1 << lift_) : y_[i] >> -lift_;
+        if (slow) take_cubic_off();
+        // Sums and differences of the two samples that are as far from the middle, from the middle on.
+        for (int i = 0; i < n / 2; ++i) {
+            const std::int32_t early = y_[i], late = y_[n - 1 - i];
+            y_[i] = late + early;
+            y_[n - 1 - i] = late - early;
+        }
     }
 
     // |sum of x e^{-iλt}|² / n of the ordinate λ = 2π j / n, in the squared unit of x; 0 < 2j < n.
     float power(int j) const {
-        // The turn from sample to sample, in 2^-30 and as an angle over π in 2^-28.
+        // The turn from sample to sample, as an angle over π in 2^-28, and cosines and sines in 2^-30.
         const std::int32_t angle =
             static_cast<std::int32_t>((static_cast<std::int64_t>(2 * j) * (1 << 28) + n_ / 2) / n_);
-        const std::int32_t c = fixed::sin_pi(angle + (1 << 27)), s = fixed::sin_pi(angle);
-        std::int32_t re = 1 << 30, im = 0;
-        std::int64_t sum_re = 0, sum_im = 0;
-        for (int i = 0; i < n_; ++i) {
+        const std::int32_t c = cosine(angle), s = fixed::sin_pi(angle);
+        const bool odd = n_ % 2 != 0;
+        std::int32_t re = odd ? c : cosine(angle / 2), im = odd ? s : fixed::sin_pi(angle / 2);
+        std::int64_t sum_re = odd ? static_cast<std::int64_t>(y_[n_ / 2]) * (1 << 30) : 0, sum_im = 0;
+        for (int i = n_ / 2 - 1; i >= 0; --i) {
             sum_re += static_cast<std::int64_t>(y_[i]) * re;
-            sum_im += static_cast<std::int64_t>(y_[i]) * im;
+            sum_im += static_cast<std::int64_t>(y_[n_ - 1 - i]) * im;
             const std::int32_t next = turned(re, c, im, -s);
             im = turned(im, c, re, s);
             re = next;
@@ -62,37 +63,54 @@ class WholeLines {
     }
 
   private:
+    enum { kBits = 22 };
+
+    static std::int32_t cosine(std::int32_t angle) { return fixed::sin_pi(angle + (1 << 27)); }
     static std::int32_t turned(std::int32_t x, std::int32_t c, std::int32_t y, std::int32_t s) {
         const std::int64_t sum = static_cast<std::int64_t>(x) * c + static_cast<std::int64_t>(y) * s;
         return static_cast<std::int32_t>((sum + (1 << 29)) >> 30);
     }
+    static std::int64_t fine(float x) {
+        const float most = 1.0e9f, cut = x > most ? most : x < -most ? -most : x;
+        const std::int32_t whole = static_cast<std::int32_t>(cut);
+        const float rest = cut - static_cast<float>(whole);
+        return static_cast<std::int64_t>(whole) * (INT64_C(1) << kFine) +
+               static_cast<std::int32_t>(rest * static_cast<float>(1 << kFine));
+    }
+    enum { kFine = 30 };  // differences of the cubic are in 2^-30: over 512 samples they make up 0.01
 
-    // From -1 to 1.
-    float place(int i) const { return static_cast<float>(2 * i - (n_ - 1)) / static_cast<float>(n_ - 1); }
-
-    // Coefficients of the best cubic of x less its mean, by polynomials that are orthogonal over the places.
-    void cubic(const std::int32_t* x, std::int32_t mean, float (&at)[4]) const {
-        float squares = 0, fourths = 0;
+    // Of y, the best cubic in the places t = 2i - (n - 1), by polynomials that are orthogonal over them.
+    void take_cubic_off() {
+        std::int64_t by_t = 0, by_square = 0, by_cube = 0, sum = 0;
         for (int i = 0; i < n_; ++i) {
-            const float t = place(i);
-            squares += t * t;
-            fourths += t * t * t * t;
+            const std::int32_t t = 2 * i - (n_ - 1);
+            const std::int64_t along = static_cast<std::int64_t>(y_[i]) * t;
+            sum += y_[i];
+            by_t += along;
+            by_square += along * t;
+            by_cube += along * (t * t);
         }
-        const float n = static_cast<float>(n_), level = squares / n, bend = fourths / squares;
-        float by[3] = {0, 0, 0}, power[3] = {0, 0, 0};
+        // Mean squares of 1, t, ... over the places: n² - 1 over 3, and so on.
+        const float n = static_cast<float>(n_), nn = n * n, level = (nn - 1) / 3;
+        const float bend = (3 * nn - 7) / 5;  // of t⁴ over that of t²
+        const float square = 4.0f * (nn - 1) * (nn - 4) / 45;
+        const float cube = 4.0f * (nn - 1) * (nn - 4) * (nn - 9) / 175;
+        const float mean = fixed::to_float(sum, 0) / n;
+        const float a = fixed::to_float(by_t, 0) / (n * level);
+        const float b = (fixed::to_float(by_square, 0) / n - level * mean) / square;
+        const float c = (fixed::to_float(by_cube, 0) - bend * fixed::to_float(by_t, 0)) / (n * cube);
+        // From the first place on by differences of the polynomial.
+        const float t = 1 - n, linear = a - c * bend;
+        std::int64_t value = fine(mean - b * level + t * (linear + t * (b + t * c)));
+        std::int64_t first = fine(2 * linear + b * (4 * t + 4) + c * (6 * t * t + 12 * t + 8));
+        std::int64_t second = fine(8 * b + c * (24 * t + 48));
+        const std::int64_t third = fine(48 * c);
         for (int i = 0; i < n_; ++i) {
-            const float t = place(i), y = static_cast<float>(x[i] - mean);
-            const float basis[3] = {t, t * t - level, t * (t * t - bend)};
-            for (int k = 0; k < 3; ++k) {
-                by[k] += basis[k] * y;
-                power[k] += basis[k] * basis[k];
-            }
+            y_[i] -= static_cast<std::int32_t>((value + (INT64_C(1) << (kFine - 1))) >> kFine);
+            value += first;
+            first += second;
+            second += third;
         }
-        const float a = by[0] / power[0], b = by[1] / power[1], c = by[2] / power[2];
-        at[0] = -b * level;
-        at[1] = a - c * bend;
-        at[2] = b;
-        at[3] = c;
     }
 
     std::int32_t y_[kMost];
