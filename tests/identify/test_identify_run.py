@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cluster_support import two_workers
 from fltea.identify.findings import document
 from fltea.identify.load import Request, Unreadable, load
 from fltea.identify.run import AxisReport, Failure, FileReport, Settings, identify_all
@@ -23,7 +24,6 @@ from fltea.records.records import ACCEL_AXES
 from fltea.settings.config import EstimatorConfig
 from identify_files import Deadly, counts, npz, settings
 from identify_support import long_recursion
-from toolchain import missing
 
 N = 600
 PATIENCE_S = 60.0
@@ -220,16 +220,8 @@ def test_workers_that_are_gone_are_noticed(tmp_path: Path, monkeypatch: pytest.M
 @pytest.fixture
 def cluster() -> Iterator[Any]:
     """Two workers, in processes of their own."""
-    try:
-        from distributed import LocalCluster
-    except ModuleNotFoundError:
-        missing("distributed is not installed: pip install -e '.[dask]'")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
-        with LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
-        ) as found:
-            yield found
+    with two_workers() as found:
+        yield found
 
 
 def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:

@@ -63,6 +63,7 @@ class Mosquitto:
     """A broker that can go and come back on the same port, with what it retained.
 
     authority: folder of `make_authority`; it then speaks TLS. secure: a password file and an access list.
+    usual_limits: it drops what a subscriber is too slow for, as it does unless it is told otherwise.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class Mosquitto:
         authority: Path | None = None,
         secure: bool = False,
         client_certificates: bool = False,
+        usual_limits: bool = False,
     ) -> None:
         folder.mkdir()
         self._program = tool("mosquitto")
@@ -80,10 +82,10 @@ class Mosquitto:
             f"listener {self.port} 127.0.0.1",
             "persistence true",
             f"persistence_location {folder}/",
-            "queue_qos0_messages true",
-            "max_queued_messages 0",
             f"allow_anonymous {'false' if secure else 'true'}",
         ]
+        if not usual_limits:
+            lines += ["queue_qos0_messages true", "max_queued_messages 0"]
         if os.geteuid() == 0:
             lines.append("user root")
         if authority is not None:

@@ -34,6 +34,9 @@ def main() -> None:
         action="store_true",
         help="only what the live fit costs: accumulators, fits, an hour's replay",
     )
+    parser.add_argument(
+        "--cluster", action="store_true", help="only `fltea identify --out` with one and two workers of Dask"
+    )
     parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
     if arguments.identify:
@@ -62,6 +65,12 @@ def main() -> None:
                 device_difference.text(differences),
                 sep="\n\n",
             )
+        return
+    if arguments.cluster:
+        from tools.bench import bench_cluster  # Dask is an extra
+
+        rates = bench_cluster.measure()
+        print(json.dumps(rates) if arguments.json else bench_cluster.text(rates))
         return
     if arguments.live:
         from tools.bench import bench_live

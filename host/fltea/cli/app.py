@@ -21,6 +21,9 @@ from fltea.cli import (
     flash as cli_flash,
 )
 from fltea.cli import (
+    fleet as cli_fleet,
+)
+from fltea.cli import (
     gallery as cli_gallery,
 )
 from fltea.cli import (
@@ -260,6 +263,7 @@ COMMANDS = (
     cli_devices.devices,
     cli_devices.doctor,
     cli_flash.flash,
+    cli_fleet.fleet,
     inspect,
     simulate,
     cli_reproduce.reproduce,

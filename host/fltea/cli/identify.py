@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fltea.cli import exports, how
+from fltea.cli import exports, how, many
 from fltea.cli.output import print_result, say
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible_lines
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 def identify(
     files: Annotated[
-        list[Path],
+        list[str],
         typer.Argument(
             metavar="FILE…",
             help="Recordings: .mcap, a folder of them, the name of a session, .npz, .csv, .ndjson, or ROS "
-            "bags: .bag, .db3, .mcap, a folder.",
+            "bags: .bag, .db3, .mcap, a folder. With --out also URLs and patterns: 's3://lab/**/*.mcap'.",
             show_default=False,
         ),
     ],
@@ -121,6 +121,14 @@ def identify(
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="An existing Dask cluster instead, tcp://HOST:8786.")
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NAME.parquet",
+            help="Write one row an axis to a table instead, and pass over files that are in it. Workers read "
+            "the files themselves (host/cluster.md).",
+        ),
+    ] = None,
 ) -> None:
     """Identify the noise of recordings, and say what the figures are worth: one verdict an axis.
 
@@ -134,7 +142,17 @@ def identify(
         fltea identify recordings --report report --notch 31.4±0.5
 
         fltea identify *.npz --json --jobs 4 > verdicts.json
+
+        fltea identify 's3://lab/2026-11/**/*.mcap' --dask tls://10.0.0.5:8786 --out verdicts.parquet
     """
+    one_by_one = {
+        "--json": as_json,
+        "--report": report,
+        "--export-model": export_model,
+        "--imu-yaml": imu_yaml,
+        "--gauss-markov": gauss_markov,
+    }
+    many.check(files, out, [name for name, value in one_by_one.items() if value])
     from fltea.identify import findings, run
     from fltea.identify import load as reading
     from fltea.identify.axis import IdentifyOptions
@@ -164,6 +182,14 @@ def identify(
     except ValueError as error:
         raise UsageError(f"command line: {error}.") from error
     replay = chosen.replay
+    if out is not None:
+        from fltea.cluster.whole import Ask
+
+        settings = run.Settings(options, chosen.estimator, chosen.accel)
+        wanted = tuple(chosen.channels) if chosen.channels else None
+        ask = Ask(settings, wanted, replay.how, replay.limits)
+        many.identify_many(files, out, ask, lambda: _workers(jobs, dask))
+        return
     files_wanted = exports.Files(
         export_model, imu_yaml, gauss_markov, exports.parse_inflation(inflate, imu_yaml)
     )
@@ -171,7 +197,7 @@ def identify(
         from fltea.identify import report as page
 
         page.prepare_folder(report)
-    found = reading.recordings(files)
+    found = reading.recordings([Path(file) for file in files])
     requests: list[reading.Request | reading.Unreadable] = [
         one
         if isinstance(one, reading.Unreadable)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fltea.identify.gaps import LONGEST_BRIDGE, Gaps, Stretch, bridged, no_gaps
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around
-from fltea.spectrum.octaves import SHORTEST, Drift, Lines, Octaves, put_together
+from fltea.spectrum.octaves import SHORTEST, Drift, Lines, Octaves, Parts, in_order, put_together
 from fltea.spectrum.periodogram import Periodogram, check_enough, periodogram
 from fltea.spectrum.spectral import Spectral, examine
 
@@ -63,18 +63,54 @@ def lines_of_stretches(
         return sums.lines_and_drift(0, h)
     if sums.counts(0).constant:
         raise ValueError("y is constant: there is no noise in it")
-    found = [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
+    return lines_together(parts_of(stretches), h, max(len(one.y) for one in stretches))
+
+
+def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
+    """What the spectrum of each stretch is put together from, of those that are long enough for one."""
+    return [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
+
+
+def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Periodogram, Drift | None]:
+    """The spectrum and the drift of several stretches, the longest of so many samples.
+
+    Raises:
+        ValueError: they are too short.
+    """
     welch = [lines for one in found for lines in one.welch]
     whole: dict[int, list[Lines]] = {}
     for one in found:
         whole.setdefault(one.depth, []).extend(one.whole)
     together = [on_one_grid(parts) for parts in whole.values() if parts]
     if not welch and not together:
-        check_enough(0, max(len(one.y) for one in stretches))
+        check_enough(0, longest)
+    return put_together(welch + together, h, max(one.n for one in found)), drift_together(found)
+
+
+def drift_together(found: Sequence[Parts]) -> Drift | None:
+    """The drift of several stretches."""
     drifts = [one.drift for one in found if one.drift is not None]
     amplitudes = sum(one.amplitudes for one in drifts)
-    drift = Drift(sum(d.power * d.amplitudes for d in drifts) / amplitudes, amplitudes) if drifts else None
-    return put_together(welch + together, h, max(one.n for one in found)), drift
+    return Drift(sum(d.power * d.amplitudes for d in drifts) / amplitudes, amplitudes) if drifts else None
+
+
+def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
+    """The same in few lines: stretches that are kept whole at the same rate become one."""
+    depths: dict[int, list[Parts]] = {}
+    for one in found:
+        depths.setdefault(one.depth, []).append(one)
+    return [
+        Parts(
+            [in_order(*(np.concatenate(part) for part in zip(*welch, strict=True)))] if welch else [],
+            [on_one_grid(whole)] if whole else [],
+            depth,
+            drift_together(those),
+            max(one.n for one in those),
+        )
+        for depth, those in depths.items()
+        for welch in [[lines for one in those for lines in one.welch]]
+        for whole in [[lines for one in those for lines in one.whole]]
+    ]
 
 
 def on_one_grid(parts: Sequence[Lines]) -> Lines:
@@ -149,6 +185,26 @@ def examined_stretches(
         peaks = find_peaks(periodogram(limited(longest), h, from_hz=from_hz, notch=notch))
     sums = octaves_of_stretches(stretches)
     lines, drift = lines_of_stretches(stretches, sums, h)
+    return examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks)
+
+
+def examined_sums(
+    lines: Periodogram,
+    drift: Drift | None,
+    sums: Octaves,
+    samples: int,
+    h: float,
+    from_hz: float = 0.0,
+    notch: Bands = (),
+    peaks: tuple[Peak, ...] | None = None,
+) -> Spectral:
+    """The same of the spectrum and the drift of so many samples, and their sums.
+
+    peaks: those found in the samples; None: they are searched for in the spectrum.
+
+    Raises:
+        ValueError: as `examined`.
+    """
     notch = around(lines, notch)
     return examine(
         left_in(lines, from_hz, notch),

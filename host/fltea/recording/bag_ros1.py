@@ -57,7 +57,7 @@ def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
         index: bytes | None = None
         described = 0
         place = file.tell()
-        while (record := _next(file, size)) is not None:
+        while (record := next_record(file, size)) is not None:
             fields, length = record.fields, min(record.length, size - file.tell())
             begin = file.tell()
             match fields.get(b"op"):
@@ -94,7 +94,7 @@ class _Record(NamedTuple):
     """of its data, which follow"""
 
 
-def _next(file: BinaryIO, size: int) -> _Record | None:
+def next_record(file: BinaryIO, size: int) -> _Record | None:
     """The next record; None where there is none, or nothing that makes sense."""
     head = file.read(LENGTH.size)
     if len(head) < LENGTH.size:

@@ -2,8 +2,9 @@
 
 Octave after octave of the spectrum is Welch's (blocks of 256, Hann, half overlapping), each at half the rate
 of the one before; below them the whole record is kept at a rate at which it has no more than 3,072 samples
-(firmware/core/engine/octave_ladder.hpp). Up to 3,072 samples the spectrum is therefore the periodogram of the record,
-and of longer ones the lowest frequencies have the resolution of the whole. Sums of two stretches add up.
+(firmware/core/engine/octave_ladder.hpp). Up to 3,072 samples the spectrum is therefore the periodogram of
+the record, and of longer ones the lowest frequencies have the resolution of the whole. Sums of two stretches
+add up.
 
 What is no noise is left out and counted: knocks, steps of the offset, gaps (firmware/core/engine/gate.hpp).
 
@@ -252,7 +253,7 @@ def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
     Raises:
         ValueError: there are too few.
     """
-    lam, power, weight = _in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    lam, power, weight = in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
     check_enough(len(lam), n)
     return Periodogram(lam, power, h, n, weight)
 
@@ -335,7 +336,7 @@ def _passed_on_grid(level: int) -> Array:
     return np.asarray(math.prod(deeper, start=gain))
 
 
-def _in_order(lam: Array, power: Array, weight: Array) -> Lines:
+def in_order(lam: Array, power: Array, weight: Array) -> Lines:
     """Rising in frequency; lines at the same one (of stretches of one length) become their average."""
     unique, place = np.unique(lam, return_inverse=True)
     if len(unique) == len(lam):

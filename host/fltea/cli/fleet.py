@@ -1,0 +1,249 @@
+"""The command `fltea fleet`."""
+
+import os
+import signal
+import stat
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fltea.cli.output import say
+from fltea.records.errors import FlteaError, UsageError
+from fltea.settings import duration
+from fltea.settings.extras import load
+from fltea.settings.listen_address import is_loopback, listen_address
+
+if TYPE_CHECKING:
+    from tornado.ioloop import IOLoop
+
+    from fltea.fleet.program import Fleet
+
+SETTLED_S = 1.0
+"""The broker has said all that it retained when nothing came for so long."""
+
+FIRST_S = 10.0
+"""So long the broker is waited for with --json."""
+
+
+def fleet(
+    mqtt: Annotated[
+        str | None,
+        typer.Option("--mqtt", metavar="BROKER", help="HOST, HOST:PORT, `mqtt://…` or `mqtts://…` (TLS)."),
+    ] = None,
+    listen: Annotated[
+        str, typer.Option(metavar="[HOST:]PORT", help="Where the page is; without a host this machine only.")
+    ] = "5007",
+    password_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="One line, USER:PASSWORD, that the page asks for; others must not read it."
+        ),
+    ] = None,
+    no_password: Annotated[
+        bool,
+        typer.Option("--no-password", help="Let everybody in, though the page is not for this machine only."),
+    ] = False,
+    name: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="Another name under which the page may be asked for, as behind a proxy."
+        ),
+    ] = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Keep the history in this file (SQLite); without it, in memory."),
+    ] = None,
+    history_every: Annotated[
+        str,
+        typer.Option(
+            metavar="TIME", help="How far apart an axis's fits are kept; changes of verdict always are."
+        ),
+    ] = "10min",
+    keep: Annotated[
+        str, typer.Option(metavar="TIME", help="How long history is kept, and sensors are remembered.")
+    ] = "720h",
+    silent_after: Annotated[
+        str, typer.Option(metavar="TIME", help="A sensor of which nothing is heard for so long is silent.")
+    ] = "90s",
+    look_every: Annotated[
+        str, typer.Option(metavar="TIME", help="How often all sensors are compared.")
+    ] = "5s",
+    most: Annotated[
+        int, typer.Option("--max-sensors", help="Further ones are counted and named, and not kept.")
+    ] = 20_000,
+    json: Annotated[
+        bool,
+        typer.Option(
+            "--json", help="No page: print the fleet in numbers as one line, once the broker has told all."
+        ),
+    ] = False,
+    every: Annotated[
+        str | None, typer.Option(metavar="TIME", help="With --json: another line every so often.")
+    ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.parquet", help="No broker: write the history of --history as a Parquet file."
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML file with the table [mqtt].")
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="mqtt.NAME=VALUE", help="A setting of [mqtt].")
+    ] = None,
+) -> None:
+    """Show all sensors whose daemons publish to a broker: what their noise is, and who is unlike the others.
+
+    Estimation stays with the daemons (`fltea run --mqtt BROKER`). User and password for the broker come from
+    FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.
+
+    For example:
+
+        fltea fleet --mqtt broker.example --history fleet.db
+
+        fltea fleet --mqtt mqtts://broker.example --json
+
+        fltea fleet --history fleet.db --export history.parquet
+    """
+    if export is not None:
+        _export(history, export)
+        return
+    from fltea.settings.config import load_config, parse_setting
+
+    overrides = dict(parse_setting(text) for text in set_ or [])
+    if any(not path.startswith("mqtt.") for path in overrides):
+        raise UsageError("--set: fltea fleet takes settings of [mqtt] only, such as mqtt.ca=ca.pem.")
+    if mqtt is not None:
+        overrides["mqtt.broker"] = mqtt
+    settings = load_config(config, overrides).mqtt
+    if settings.broker is None:
+        raise UsageError("which broker? Give --mqtt HOST, or broker in the table [mqtt] of --config.")
+    load("paho.mqtt.client", "paho", "fleet", "fltea fleet needs")
+    load("tornado.web", "tornado", "fleet", "fltea fleet needs")
+    from fltea.fleet.program import Fleet, Plan
+
+    if most < 1:
+        raise UsageError("--max-sensors: at least one.")
+    plan = Plan(
+        settings,
+        history,
+        _seconds("--history-every", history_every),
+        _seconds("--keep", keep),
+        _seconds("--silent-after", silent_after),
+        _seconds("--look-every", look_every),
+        most,
+    )
+    every_s = None if every is None else _seconds("--every", every)
+    if every_s is not None and not json:
+        raise UsageError("--every goes with --json.")
+    if json:
+        _print(Fleet(plan, say), every_s)
+        return
+    try:
+        host, port = listen_address(listen)
+    except ValueError as error:
+        raise UsageError(f"--listen {listen}: {error}.") from error
+    password = None if password_file is None else _password(password_file)
+    if password is None and not no_password and not is_loopback(host):
+        raise UsageError(
+            f"--listen {listen}: others could see the page without a password. Give --password-file FILE "
+            "(and put a proxy with TLS in front), or --no-password if everybody may see it."
+        )
+    _serve(Fleet(plan, say), host, port, name or [], password)
+
+
+def _serve(running: "Fleet", host: str, port: int, names: list[str], password: str | None) -> None:
+    from fltea.fleet.web import serve
+
+    def ready(found: int) -> None:
+        running.start()
+        shown = f"[{host}]" if ":" in host else host
+        say(f"the fleet is at http://{shown}:{found}/")
+
+    def stop(loop: "IOLoop") -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: loop.add_callback_from_signal(loop.stop))
+
+    try:
+        serve(running, host, port, names, password, ready, stop)
+    finally:
+        running.close()
+
+
+def _print(running: "Fleet", every_s: float | None) -> None:
+    import msgspec
+
+    def line() -> None:
+        running.look_now()
+        print(msgspec.json.encode(running.summary()).decode(), flush=True)
+
+    running.start()
+    try:
+        if not running.listener.is_up.wait(FIRST_S):
+            raise FlteaError(f"no broker answered within {FIRST_S:g} s.")
+        _settle(running, SETTLED_S)
+        line()
+        while every_s is not None:
+            _turn(running, every_s)
+            line()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    finally:
+        running.close()
+
+
+def _turn(running: "Fleet", seconds: float) -> None:
+    from fltea.fleet.program import TURN_S
+
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        running.turn()
+        time.sleep(TURN_S)
+
+
+def _settle(running: "Fleet", quiet_s: float) -> None:
+    """Until all that the broker retains has been asked for, and nothing new came for a while."""
+    before = -1, False
+    while before != (len(running.roll.sensors), True):
+        before = len(running.roll.sensors), running.is_complete
+        _turn(running, quiet_s)
+
+
+def _export(history: Path | None, out: Path) -> None:
+    if history is None or not history.is_file():
+        raise UsageError("--export: which history? Give --history FILE, the file of a fleet.")
+    load("pyarrow", "pyarrow", "tables", "Parquet files need")
+    from fltea.fleet.history_table import write
+
+    say(f"{out}: {write(history, out)} rows")
+
+
+def _seconds(flag: str, text: str) -> float:
+    try:
+        duration.check(flag, text, 1)
+        found = duration.in_samples(text, 1000.0, 1) / 1000
+    except (ValueError, TypeError) as error:
+        raise UsageError(f"{error}.") from error
+    if found <= 0:
+        raise UsageError(f"{flag} {text}: has to be longer.")
+    return found
+
+
+def _password(file: Path) -> str:
+    try:
+        mode = file.stat().st_mode
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"--password-file {file}: cannot be read ({error}).") from error
+    if mode & stat.S_IRWXO:
+        raise UsageError(
+            f"--password-file {file}: everybody on this machine may read it. Do: chmod o= {file}"
+        )
+    user, colon, password = lines[0].partition(":") if len(lines) == 1 else ("", "", "")
+    if not (user and colon and password):
+        raise UsageError(f"--password-file {file}: must hold one line, USER:PASSWORD.")
+    return lines[0]

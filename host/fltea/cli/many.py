@@ -1,0 +1,112 @@
+"""`fltea identify … --out verdicts.parquet`: any number of recordings, wherever they are, to a table."""
+
+import contextlib
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fltea.cli.output import say
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.visible import visible_lines
+from fltea.settings.extras import load
+
+if TYPE_CHECKING:
+    from fltea.cluster.run import Progress
+    from fltea.identify.workers import Workers
+
+SUFFIX = ".parquet"
+TELL_S = 30.0
+"""Between two lines on a stderr that is no terminal."""
+
+
+def check(files: Sequence[str], out: Path | None, others: Sequence[str]) -> None:
+    """Refuse what does not go together. others: options in use that are for one recording, or a few.
+
+    Raises:
+        UsageError: then.
+    """
+    urls = [file for file in files if "://" in file]
+    if out is None:
+        if urls:
+            raise UsageError(
+                f"{urls[0]}: of files by URL the verdicts go to a table: --out verdicts.parquet."
+            )
+        return
+    if out.suffix != SUFFIX:
+        raise UsageError(f"--out {out}: the table is Parquet; call it NAME{SUFFIX}. A page is --report DIR.")
+    if others:
+        raise UsageError(f"{others[0]} and --out do not go together: --out writes a table, and nothing else.")
+
+
+def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Callable[[], Workers]") -> None:
+    """Identify all files that are not in the table, with bar or lines on stderr.
+
+    Raises:
+        UsageError: nothing to do, or it cannot be done so.
+        FlteaError: some files failed, of which the table has the reasons; or the workers are gone.
+    """
+    from fltea.cluster.listing import files_of
+    from fltea.cluster.run import run
+
+    table_module = load("fltea.cluster.verdict_table", "pyarrow", "tables", "--out needs")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    table = table_module.VerdictTable(out, ask.digest())
+    begin = time.monotonic()
+    try:
+        workers = open_workers()
+        try:
+            with _told(begin) as tell:
+                done = run(files_of(files), ask, workers, table, tell)
+        finally:
+            workers.close()
+    finally:
+        table.close()
+    say(f"fltea: {out}: {_line(done, time.monotonic() - begin)}")
+    if done.failed:
+        raise FlteaError(
+            f"{done.failed} of {done.done} files have a failure in the table (column error). The first: "
+            f"{done.first_failure}"
+        )
+
+
+def _line(progress: "Progress", seconds: float) -> str:
+    parts = [f"{progress.done:,} files done"]
+    if progress.failed:
+        parts.append(f"{progress.failed:,} of them with a failure")
+    if progress.skipped:
+        parts.append(f"{progress.skipped:,} were done before")
+    rate = progress.read / 1e6 / max(seconds, 1e-3)
+    parts.append(f"{progress.read / 1e6:,.1f} MB in {seconds:,.0f} s ({rate:,.1f} MB/s)")
+    return ", ".join(parts)
+
+
+@contextlib.contextmanager
+def _told(begin: float) -> "Iterator[Callable[[Progress], None]]":
+    """Show how far it is on stderr: a bar on a terminal, else a line now and then."""
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    if not sys.stderr.isatty():
+        last = begin
+
+        def line(progress: "Progress") -> None:
+            nonlocal last
+            if (now := time.monotonic()) - last >= TELL_S:
+                last = now
+                say(f"fltea: {_line(progress, now - begin)}")
+
+        yield line
+        return
+    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("listing", total=None)
+
+        def show(progress: "Progress") -> None:
+            text = f"{_line(progress, time.monotonic() - begin)}  {progress.now.rpartition('/')[2]}"
+            bar.update(task, description=visible_lines(text))
+
+        yield show

@@ -1,0 +1,140 @@
+"""Pieces of MCAP files, fltea's and ROS': some chunks each, behind all that the file says of itself."""
+
+import struct
+from collections.abc import Iterator
+from io import BytesIO
+from typing import NamedTuple
+
+import msgspec
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex, DataEnd, Footer, Metadata, MetadataIndex
+from mcap.writer import MCAP0_MAGIC
+
+from fltea.cluster.cut import Cut, Ranges, even_pieces
+from fltea.recording.scan import HEAD, MAX_DESCRIPTION_BYTES
+from fltea.recording.session import HELLO, SESSION, PartInfo, from_metadata
+from fltea.records.records import Hello
+
+FOOTER_BYTES = HEAD.size + 20 + len(MCAP0_MAGIC)
+MOST_SUMMARY_BYTES = 256 << 20
+"""Of a file of a terabyte in chunks of 1 MB it has 100 MB."""
+
+
+class _Summary(NamedTuple):
+    header: bytes
+    descriptions: bytes
+    """schemas and channels"""
+    chunks: list[int]
+    """where they begin"""
+    end: int
+    """of the last one"""
+    metadata: list[MetadataIndex]
+
+
+def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
+    """Where it may be cut; nowhere if it has no index, as a recorder that was killed leaves it."""
+    try:
+        summary = _summary(source)
+        if summary is None:
+            return []
+        session = _session(source, summary)
+        pieces = even_pieces(summary.chunks, summary.end, block_bytes)
+        return [
+            Cut(begin, end, _head(source, summary, session, number, begin), _TAIL)
+            for number, (begin, end) in enumerate(pieces)
+        ]
+    # Whatever the library raises on damaged bytes: read whole it is told.
+    except (McapError, ValueError, struct.error, EOFError, IndexError):
+        return []
+
+
+def _tail() -> bytes:
+    out = RecordBuilder()
+    DataEnd(0).write(out)
+    Footer(0, 0, 0).write(out)
+    return _bytes(out) + MCAP0_MAGIC
+
+
+def _bytes(out: RecordBuilder) -> bytes:
+    found: bytes = out.end()  # type: ignore[no-untyped-call]
+    return found
+
+
+_TAIL = _tail()
+
+
+def _records(data: bytes) -> Iterator[tuple[int, bytes, bytes]]:
+    """Kind, content and the whole of each record."""
+    at = 0
+    while at + HEAD.size <= len(data):
+        kind, length = HEAD.unpack_from(data, at)
+        end = at + HEAD.size + length
+        if end > len(data):
+            return
+        yield kind, data[at + HEAD.size : end], data[at:end]
+        at = end
+
+
+def _one(source: Ranges, begin: int, kind: int) -> bytes:
+    """The content of the record of some kind that begins there."""
+    found, length = HEAD.unpack(source.read(begin, begin + HEAD.size))
+    if found != kind or length > MAX_DESCRIPTION_BYTES:
+        raise ValueError("another record stands there")
+    return source.read(begin + HEAD.size, begin + HEAD.size + length)
+
+
+def _summary(source: Ranges) -> _Summary | None:
+    magic = len(MCAP0_MAGIC)
+    footer = source.read(source.size - FOOTER_BYTES, source.size)
+    if len(footer) != FOOTER_BYTES or footer[-magic:] != MCAP0_MAGIC or footer[0] != Opcode.FOOTER:
+        return None
+    begin = Footer.read(_stream(footer[HEAD.size :])).summary_start
+    if not 0 < begin < source.size or source.size - begin > MOST_SUMMARY_BYTES:
+        return None
+    descriptions, chunks, end, metadata = b"", [], 0, []
+    for kind, content, whole in _records(source.read(begin, source.size - FOOTER_BYTES)):
+        if kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+            descriptions += whole
+        elif kind == Opcode.CHUNK_INDEX:
+            chunk = ChunkIndex.read(_stream(content))
+            chunks.append(chunk.chunk_start_offset)
+            end = max(end, chunk.chunk_start_offset + chunk.chunk_length)
+        elif kind == Opcode.METADATA_INDEX:
+            metadata.append(MetadataIndex.read(_stream(content)))
+    _, length = HEAD.unpack(source.read(magic, magic + HEAD.size))
+    if not chunks or end > begin or length > MAX_DESCRIPTION_BYTES:
+        return None
+    header = source.read(0, magic + HEAD.size + length)
+    return _Summary(header, descriptions, sorted(chunks), end, sorted(metadata, key=lambda one: one.offset))
+
+
+def _session(source: Ranges, summary: _Summary) -> PartInfo | None:
+    """What a file of ours says of itself; None of others."""
+    for one in summary.metadata:
+        if one.name == SESSION:
+            return from_metadata(_metadata(source, one.offset))
+    return None
+
+
+def _metadata(source: Ranges, begin: int) -> dict[str, str]:
+    found: dict[str, str] = Metadata.read(_stream(_one(source, begin, Opcode.METADATA))).metadata
+    return found
+
+
+def _head(source: Ranges, summary: _Summary, session: PartInfo | None, number: int, begin: int) -> bytes:
+    out = RecordBuilder()
+    if session is not None:
+        if number:  # as if the recorder had begun a new file there
+            heard = [one for one in summary.metadata if one.name == HELLO and one.offset < begin]
+            hello = session.hello
+            if heard:
+                hello = msgspec.convert(_metadata(source, heard[-1].offset), Hello, strict=False)
+            session = msgspec.structs.replace(session, part=session.part + number, hello=hello)
+        Metadata(SESSION, session.to_metadata()).write(out)
+    return summary.header + _bytes(out) + summary.descriptions
+
+
+def _stream(data: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(data))

@@ -1,0 +1,48 @@
+"""Pieces of text: whole lines each, behind the lines that name the columns."""
+
+import math
+from pathlib import Path
+
+from fltea.cluster.cut import Cut, Ranges
+from fltea.recording.columns import wanted_of
+from fltea.recording.csv_file import BOM, UTF_16
+from fltea.recording.how import How
+from fltea.recording.lines import LONGEST_LINE
+from fltea.recording.text_layout import HEAD_LINES, find_layout
+from fltea.recording.text_rows import decoded_head
+from fltea.records.errors import UsageError
+
+HEAD_BYTES = 1 << 20
+NEAR_BYTES = 1 << 12
+"""In which the end of a line is looked for first."""
+
+
+def cuts(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
+    """Where it may be cut; nowhere if its columns are not understood: reading it whole tells why."""
+    begin = source.read(0, HEAD_BYTES)
+    lines = begin.split(b"\n")[:-1][: HEAD_LINES + 1]
+    if not lines or begin.startswith(UTF_16):
+        return []
+    try:
+        names = decoded_head([lines[0].removeprefix(BOM), *lines[1:]])
+        layout = find_layout(Path(source.file.url), names, wanted_of(how))
+    except UsageError:
+        return []
+    head = b"".join(line + b"\n" for line in lines[: layout.begin])
+    first, size = len(head), source.size
+    pieces = max(1, math.ceil((size - first) / block_bytes))
+    places = [first]
+    for k in range(1, pieces):
+        place = _line_from(source, first + (size - first) * k // pieces)
+        if place is not None and places[-1] < place < size:
+            places.append(place)
+    return [Cut(b, e, head) for b, e in zip(places, [*places[1:], size], strict=True)]
+
+
+def _line_from(source: Ranges, place: int) -> int | None:
+    """Where the next line begins; None if there is no line."""
+    for length in (NEAR_BYTES, LONGEST_LINE):
+        found = source.read(place, place + length).find(b"\n")
+        if found >= 0:
+            return place + found + 1
+    return None

@@ -1,0 +1,166 @@
+"""Which recordings there are, on any file system that fsspec reaches: their address, size and stamp."""
+
+import hashlib
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import PurePosixPath
+from typing import Any, NamedTuple
+
+from fltea.recording.kind import KINDS
+from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.extras import how_to_install, load
+
+PROTOCOLS = ("file", "s3", "s3a", "gs", "gcs", "abfs", "az", "http", "https", "memory")
+"""Chains (`zip::s3://…`) and protocols that run programs elsewhere are none of these."""
+LIKE_NAMES = ("file", "http", "https")
+"""What they call a file is its address."""
+MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
+"""Of patterns. Behind a question mark in a web address stands what the server is asked."""
+STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
+"""What file systems call it when a file is no longer the same, the surest first."""
+JOURNAL = "_journal.ndjson"
+"""Of a table of verdicts, which may lie among recordings. Readers of Parquet pass over underscores."""
+
+
+class File(NamedTuple):
+    """One file. path: as its file system calls it. stamp: changes when the file does; empty: nobody knows."""
+
+    url: str
+    protocol: str
+    path: str
+    size: int
+    stamp: str
+
+    @property
+    def suffix(self) -> str:
+        """Its ending in small letters, of letters and digits only: it becomes part of a file's name."""
+        found = PurePosixPath(self.path.partition("?")[0]).suffix.lower()
+        return found if re.fullmatch(r"\.[a-z0-9]{1,16}", found) else ""
+
+
+def is_url(text: str) -> bool:
+    """Whether it names something on a file system other than this machine's."""
+    return "://" in text
+
+
+def file_system(protocol: str) -> Any:
+    """What opens files; it keeps no listing, which would be of yesterday and fill the memory.
+
+    Raises:
+        UsageError: its package is not installed, or it may not be used here.
+    """
+    if protocol not in PROTOCOLS:
+        raise UsageError(
+            f"{protocol}://: not a file system that is used here; known: {', '.join(PROTOCOLS)}."
+        )
+    fsspec = load("fsspec", "fsspec", "cloud", "Files by URL need")
+    try:
+        return fsspec.filesystem(protocol, use_listings_cache=False)
+    except ImportError as error:
+        raise UsageError(
+            f"{protocol}:// needs a package that is not installed ({error}): {how_to_install('cloud')} for "
+            "s3://; gcsfs for gs://, adlfs for abfs://, aiohttp for http(s)://."
+        ) from error
+
+
+def files_of(patterns: Sequence[str]) -> Iterator[File]:
+    """The files of paths, URLs, patterns (`**` is any number of folders) and folders, one folder at a time.
+
+    Of a folder all recordings in it and below it are taken, by their endings.
+
+    Raises:
+        UsageError: nothing there, or a URL that cannot be used.
+        FlteaError: the file system says no.
+    """
+    for pattern in patterns:
+        protocol, path = _split(pattern)
+        system = file_system(protocol)
+        found = 0
+        try:
+            for file in _matching(system, protocol, path):
+                found += 1
+                yield file
+        except FileNotFoundError:
+            pass
+        except (FlteaError, GeneratorExit):
+            raise
+        except Exception as error:  # every file system has its own: credentials, names, networks
+            raise FlteaError(f"{pattern}: cannot be listed ({type(error).__name__}: {error}).") from error
+        if not found:
+            raise UsageError(f"{pattern}: no recording is there.")
+
+
+def _split(pattern: str) -> tuple[str, str]:
+    protocol, separator, rest = pattern.partition("://")
+    if not separator:
+        return "file", pattern
+    if "@" in rest.partition("/")[0]:
+        raise UsageError(
+            f"{protocol}://…@…: a name or password in a URL would stand in the table. The workers "
+            "take credentials from their environment (host/cluster.md)."
+        )
+    if "::" in protocol:
+        raise UsageError(f"{pattern}: chains of file systems are not read; name the file itself.")
+    return protocol.lower(), pattern if protocol.lower() in ("http", "https") else rest
+
+
+def _matching(system: Any, protocol: str, path: str) -> Iterator[File]:
+    path = system._strip_protocol(path)
+    magic = (MAGIC if protocol not in ("http", "https") else MAGIC_OF_WEB).search(path)
+    if magic is None or system.isfile(path):  # a name may hold brackets
+        about = system.info(path)
+        if about["type"] != "directory":
+            yield _file(system, protocol, about)
+            return
+        for one in _below(system, path, None):
+            file = _file(system, protocol, one)
+            if file.suffix in KINDS:
+                yield file
+        return
+    from fsspec.utils import glob_translate
+
+    fixed = path[: magic.start()].rpartition("/")[0]
+    depth = None if "**" in path else path[len(fixed) :].strip("/").count("/")
+    wanted = re.compile(glob_translate(path))
+    for one in _below(system, fixed or system.root_marker, depth):
+        if wanted.match(one["name"]):
+            yield _file(system, protocol, one)
+
+
+def _below(system: Any, folder: str, depth: int | None) -> Iterator[dict[str, Any]]:
+    """The files of a folder and of those in it, in the order of their names, but for tables of verdicts.
+
+    depth: of folders, if limited.
+    """
+    folders = [(folder, 0)]
+    seen = set()
+    while folders:
+        now, level = folders.pop()
+        if now in seen:
+            continue
+        seen.add(now)
+        inside = sorted(system.ls(now, detail=True), key=lambda one: str(one["name"]))
+        if any(str(one["name"]).endswith(f"/{JOURNAL}") for one in inside):
+            continue
+        below = []
+        for one in inside:
+            if one["type"] == "directory":
+                if (depth is None or level < depth) and not one.get("islink"):
+                    below.append((one["name"], level + 1))
+            elif one["name"].rstrip("/") != now.rstrip("/"):
+                yield one
+        folders += reversed(below)
+
+
+def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
+    name = str(about["name"])
+    url = name if protocol in LIKE_NAMES else f"{protocol}://{name.lstrip('/')}"
+    if protocol in ("http", "https") and "?" in url:  # it may be a signature, and the table is for everybody
+        place, _, query = url.partition("?")
+        url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
+    stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
+    size = about.get("size")
+    if size is None:  # what a web server lists
+        size = system.info(name).get("size")
+    url = url.encode(errors="replace").decode()  # a name may hold bytes that are no text
+    return File(url, protocol, name, -1 if size is None else int(size), stamp)

@@ -1,0 +1,166 @@
+"""One row of the table of verdicts: an axis of a recording, or why there is none."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+
+from fltea.cluster.listing import File
+from fltea.identify.load import Loaded
+from fltea.identify.run import AxisReport, Failure, FileReport
+from fltea.identify.traps import Trap
+
+VALUES = ("alpha", "f", "F", "s2", "R")
+COEFFICIENTS = ("N", "B", "K")
+
+
+class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
+    """An axis. Of a file that failed there is one row, with `error` and without `axis`.
+
+    size, stamp: of the file as it was listed. settings: a digest of all settings. again: it failed for a
+    reason that is not the file's, so the next run tries it again. parts: in how many it was summed; 1:
+    whole. Values are None where they are undefined; *_low and *_high are 95 % intervals. α has no unit, f
+    s^-α; N, B and K are in `unit` (per √Hz; itself; per √s). longest_s: of a stretch without a break; what is
+    slower than its tenth is not seen.
+    """
+
+    file: str
+    size: int
+    stamp: str
+    settings: str
+    parts: int = 1
+    seconds: float | None = None
+    """of a worker's time"""
+    error: str | None = None
+    again: bool = False
+    device_id: str | None = None
+    sensor: str | None = None
+    axis: str | None = None
+    unit: str | None = None
+    rate_hz: float | None = None
+    samples: int | None = None
+    lost: int | None = None
+    duration_s: float | None = None
+    longest_s: float | None = None
+    kind: str | None = None
+    text: str | None = None
+    p_white: float | None = None
+    """of the null test, on the clean ordinates"""
+    mean: float | None = None
+    std: float | None = None
+    lsb: float | None = None
+    alpha: float | None = None
+    alpha_low: float | None = None
+    alpha_high: float | None = None
+    f: float | None = None
+    f_low: float | None = None
+    f_high: float | None = None
+    F: float | None = None
+    F_low: float | None = None
+    F_high: float | None = None
+    s2: float | None = None
+    s2_low: float | None = None
+    s2_high: float | None = None
+    R: float | None = None
+    R_low: float | None = None
+    R_high: float | None = None
+    N: float | None = None
+    N_low: float | None = None
+    N_high: float | None = None
+    B: float | None = None
+    B_low: float | None = None
+    B_high: float | None = None
+    K: float | None = None
+    K_low: float | None = None
+    K_high: float | None = None
+    fltea_alpha: float | None = None
+    """the filter's last; None of what was summed in parts: a filter cannot be cut"""
+    fltea_f: float | None = None
+    fltea_describes_noise: bool | None = None
+    traps: list[str] | None = None
+
+
+class Key(msgspec.Struct, frozen=True):
+    """Which file as it was then, and how it was identified."""
+
+    file: File
+    settings: str
+
+    def row(self, **values: Any) -> Row:
+        """A row of it."""
+        file = self.file
+        return Row(file=file.url, size=file.size, stamp=file.stamp, settings=self.settings, **values)
+
+
+def failed(key: Key, reason: str, *, again: bool, parts: int = 1) -> list[Row]:
+    """What stands in the table for a file that could not be identified."""
+    return [key.row(error=reason, again=again, parts=parts)]
+
+
+def rows_of(key: Key, report: FileReport, seconds: float) -> list[Row]:
+    """All axes of a recording that was read whole."""
+    if report.recording is None:
+        return failed(key, str(report.failure), again=False)
+    return [
+        _axis(key, report.recording, name, axis, round(seconds, 3)) for name, axis in report.axes.items()
+    ] or failed(key, "it has no axes", again=False)
+
+
+def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, seconds: float) -> Row:
+    about = of_recording(recording)
+    if isinstance(axis, Failure):
+        return key.row(axis=name, error=axis.error, seconds=seconds, **about)
+    r = axis.result
+    allan = {} if axis.allan is None else coefficient_values(axis.allan)
+    return key.row(
+        axis=name,
+        seconds=seconds,
+        unit=axis.unit,
+        rate_hz=r.rate_hz,
+        samples=r.samples,
+        duration_s=r.duration_s,
+        longest_s=r.longest_stretch / r.rate_hz,
+        kind=r.verdict.kind,
+        text=r.verdict.text,
+        p_white=r.null.p_clean,
+        mean=r.mean,
+        std=r.std,
+        lsb=axis.lsb,
+        fltea_alpha=r.fltea.alpha,
+        fltea_f=r.fltea.f,
+        fltea_describes_noise=r.fltea.describes_noise,
+        traps=trap_kinds((*recording.traps, *axis.traps)),
+        **parameter_values(r.whittle),
+        **allan,
+        **about,
+    )
+
+
+def of_recording(recording: Loaded) -> dict[str, Any]:
+    """What the device says of itself, and what was lost."""
+    hello = recording.hello
+    return {"device_id": hello.device_id, "sensor": hello.sensor, "lost": recording.counts.lost}
+
+
+def parameter_values(fit: Any) -> dict[str, float | None]:
+    """The parameters of a fractional fit and their ends."""
+    return _with_ends(fit, VALUES)
+
+
+def coefficient_values(curve: Any) -> dict[str, float | None]:
+    """N, B and K of a curve and their ends."""
+    return _with_ends(curve, COEFFICIENTS)
+
+
+def trap_kinds(traps: Iterable[Trap]) -> list[str]:
+    """Each kind once."""
+    return sorted({trap.kind for trap in traps})
+
+
+def _with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
+    found: dict[str, float | None] = {}
+    for name in names:
+        one = getattr(of, name)
+        value = one.value if getattr(one, "defined", True) else None
+        found |= {name: value, f"{name}_low": one.low, f"{name}_high": one.high}
+    return found

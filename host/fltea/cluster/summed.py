@@ -1,0 +1,244 @@
+"""A recording that is summed in pieces: spectra are additive, so only sums go from worker to worker.
+
+At every cut there is a break, as at a gap: nothing is computed across it, and what is slower than a piece is
+not seen. No filter runs over pieces, so FLTEA's own figures are missing.
+"""
+
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from fltea.cluster.cut import Cut, Ranges, kind_of, open_bytes, write_piece
+from fltea.cluster.listing import File
+from fltea.cluster.rows import (
+    Key,
+    Row,
+    coefficient_values,
+    failed,
+    of_recording,
+    parameter_values,
+    trap_kinds,
+)
+from fltea.cluster.whole import Ask
+from fltea.identify.allan import Allan, with_white_noise
+from fltea.identify.gaps import bridged
+from fltea.identify.load import Loaded, Series, load
+from fltea.identify.sums import (
+    AT_ONCE,
+    examined_sums,
+    lines_together,
+    octaves_of_stretches,
+    one_a_depth,
+    parts_of,
+)
+from fltea.records.errors import FlteaError, UsageError
+from fltea.spectrum.allan_curve import live_allan
+from fltea.spectrum.composite import composite
+from fltea.spectrum.evidence import LEVEL
+from fltea.spectrum.octaves import Octaves, Parts
+from fltea.spectrum.profile import fractional_fit
+from fltea.spectrum.spectral import Spectral
+from fltea.spectrum.verdict import decide
+
+SAME_RATE = 5e-3
+"""Of rates: a device's clock and what is found from a column of times differ by less."""
+
+
+class AxisSums(msgspec.Struct, frozen=True):
+    """One axis of a piece. octaves: saved sums. lines: what its spectrum is put together from."""
+
+    unit: str
+    lsb: float | None
+    samples: int
+    longest: int
+    mean: float
+    squares: float
+    """sum of the squared deviations from the mean"""
+    octaves: bytes
+    lines: list[Parts]
+
+
+class PieceSums(msgspec.Struct, frozen=True):
+    """One piece. about: what a row says of the recording."""
+
+    rate_hz: float
+    about: dict[str, object]
+    traps: list[str]
+    axes: dict[str, AxisSums]
+    seconds: float
+
+    @property
+    def samples(self) -> int:
+        """Of an axis."""
+        return max((axis.samples for axis in self.axes.values()), default=0)
+
+    def goes_with(self, other: "PieceSums") -> bool:
+        """Whether rate, sensor and scales are the same."""
+        ours, theirs = (
+            [(name, axis.unit, axis.lsb) for name, axis in one.axes.items()] for one in (self, other)
+        )
+        return abs(self.rate_hz / other.rate_hz - 1) < SAME_RATE and ours == theirs
+
+
+def cuts_of(file: File, ask: Ask) -> list[Cut]:
+    """The pieces of a file; empty if it is to be read whole.
+
+    Raises:
+        OSError: the file cannot be read now; and whatever its file system raises.
+    """
+    if file.size <= ask.block_bytes:
+        return []
+    with open_bytes(file) as stream:
+        source = Ranges(file, stream)
+        found: list[Cut] = []
+        # Each loads what its format needs; where that is not installed, reading the file whole tells it.
+        try:
+            match kind_of(file, source.read(0, 16)):
+                case "npy":
+                    from fltea.cluster import cut_npy
+
+                    found = cut_npy.cuts(source, ask.block_bytes)
+                case "csv":
+                    from fltea.cluster import cut_text
+
+                    found = cut_text.cuts(source, ask.block_bytes, ask.how)
+                case "mcap":
+                    from fltea.cluster import cut_mcap
+
+                    found = cut_mcap.cuts(source, ask.block_bytes)
+                case "bag":
+                    from fltea.cluster import cut_bag
+
+                    found = cut_bag.cuts(source, ask.block_bytes)
+                case "parquet":
+                    from fltea.cluster import cut_parquet
+
+                    found = cut_parquet.cuts(source, ask.block_bytes)
+        except ModuleNotFoundError:
+            pass
+    return found if len(found) > 1 else []
+
+
+def sum_piece(file: File, cut: Cut, ask: Ask) -> PieceSums | str:
+    """The sums of a piece, or why there are none.
+
+    Raises:
+        OSError: it cannot be fetched now; and whatever its file system raises.
+    """
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="fltea-", ignore_cleanup_errors=True) as folder:
+        path = write_piece(file, cut, Path(folder))
+        try:
+            found = load(ask.request(path), Path(folder))
+            axes = {name: _sums(series) for name, series in found.axes.items()}
+        except (UsageError, ValueError) as error:
+            return str(error).replace(str(path), f"{file.url} from byte {cut.begin}")
+    return _piece(found, axes, time.monotonic() - begin)
+
+
+def _sums(series: Series) -> AxisSums:
+    stretches = bridged(series.y, series.gaps)
+    sums = octaves_of_stretches(stretches)
+    mean = float(np.mean(series.y))
+    squares = sum(
+        float(np.sum((series.y[at : at + AT_ONCE] - mean) ** 2)) for at in range(0, len(series.y), AT_ONCE)
+    )
+    return AxisSums(
+        series.unit,
+        series.lsb,
+        len(series.y),
+        max(len(one.y) for one in stretches),
+        mean,
+        squares,
+        sums.save(),
+        one_a_depth(parts_of(stretches)),
+    )
+
+
+def _piece(found: Loaded, axes: dict[str, AxisSums], seconds: float) -> PieceSums:
+    return PieceSums(found.hello.rate_hz, of_recording(found), trap_kinds(found.traps), axes, seconds)
+
+
+def fit_pieces(file: File, ask: Ask, pieces: Sequence[PieceSums]) -> list[Row]:
+    """All axes of a file whose pieces were summed, or one row that says why there are none.
+
+    As with samples of several rates, those pieces are taken that go with the one that has the most.
+    """
+    begin = time.monotonic()
+    key = Key(file, ask.digest())
+    largest = max(pieces, key=lambda one: one.samples)
+    used = [one for one in pieces if one.goes_with(largest)]
+    samples = sum(one.samples for one in used)
+    rate_hz = sum(one.rate_hz * one.samples for one in used) / max(samples, 1)
+    about = {
+        **largest.about,
+        "lost": sum(int(str(one.about["lost"])) for one in used),
+        "parts": len(used),
+        "rate_hz": rate_hz,
+        "traps": sorted({trap for one in used for trap in one.traps}),
+    }
+    rows = []
+    for name in largest.axes:
+        try:
+            values = _fitted([one.axes[name] for one in used], 1 / rate_hz, ask)
+            rows.append(key.row(axis=name, **about, **values))
+        except (FlteaError, ValueError) as error:
+            rows.append(key.row(axis=name, error=str(error), **about))
+    seconds = time.monotonic() - begin + sum(one.seconds for one in pieces)
+    for row in rows:
+        row.seconds = round(seconds, 3)
+    return rows or failed(key, "it has no axes", again=False, parts=len(used))
+
+
+def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]:
+    """The values of a row.
+
+    Raises:
+        ValueError: the axis is constant, or there is too little of it.
+    """
+    sums, *later = (Octaves.restore(1, 0.0, piece.octaves) for piece in pieces)
+    for one in later:
+        sums.merge(one)
+    if sums.counts(0).constant:
+        raise ValueError("y is constant: there is no noise in it")
+    samples = sum(piece.samples for piece in pieces)
+    longest = max(piece.longest for piece in pieces)
+    options = ask.settings.options
+    lines, drift = lines_together([one for piece in pieces for one in piece.lines], h, longest)
+    seen = examined_sums(lines, drift, sums, samples, h, options.from_hz, options.notch_hz)
+    fit = fractional_fit(seen.fits.data, seen.fits.full, h, white=seen.evidence.p_clean >= LEVEL)
+    verdict = decide(seen.evidence)
+    mean = sum(piece.mean * piece.samples for piece in pieces) / samples
+    squares = sum(piece.squares + piece.samples * (piece.mean - mean) ** 2 for piece in pieces)
+    return {
+        "unit": pieces[0].unit,
+        "lsb": pieces[0].lsb,
+        "samples": samples,
+        "duration_s": samples * h,
+        "longest_s": longest * h,
+        "kind": verdict.kind,
+        "text": verdict.text,
+        "p_white": seen.evidence.p_clean,
+        "mean": mean,
+        "std": (squares / max(samples - 1, 1)) ** 0.5,
+        **parameter_values(fit),
+        **_allan_values(sums, samples, h, seen, pieces[0].unit),
+    }
+
+
+def _allan_values(
+    sums: Octaves, samples: int, h: float, seen: Spectral, unit: str
+) -> dict[str, float | None]:
+    points = sums.allan(0)
+    try:
+        curve = live_allan(points.factors, points.avar, points.terms, points.samples, h, unit)
+    except ValueError:
+        return {}
+    tau, deviation, low, high, degrees = (tuple(one.tolist()) for one in curve[:5])
+    found = Allan(tau, deviation, low, high, degrees, curve.N, curve.B, curve.K)
+    white = composite(seen.fits.data, h, samples, seen.fits.sums).N
+    return coefficient_values(with_white_noise(found, white))

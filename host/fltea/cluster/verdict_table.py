@@ -1,0 +1,188 @@
+"""The table of verdicts: a folder of Parquet files, as Spark and Dask write it, and what is not in one yet.
+
+A recording that is done becomes one line of a journal, at once. When the journal is long its rows become a
+Parquet file, which takes its name when it is whole. So a kill -9 costs only what was under way.
+"""
+
+import fcntl
+import hashlib
+import os
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+import pyarrow as pa
+from pyarrow import compute, parquet
+
+from fltea.cluster.listing import JOURNAL, File
+from fltea.cluster.rows import Row
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.whole_file import whole_file
+
+JOURNAL_BYTES = 8_000_000
+"""Some ten thousand rows: it is read again at the next start, and in memory once."""
+KEY = ["file", "size", "stamp", "settings"]
+
+TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
+
+_rows = msgspec.json.Decoder(list[Row])
+
+
+def schema() -> pa.Schema:
+    """The columns, those of `Row`."""
+    return pa.schema([pa.field(name, _type(hint)) for name, hint in get_type_hints(Row).items()])
+
+
+def _type(hint: Any) -> pa.DataType:
+    if get_origin(hint) in (Union, types.UnionType):
+        hint = next(one for one in get_args(hint) if one is not type(None))
+    if get_origin(hint) is list:
+        return pa.list_(_type(get_args(hint)[0]))
+    return TYPES[hint]
+
+
+class VerdictTable:
+    """Open for one program at a time.
+
+    What failed for a reason that was not the file's is taken out again when it is opened.
+
+    Raises:
+        UsageError: `folder` is something else, or another program writes to it.
+        FlteaError: it cannot be written.
+    """
+
+    def __init__(self, folder: Path, settings: str) -> None:
+        self._folder = folder
+        self._settings = settings
+        self._schema = schema()
+        if folder.exists() and not folder.is_dir():
+            raise UsageError(f"{folder}: is a file; the table of verdicts is a folder of Parquet files.")
+        strange = [path.name for path in folder.glob("*") if not _is_ours(path)] if folder.exists() else []
+        if strange:
+            raise UsageError(f"{folder}: holds {strange[0]!r}, which is none of a table of verdicts.")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._journal = os.open(
+                folder / JOURNAL, os.O_CREAT | os.O_RDWR | os.O_APPEND | os.O_CLOEXEC, 0o666
+            )
+        except OSError as error:
+            raise FlteaError(f"{folder}: cannot be written ({error.strerror}).") from error
+        try:
+            fcntl.flock(self._journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            os.close(self._journal)
+            raise UsageError(f"{folder}: another program writes to it.") from error
+        except OSError:  # a file system without locks
+            pass
+        self._done: set[bytes] = set()
+        self._numbers = [0]
+        self._bytes = 0
+        try:
+            self._read()
+        except BaseException:
+            self.close(keep_journal=True)
+            raise
+
+    def __contains__(self, file: File) -> bool:
+        """Whether a file, as it is now, is done with these settings."""
+        return _digest(file.url, file.size, file.stamp, self._settings) in self._done
+
+    def __len__(self) -> int:
+        """Files that are done, with any settings."""
+        return len(self._done)
+
+    def add(self, rows: list[Row]) -> None:
+        """Take all rows of one file; they are with the operating system when this returns.
+
+        Raises:
+            FlteaError: the disk does not take them.
+        """
+        line = msgspec.json.encode(rows) + b"\n"
+        before = self._bytes
+        try:
+            while line:
+                taken = os.write(self._journal, line)
+                self._bytes += taken
+                line = line[taken:]
+        except OSError as error:
+            os.ftruncate(self._journal, before)  # no half of a line before the next one
+            self._bytes = before
+            raise FlteaError(f"{self._folder}: cannot be written ({error.strerror}).") from error
+        self._done.add(_key(rows[0]))
+        if self._bytes > JOURNAL_BYTES:
+            self._pack()
+
+    def close(self, *, keep_journal: bool = False) -> None:
+        """Make Parquet of the rest."""
+        if self._journal < 0:
+            return
+        try:
+            if not keep_journal:
+                self._pack()
+        finally:
+            os.close(self._journal)
+            self._journal = -1
+
+    def _read(self) -> None:
+        for path in sorted(self._folder.glob("part-*.parquet")):
+            self._numbers.append(int(path.stem.removeprefix("part-")))
+            self._read_part(path)
+        # Left out: what a kill cut off, and what is in a Parquet file already, should it have come between.
+        found = {_key(rows[0]): rows for rows in self._lines() if not any(row.again for row in rows)}
+        self._write_part([row for key, rows in found.items() if key not in self._done for row in rows])
+        self._done.update(found)
+        os.ftruncate(self._journal, 0)
+
+    def _lines(self) -> Iterator[list[Row]]:
+        """What is in the journal, as far as it is whole."""
+        for line in (self._folder / JOURNAL).read_bytes().split(b"\n"):
+            try:
+                rows = _rows.decode(line)
+            except msgspec.MsgspecError:
+                continue
+            if rows:
+                yield rows
+
+    def _read_part(self, path: Path) -> None:
+        try:
+            table = parquet.read_table(path, columns=[*KEY, "again"])
+            if compute.any(table["again"]).as_py():
+                whole = parquet.read_table(path, schema=self._schema)
+                table = whole.filter(compute.invert(whole["again"]))
+                self._write(path, table)
+        except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+            raise UsageError(f"{path}: is no part of a table of verdicts ({error}).") from error
+        columns = (table[name].to_pylist() for name in KEY)
+        self._done.update(_digest(*key) for key in zip(*columns, strict=True))
+
+    def _pack(self) -> None:
+        """The journal as a Parquet file, after which it is empty."""
+        self._write_part([row for rows in self._lines() for row in rows])
+        os.ftruncate(self._journal, 0)
+        self._bytes = 0
+
+    def _write_part(self, rows: list[Row]) -> None:
+        if not rows:
+            return
+        number = max(self._numbers) + 1
+        table = pa.Table.from_pylist([msgspec.structs.asdict(row) for row in rows], schema=self._schema)
+        self._write(self._folder / f"part-{number:06d}.parquet", table)
+        self._numbers.append(number)
+
+    def _write(self, path: Path, table: pa.Table) -> None:
+        with whole_file(path) as file:
+            parquet.write_table(table, file, compression="zstd")
+
+
+def _is_ours(path: Path) -> bool:
+    return path.name.startswith((".", "_")) or (path.name.startswith("part-") and path.suffix == ".parquet")
+
+
+def _key(row: Row) -> bytes:
+    return _digest(row.file, row.size, row.stamp, row.settings)
+
+
+def _digest(*key: object) -> bytes:
+    return hashlib.blake2b(repr(key).encode("utf-8", "surrogateescape"), digest_size=8).digest()

@@ -1,0 +1,61 @@
+"""What a worker does with a recording that it reads whole."""
+
+import hashlib
+import tempfile
+import time
+from pathlib import Path
+
+import msgspec
+
+from fltea import __version__
+from fltea.cluster.fetch import local_copy
+from fltea.cluster.listing import File
+from fltea.cluster.rows import Key, Row, failed, rows_of
+from fltea.identify.load import Request
+from fltea.identify.run import Settings, identify_all
+from fltea.identify.workers import Here
+from fltea.recording.how import AS_IT_SAYS, How
+from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+
+BLOCK_BYTES = 64_000_000
+"""Larger files are summed in parts, where their format can be cut."""
+
+
+class Ask(msgspec.Struct, frozen=True):
+    """How to read and identify every file."""
+
+    settings: Settings
+    channels: tuple[str, ...] | None = None
+    how: How = AS_IT_SAYS
+    limits: Limits = DEFAULT_LIMITS
+    block_bytes: int = BLOCK_BYTES
+
+    def digest(self) -> str:
+        """Changes with anything that may change a verdict."""
+        said = msgspec.json.encode([__version__, msgspec.structs.astuple(self)])
+        return hashlib.blake2b(said, digest_size=8).hexdigest()
+
+    def request(self, path: Path) -> Request:
+        """One recording, as `fltea.identify` reads it."""
+        return Request((path,), self.channels, self.how, self.limits)
+
+
+def identify_file(file: File, ask: Ask) -> list[Row]:
+    """All axes of one file, or one row that says why there are none.
+
+    Raises:
+        OSError: the file cannot be fetched now; and whatever its file system raises.
+    """
+    key = Key(file, ask.digest())
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="fltea-", ignore_cleanup_errors=True) as folder:
+        try:
+            path = local_copy(file, Path(folder))
+            (report,) = identify_all([ask.request(path)], ask.settings, Here())
+        except FlteaError as error:
+            return failed(key, str(error), again=not isinstance(error, UsageError))
+    if report.failure is not None:
+        reason = str(report.failure).replace(str(path), file.url)
+        return failed(key, reason, again=not isinstance(report.failure, UsageError))
+    return rows_of(key, report, time.monotonic() - begin)

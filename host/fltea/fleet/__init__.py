@@ -1,0 +1,1 @@
+"""`fltea fleet`: what the daemons of many sensors publish over MQTT, seen in one place."""

@@ -1,0 +1,103 @@
+"""What somebody should know of a fleet, told when it begins and when it ends (pure).
+
+A look at a fleet comes every few seconds and its figures waver, so an alert begins after three looks that see
+it in a row, and ends after three that do not.
+"""
+
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from fltea.fleet.roll import SILENT_S, Roll
+from fltea.fleet.summary import Look
+
+LOOKS = 3
+MOST = 10_000
+"""Alerts at a time; whatever is beyond them is counted in `dropped`."""
+
+Kind = Literal["outlier", "silent", "offline", "flood", "twins"]
+
+
+class Alert(msgspec.Struct, frozen=True, tag_field="class", tag="alert"):
+    """One alert as it is published: `<prefix>/fleet/alert`, not retained.
+
+    axis, quantity: of an outlier, else "". unix_s: when it began or ended.
+    """
+
+    state: Literal["raised", "cleared"]
+    kind: Kind
+    device_id: str
+    axis: str
+    quantity: str
+    text: str
+    unix_s: float
+
+
+Key = tuple[Kind, str, str, str]
+
+
+class _Seen(NamedTuple):
+    text: str
+    looks: int
+    unseen: int = 0
+    raised: bool = False
+
+
+class Alerts:
+    """Keeps which alerts are raised."""
+
+    def __init__(self, silent_s: float = SILENT_S) -> None:
+        self._silent_s = silent_s
+        self._seen: dict[Key, _Seen] = {}
+        self.dropped = 0
+
+    def raised(self) -> list[tuple[Key, str]]:
+        """Those that are on, with their texts."""
+        return [(key, seen.text) for key, seen in self._seen.items() if seen.raised]
+
+    def update(self, roll: Roll, look: Look, now: float, unix_s: float) -> list[Alert]:
+        """Take a look; what has begun or ended with it."""
+        found = self._found(roll, look, now)
+        told = []
+        for key, text in found.items():
+            before = self._seen.get(key)
+            if before is None:
+                if len(self._seen) >= MOST:
+                    self.dropped += 1
+                    continue
+                before = _Seen(text, 0)
+            seen = before._replace(text=text, looks=before.looks + 1, unseen=0)
+            if seen.looks >= LOOKS and not seen.raised:
+                seen = seen._replace(raised=True)
+                told.append(Alert("raised", *key, text, unix_s))
+            self._seen[key] = seen
+        for key in [key for key in self._seen if key not in found]:
+            seen = self._seen[key]
+            if not seen.raised:
+                del self._seen[key]  # it did not last
+            elif seen.unseen + 1 >= LOOKS:
+                del self._seen[key]
+                told.append(Alert("cleared", *key, seen.text, unix_s))
+            else:
+                self._seen[key] = seen._replace(unseen=seen.unseen + 1)
+        return told
+
+    def _found(self, roll: Roll, look: Look, now: float) -> dict[Key, str]:
+        found: dict[Key, str] = {("outlier", *one.key): one.text for one in look.odd}
+        for sensor in roll.sensors.values():
+            name, state = sensor.device_id, sensor.state(now, self._silent_s)
+            if state == "silent":
+                found["silent", name, "", ""] = f"{name}: nothing was heard of it for {self._silent_s:g} s."
+            elif state == "offline" and sensor.status is not None and sensor.status.reason != "ended":
+                found["offline", name, "", ""] = (
+                    f"{name}: went offline without an orderly end ({sensor.status.reason or 'unknown'})."[
+                        :300
+                    ]
+                )
+            if sensor.flooding:
+                found["flood", name, "", ""] = f"{name}: sends more messages than any daemon does."
+            if sensor.has_twin(now):
+                found["twins", name, "", ""] = (
+                    f"{name}: two programs publish under this name; their figures are mixed."
+                )
+        return found

@@ -1,0 +1,47 @@
+"""The history as a Parquet file, for whatever reads tables."""
+
+import itertools
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from fltea.fleet.history import COLUMNS, FIGURES, History
+
+AT_ONCE = 50_000
+
+SCHEMA = pa.schema(
+    [
+        ("unix_s", pa.float64()),
+        ("device_id", pa.string()),
+        ("axis", pa.string()),
+        ("verdict", pa.string()),
+        ("samples", pa.int64()),
+        *((name, pa.float64()) for name in FIGURES),
+    ]
+)
+
+
+def write(history: Path, out: Path) -> int:
+    """Write all rows; how many there were. The file appears whole or not at all.
+
+    Raises:
+        UsageError: the history cannot be read.
+    """
+    database = History(history, 0.0)
+    part = out.with_name(f".{out.name}.part")
+    count = 0
+    try:
+        with pq.ParquetWriter(part, SCHEMA) as writer:
+            rows = database.rows()
+            while block := list(itertools.islice(rows, AT_ONCE)):
+                columns = zip(*block, strict=True)
+                arrays = [pa.array(c, field.type) for c, field in zip(columns, SCHEMA, strict=True)]
+                writer.write_batch(pa.record_batch(arrays, schema=SCHEMA))
+                count += len(block)
+        part.replace(out)
+    finally:
+        part.unlink(missing_ok=True)
+        database.close()
+    assert SCHEMA.names == COLUMNS
+    return count

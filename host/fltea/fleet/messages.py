@@ -1,0 +1,155 @@
+"""What a fleet reads of the messages that daemons publish: a few fields, so that many can be read (pure).
+
+Whoever may write to the broker may write anything, so nothing here is believed beyond its type and length.
+"""
+
+import re
+from typing import Any, NamedTuple
+
+import msgspec
+
+LONGEST_ID = 64
+"""Characters; a daemon makes no longer level of its topics."""
+
+LARGEST = 1 << 20
+"""Bytes; a fit of three axes with its curves has 30 kB."""
+
+MOST_AXES = 6
+LONGEST_TEXT = 2000
+
+
+class Status(msgspec.Struct, frozen=True):
+    """Of `<prefix>/<device_id>/status`."""
+
+    status: str
+    source: str = ""
+    device: str = ""
+    reason: str | None = None
+
+
+class Hello(msgspec.Struct, frozen=True):
+    """Of `…/hello`."""
+
+    rate_hz: float
+    sensor: str | None = None
+    boot_id: int | None = None
+    firmware_version: str | None = None
+    gyro_range_dps: float | None = None
+
+
+class Interval(msgspec.Struct, frozen=True):
+    """A parameter with the ends of its 95 % interval, null where the data do not define it."""
+
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+class Allan(msgspec.Struct, frozen=True):
+    """The Allan deviation, and what is read off it."""
+
+    tau_s: list[float]
+    adev: list[float]
+    low: list[float]
+    high: list[float]
+    N: float | None = None
+    B: float | None = None
+    K: float | None = None
+
+
+class AxisFit(msgspec.Struct, frozen=True):
+    """One axis of a fit."""
+
+    verdict: str
+    text: str
+    unit: str
+    alpha: Interval = Interval()
+    f: Interval = Interval()
+    R: Interval = Interval()
+    allan: Allan | None = None
+
+
+class Fit(msgspec.Struct, frozen=True):
+    """Of `…/fit`."""
+
+    seq: int
+    epoch: int
+    samples: int
+    axes: dict[str, AxisFit]
+
+
+class Samples(msgspec.Struct, frozen=True):
+    """A part of `stats`."""
+
+    delivered: int = 0
+    lost: int = 0
+
+
+class Stats(msgspec.Struct, frozen=True):
+    """Of `…/stats`."""
+
+    samples: Samples = Samples()
+
+
+class Error(msgspec.Struct, frozen=True):
+    """Of `…/error`."""
+
+    kind: str
+    message: str = ""
+
+
+Content = Status | Hello | Fit | Stats | Error
+
+KINDS: dict[str, type[Content]] = {
+    "status": Status,
+    "hello": Hello,
+    "fit": Fit,
+    "stats": Stats,
+    "error": Error,
+}
+"""Last level of a topic, and what is read there."""
+
+_DECODERS: dict[str, Any] = {kind: msgspec.json.Decoder(content) for kind, content in KINDS.items()}
+_WORD = re.compile(r"[a-z0-9_/^. -]{1,40}", re.IGNORECASE)
+
+
+class Message(NamedTuple):
+    """One message of a device. `content` is None where a retained one was deleted."""
+
+    device_id: str
+    content: Content | None
+
+
+class Bad(ValueError):
+    """A message that no daemon sends; its text is the reason's name."""
+
+
+def read(topic: str, payload: bytes, prefix: str) -> Message:
+    """What a message says.
+
+    Raises:
+        Bad: it is too long, of another topic, no JSON, or of other types.
+    """
+    device_id, slash, kind = topic.removeprefix(f"{prefix}/").partition("/")
+    if not slash or kind not in KINDS or not 1 <= len(device_id) <= LONGEST_ID or not device_id.isprintable():
+        raise Bad("topic")
+    if not payload:
+        return Message(device_id, None)
+    if len(payload) > LARGEST:
+        raise Bad("too_long")
+    try:
+        content = _DECODERS[kind].decode(payload)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise Bad("content") from error
+    if isinstance(content, Fit):
+        _check(content)
+    return Message(device_id, content)
+
+
+def _check(fit: Fit) -> None:
+    """Names become keys, labels and parts of pages: they have to look like ours."""
+    names = [*fit.axes, *(axis.verdict for axis in fit.axes.values()), *(a.unit for a in fit.axes.values())]
+    if len(fit.axes) > MOST_AXES or not all(map(_WORD.fullmatch, names)):
+        raise Bad("content")
+    if any(len(axis.text) > LONGEST_TEXT for axis in fit.axes.values()):
+        raise Bad("content")

@@ -1,0 +1,222 @@
+"""The fleet in numbers: how many of what, a table, distributions, and who is unlike the others."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from fltea.fleet.figures import QUANTITIES, Figure, Quantity
+from fltea.fleet.outliers import LEVEL, Fleet, comparisons_of, judge
+from fltea.fleet.roll import SILENT_S, Axis, Roll, Sensor
+
+Group = tuple[str, str, str]
+"""Kind of sensor, axis, and quantity."""
+
+
+class Oddity(msgspec.Struct, frozen=True):
+    """A figure of an axis that is unlike those of the other sensors of its kind.
+
+    middle, spread: of these; spread is their own, as a ratio for quantities that are compared by ratios.
+    times: deviations away. p: of one comparison.
+    """
+
+    device_id: str
+    axis: str
+    quantity: str
+    value: float
+    low: float
+    high: float
+    middle: float
+    spread: float
+    times: float
+    p: float
+    kind: str
+    unit: str
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What it is about."""
+        return self.device_id, self.axis, self.quantity
+
+    @property
+    def text(self) -> str:
+        """A sentence for a person."""
+        side = "above" if self.value > self.middle else "below"
+        return (
+            f"{self.device_id} {self.axis}: {self.quantity} {self.value:.4g} {self.unit} "
+            f"({self.low:.4g} to {self.high:.4g}) is {abs(self.times):.1f} deviations {side} the usual "
+            f"{self.middle:.4g} of {self.kind}"
+        )
+
+
+class Look(NamedTuple):
+    """One look at the whole fleet. usual: of each group that is large enough, on its own scale."""
+
+    odd: list[Oddity]
+    usual: dict[Group, Fleet]
+
+
+def look(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVEL) -> Look:
+    """Compare every sensor that speaks with the others of its kind."""
+    groups: dict[Group, list[tuple[Sensor, Axis, Figure]]] = {}
+    for sensor, name, axis in roll.axes():
+        if sensor.state(now, silent_s) in ("offline", "silent"):
+            continue
+        for quantity in QUANTITIES:
+            figure = axis.figures.get(quantity.name)
+            if figure is not None and (figure.low > 0 or not quantity.log):
+                groups.setdefault((sensor.kind, name, quantity.name), []).append((sensor, axis, figure))
+    comparisons = comparisons_of([len(members) for members in groups.values()])
+    odd, usual = [], {}
+    scales = {quantity.name: quantity for quantity in QUANTITIES}
+    for group, members in groups.items():
+        scale = scales[group[2]]
+        figures = np.array([figure for _, _, figure in members])
+        columns = (np.log(figures) if scale.log else figures).T
+        fleet, found = judge(*columns, comparisons=comparisons, level=level)
+        if fleet is None:
+            continue
+        usual[group] = fleet
+        for one in found:
+            sensor, axis, figure = members[one.place]
+            middle, spread = (math.exp(fleet.middle), math.exp(fleet.spread)) if scale.log else fleet[:2]
+            odd.append(
+                Oddity(
+                    sensor.device_id,
+                    group[1],
+                    scale.name,
+                    *figure,
+                    middle,
+                    spread,
+                    one.distance,
+                    one.p,
+                    group[0],
+                    unit_of(scale, axis.unit),
+                )
+            )
+    odd.sort(key=lambda oddity: -abs(oddity.times))
+    return Look(odd, usual)
+
+
+def unit_of(quantity: Quantity, unit: str) -> str:
+    """Unit of a quantity of an axis."""
+    if quantity.name in ("alpha", "f"):
+        return quantity.unit
+    return unit + quantity.unit
+
+
+def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]:
+    """How many sensors there are, in which state, and how many axes of which verdict."""
+    states: Counter[str] = Counter(sensor.state(now, silent_s) for sensor in roll.sensors.values())
+    axes: Counter[str] = Counter()
+    sensors: Counter[str] = Counter()
+    for sensor in roll.sensors.values():
+        verdicts = [axis.verdict for axis in sensor.axes.values()]
+        axes.update(verdicts)
+        sensors.update(set(verdicts) or {"no fit yet"})
+    kinds: Counter[str] = Counter(sensor.kind for sensor in roll.sensors.values())
+    return {
+        "sensors": len(roll.sensors),
+        "states": dict(states.most_common()),
+        "axes": dict(axes.most_common()),
+        "sensors_by_verdict": dict(sensors.most_common()),
+        "kinds": dict(kinds.most_common(50)),
+        "flooding": [s.device_id for s in _some(s for s in roll.sensors.values() if s.flooding)],
+        "twins": [s.device_id for s in _some(s for s in roll.sensors.values() if s.has_twin(now))],
+        "messages": roll.messages,
+        "bytes": roll.bytes,
+        "fits": roll.fits,
+        "repeated": roll.repeated,
+        "bad_messages": dict(roll.bad),
+        "refused": roll.refused,
+        "refused_names": list(roll.refused_names),
+    }
+
+
+def _some(sensors: Iterable[Sensor], most: int = 20) -> list[Sensor]:
+    return [sensor for sensor, _ in zip(sensors, range(most), strict=False)]
+
+
+COLUMNS = (
+    "device",
+    "kind",
+    "state",
+    "axis",
+    "verdict",
+    *(q.name for q in QUANTITIES),
+    "samples",
+    "age_s",
+    "odd",
+)
+"""Of the table; figures are numbers, the rest texts."""
+
+Row = dict[str, Any]
+
+
+def rows(roll: Roll, seen: Look, now: float, silent_s: float = SILENT_S) -> list[Row]:
+    """One row an axis, and one of a sensor without a fit."""
+    odd: dict[tuple[str, str], list[str]] = {}
+    for one in seen.odd:
+        odd.setdefault((one.device_id, one.axis), []).append(one.quantity)
+    found = []
+    for sensor in roll.sensors.values():
+        state = sensor.state(now, silent_s)
+        for name, axis in sensor.axes.items() or [("", None)]:
+            row: Row = {
+                "device": sensor.device_id,
+                "kind": sensor.kind,
+                "state": state,
+                "axis": name,
+                "verdict": "no fit yet" if axis is None else axis.verdict,
+                "samples": 0 if axis is None else axis.samples,
+                "age_s": round(now - (sensor.heard if axis is None else axis.at), 1),
+                "odd": ", ".join(odd.get((sensor.device_id, name), [])),
+            }
+            for quantity in QUANTITIES:
+                figure = None if axis is None else axis.figures.get(quantity.name)
+                row[quantity.name] = None if figure is None else figure.value
+            found.append(row)
+    return found
+
+
+def table(
+    found: list[Row], sort: str, order: Literal["up", "down"], words: str, begin: int, count: int
+) -> tuple[int, list[Row]]:
+    """A part of the rows that hold all `words`, sorted, and how many there are. Missing figures come last."""
+    wanted = words.lower().split()
+    chosen = [
+        row
+        for row in found
+        if all(
+            word
+            in f"{row['device']} {row['kind']} {row['state']} {row['axis']} {row['verdict']} "
+            f"{'odd ' + row['odd'] if row['odd'] else ''}".lower()
+            for word in wanted
+        )
+    ]
+    known = [row for row in chosen if row[sort] not in (None, "")]
+    unknown = [row for row in chosen if row[sort] in (None, "")]
+    known.sort(key=lambda row: row[sort], reverse=order == "down")
+    return len(chosen), (known + unknown)[begin : begin + count]
+
+
+def distribution(roll: Roll, seen: Look, group: Group) -> dict[str, Any]:
+    """All sensors' figures of one group, the odd ones marked, and what is usual."""
+    kind, axis_name, quantity = group
+    points: list[dict[str, Any]] = []
+    odd = {one.key for one in seen.odd}
+    for sensor, name, axis in roll.axes():
+        figure = axis.figures.get(quantity)
+        if sensor.kind == kind and name == axis_name and figure is not None:
+            key = sensor.device_id, name, quantity
+            points.append({"device": sensor.device_id, "value": figure.value, "odd": key in odd})
+    points.sort(key=lambda point: point["value"])
+    return {"points": points, "usual": seen.usual.get(group)}
+
+
+def groups(seen: Look) -> list[Group]:
+    """What can be shown as a distribution, the largest first."""
+    return sorted(seen.usual, key=lambda group: (-seen.usual[group].sensors, group))

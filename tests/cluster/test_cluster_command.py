@@ -1,0 +1,96 @@
+"""The command: what goes together, what is told, and a client that is killed in the midst of its files."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cluster_support import rows_in
+from fltea.cli import app as cli
+from fltea.cli import many
+from fltea.cluster.listing import JOURNAL
+from fltea.cluster.run import Progress
+from fltea.records.errors import UsageError
+from identify_files import counts, npz
+from support import wait_until
+
+QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100", "--jobs", "1")
+
+
+@pytest.mark.parametrize(
+    ("files", "out", "others", "text"),
+    [
+        (["a.npz", "s3://lab/a.npz"], None, [], r"s3://lab/a.npz: of files by URL .* --out verdicts.parquet"),
+        (["a.npz"], "report", [], r"call it NAME\.parquet\. A page is --report DIR"),
+        (["a.npz"], "v.parquet", ["--json"], "--json and --out do not go together"),
+    ],
+)
+def test_what_does_not_go_together(files: list[str], out: str | None, others: list[str], text: str) -> None:
+    with pytest.raises(UsageError, match=text):
+        many.check(files, Path(out) if out else None, others)
+
+
+def test_a_summary() -> None:
+    progress = Progress(listed=1206, skipped=3, done=1203, failed=2, read=2_500_000_000)
+    assert many._line(progress, 50.0) == (
+        "1,203 files done, 2 of them with a failure, 3 were done before, 2,500.0 MB in 50 s (50.0 MB/s)"
+    )
+
+
+def here(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """The command in this process, which has loaded everything; its exit code."""
+    monkeypatch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *QUICK])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return int(ended.value.code or 0)
+
+
+def journal_rows(journal: Path) -> list[dict[str, Any]]:
+    return [row for line in journal.read_text().splitlines() for row in json.loads(line)]
+
+
+def test_a_client_that_is_killed_and_called_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was done stays as it is, down to the time it took, and all are there once."""
+    (tmp_path / "in").mkdir()
+    for i in range(8):
+        npz(tmp_path / "in" / f"{i}.npz", counts(2000, 1, seed=i))
+    out = tmp_path / "v.parquet"
+    command = [sys.executable, "-m", "fltea", "identify", str(tmp_path / "in"), "--out", str(out), *QUICK]
+    client = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    journal = out / JOURNAL
+    wait_until(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 2, "two files")
+    client.send_signal(signal.SIGKILL)
+    client.wait()
+    done = journal.read_bytes().count(b"\n")
+    assert done < 8
+    first = {row["file"]: row["seconds"] for row in journal_rows(journal)}
+    assert here(monkeypatch, tmp_path / "in", "--out", out) == 0
+    assert f"{8 - done} files done, {done} were done before" in capsys.readouterr().err
+    found = {row["file"]: row["seconds"] for row in rows_in(out)}
+    assert len(rows_in(out)) == len(found) == 8
+    assert {name: found[name] for name in first} == first
+    assert here(monkeypatch, tmp_path / "in", "--out", out) == 0
+    assert len(rows_in(out)) == 8
+
+
+def test_a_failure_is_told_and_ends_with_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bad.npz").write_bytes(b"PK none")
+    assert here(monkeypatch, tmp_path / "bad.npz", "--out", tmp_path / "v.parquet") == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "1 files done, 1 of them with a failure" in said.err
+    assert f"{tmp_path}/bad.npz: cannot be read as .npz" in said.err
+
+
+def test_nothing_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert here(monkeypatch, f"{tmp_path}/**/*.mcap", "--out", tmp_path / "v.parquet") == 2
+    assert "no recording is there" in capsys.readouterr().err

@@ -1,0 +1,237 @@
+"""Pieces of a file are recordings whose samples, one after the other, are those of the whole file."""
+
+import contextlib
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+import pytest
+from bag_support import even, write_bag
+from cluster_support import ASK
+from fltea.cluster.cut import Cut, even_pieces, write_piece
+from fltea.cluster.listing import File, files_of
+from fltea.cluster.summed import cuts_of
+from fltea.cluster.whole import Ask
+from fltea.identify.load import Loaded, load
+from fltea.recording.how import How
+from fltea.records.errors import UsageError
+from fltea.settings.config import RecordConfig
+from fltea.sinks.record import RecordSink
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap_support import transport
+from pyarrow import parquet
+
+N = 3000
+GYRO = np.round(np.random.default_rng(5).normal(0.1, 0.05, (N, 3)), 5)
+TIMES = np.arange(N) / 100
+HOW = How(units="deg/s", rate_hz=100.0)
+
+
+def npy(folder: Path) -> Path:
+    np.save(folder / "a.npy", GYRO)
+    return folder / "a.npy"
+
+
+def npy_with_fields(folder: Path) -> Path:
+    rows = np.zeros(N, dtype=[("time_s", "f8"), ("gyro_x", "f4"), ("gyro_y", "f4"), ("gyro_z", "f4")])
+    for name, column in zip(rows.dtype.names or (), (TIMES, *GYRO.T), strict=True):
+        rows[name] = column
+    np.save(folder / "f.npy", rows)
+    return folder / "f.npy"
+
+
+def csv(folder: Path, end: str = "\n") -> Path:
+    head = f"# a logger{end}time_s,gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s]{end}"
+    lines = [",".join(map(repr, [t, *row])) for t, row in zip(TIMES.tolist(), GYRO.tolist(), strict=True)]
+    (folder / "a.csv").write_bytes((head + end.join(lines)).encode())
+    return folder / "a.csv"
+
+
+def csv_of_windows(folder: Path) -> Path:
+    return csv(folder, "\r\n")
+
+
+def table(folder: Path) -> Path:
+    columns = {f"gyro_{axis}": GYRO[:, i] for i, axis in enumerate("xyz")}
+    parquet.write_table(pa.table({"time_s": TIMES, **columns}), folder / "a.parquet", row_group_size=250)
+    return folder / "a.parquet"
+
+
+def ros1(folder: Path) -> Path:
+    return write_bag(folder / "a.bag", {"/imu": even(N // 3)}, packed="lz4", chunk_bytes=20_000)
+
+
+def ros2(folder: Path) -> Path:
+    """Its own chunks would be of 1 MB and more."""
+    from mcap.reader import make_reader
+    from mcap.writer import Writer
+
+    (bag,) = write_bag(folder / "a.mcap", {"/imu": even(N // 3)}).glob("*.mcap")
+    with bag.open("rb") as file, (folder / "b.mcap").open("wb") as out:
+        writer = Writer(out, chunk_size=20_000)
+        writer.start(profile="ros2")
+        numbers: dict[int, int] = {}
+        for schema, channel, message in make_reader(file).iter_messages():
+            if channel.id not in numbers:
+                assert schema is not None
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                numbers[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, known, channel.metadata
+                )
+            writer.add_message(
+                numbers[channel.id], message.log_time, message.data, message.publish_time, message.sequence
+            )
+        writer.finish()
+    return folder / "b.mcap"
+
+
+def ours(folder: Path) -> Path:
+    """Recorded as the daemon does."""
+    sink = RecordSink(RecordConfig(folder=str(folder / "rec")), "due", lambda kind, text: None)
+    for number, item in enumerate(transport(900, boots=2)):
+        sink.write(item)
+        if number % 100 == 50:
+            sink._part.flush()  # ends a chunk, as a second or a megabyte does
+    sink.close()
+    (path,) = (folder / "rec").glob("*.mcap")
+    return path
+
+
+UNITS = {
+    npy: HOW,
+    csv: How(),
+    csv_of_windows: How(),
+    table: How(units="deg/s"),
+    npy_with_fields: How(units="deg/s"),
+}
+BLOCKS = {ros1: 40_000, ours: 12_000}
+
+
+def ask_of(make: Callable[[Path], Path], block_bytes: int | None = None) -> Ask:
+    return msgspec.structs.replace(
+        ASK, how=UNITS.get(make, How()), block_bytes=block_bytes or BLOCKS.get(make, 20_000)
+    )
+
+
+def pieces_of(file: File, cuts: list[Cut], ask: Ask, folder: Path) -> list[Loaded]:
+    found = []
+    for number, cut in enumerate(cuts):
+        (folder / str(number)).mkdir()
+        found.append(load(ask.request(write_piece(file, cut, folder / str(number)))))
+    return found
+
+
+@pytest.mark.parametrize("make", [npy, npy_with_fields, csv, csv_of_windows, table, ros1, ros2])
+def test_all_samples_once(make: Callable[[Path], Path], tmp_path: Path) -> None:
+    ask = ask_of(make)
+    (file,) = files_of([str(make(tmp_path))])
+    cuts = cuts_of(file, ask)
+    assert len(cuts) >= 3
+    pieces = pieces_of(file, cuts, ask, tmp_path)
+    whole = load(ask.request(Path(file.path)))
+    for name, series in whole.axes.items():
+        np.testing.assert_array_equal(np.concatenate([one.axes[name].y for one in pieces]), series.y)
+        assert all(one.axes[name].lsb == series.lsb for one in pieces)
+    assert all(abs(one.hello.rate_hz / whole.hello.rate_hz - 1) < 1e-3 for one in pieces)
+    assert not any(trap.kind == "cut_recording" for one in pieces for trap in one.traps)
+
+
+def test_a_recording_of_the_daemon(tmp_path: Path) -> None:
+    """A frame that lies across a cut is lost, and counted as on the wire; the device is known at once."""
+    ask = ask_of(ours)
+    (file,) = files_of([str(ours(tmp_path))])
+    cuts = cuts_of(file, ask)
+    assert len(cuts) >= 3
+    pieces = pieces_of(file, cuts, ask, tmp_path)
+    whole = load(ask.request(Path(file.path)))
+    # Of the chunk in which the second HELLO came: it stands before the chunk, in the file.
+    assert sum(one.counts.before_hello for one in pieces) <= 1
+    assert {one.hello.device_id for one in pieces} == {whole.hello.device_id}
+    y = np.concatenate([one.axes["gyro_x"].y for one in pieces])
+    assert len(whole.axes["gyro_x"].y) - len(cuts) - 1 < len(y) <= len(whole.axes["gyro_x"].y)
+    place = 0  # in the same order
+    for value in y:
+        while whole.axes["gyro_x"].y[place] != value:
+            place += 1
+        place += 1
+    assert not any(trap.kind == "cut_recording" for one in pieces for trap in one.traps)
+
+
+@given(
+    st.lists(st.text("0123456789.", min_size=1, max_size=30), min_size=3, max_size=80), st.integers(20, 400)
+)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_lines_of_text_stay_whole(tmp_path: Path, lines: list[str], block_bytes: int) -> None:
+    path = tmp_path / "a.csv"
+    text = "gyro_x\n" + "\n".join(["1.5", *lines]) + "\n"
+    path.write_text(text)
+    (file,) = files_of([str(path)])
+    cuts = cuts_of(file, msgspec.structs.replace(ASK, how=HOW, block_bytes=block_bytes))
+    assert b"".join(text.encode()[cut.begin : cut.end] for cut in cuts) == text.encode()[7:] * bool(cuts)
+    assert all(text.encode()[cut.end - 1 : cut.end] == b"\n" for cut in cuts)
+    assert {cut.head for cut in cuts} <= {b"gyro_x\n"}
+
+
+@given(st.lists(st.integers(1, 50), min_size=1, max_size=40), st.integers(1, 200))
+@settings(max_examples=40, deadline=None)
+def test_pieces_are_even(lengths: list[int], block: int) -> None:
+    """They are all there, in order, and none is longer than a block and the part that began in it."""
+    places = [0, *np.cumsum(lengths).tolist()]
+    pieces = even_pieces(places[:-1], places[-1], block)
+    assert [begin for begin, _ in pieces] == [0, *(end for _, end in pieces[:-1])]
+    assert pieces[-1][1] == places[-1]
+    assert all(end - begin <= block + max(lengths) for begin, end in pieces)
+
+
+def test_what_cannot_be_cut_is_read_whole(tmp_path: Path) -> None:
+    """Damaged files among them: reading them whole tells what is wrong."""
+    small = msgspec.structs.replace(ASK, how=HOW, block_bytes=100)
+    torn = ours(tmp_path).read_bytes()[:-40]
+    by_columns = io.BytesIO()
+    np.save(by_columns, np.asfortranarray(GYRO))
+    damaged = bytearray(npy(tmp_path).read_bytes())
+    damaged[20] = 255
+    for name, data in {
+        "torn.mcap": torn,
+        "columns.npy": by_columns.getvalue(),
+        "damaged.npy": bytes(damaged),
+        "short.npy": npy(tmp_path).read_bytes()[:-8],
+        "text.csv": b"\x00\x01" * 500,
+        "a.db3": b"SQLite format 3\0" * 100,
+        "a.npz": b"PK" * 100,
+        "a.bag": b"#ROSBAG V2.0\n" * 100,
+        "a.mcap": b"\x89MCAP0\r\n" * 100,
+        "a.parquet": b"PAR1" * 100,
+    }.items():
+        (tmp_path / name).write_bytes(data)
+        (file,) = files_of([str(tmp_path / name)])
+        assert cuts_of(file, small) == [], name
+
+
+@given(st.data())
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damage_never_ends_the_program(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    """Wherever bytes are wrong: no pieces, or pieces that are read or refused."""
+    folder = tmp_path_factory.mktemp("damage")
+    make = data.draw(st.sampled_from([ours, ros1]))
+    whole = bytearray(KNOWN.setdefault(make, make(folder).read_bytes() if make not in KNOWN else b""))
+    for _ in range(data.draw(st.integers(1, 4))):
+        near_end = data.draw(st.booleans())
+        whole[-data.draw(st.integers(1, 400)) if near_end else data.draw(st.integers(0, 400))] = data.draw(
+            st.integers(0, 255)
+        )
+    path = folder / ("x.mcap" if make is ours else "x.bag")
+    path.write_bytes(whole)
+    (file,) = files_of([str(path)])
+    ask = ask_of(make)
+    for number, cut in enumerate(cuts_of(file, ask)[:1]):
+        (folder / f"p{number}").mkdir()
+        with contextlib.suppress(UsageError):
+            load(ask.request(write_piece(file, cut, folder / f"p{number}")))
+
+
+KNOWN: dict[Callable[[Path], Path], bytes] = {}

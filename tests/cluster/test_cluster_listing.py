@@ -1,0 +1,133 @@
+"""Files on any file system: what a pattern names, in a fixed order, and nothing else."""
+
+from pathlib import Path
+
+import pytest
+from fltea.cluster.listing import JOURNAL, File, files_of
+from fltea.records.errors import FlteaError, UsageError
+
+NAMES = (
+    "a.mcap",
+    "x/a.npz",
+    "x/b.txt",
+    "x/c.png",
+    "x/y/d.mcap",
+    "x/y/e",
+    "z/[f].csv",
+    "z/f.csv",
+    "t.parquet/g.parquet",
+)
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    for name in NAMES:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"1234")
+    (tmp_path / "t.parquet" / JOURNAL).write_bytes(b"")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("pattern", "found"),
+    [
+        ("", ["a.mcap", "x/a.npz", "x/b.txt", "x/y/d.mcap", "z/[f].csv", "z/f.csv"]),
+        ("x", ["x/a.npz", "x/b.txt", "x/y/d.mcap"]),
+        ("**/*.mcap", ["a.mcap", "x/y/d.mcap"]),
+        ("*/*.[nt]*", ["x/a.npz", "x/b.txt"]),
+        ("x/?", []),
+        ("x/*", ["x/a.npz", "x/b.txt", "x/c.png"]),
+        ("x/*/e", ["x/y/e"]),
+        ("x/c.png", ["x/c.png"]),
+        ("z/[f].csv", ["z/[f].csv"]),
+        ("z/[fg].csv", ["z/f.csv"]),
+    ],
+)
+def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
+    """A folder stands for the recordings in it, a pattern for what matches; tables of verdicts are none."""
+    path = f"{lab}/{pattern}".rstrip("/")
+    if not found:
+        with pytest.raises(UsageError, match="no recording is there"):
+            list(files_of([path]))
+        return
+    files = list(files_of([path]))
+    assert [file.url.removeprefix(f"{lab}/") for file in files] == found
+    assert {file.size for file in files} == {4}
+    assert all(file.stamp for file in files)
+
+
+def test_a_file_that_changes_has_another_stamp(lab: Path) -> None:
+    (before,) = files_of([f"{lab}/a.mcap"])
+    import os
+
+    os.utime(lab / "a.mcap", (1, 1))
+    (after,) = files_of([f"{lab}/a.mcap"])
+    assert before._replace(stamp="") == after._replace(stamp="")
+    assert before.stamp != after.stamp
+
+
+def test_memory_holds_no_more_than_a_folder(lab: Path) -> None:
+    """The second folder is not looked at before the first one's files were taken."""
+    files = files_of([f"{lab}/**/*.*"])
+    next(files)
+    (lab / "z" / "new.csv").write_bytes(b"1")
+    assert any(file.url.endswith("z/new.csv") for file in files)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "text"),
+    [
+        ("zip::s3://lab/a.zip", "chains"),
+        ("ssh://host/file.csv", "not a file system"),
+        ("s3://key:secret@lab/a.csv", r"^s3://…@…: a name or password"),
+        ("nowhere/*.csv", "no recording is there"),
+    ],
+)
+def test_what_is_refused(pattern: str, text: str) -> None:
+    with pytest.raises(UsageError, match=text):
+        list(files_of([pattern]))
+
+
+def test_signatures_do_not_stand_in_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Web:
+        def _strip_protocol(self, path: str) -> str:
+            return path
+
+        def info(self, path: str) -> dict[str, object]:
+            return {"name": path, "type": "file", "size": 7, "ETag": "x"}
+
+    monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Web())
+    one, other = files_of(["https://host/a.csv?sign=secret", "https://host/a.csv?sign=other"])
+    assert (one.path, one.suffix) == ("https://host/a.csv?sign=secret", ".csv")
+    assert one.url.startswith("https://host/a.csv?…")
+    assert "secret" not in one.url
+    assert one.url != other.url
+
+
+def test_what_a_file_system_says_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Locked:
+        def _strip_protocol(self, path: str) -> str:
+            return path
+
+        def info(self, path: str) -> None:
+            raise PermissionError("no credentials")
+
+    monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Locked())
+    with pytest.raises(FlteaError, match=r"s3://lab/a.csv: cannot be listed \(PermissionError: no cred"):
+        list(files_of(["s3://lab/a.csv"]))
+
+
+@pytest.mark.parametrize(
+    ("path", "suffix"),
+    [
+        ("lab/a.MCAP", ".mcap"),
+        ("https://x/a.csv?key=1.2", ".csv"),
+        ("a", ""),
+        ("a.b/../x", ""),
+        ("a.$(x)", ""),
+    ],
+)
+def test_endings_are_letters_and_digits(path: str, suffix: str) -> None:
+    """They become part of a name on the worker's disk."""
+    assert File(path, "s3", path, 1, "").suffix == suffix

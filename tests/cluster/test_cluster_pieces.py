@@ -1,0 +1,138 @@
+"""Files that are summed in pieces: the answer of the whole file, whoever does which piece and dies of it."""
+
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Future
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from cluster_support import ASK, identified, rows_in, values
+from fltea.cluster.listing import files_of
+from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
+from fltea.cluster.whole import Ask, identify_file
+from fltea.identify.workers import Here
+from fltea.recording.how import How
+from identify_support import long_recursion, white
+
+N = 1 << 16
+NOISE = 0.05 * white(N, 1, 1)[0] + 0.05 * long_recursion(0.6, -0.19, N, 2)
+TOLERANCE = 0.5
+"""Of the half of a 95 % interval: so much may a value differ from that of the whole, of pieces of 16,384
+samples or more. Of 36 noises the largest difference is 0.33; a block of 64 MB has a hundred times as many."""
+FEW = 1 << 12
+SHORT = 0.05 * white(FEW, 1, 3)[0] + 1.5
+VALUES = ("alpha", "F", "s2", "R", "N")
+HOW = How(rate_hz=100.0, units="deg/s")
+
+
+def ask(pieces: int, samples: int = FEW) -> Ask:
+    return msgspec.structs.replace(ASK, how=HOW, block_bytes=8 * samples // pieces + 256)
+
+
+def test_the_answer_of_the_whole(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", NOISE)
+    (file,) = files_of([str(tmp_path / "a.npy")])
+    (whole,) = identify_file(file, ask(1, N))
+    how = ask(4, N)
+    cuts = cuts_of(file, how)
+    assert len(cuts) == 4
+    sums = [sum_piece(file, cut, how) for cut in cuts]
+    (row,) = fit_pieces(file, how, sums)
+    assert (row.kind, row.parts, row.unit, row.samples) == (whole.kind, 4, whole.unit, whole.samples)
+    assert (row.lost, row.rate_hz, row.lsb) == (whole.lost, pytest.approx(whole.rate_hz), whole.lsb)
+    assert (row.mean, row.std) == (pytest.approx(whole.mean), pytest.approx(whole.std, rel=1e-9))
+    compared = 0
+    for name in VALUES:
+        value, low, high = (getattr(whole, name + end) for end in ("", "_low", "_high"))
+        assert (getattr(row, name) is None) == (value is None), name
+        if value is not None:
+            assert abs(getattr(row, name) - value) <= TOLERANCE * (high - low) / 2, name
+            compared += 1
+    assert compared
+    assert row.fltea_alpha is None
+
+
+def test_a_change_is_seen_across_pieces(tmp_path: Path) -> None:
+    """No piece shows it by itself; and the Allan deviation is of all of them."""
+    louder = np.repeat([1.0, 1.0, 2.0, 2.0], FEW // 4)
+    np.save(tmp_path / "a.npy", louder * (SHORT - 1.5))
+    (file,) = files_of([str(tmp_path / "a.npy")])
+    (whole,) = identify_file(file, ask(1))
+    sums = [sum_piece(file, cut, ask(4)) for cut in cuts_of(file, ask(4))]
+    (row,) = fit_pieces(file, ask(4), sums)
+    assert row.kind == whole.kind == "not stationary"
+    assert pytest.approx(whole.N, rel=0.02) == row.N
+
+
+def test_pieces_of_other_scales_are_left_out(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", SHORT)
+    (file,) = files_of([str(tmp_path / "a.npy")])
+    sums = [sum_piece(file, cut, ask(4)) for cut in cuts_of(file, ask(4))]
+    assert isinstance(sums[1], PieceSums)
+    sums[1] = msgspec.structs.replace(sums[1], rate_hz=200.0)
+    (row,) = fit_pieces(file, ask(4), sums)
+    assert (row.parts, row.samples, row.rate_hz) == (3, FEW * 3 // 4, pytest.approx(100))
+
+
+def test_a_bad_piece_fails_its_file_once(tmp_path: Path) -> None:
+    bad = np.array(SHORT)
+    bad[[FEW // 3, FEW // 2, FEW - 10]] = 1e12
+    np.save(tmp_path / "bad.npy", bad)
+    np.save(tmp_path / "good.npy", SHORT[:1000])
+    out = tmp_path / "v.parquet"
+    done = identified(f"{tmp_path}/*.npy", ask(8), out, Here())
+    assert (done.done, done.failed) == (2, 1)
+    failure, good = rows_in(out)
+    assert failure["error"].startswith("piece 3 of 8: ")
+    assert "bad.npy from byte" in failure["error"]
+    assert (failure["again"], good["error"]) == (False, None)
+
+
+class Dying(Here):
+    """Its process dies of a task, the first `times` times; it takes nothing more until it is renewed."""
+
+    slots = 3
+
+    def __init__(self, fatal: Callable[..., Any], times: int) -> None:
+        self.fatal, self.times, self.broken, self.begun = fatal, times, False, 0
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> "Future[Any]":
+        if self.broken:
+            raise BrokenExecutor
+        self.begun += 1
+        if task is not self.fatal or self.times == 0:
+            return super().submit(task, *arguments)
+        self.times -= 1
+        self.broken = True
+        future: Future[Any] = Future()
+        future.set_exception(BrokenExecutor())
+        return future
+
+    def renew(self) -> None:
+        self.broken = False
+
+
+@pytest.mark.parametrize("task", [cuts_of, sum_piece])
+def test_a_process_that_dies_once_costs_nothing(task: Callable[..., Any], tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", SHORT)
+    np.save(tmp_path / "b.npy", SHORT[:500])
+    identified(f"{tmp_path}/*.npy", ask(4), tmp_path / "v.parquet", Here())
+    workers = Dying(task, 1)
+    done = identified(f"{tmp_path}/*.npy", ask(4), tmp_path / "w.parquet", workers)
+    assert (workers.times, done.done, done.failed) == (0, 2, 0)
+    assert values(tmp_path / "w.parquet") == values(tmp_path / "v.parquet")
+
+
+def test_what_kills_every_process_is_a_row_and_tried_in_the_next_run(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", SHORT)
+    np.save(tmp_path / "b.npy", SHORT[:500])
+    out = tmp_path / "v.parquet"
+    done = identified(f"{tmp_path}/*.npy", ask(4), out, Dying(sum_piece, 99))
+    assert (done.done, done.failed) == (2, 1)
+    bad, good = rows_in(out)
+    assert "was killed" in bad["error"]
+    assert (bad["again"], good["error"]) == (True, None)
+    assert identified(f"{tmp_path}/*.npy", ask(4), out, Here()).done == 1
+    assert [row["error"] for row in rows_in(out)] == [None, None]

@@ -1,0 +1,121 @@
+"""Many files to a table: each once, failures as rows, and nothing done again that was done."""
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from cluster_support import ASK, identified, open_table, rows_in, s3_server, two_workers, values
+from fltea.cluster.listing import files_of
+from fltea.cluster.run import Progress, run
+from fltea.cluster.whole import identify_file
+from fltea.identify.workers import Here
+from fltea.recording.how import How
+from identify_files import counts, npz
+from identify_support import white
+
+
+@pytest.fixture(scope="module")
+def s3() -> Iterator[Any]:
+    with s3_server() as system:
+        yield system
+
+
+def go(pattern: str, out: Path, **options: Any) -> Progress:
+    return identified(pattern, ASK, out, Here(), **options)
+
+
+def test_from_s3_and_again(s3: Any, tmp_path: Path) -> None:
+    """Two recordings and one that is none; the second time nothing is done, and a file that changed is."""
+    local = npz(tmp_path / "a.npz", counts(600, 2))
+    s3.put_file(local, "lab/2026-11/bench 1/a.npz")
+    s3.pipe("lab/2026-11/b.npz", b"PK none")
+    s3.put_file(local, "lab/2026-10/old.npz")
+    out = tmp_path / "v.parquet"
+    told: list[int] = []
+    done = go("s3://lab/2026-11/**/*.npz", out, tell=lambda progress: told.append(progress.done))
+    assert (done.done, done.failed, done.skipped) == (2, 1, 0)
+    assert told == [1, 2, 2]
+    bad, x, y = rows_in(out)
+    assert (bad["file"], bad["axis"], bad["again"]) == ("s3://lab/2026-11/b.npz", None, False)
+    assert bad["error"].startswith("s3://lab/2026-11/b.npz: cannot be read as .npz")
+    assert (x["axis"], y["axis"]) == ("gyro_x", "gyro_y")
+    (alone,) = (row for row in identify_file(next(files_of([str(local)])), ASK) if row.axis == "gyro_x")
+    for name in ("kind", "text", "p_white", "R", "N", "N_low", "fltea_alpha", "lsb", "samples", "traps"):
+        assert x[name] == getattr(alone, name)
+
+    again = go("s3://lab/2026-11/**/*.npz", out)
+    assert (again.done, again.skipped) == (0, 2)
+    s3.put_file(npz(tmp_path / "c.npz", counts(600, 1, seed=2)), "lab/2026-11/b.npz")
+    mended = go("s3://lab/2026-11/**/*.npz", out)
+    assert (mended.done, mended.failed, mended.skipped) == (1, 0, 1)
+    assert [row["error"] is None for row in rows_in(out) if row["file"].endswith("b.npz")] == [False, True]
+
+
+def test_a_file_that_goes_away_is_tried_again(s3: Any, tmp_path: Path) -> None:
+    s3.pipe("lab/gone/a.npz", b"PK none")
+    files = list(files_of(["s3://lab/gone"]))
+    s3.rm("lab/gone/a.npz")
+    with open_table(tmp_path / "v.parquet") as table:
+        assert run(files, ASK, Here(), table).failed == 1
+    (row,) = rows_in(tmp_path / "v.parquet")
+    assert row["again"]
+    assert "FileNotFoundError" in row["error"]
+
+
+def test_a_file_that_changed_since_it_was_listed(s3: Any, tmp_path: Path) -> None:
+    s3.pipe("lab/change/a.npz", b"PK none")
+    files = list(files_of(["s3://lab/change"]))
+    s3.pipe("lab/change/a.npz", b"PK none, and more")
+    (row,) = identify_file(files[0], ASK)
+    assert row.again
+    assert "had 7 when listed" in (row.error or "")
+
+
+def test_nothing_is_left_on_the_disk(s3: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    s3.put_file(npz(tmp_path / "a.npz", counts(600, 1)), "lab/tidy/a.npz")
+    os.remove(tmp_path / "a.npz")
+    (row,) = identify_file(next(files_of(["s3://lab/tidy"])), ASK)
+    assert row.error is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_room_for_a_copy(s3: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    s3.pipe("lab/large/a.npz", b"PK none")
+    monkeypatch.setattr("fltea.cluster.fetch.LEAST_FREE", 1 << 60)
+    (row,) = identify_file(next(files_of(["s3://lab/large"])), ASK)
+    assert "TMPDIR" in (row.error or "")
+
+
+def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Path) -> None:
+    """Two workers, small files and one in pieces; one worker is killed in the midst of that one."""
+
+    n = 1 << 13
+    how = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"), block_bytes=8 * n // 4 + 256)
+    noise = 0.05 * white(n, 1, 3)[0]
+    killed: list[int] = []
+    for name, samples in (("a", n), ("b", 1000), ("c", 700)):
+        np.save(tmp_path / f"{name}.npy", noise[:samples])
+        s3.put_file(tmp_path / f"{name}.npy", f"lab/pieces/{name}/{name}.npy")
+    with two_workers() as cluster:
+        from fltea.identify.dask_workers import DaskWorkers
+
+        workers = DaskWorkers(cluster.scheduler_address)
+        pids = list(workers._client.run(os.getpid).values())
+
+        def kill_one(progress: Progress) -> None:
+            if "piece" in progress.now and not killed:
+                killed.append(pids[0])
+                os.kill(pids[0], signal.SIGKILL)
+
+        done = identified("s3://lab/pieces/**", how, tmp_path / "v.parquet", workers, tell=kill_one)
+    assert killed
+    assert (done.done, done.failed) == (3, 0)
+    identified("s3://lab/pieces", how, tmp_path / "w.parquet", Here())
+    assert values(tmp_path / "v.parquet") == values(tmp_path / "w.parquet")
+    assert [row["parts"] for row in rows_in(tmp_path / "v.parquet")] == [4, 1, 1]

@@ -1,0 +1,282 @@
+"""`fltea fleet` as its user has it: a real broker with its usual limits, the real command, a real browser."""
+
+import base64
+import contextlib
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser_support import PATIENCE_MS, Watched, browsers
+from host_support import fltea_here
+from mosquitto_support import Mosquitto, free_port, make_authority, tool
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from playwright.sync_api import Browser, expect
+from support import PATIENCE_S, ROOT, wait_until
+
+SENSORS = 200
+HOSTILE = "<img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    yield from browsers()
+
+
+class Running:
+    """The command, and what its page answers."""
+
+    def __init__(self, folder: Path, port: int, *arguments: str | Path) -> None:
+        command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", f"127.0.0.1:{port}", "--listen", "0"]
+        self._log = folder / f"fleet{len(os.listdir(folder))}.log"
+        with self._log.open("wb") as log:
+            self.process = subprocess.Popen([*command, *arguments], stderr=log, stdout=log)
+        wait_until(lambda: "the fleet is at" in self.said(), "the page")
+        found = re.search(r"http://\S+:(\d+)/", self.said())
+        assert found is not None
+        self.url = found[0]
+
+    def said(self) -> str:
+        return self._log.read_text()
+
+    def ask(self, path: str, **headers: str) -> Any:
+        request = urllib.request.Request(self.url + path, headers=headers)
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+            return json.load(answer)
+
+    def refused(self, path: str, **headers: str) -> int:
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            self.ask(path, **headers)
+        refused.value.close()
+        return refused.value.code
+
+    def stop(self) -> int:
+        self.process.send_signal(signal.SIGINT)
+        return self.process.wait(PATIENCE_S)
+
+
+class Stage(contextlib.ExitStack):
+    """Starts programs and leaves none behind."""
+
+    def fleet(self, folder: Path, port: int, *arguments: str | Path) -> Running:
+        running = Running(folder, port, *arguments)
+        self.callback(running.process.wait)
+        self.callback(running.process.kill)
+        return running
+
+
+@pytest.fixture
+def stage() -> Iterator[Stage]:
+    with Stage() as stage:
+        yield stage
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Mosquitto]:
+    broker = Mosquitto(tmp_path / "broker", usual_limits=True)
+    yield broker
+    broker.stop(signal.SIGKILL)
+
+
+def load(port: int, sensors: int = SENSORS, rounds: int = 1) -> dict[str, Any]:
+    command = [sys.executable, "-m", "tools.fleet_load", "--port", str(port), "--every", "0"]
+    command += ["--sensors", str(sensors), "--rounds", str(rounds)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=True)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+class Stranger:
+    """Somebody who publishes what no daemon does."""
+
+    def __init__(self, port: int) -> None:
+        self.client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
+        self.client.connect("127.0.0.1", port)
+        self.client.loop_start()
+
+    def say(self, topic: str, payload: bytes, *, retain: bool = True) -> None:
+        self.client.publish(topic, payload, qos=1, retain=retain).wait_for_publish(PATIENCE_S)
+
+
+def test_of_200_sensors_the_three_bad_ones_stand_out(
+    stage: Stage, broker: Mosquitto, tmp_path: Path, browser: Browser
+) -> None:
+    """The broker has it all before the fleet comes; it would drop most of it if it were asked for at once."""
+    assert load(broker.port)["acknowledged"] == 4 * SENSORS
+    stranger = Stranger(broker.port)
+    stranger.say(f"fltea/{HOSTILE}/hello", json.dumps({"rate_hz": 100.0, "sensor": HOSTILE}).encode())
+    stranger.say(f"fltea/{HOSTILE}/status", json.dumps({"status": "online", "source": HOSTILE}).encode())
+    stranger.say(f"fltea/{HOSTILE}/fit", b"{}")
+    running = stage.fleet(tmp_path, broker.port, "--history", tmp_path / "fleet.db", "--look-every", "500ms")
+    wait_until(lambda: running.ask("api/summary")["axes"].get("drift") == 3 * SENSORS, "all fits")
+    wait_until(lambda: len({one["device_id"] for one in running.ask("api/summary")["odd"]}) == 3, "a look")
+    found = running.ask("api/summary")
+    assert {int(one["device_id"], 16) for one in found["odd"]} == {3, 31, 57}
+    assert (found["sensors"], found["fits"], found["connected"]) == (SENSORS + 1, SENSORS, True)
+    watched = Watched(browser, running.url)
+    page = watched.page
+    page.wait_for_selector("body[data-ready=yes]")
+    assert page.locator("#odd li").count() == 4  # of one sensor N and its density
+    page.fill("#words", "odd")
+    expect(page.locator("#total")).to_have_text("1 to 3 of 3", timeout=PATIENCE_MS)
+    page.fill("#words", "onerror")
+    expect(page.locator("#total")).to_have_text("1 to 1 of 1", timeout=PATIENCE_MS)
+    assert HOSTILE in page.locator("#table").inner_text()
+    page.locator("#table a").click()
+    expect(page.locator("#sensor-head")).to_have_text(HOSTILE, timeout=PATIENCE_MS)
+    page.locator("#odd a").first.click()
+    expect(page.locator("#sensor-body h3")).to_have_count(3, timeout=PATIENCE_MS)
+    assert page.locator("img").count() == 0
+    assert watched.complaints == []
+    stranger.client.disconnect()
+    stranger.client.loop_stop()
+    assert running.stop() == 0
+
+
+def test_alerts_are_published_and_a_broker_that_went_comes_back(
+    stage: Stage, broker: Mosquitto, tmp_path: Path
+) -> None:
+    heard: list[tuple[str, Any]] = []
+    load(broker.port, sensors=70)
+    watcher = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
+    watcher.on_message = lambda client, data, m: heard.append((m.topic, json.loads(m.payload)))
+    watcher.on_connect = lambda client, *_: client.subscribe("fltea/fleet/#")
+    watcher.reconnect_delay_set(1, 1)
+    watcher.connect("127.0.0.1", broker.port)
+    watcher.loop_start()
+    running = stage.fleet(tmp_path, broker.port, "--look-every", "200ms")
+    wait_until(lambda: any(topic == "fltea/fleet/alerts" for topic, _ in heard), "alerts")
+    told = [alert for topic, alert in heard if topic == "fltea/fleet/alert"]
+    assert {(alert["state"], alert["kind"]) for alert in told} == {("raised", "outlier")}
+    assert {int(alert["device_id"], 16) for alert in told} == {3, 31, 57}
+    assert (
+        'fltea_fleet_alerts{kind="outlier"} 4.0'
+        in urllib.request.urlopen(running.url + "metrics").read().decode()
+    )
+    broker.stop()
+    wait_until(lambda: not running.ask("api/summary")["connected"], "the loss")
+    broker.start()
+    wait_until(lambda: running.ask("api/summary")["connected"], "the broker")
+    load(broker.port, sensors=70, rounds=3)
+    wait_until(lambda: running.ask("api/summary")["fits"] == 70 + 2 * 70, "new fits")
+    assert running.ask("api/summary")["outages"] == 1
+    assert running.said().count("broker_lost") == 1
+    watcher.disconnect()
+    watcher.loop_stop()
+
+
+def test_the_page_is_for_those_who_know_the_password(stage: Stage, broker: Mosquitto, tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("me:hunter2:x\n")
+    secret.chmod(0o600)
+    running = stage.fleet(tmp_path, broker.port, "--password-file", secret)
+    good = "Basic " + base64.b64encode(b"me:hunter2:x").decode()
+    assert running.ask("api/summary", Authorization=good)["sensors"] == 0
+    for bad in ("", "Basic", "Basic !!!", good[:-4], "Bearer x"):
+        assert running.refused("api/summary", Authorization=bad) == 401
+    assert running.refused("", Host="evil.example", Authorization=good) == 421
+    assert running.refused("", Origin="http://evil.example", Authorization=good) == 403
+    assert running.refused("nothing", Authorization=good) == 404
+    for query in ("sort=x", "order=sideways", "begin=-1", "count=9999999999"):
+        assert running.refused(f"api/table?{query}", Authorization=good) == 400
+    assert running.refused("api/sensor?device=x", Authorization=good) == 404
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "which broker?"),
+        (["--mqtt", "x", "--listen", "0.0.0.0:0"], "others could see the page without a password"),
+        (["--mqtt", "x", "--listen", "x:y"], "--listen"),
+        (["--mqtt", "x", "--keep", "soon"], "--keep"),
+        (["--mqtt", "x", "--every", "3s"], "--every goes with --json"),
+        (["--mqtt", "x", "--password-file", "gone"], "cannot be read"),
+        (["--mqtt", "x", "--set", "live.on=false"], "settings of [mqtt] only"),
+        (["--mqtt", "x", "--max-sensors", "0"], "at least one"),
+    ],
+)
+def test_mistakes(arguments: list[str], words: str) -> None:
+    done = fltea_here("fleet", *arguments)
+    assert (done.returncode, words in done.stderr) == (2, True), done.stderr
+
+
+def answers(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(tmp_path: Path) -> None:
+    """tools/deploy/mosquitto as it stands, but for its folders and its port."""
+    authority, port = tmp_path / "authority", free_port()
+    ca = make_authority(authority)
+    example = ROOT / "tools/deploy/mosquitto"
+    for user in ("a", "b", "fleet"):
+        new = ["-c"] if user == "a" else []
+        command = [tool("mosquitto_passwd"), "-b", *new, str(authority / "passwords"), user, f"{user}-secret"]
+        subprocess.run(command, check=True, capture_output=True)
+    (authority / "acl").write_bytes((example / "acl").read_bytes())
+    for name in ("acl", "passwords"):
+        (authority / name).chmod(0o600)
+    text = (example / "fltea.conf").read_text().replace("/etc/mosquitto/fltea", str(authority))
+    text = text.replace("/var/lib/mosquitto/", f"{tmp_path}/").replace(
+        "listener 8883", f"listener {port} 127.0.0.1"
+    )
+    (tmp_path / "conf").write_text(text + ("user root\n" if os.geteuid() == 0 else ""))
+    heard: list[str] = []
+    with subprocess.Popen([tool("mosquitto"), "-c", tmp_path / "conf"], stderr=subprocess.DEVNULL) as process:
+        try:
+            wait_until(lambda: answers(port), "the broker")
+            fleet, a = (
+                Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5) for _ in "12"
+            )
+            reasons: dict[int, str] = {}
+            a.on_publish = lambda client, data, mid, reason, properties: reasons.update(
+                {mid: reason.getName()}
+            )
+            fleet.on_message = lambda client, data, message: heard.append(message.topic)
+            for client, user in ((fleet, "fleet"), (a, "a")):
+                client.username_pw_set(user, f"{user}-secret")
+                client.tls_set(str(ca))
+                client.connect("localhost", port)
+                client.loop_start()
+            subscribed: list[object] = []
+            fleet.on_subscribe = lambda *_: subscribed.append(_)
+            fleet.subscribe("fltea/#", qos=1)
+            wait_until(lambda: bool(subscribed), "the subscription")
+            mids = {
+                topic: a.publish(topic, b"{}", qos=1).mid for topic in ("fltea/b/fit", "x", "fltea/a/fit")
+            }
+            wait_until(lambda: len(reasons) == 3, "answers")
+            wait_until(lambda: bool(heard), "what is allowed")
+            assert {topic: reasons[mid] for topic, mid in mids.items()} == {
+                "fltea/b/fit": "Not authorized", "x": "Not authorized", "fltea/a/fit": "Success",
+            }  # fmt: skip
+            assert heard == ["fltea/a/fit"]
+            for client in (fleet, a):
+                client.disconnect()
+                client.loop_stop()
+        finally:
+            process.kill()
+
+
+def test_numbers_for_a_script_and_no_broker(broker: Mosquitto, monkeypatch: pytest.MonkeyPatch) -> None:
+    load(broker.port, sensors=30)
+    command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", f"127.0.0.1:{broker.port}", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    found = json.loads(done.stdout)
+    assert (done.returncode, found["sensors"], found["axes"]) == (0, 30, {"drift": 90})
+    monkeypatch.setattr("fltea.cli.fleet.FIRST_S", 0.2)
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        done = fltea_here("fleet", "--mqtt", f"127.0.0.1:{nobody.getsockname()[1]}", "--json")
+    assert (done.returncode, "nobody listens there" in done.stderr) == (1, True)

@@ -1,0 +1,130 @@
+"""The history: what is kept, how it is pruned, and that nothing breaks it."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from fltea.fleet.figures import Figure
+from fltea.fleet.history import COLUMNS, History
+from fltea.fleet.history_table import write
+from fltea.fleet.program import Clock
+from fltea.fleet.roll import Axis
+from fltea.records.errors import UsageError
+from host_support import fltea
+
+
+def axis(verdict: str = "white", value: float = 1.0) -> Axis:
+    return Axis(verdict, "text", "deg/s", 100, {"N": Figure(value, value - 0.1, value + 0.1)}, 0.0)
+
+
+def test_fits_are_kept_now_and_then_and_at_each_change(tmp_path: Path) -> None:
+    history = History(tmp_path / "h.db", 60.0)
+    for second in range(200):
+        history.add(1000.0 + second, "a", "gyro_x", axis("drift" if second >= 130 else "white", second))
+    history.add_alert(1100.0, "raised", "silent", "a", "text")
+    history.flush()
+    found = history.of_device("a")
+    assert [(row["unix_s"], row["verdict"]) for row in found] == [
+        (1000.0, "white"), (1060.0, "white"), (1120.0, "white"), (1130.0, "drift"), (1190.0, "drift"),
+    ]  # fmt: skip
+    assert (found[1]["N"], found[1]["N_low"], found[1]["K"]) == (60.0, 59.9, None)
+    assert [row["unix_s"] for row in history.of_device("a", most=2)] == [1130.0, 1190.0]
+    assert history.of_device("b") == []
+    assert history.prune(1125.0) == 4  # three fits and the alert
+    assert [row["unix_s"] for row in history.of_device("a")] == [1130.0, 1190.0]
+    assert history.alerts() == []
+    history.add(500.0, "a", "gyro_x", axis("drift"))  # the clock was set back
+    history.flush()
+    assert [row["unix_s"] for row in history.of_device("a")] == [500.0, 1130.0, 1190.0]
+    history.close()
+
+
+CHILD = """
+import sys
+from pathlib import Path
+from fltea.fleet.history import History
+from fltea.fleet.roll import Axis
+history = History(Path(sys.argv[1]), 0.0)
+for number in range(10**9):
+    for axis in "xyz":
+        history.add(float(number), "a", axis, Axis("white", "", "deg/s", number, {}, 0.0))
+    history.flush()
+    print(number, flush=True)
+"""
+
+
+def test_kill_9_leaves_whole_transactions(tmp_path: Path) -> None:
+    path = tmp_path / "h.db"
+    with subprocess.Popen([sys.executable, "-c", CHILD, path], stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        told = -1
+        while told < 50:
+            told = int(child.stdout.readline())
+        child.send_signal(signal.SIGKILL)
+        told = max([told, *(int(line) for line in child.stdout.read().splitlines())])
+    history = History(path, 0.0)
+    rows = list(history.rows())
+    numbers = [row[COLUMNS.index("samples")] for row in rows]
+    assert numbers == [number for number in range(len(rows) // 3) for _ in range(3)]
+    assert len(rows) // 3 >= told + 1  # all that was told to be there is there
+    history.close()
+
+
+def test_a_full_disk_is_counted_and_told_and_ends(tmp_path: Path) -> None:
+    history = History(tmp_path / "h.db", 0.0)
+    pages = history._db.execute("PRAGMA page_count").fetchone()[0]
+    history._db.execute(f"PRAGMA max_page_count = {pages}")
+    for number in range(500):
+        history.add(float(number), "a", "gyro_x", axis())
+    history.flush()
+    assert history.lost == 500
+    assert "is the disk full?" in history.trouble
+    history._db.execute("PRAGMA max_page_count = 100000")
+    history.add(1000.0, "a", "gyro_x", axis())
+    history.flush()
+    assert (history.trouble, len(history.of_device("a"))) == ("", 1)
+    history.close()
+
+
+def test_files_that_are_no_history(tmp_path: Path) -> None:
+    (tmp_path / "text").write_text("x" * 5000)
+    with pytest.raises(UsageError, match="cannot be used as a history"):
+        History(tmp_path / "text", 1.0)
+    other = sqlite3.connect(tmp_path / "other")
+    other.execute("PRAGMA user_version = 9")
+    other.close()
+    with pytest.raises(UsageError, match="another version"):
+        History(tmp_path / "other", 1.0)
+    with pytest.raises(UsageError, match="cannot be used"):
+        History(tmp_path / "no/folder", 1.0)
+
+
+def test_export(tmp_path: Path) -> None:
+    history = History(tmp_path / "h.db", 0.0)
+    for number in range(10):
+        history.add(float(number), "ä|b", "gyro_x", axis(value=number))
+    history.close()
+    done = fltea("fleet", "--history", tmp_path / "h.db", "--export", tmp_path / "out.parquet")
+    assert (done.returncode, done.stderr) == (0, f"{tmp_path}/out.parquet: 10 rows\n")
+    found = pq.read_table(tmp_path / "out.parquet").to_pydict()
+    assert (found["N"], found["K"][0], found["device_id"][0]) == (list(range(10)), None, "ä|b")
+    assert write(tmp_path / "h.db", tmp_path / "again.parquet") == 10
+    assert not [name for name in os.listdir(tmp_path) if name.endswith(".part")]
+    done = fltea("fleet", "--export", tmp_path / "x.parquet")
+    assert (done.returncode, "which history?" in done.stderr) == (2, True)
+
+
+def test_a_wall_clock_that_jumps() -> None:
+    times = {"wall": 1000.0, "steady": 5.0}
+    clock = Clock(lambda: times["wall"], lambda: times["steady"])
+    times |= {"wall": 1010.5, "steady": 15.0}
+    assert (clock.unix_s(), clock.jumps) == (1010.0, 0)  # half a second of NTP is no jump
+    times |= {"wall": 4620.0, "steady": 20.0}
+    assert (clock.unix_s(), clock.jumps, clock.long_jump) == (4620.0, 1, False)
+    times |= {"wall": 4e9, "steady": 21.0}
+    assert (clock.unix_s(), clock.jumps, clock.long_jump) == (4e9, 2, True)

@@ -1,0 +1,76 @@
+"""Who is unlike the others: against SciPy's Student, on made-up fleets with and without odd sensors."""
+
+import numpy as np
+import pytest
+from fltea.fleet.outliers import FEWEST, judge, student_quantile, student_tail
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+
+@pytest.mark.parametrize("degrees", [2.1, 5.7, 59.0, 1500.0])
+def test_students_distribution_is_scipys(degrees: float) -> None:
+    for t in (0.1, 1.0, 3.3, 12.0):
+        assert student_tail(t, degrees) == pytest.approx(2 * stats.t.sf(t, degrees), rel=1e-9)
+    for p in (0.6, 0.975, 1 - 1e-7):
+        assert student_quantile(p, degrees) == pytest.approx(stats.t.ppf(p, degrees), rel=1e-7)
+
+
+def alarms(sensors: int, spread: float, fleets: int) -> float:
+    """Share of fleets without an odd sensor in which one is called odd."""
+    rng = np.random.default_rng(sensors)
+    found = 0
+    for _ in range(fleets):
+        std = np.exp(rng.normal(0, 0.7, sensors))
+        value = rng.normal(0, np.hypot(spread, std))
+        found += bool(judge(value, value - 1.96 * std, value + 1.96 * std, comparisons=sensors)[1])
+    return found / fleets
+
+
+@pytest.mark.parametrize("sensors", [8, 200])
+@pytest.mark.parametrize("spread", [0.0, 2.0])
+def test_false_alarms_are_as_rare_as_stated(sensors: int, spread: float) -> None:
+    """1 % of fleets; of 150 fleets seven are beyond any chance."""
+    assert alarms(sensors, spread, 150) <= 6 / 150
+
+
+@pytest.mark.parametrize("odd", [1, 20])
+def test_odd_sensors_are_found_and_move_nothing(odd: int) -> None:
+    rng = np.random.default_rng(3)
+    std = np.exp(rng.normal(-3, 0.3, 200))
+    value = rng.normal(1.0, np.hypot(0.1, std))
+    value[:odd] = 2.5
+    fleet, found = judge(value, value - 1.96 * std, value + 1.96 * std, comparisons=3000)
+    assert fleet is not None
+    assert sorted(one.place for one in found) == list(range(odd))
+    assert fleet.middle == pytest.approx(1.0, abs=0.04)
+    assert fleet.spread == pytest.approx(0.1, rel=0.35)
+
+
+def test_a_wide_interval_excuses() -> None:
+    """The same distance, known well and known badly."""
+    value = np.r_[np.linspace(-1, 1, 40), 8.0, 8.0]
+    std = np.r_[np.full(40, 0.1), 0.1, 8.0]
+    _, found = judge(value, value - 1.96 * std, value + 1.96 * std, comparisons=100)
+    assert [one.place for one in found] == [40]
+
+
+def test_few_sensors_are_not_judged() -> None:
+    value = np.r_[np.zeros(FEWEST - 2), 1e9]
+    assert judge(value, value - 1, value + 1, comparisons=7) == (None, [])
+
+
+@given(
+    st.lists(st.tuples(st.floats(-50, 50), st.floats(0.01, 5)), min_size=8, max_size=40),
+    st.floats(-100, 100),
+    st.floats(0.01, 100),
+)
+def test_units_do_not_matter(sensors: list[tuple[float, float]], shift: float, factor: float) -> None:
+    value, std = np.array(sensors).T
+    here = judge(value, value - std, value + std, comparisons=100)
+    there = judge(*((one * factor + shift) for one in (value, value - std, value + std)), comparisons=100)
+    assert here[0] is not None
+    assert there[0] is not None
+    assert there[0].middle == pytest.approx(here[0].middle * factor + shift, abs=1e-6 * factor + 1e-6)
+    near = min((abs(abs(one.p) - 1e-4) for one in here[1]), default=1.0)
+    assert [one.place for one in here[1]] == [one.place for one in there[1]] or near < 1e-6

@@ -1,0 +1,189 @@
+"""The roll of all sensors: what it believes, how it is bounded, and what it tells."""
+
+import json
+
+import msgspec
+import pytest
+from fltea.fleet import roll as rolls
+from fltea.fleet.alerts import LOOKS, Alerts
+from fltea.fleet.messages import KINDS
+from fltea.fleet.roll import Roll
+from fltea.fleet.summary import Look, counts, look, rows, table
+from fltea.records.fit import AxisFit, FitAllan, Interval
+from fltea.records.records import Fit
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tools import fleet_load
+
+HELLO = b'{"class":"hello","rate_hz":100.0,"sensor":"MPU-9250","boot_id":7}'
+NOBODY = Look([], {})
+
+
+def fit(seq: int = 1000, **axis: object) -> bytes:
+    usual = AxisFit("white", "White noise.", "deg/s", R=Interval(0.01, 0.009, 0.011))
+    one = msgspec.structs.replace(usual, **axis)
+    return msgspec.json.encode(
+        Fit(seq=seq, epoch=1, device_us=0, host_ns=0, samples=seq, axes={"gyro_x": one}, device="d")
+    )
+
+
+def status(text: str, reason: str | None = None) -> bytes:
+    return json.dumps({"status": text, "source": "s", "device": "d", "reason": reason}).encode()
+
+
+def test_what_a_sensor_says_is_kept() -> None:
+    roll = Roll()
+    curve = FitAllan([0.01, 1.0, 100.0], [0.5, 0.05, 0.0664], [0.4, 0.04, 0.05], [0.6, 0.06, 0.08], [1, 1, 1])
+    curve = msgspec.structs.replace(curve, N=0.05, B=0.1)
+    roll.take("fltea/a/hello", HELLO, 1.0)
+    roll.take("fltea/a/fit", fit(allan=curve, verdict="drift"), 2.0)
+    roll.take("fltea/a/fit", fit(1100, alpha=Interval(0.4, 0.3, 0.5)), 3.0)
+    axis = roll.sensors["a"].axes["gyro_x"]
+    assert axis.figures["N"] == pytest.approx((0.05, 0.04, 0.06))  # of the point at 1 s, kept without a curve
+    assert axis.figures["B"] == pytest.approx((0.1, 0.1 * 0.05 / 0.0664, 0.1 * 0.08 / 0.0664))
+    assert axis.figures["density"][0] == pytest.approx((2 * 0.01 / 100) ** 0.5)
+    assert "alpha" not in axis.figures  # white: no order, whatever the numbers say
+    roll.take("fltea/a/fit", fit(1200, verdict="fractional", alpha=Interval(0.4, 0.3, 0.5)), 4.0)
+    assert roll.sensors["a"].axes["gyro_x"].figures["alpha"] == (0.4, 0.3, 0.5)
+    assert roll.sensors["a"].kind == "MPU-9250, 100 Hz"
+
+
+@given(st.text(max_size=80), st.one_of(st.binary(max_size=300), st.sampled_from([HELLO, fit(), b"{}"])))
+def test_any_message_at_all(topic: str, payload: bytes) -> None:
+    roll = Roll()
+    for name in (topic, f"fltea/{topic}/fit", f"fltea/x/{topic}", *(f"fltea/x/{kind}" for kind in KINDS)):
+        roll.take(name, payload, 0.0)
+    assert len(roll.sensors) <= 2
+    assert all(len(name) <= 64 for name in roll.sensors)
+    msgspec.json.encode(counts(roll, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("topic", "payload", "reason"),
+    [
+        ("fltea/a", b"{}", "topic"),
+        ("fltea/a/b/fit", b"{}", "topic"),
+        ("fltea/" + "a" * 65 + "/fit", b"{}", "topic"),
+        ("fltea/a\x1bb/fit", fit(), "topic"),
+        ("fltea/a/estimate", b"{}", "topic"),
+        ("fltea/a/fit", b"{" + b" " * (1 << 20) + b"}", "too_long"),
+        ("fltea/a/fit", b"[" * 10_000, "content"),
+        ("fltea/a/fit", fit(verdict="white")[:-1], "content"),
+        ("fltea/a/fit", fit().replace(b"gyro_x", b"<script>"), "content"),
+        ("fltea/a/fit", fit().replace(b'"white"', b'"<b>"'), "content"),
+        ("fltea/a/hello", b'{"rate_hz":"fast"}', "content"),
+    ],
+)
+def test_bad_messages_are_counted_by_their_reason(topic: str, payload: bytes, reason: str) -> None:
+    roll = Roll()
+    assert roll.take(topic, payload, 0.0) is None
+    assert (roll.bad, roll.sensors) == ({reason: 1}, {})
+
+
+def test_a_flood_of_names_is_bounded_and_named() -> None:
+    roll = Roll(most=10)
+    for number in range(10_000):
+        roll.take(f"fltea/n{number}/status", status("online"), number * 1e-4)
+    assert (len(roll.sensors), roll.refused) == (10, 9_990)
+    assert list(roll.refused_names) == [f"n{number}" for number in range(9_995, 10_000)]
+    assert roll.take("fltea/n3/status", status("stalled"), 2.0) is not None
+
+
+def test_a_sensor_that_floods_is_named_until_it_stops() -> None:
+    roll = Roll()
+    for number in range(1000):
+        roll.take("fltea/a/status", status("online"), number * 1e-3)
+        roll.take("fltea/b/status", status("online"), float(number))
+    assert counts(roll, 1000.0)["flooding"] == ["a"]
+    roll.take("fltea/a/status", status("online"), 20.0)
+    roll.take("fltea/a/status", status("online"), 40.0)
+    assert counts(roll, 1000.0)["flooding"] == []
+
+
+def test_two_programs_under_one_name() -> None:
+    """Their fits come by turns, so the numbers run back again and again; a new start is one step back."""
+    roll = Roll()
+    for turn in range(4):
+        roll.take("fltea/a/fit", fit(1000 + turn), turn * 10.0)
+        roll.take("fltea/a/fit", fit(90_000 + turn), turn * 10.0 + 5)
+    roll.take("fltea/b/fit", fit(1000), 1.0)
+    roll.take("fltea/b/fit", fit(10), 2.0)
+    assert counts(roll, 40.0)["twins"] == ["a"]
+    assert counts(roll, 4000.0)["twins"] == []
+
+
+def test_states() -> None:
+    roll = Roll()
+    roll.take("fltea/a/hello", HELLO, 0.0)
+    assert roll.sensors["a"].state(1.0) == "unknown"
+    roll.take("fltea/a/status", status("online"), 0.0)
+    assert [roll.sensors["a"].state(now) for now in (1.0, 89.0, 91.0)] == ["online", "online", "silent"]
+    roll.take("fltea/a/status", status("offline", "ended"), 0.0)
+    assert roll.sensors["a"].state(1000.0) == "offline"
+    assert roll.forget(-1.0) == []
+    assert roll.forget(1.0) == ["a"]
+    assert roll.take("fltea/a/status", b"", 2.0) is None  # a retained one that was deleted
+
+
+def fleet(sensors: int = 200, bad: int = 3) -> tuple[Roll, list[fleet_load.Bad]]:
+    """The load generator's fleet, without a broker."""
+    roll, ones = Roll(), fleet_load.bad_ones(sensors, bad)
+    for place in range(sensors):
+        one = fleet_load.sensor(place, ones)
+        roll.take(f"fltea/{one.device_id}/hello", one.hello, 0.0)
+        roll.take(f"fltea/{one.device_id}/status", one.status, 0.0)
+        roll.take(f"fltea/{one.device_id}/fit", b"360000".join(one.fit), 0.0)
+    return roll, ones
+
+
+def test_the_bad_ones_stand_out_and_nobody_else() -> None:
+    roll, bad = fleet()
+    seen = look(roll, 1.0)
+    found = {(int(one.device_id, 16), one.axis) for one in seen.odd}
+    assert found == {(one.place, one.axis) for one in bad}
+    assert {one.quantity for one in seen.odd} == {"N", "density", "B", "K"}
+    assert look(roll, 1000.0).odd == []  # they are silent
+    total, first = table(rows(roll, seen, 1.0), "K", "down", "odd", 0, 50)
+    assert (total, first[0]["device"]) == (3, f"{57:032x}")
+    assert [row["device"] for row in table(rows(roll, seen, 1.0), "device", "up", "", 3, 1)[1]] == [
+        f"{1:032x}"
+    ]
+
+
+def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
+    roll, _ = fleet(60, 1)
+    alerts, seen = Alerts(), look(roll, 1.0)
+    told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(LOOKS)]
+    assert [len(one) for one in told] == [0, 0, 2]  # N and its density
+    assert {alert.state for alert in told[-1]} == {"raised"}
+    assert len(alerts.raised()) == 2
+    told = [alerts.update(roll, NOBODY, 1.0, float(number)) for number in range(LOOKS)]
+    assert [len(one) for one in told] == [0, 0, 2]
+    assert alerts.raised() == []
+    alerts.update(roll, seen, 1.0, 9.0)
+    alerts.update(roll, NOBODY, 1.0, 9.0)
+    assert not [alerts.update(roll, seen, 1.0, 9.0) for _ in range(LOOKS - 1)][-1]  # it did not last
+
+
+def test_silence_and_a_loss_are_alerts_and_an_orderly_end_is_none() -> None:
+    roll, alerts = Roll(), Alerts()
+    for name, text, reason in (
+        ("a", "online", None),
+        ("b", "offline", "ended"),
+        ("c", "offline", "connection_lost"),
+    ):
+        roll.take(f"fltea/{name}/status", status(text, reason), 0.0)
+    for _ in range(LOOKS):
+        told = alerts.update(roll, NOBODY, 100.0, 0.0)
+    assert [(alert.kind, alert.device_id) for alert in told] == [("silent", "a"), ("offline", "c")]
+
+
+def test_alerts_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fltea.fleet.alerts.MOST", 5)
+    roll, alerts = Roll(), Alerts()
+    for number in range(8):
+        roll.take(f"fltea/{number}/status", status("online"), 0.0)
+    for _ in range(LOOKS):
+        told = alerts.update(roll, NOBODY, rolls.SILENT_S + 1, 0.0)
+    assert (len(told), alerts.dropped) == (5, 9)

@@ -1,0 +1,103 @@
+"""What the tests of tables of verdicts share: recordings in no folder's order, and what a table holds."""
+
+import contextlib
+import os
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from fltea.cluster.listing import File, files_of
+from fltea.cluster.run import Progress, run
+from fltea.cluster.verdict_table import VerdictTable
+from fltea.cluster.whole import Ask
+from fltea.identify.workers import Workers
+from identify_files import settings
+from pyarrow import parquet
+from toolchain import missing
+
+ASK = Ask(settings(shuffles=0))
+"""Quick."""
+
+
+def file(number: int, *, size: int = 10, stamp: str = "1") -> File:
+    return File(f"s3://lab/{number}.csv", "s3", f"lab/{number}.csv", size, stamp)
+
+
+@contextlib.contextmanager
+def open_table(folder: Path, digest: str = ASK.digest()) -> Iterator[VerdictTable]:
+    table = VerdictTable(folder, digest)
+    try:
+        yield table
+    finally:
+        table.close()
+
+
+def rows_in(folder: Path) -> list[dict[str, Any]]:
+    """As pandas and others read it."""
+    return sorted(parquet.read_table(folder).to_pylist(), key=lambda row: (row["file"], row["axis"] or ""))
+
+
+def values(folder: Path) -> list[dict[str, Any]]:
+    """What does not depend on who was how fast."""
+    return [{**row, "seconds": None} for row in rows_in(folder)]
+
+
+def identified(pattern: str, how: Ask, out: Path, workers: Workers, **options: Any) -> Progress:
+    """All files of a pattern to a table; the workers are closed."""
+    try:
+        with open_table(out, how.digest()) as table:
+            return run(files_of([pattern]), how, workers, table, **options)
+    finally:
+        workers.close()
+
+
+@contextlib.contextmanager
+def two_workers() -> Iterator[Any]:
+    """A Dask cluster with two workers, in processes of their own; one that dies stays dead."""
+    try:
+        from distributed import LocalCluster
+    except ModuleNotFoundError:
+        missing("distributed is not installed: pip install -e '.[dask]'")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
+        with LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as found:
+            for nanny in found.workers.values():
+                nanny.close_gracefully()  # says that it shall not start another
+            yield found
+
+
+@contextlib.contextmanager
+def s3_server() -> Iterator[Any]:
+    """An S3 server on the loopback with the bucket `lab`; its file system. The environment names it."""
+    import logging
+
+    from fltea.cluster.listing import file_system
+    from moto.server import ThreadedMotoServer
+
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    known = {
+        "AWS_ENDPOINT_URL": f"http://{host}:{port}",
+        "AWS_ACCESS_KEY_ID": "key",
+        "AWS_SECRET_ACCESS_KEY": "secret",
+        "AWS_DEFAULT_REGION": "us-east-1",
+        "AWS_EC2_METADATA_DISABLED": "true",
+    }
+    before = {name: os.environ.get(name) for name in known}
+    os.environ.update(known)
+    try:
+        system = file_system("s3")
+        system.mkdir("lab")
+        yield system
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name)
+            else:
+                os.environ[name] = value
+        server.stop()

@@ -1,0 +1,119 @@
+"""`fltea identify --out` with a Dask cluster of one and of two workers: files and bytes a second.
+
+Recordings of ten minutes as MCAP, and one large
+.npy that is summed in pieces; all on this machine's disk, so the network of a cluster is not in it.
+"""
+
+import os
+import shutil
+import tempfile
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from fltea.cluster.listing import files_of
+from fltea.cluster.run import run
+from fltea.cluster.verdict_table import VerdictTable
+from fltea.cluster.whole import Ask
+from fltea.identify.axis import IdentifyOptions
+from fltea.identify.dask_workers import DaskWorkers
+from fltea.identify.run import Settings
+from fltea.recording.how import How
+
+from tools.bench.day_files import RATE_HZ, counts, write_mcap
+
+MINUTES, FILES = 10, 6
+TINY = 400
+"""Files of a few bytes that are none: what they cost is listing, scheduler and table."""
+LARGE_SAMPLES, PIECES = 6_000_000, 6
+AXES = 3
+
+
+def measure() -> dict[str, Any]:
+    """Wall-clock and processor time of each; the workers have loaded all they need before."""
+    from distributed import LocalCluster
+
+    start: Any = LocalCluster  # it has no types
+    found: dict[str, Any] = {"cores": os.cpu_count()}
+    with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
+        folder = Path(name)
+        _make(folder)
+        quick = Ask(Settings(IdentifyOptions(shuffles=0)))
+        whole = Ask(Settings(IdentifyOptions()))
+        size = (folder / "large" / "large.npy").stat().st_size
+        large = msgspec.structs.replace(
+            quick, how=How(units="deg/s", rate_hz=float(RATE_HZ)), block_bytes=size // PIECES + 1
+        )
+        for workers in (1, 2):
+            with start(
+                n_workers=workers, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+            ) as cluster:
+                address = cluster.scheduler_address
+                _timed(folder / "warm", quick, address, folder)
+                found[f"workers_{workers}"] = {
+                    "files": _timed(folder / "small", quick, address, folder),
+                    "files_with_200_shuffles": _timed(folder / "few", whole, address, folder),
+                    "pieces": _timed(folder / "large", large, address, folder),
+                    "tiny": _timed(folder / "tiny", quick, address, folder, failing=True),
+                }
+    return found
+
+
+def _make(folder: Path) -> None:
+    recorded = write_mcap(folder / "recorded", counts(MINUTES * 60 * RATE_HZ))
+    (file,) = recorded.glob("*.mcap")
+    for name, files in (("warm", 2), ("small", FILES), ("few", 1)):
+        (folder / name).mkdir()
+        for i in range(files):
+            shutil.copyfile(file, folder / name / f"{i}.mcap")
+    (folder / "tiny").mkdir()
+    for i in range(TINY):
+        (folder / "tiny" / f"{i}.npz").write_bytes(b"PK none")
+    (folder / "large").mkdir()
+    rng = np.random.default_rng(1)
+    np.save(folder / "large" / "large.npy", rng.normal(0, 0.05, (LARGE_SAMPLES, AXES)).astype(np.float32))
+
+
+def _timed(files: Path, ask: Ask, address: str, folder: Path, *, failing: bool = False) -> dict[str, float]:
+    workers = DaskWorkers(address)
+
+    def worked() -> float:
+        return float(sum(workers._client.run(time.process_time).values()))
+
+    worked_before = worked()
+    table = VerdictTable(Path(tempfile.mkdtemp(dir=folder)) / "v.parquet", ask.digest())
+    client_begin, begin = time.process_time(), time.monotonic()
+    try:
+        done = run(files_of([str(files)]), ask, workers, table)
+        seconds, client_s = time.monotonic() - begin, time.process_time() - client_begin
+        worker_s = worked() - worked_before
+    finally:
+        table.close()
+        workers.close()
+    if done.failed and not failing:
+        raise RuntimeError(done.first_failure)
+    return {
+        "files": done.done,
+        "bytes": done.read,
+        "seconds": round(seconds, 3),
+        "files_per_s": round(done.done / seconds, 3),
+        "bytes_per_s": round(done.read / seconds),
+        "worker_cpu_s_per_file": round(worker_s / done.done, 4),
+        "client_cpu_s_per_file": round(client_s / done.done, 5),
+    }
+
+
+def text(found: dict[str, Any]) -> str:
+    """A table. cpu: processor time, which a busy machine changes least; the client's with the scheduler's."""
+    lines = ["workers  what                      files/s      MB/s  worker cpu s/file  client cpu ms/file"]
+    for workers in (1, 2):
+        for what, one in found[f"workers_{workers}"].items():
+            lines.append(
+                f"{workers:7}  {what:24} {one['files_per_s']:8.2f} {one['bytes_per_s'] / 1e6:9.2f}"
+                f" {one['worker_cpu_s_per_file']:18.3f} {one['client_cpu_s_per_file'] * 1e3:19.1f}"
+            )
+    return "\n".join(lines)

@@ -1,0 +1,202 @@
+"""A made-up fleet on a broker: `python -m tools.fleet_load --sensors 200 --bad 3`.
+
+It publishes what as many daemons would: `hello`, `status`, `fit` with its curves and `stats` of sensors with
+three axes, all of one kind, each with noise figures of its own and intervals as wide as a long record gives.
+Some are bad: their figures are far from the others', and it says whose. It speaks to this machine only, and
+ends by itself; then it prints how many messages the broker has acknowledged, as one line of JSON.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from fltea.fleet.figures import FLOOR
+from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, Interval
+from fltea.records.records import AXES, Fit, Hello, LinkStats, SampleStats, Stats
+from fltea.settings.listen_address import is_loopback
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+
+RATE_HZ = 100.0
+SPREAD = 0.08
+"""By how much sensors of a kind differ, as a ratio less one."""
+WIDTH = 0.02
+"""Half of a figure's interval, as a ratio less one."""
+SEQ = 123_456_789
+"""Stands for the number of the sample, and of all samples, in a fit that is made once and sent often."""
+MOST_IN_FLIGHT = 5_000
+
+
+class Bad(NamedTuple):
+    """Sensor `place` has `times` as much of a figure on one axis."""
+
+    place: int
+    axis: str
+    figure: str
+    times: float
+
+
+BAD = ((3, "gyro_y", "N", 2.0), (31, "gyro_x", "B", 3.0), (57, "gyro_z", "K", 4.0))
+
+
+def bad_ones(sensors: int, count: int) -> list[Bad]:
+    """Which sensors are bad: spread over the fleet, each in another way."""
+    found = []
+    for number in range(count):
+        place, axis, figure, times = BAD[number % len(BAD)]
+        found.append(Bad((place + 61 * (number // len(BAD))) % sensors, axis, figure, times))
+    return found
+
+
+def axis_fit(rng: np.random.Generator, times: dict[str, float]) -> AxisFit:
+    """A white axis with an Allan deviation that shows N, B and K."""
+    own = {name: float(np.exp(rng.normal(0, SPREAD))) * times.get(name, 1.0) for name in ("N", "B", "K")}
+    N, B, K = 0.005 * own["N"], 0.0015 * own["B"], 3e-5 * own["K"]
+    tau = np.geomspace(0.01, 1000, 26)
+    adev = np.sqrt(N**2 / tau + (FLOOR * B) ** 2 + K**2 * tau / 3)
+    measured = {name: float(np.exp(rng.normal(0, WIDTH / 1.96))) for name in "NBKR"}
+    hz = np.geomspace(0.01, 50, 113)
+    density = np.sqrt(2 * (N**2 + K**2 / (2 * np.pi * hz) ** 2))
+    R = N**2 * RATE_HZ * measured["R"]
+    return AxisFit(
+        verdict="drift",
+        text="White noise, and drift below 0.01 Hz. Made up for a trial of `fltea fleet`.",
+        unit="deg/s",
+        null_p=0.5,
+        R=Interval(R, R * (1 - 2 * WIDTH), R * (1 + 2 * WIDTH)),
+        left_out={"lost": 0},
+        allan=FitAllan(
+            tau.tolist(),
+            adev.tolist(),
+            (adev * (1 - WIDTH)).tolist(),
+            (adev * (1 + WIDTH)).tolist(),
+            adev.tolist(),
+            N * measured["N"],
+            B * measured["B"],
+            K * measured["K"],
+        ),
+        spectrum=FitSpectrum(hz.tolist(), density.tolist(), density.tolist()),
+    )
+
+
+class Sensor(NamedTuple):
+    """What one sensor publishes: retained once, and again and again."""
+
+    device_id: str
+    hello: bytes
+    status: bytes
+    fit: tuple[bytes, ...]
+    stats: bytes
+
+
+def sensor(place: int, bad: list[Bad]) -> Sensor:
+    """One sensor; the same for the same number."""
+    rng = np.random.default_rng((18, place))
+    encode, device_id = msgspec.json.encode, f"{place:032x}"
+    axes = {}
+    for axis in AXES:
+        times = {one.figure: one.times for one in bad if (one.place, one.axis) == (place, axis)}
+        axes[axis] = axis_fit(rng, times)
+    fit = encode(Fit(seq=SEQ, epoch=1, device_us=0, host_ns=0, samples=SEQ, axes=axes, device="load"))
+    parts = tuple(fit.split(str(SEQ).encode()))
+    hello = Hello(
+        source="load", host_ns=0, rate_hz=RATE_HZ, sampling_mode="fifo", device_id=device_id, boot_id=1,
+        sensor="MPU-9250", gyro_range_dps=2000.0, gyro_lsb_per_dps=16.4, device="load",
+    )  # fmt: skip
+    status = {"status": "online", "since_ns": 0, "source": "load", "device_id": device_id, "device": "load"}
+    stats = Stats(
+        epoch=1, host_ns=0, rate_hz=RATE_HZ, clock_ppm=0.0, startup_remaining=0, link=LinkStats(),
+        samples=SampleStats(360_000, 0, 0, 0, 0), axes={}, board=None, device="load",
+    )  # fmt: skip
+    return Sensor(device_id, encode(hello), encode(status), parts, encode(stats))
+
+
+class Publisher:
+    """One connection for all. published, acknowledged: messages of QoS 1."""
+
+    def __init__(self, host: str, port: int, prefix: str) -> None:
+        self._prefix = prefix
+        self.published = self.acknowledged = 0
+        self._client = client = Client(CallbackAPIVersion.VERSION2, "", protocol=MQTTProtocolVersion.MQTTv5)
+        client.max_inflight_messages_set(MOST_IN_FLIGHT)
+        client.on_publish = self._on_publish
+        client.connect(host, port)
+        client.loop_start()
+
+    def send(self, device_id: str, kind: str, payload: bytes, *, retain: bool = True) -> None:
+        """Publish; waits while too many are under way."""
+        while self.published - self.acknowledged >= MOST_IN_FLIGHT:
+            time.sleep(0.002)
+        self._client.publish(f"{self._prefix}/{device_id}/{kind}", payload, qos=1, retain=retain)
+        self.published += 1
+
+    def close(self) -> None:
+        """Wait for the last acknowledgements."""
+        end = time.monotonic() + 30
+        while self.acknowledged < self.published and time.monotonic() < end:
+            time.sleep(0.01)
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def _on_publish(self, *_: object) -> None:
+        self.acknowledged += 1
+
+
+def due(count: int, every_s: float, rounds: int) -> Iterator[tuple[float, int, int]]:
+    """When which sensor says its fit number `turn`: spread evenly over the period."""
+    for turn in range(rounds):
+        for place in range(count):
+            yield (turn + place / count) * every_s, place, turn
+
+
+def main() -> int:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--host", default="127.0.0.1", help="the broker, on this machine")
+    parser.add_argument("--port", type=int, default=1883)
+    parser.add_argument("--prefix", default="fltea")
+    parser.add_argument("--sensors", type=int, default=200)
+    parser.add_argument("--bad", type=int, default=3)
+    parser.add_argument("--every", type=float, default=10.0, help="seconds from fit to fit of a sensor")
+    parser.add_argument("--rounds", type=int, default=60, help="fits of each sensor")
+    given = parser.parse_args()
+    if not is_loopback(given.host):
+        parser.error("--host: only this machine; it would be an attack on anybody else's broker")
+    if not (1 <= given.sensors <= 100_000 and 0 <= given.bad <= given.sensors and given.every >= 0):
+        parser.error("1 to 100,000 sensors, no more bad ones than there are, and no negative time")
+    bad = bad_ones(given.sensors, given.bad)
+    fleet = [sensor(place, bad) for place in range(given.sensors)]
+    for odd in bad:
+        name = fleet[odd.place].device_id
+        print(f"bad: {name} {odd.axis}: {odd.times:g} times the usual {odd.figure}", file=sys.stderr)
+    publisher = Publisher(given.host, given.port, given.prefix)
+    begin = time.monotonic()
+    for one in fleet:
+        publisher.send(one.device_id, "hello", one.hello)
+        publisher.send(one.device_id, "status", one.status)
+    late_s, fits, first = 0.0, 0, time.monotonic()
+    for at_s, place, turn in due(given.sensors, given.every, given.rounds):
+        wait_s = first + at_s - time.monotonic()
+        if wait_s > 0:
+            time.sleep(wait_s)
+        late_s = max(late_s, -wait_s)
+        one = fleet[place]
+        publisher.send(one.device_id, "fit", str(360_000 + turn).encode().join(one.fit))
+        publisher.send(one.device_id, "stats", one.stats, retain=False)
+        if turn % 3 == 2:
+            publisher.send(one.device_id, "status", one.status)
+        fits += 1
+    publisher.close()
+    done = {"sensors": given.sensors, "fits": fits, "published": publisher.published}
+    done |= {"acknowledged": publisher.acknowledged, "late_s": round(late_s, 3)}
+    print(json.dumps(done | {"seconds": round(time.monotonic() - begin, 1)}))
+    return 0 if publisher.acknowledged == publisher.published else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
