@@ -60,6 +60,7 @@ lint-generated:
 	@$(PY) tools/make_vectors.py --check
 	@$(PY) tools/gen_memory_constants.py --check
 	@$(PY) tools/gen_fixed_nodes.py --check
+	@$(PY) tools/gen_octave_tables.py --check
 	@$(PY) tools/make_golden.py --check
 
 gen: .venv/.dev
@@ -70,6 +71,7 @@ gen: .venv/.dev
 	@$(PY) tools/make_vectors.py
 	@$(PY) tools/gen_memory_constants.py
 	@$(PY) tools/gen_fixed_nodes.py
+	@$(PY) tools/gen_octave_tables.py
 	@$(PY) tools/make_golden.py
 	@$(PY) tools/build_id.py
 
