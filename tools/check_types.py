@@ -19,6 +19,8 @@ BY_PACKAGE = (
     "tools.demo",
     "tools.due_run",
     "tools.fault_report",
+    "tools.fleet_faults",
+    "tools.fleet_load",
     "tools.ndjson_summary",
 )
 """Modules of `tools` that are imported with its name, since they need its packages."""

@@ -28,7 +28,7 @@ SPREAD = 0.08
 WIDTH = 0.02
 """Half of a figure's interval, as a ratio less one."""
 SEQ = 123_456_789
-"""Stands for the number of the sample in a fit that is made once and sent often."""
+"""Stands for the number of the sample, and of all samples, in a fit that is made once and sent often."""
 MOST_IN_FLIGHT = 5_000
 
 
@@ -90,7 +90,7 @@ class Sensor(NamedTuple):
     device_id: str
     hello: bytes
     status: bytes
-    fit: tuple[bytes, bytes]
+    fit: tuple[bytes, ...]
     stats: bytes
 
 
@@ -102,8 +102,8 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
     for axis in AXES:
         times = {one.figure: one.times for one in bad if (one.place, one.axis) == (place, axis)}
         axes[axis] = axis_fit(rng, times)
-    fit = encode(Fit(seq=SEQ, epoch=1, device_us=0, host_ns=0, samples=360_000, axes=axes, device="load"))
-    before, after = fit.split(str(SEQ).encode(), 1)
+    fit = encode(Fit(seq=SEQ, epoch=1, device_us=0, host_ns=0, samples=SEQ, axes=axes, device="load"))
+    parts = tuple(fit.split(str(SEQ).encode()))
     hello = Hello(
         source="load", host_ns=0, rate_hz=RATE_HZ, sampling_mode="fifo", device_id=device_id, boot_id=1,
         sensor="MPU-9250", gyro_range_dps=2000.0, gyro_lsb_per_dps=16.4, device="load",
@@ -113,7 +113,7 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
         epoch=1, host_ns=0, rate_hz=RATE_HZ, clock_ppm=0.0, startup_remaining=0, link=LinkStats(),
         samples=SampleStats(360_000, 0, 0, 0, 0), axes={}, board=None, device="load",
     )  # fmt: skip
-    return Sensor(device_id, encode(hello), encode(status), (before, after), encode(stats))
+    return Sensor(device_id, encode(hello), encode(status), parts, encode(stats))
 
 
 class Publisher:

@@ -38,6 +38,9 @@ def test_fits_are_kept_now_and_then_and_at_each_change(tmp_path: Path) -> None:
     assert history.prune(1125.0) == 4  # three fits and the alert
     assert [row["unix_s"] for row in history.of_device("a")] == [1130.0, 1190.0]
     assert history.alerts() == []
+    history.add(500.0, "a", "gyro_x", axis("drift"))  # the clock was set back
+    history.flush()
+    assert [row["unix_s"] for row in history.of_device("a")] == [500.0, 1130.0, 1190.0]
     history.close()
 
 

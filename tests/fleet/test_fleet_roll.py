@@ -2,7 +2,6 @@
 
 import json
 
-import fleet_load
 import msgspec
 import pytest
 from fltea.fleet import roll as rolls
@@ -14,6 +13,8 @@ from fltea.records.fit import AxisFit, FitAllan, Interval
 from fltea.records.records import Fit
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tools import fleet_load
 
 HELLO = b'{"class":"hello","rate_hz":100.0,"sensor":"MPU-9250","boot_id":7}'
 NOBODY = Look([], {})

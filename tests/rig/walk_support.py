@@ -7,6 +7,7 @@ from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock, RawSample, block_of
 from fltea.records.records import AnyRecord, LinkStats
 from fltea.settings.config import load_config
+from fltea.stream.fit_times import FitLoad
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
@@ -41,5 +42,5 @@ def walk(
     **set_: object,
 ) -> tuple[list[AnyRecord | Block], Pipeline]:
     config = load_config(None, SMALL | {name.replace("__", "."): value for name, value in set_.items()})
-    pipeline = Pipeline(Source(prompt), config, state=state, devices=devices, number=number)  # type: ignore[arg-type]
+    pipeline = Pipeline(Source(prompt), config, state=state, load=FitLoad(devices), number=number)  # type: ignore[arg-type]
     return [item for event in found for item in pipeline.feed(event)], pipeline

@@ -279,7 +279,10 @@ def told_by() -> list[tuple[str, str]]:
 
 
 @pytest.fixture
-def small(told_by: list[tuple[str, str]]) -> Iterator[DashboardSink]:
+def small(told_by: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch) -> Iterator[DashboardSink]:
+    monkeypatch.setattr(
+        "fltea.sinks.page.server.UNUSED_SESSION_MS", 60_000
+    )  # on a slow machine none ends in between
     config = DashboardConfig(address=0, visitors=3)
     made = DashboardSink(config, {"due": "host"}, lambda *error: told_by.append(error))
     yield made
@@ -361,7 +364,7 @@ def test_the_page_knows_only_what_records_say() -> None:
     assert {module.split(".")[1] for module in found} == {"documents", "records", "settings", "sinks"}
     written = list((folder.parents[1] / "documents").glob("*.py"))
     assert len(written) > 2
-    assert {module for file in written for module in modules_of(file)} == set()
+    assert {module for file in written for module in modules_of(file)} <= {"fltea.records.visible"}
 
 
 def modules_of(file: Path) -> set[str]:

@@ -97,7 +97,7 @@ def disk_full(stage: Stage) -> Outcome:
     board = stage.board()
     program = stage.recorder(board, *PAGE, "--set", "record.resume_mb=0.5", before=disk.before)
     introduce(board, program)
-    disk.attach(program)
+    disk.attach(program.process.pid)
     board.send(BEFORE)
     with stage.fault():
         board.send_during(disk.fill)

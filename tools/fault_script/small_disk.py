@@ -6,8 +6,6 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from tools.fault_script.program import Program
-
 SIZE = "4m"
 
 
@@ -27,9 +25,9 @@ class SmallDisk:
         self.kind = "disk_full" if self._mounted else "record_failed"
         self._pid = self._fd = -1
 
-    def attach(self, program: Program) -> None:
+    def attach(self, pid: int) -> None:
         """See the disk as the program does, and as long as we want."""
-        self._pid = program.process.pid
+        self._pid = pid
         self._fd = os.open(f"/proc/{self._pid}/root{self.folder}", os.O_RDONLY | os.O_DIRECTORY)
 
     @property

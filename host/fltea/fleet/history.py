@@ -69,7 +69,7 @@ class History:
         """Keep a fit, if it is due."""
         key = device_id, name
         at, verdict = self._last.get(key, (-1e18, ""))
-        if unix_s - at < self.every_s and verdict == axis.verdict:
+        if 0 <= unix_s - at < self.every_s and verdict == axis.verdict:  # below 0: the clock was set back
             return
         self._last[key] = unix_s, axis.verdict
         figures = [axis.figures.get(quantity.name, (None, None, None)) for quantity in QUANTITIES]

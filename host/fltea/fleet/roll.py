@@ -84,9 +84,11 @@ class Sensor:
             self._window = begin, count + 1
             self.flooding = self.flooding or count + 1 > FLOOD_PER_S * FLOOD_S
 
-    def take_fit(self, fit: Fit, now: float) -> None:
-        """Its newest fit."""
+    def take_fit(self, fit: Fit, now: float) -> bool:
+        """Its newest fit; False if it is the one that was there, which MQTT may bring twice."""
         place = fit.epoch, fit.seq
+        if place == self._seq and self.axes:
+            return False
         if place < self._seq:
             self.twins.append(now)
         self._seq = place
@@ -102,6 +104,7 @@ class Sensor:
             )
             for name, one in fit.axes.items()
         }
+        return True
 
     def take_hello(self, hello: Hello) -> None:
         """A program that begins may count from the beginning."""
@@ -114,13 +117,13 @@ class Roll:
     """All sensors that were heard of.
 
     most: so many at most; refused counts messages of further ones, and `refused_names` are some of them.
-    bad: messages that no daemon sends, by reason. versions: rises with whatever changes.
+    bad: messages that no daemon sends, by reason. fits: that were new; repeated: that came twice.
     """
 
     def __init__(self, prefix: str = "fltea", most: int = MOST_SENSORS) -> None:
         self.prefix, self.most = prefix, most
         self.sensors: dict[str, Sensor] = {}
-        self.messages = self.bytes = self.refused = self.fits = 0
+        self.messages = self.bytes = self.refused = self.fits = self.repeated = 0
         self.refused_names: deque[str] = deque(maxlen=NAMES_KEPT)
         self.bad: Counter[str] = Counter()
 
@@ -167,8 +170,9 @@ class Roll:
             case Hello():
                 sensor.take_hello(message.content)
             case Fit():
-                self.fits += 1
-                sensor.take_fit(message.content, now)
+                new = sensor.take_fit(message.content, now)
+                self.fits += new
+                self.repeated += not new
             case Stats(samples):
                 sensor.delivered, sensor.lost = samples.delivered, samples.lost
             case Error(kind, text):

@@ -129,6 +129,7 @@ def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]
         "messages": roll.messages,
         "bytes": roll.bytes,
         "fits": roll.fits,
+        "repeated": roll.repeated,
         "bad_messages": dict(roll.bad),
         "refused": roll.refused,
         "refused_names": list(roll.refused_names),

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 from tornado.httpserver import HTTPServer
-from tornado.ioloop import IOLoop, PeriodicCallback
+from tornado.ioloop import IOLoop
 from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 
@@ -246,12 +246,16 @@ def serve(
     server = HTTPServer(application(Shown(fleet, own_names(host, names), password)), max_body_size=0)
     server.add_sockets(sockets)
     loop = IOLoop.current()
-    turns = PeriodicCallback(fleet.turn, TURN_S * 1000)
-    turns.start()
+
+    def turn() -> None:
+        # Not a PeriodicCallback, which stands still when the wall clock is set back.
+        loop.call_later(TURN_S, turn)
+        fleet.turn()
+
+    turn()
     stop(loop)
     ready(sockets[0].getsockname()[1])
     try:
         loop.start()
     finally:
-        turns.stop()
         server.stop()

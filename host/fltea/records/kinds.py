@@ -221,6 +221,26 @@ ERROR_KINDS = (
         "Check the board and the line: further ones get no topics or labels.",
     ),
     ErrorKind(
+        "devices_refused",
+        "Messages of a shared source were not taken: too many devices, or names that no device has.",
+        "Let the broker's access list bind each account to its own name, or raise `ingest.devices`.",
+    ),
+    ErrorKind(
+        "frames_overflow",
+        "Frames of devices behind a broker had no room in the queue; the text names the worst of them.",
+        "Stop the device that floods; else share the devices among several processes.",
+    ),
+    ErrorKind(
+        "fits_slowed",
+        "This machine does not keep up, so the live fits of all devices come more rarely for a while.",
+        "Nothing is lost by it; share the devices among several processes if it stays so.",
+    ),
+    ErrorKind(
+        "line_broken",
+        "One device of many cannot be walked with these settings, or by a fault of the program's own.",
+        "Do what the text says; it is tried again after a minute, and the other devices go on.",
+    ),
+    ErrorKind(
         "output_lost",
         "An output cannot go on, or its reader left; the other outputs do.",
         "Start the program again to have that output back.",

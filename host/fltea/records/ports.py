@@ -83,13 +83,15 @@ class Sink:
     name: key of the output's counts in `stats.outputs`.
     lossless: a recording that is replayed faster than it was made waits for this sink.
     takes_wire: it is also given `Opened`, `Chunk` and `Failed`, before anything interprets them.
-    capacity: items that may wait in the queue before newer ones are dropped.
+    capacity: items that may wait in the queue before newer ones are dropped. rest_s: between two batches, so
+    that records of many devices go out together, not with a change of threads each.
     """
 
     name: str = "output"
     lossless: ClassVar[bool] = False
     takes_wire: ClassVar[bool] = False
     capacity: ClassVar[int] = 10_000
+    rest_s: ClassVar[float] = 0.002
     lost: int = 0
 
     def write(self, item: Item) -> None:

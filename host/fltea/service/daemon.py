@@ -14,6 +14,8 @@ from fltea.records.errors import FlteaError, SourceFailed, UsageError
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
 from fltea.service.hub import Hub
+from fltea.service.ingest.loop import Ingest
+from fltea.service.ingest.receivers import receiver_of
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
 from fltea.service.open_source import open_source
@@ -21,7 +23,9 @@ from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
 from fltea.service.walk import Walk
 from fltea.settings.config import BY_DEVICE, Config
+from fltea.settings.ingest import is_shared
 from fltea.sources.replay import ReplaySource
+from fltea.stream.fit_times import FitLoad
 
 PATIENCE_S = 0.6
 """What an output gets after a signal to write what it has; with what the sources need it stays below 1 s."""
@@ -97,10 +101,12 @@ class _Run:
         self._running = len(configs)
         self._manager = ServiceManager()
         self._walks: list[Walk] = []
+        self._ingests: list[Ingest] = []
 
     def run(self) -> tuple[FlteaError | None, bool]:
         """Run to the end; what failed, and whether every output could be closed."""
-        configs = self._configs
+        configs = [config for config in self._configs if not is_shared(config.source)]
+        shared = [config for config in self._configs if is_shared(config.source)]
         sources: list[Source] = []
         state: StateFile | None = None
         try:
@@ -112,16 +118,18 @@ class _Run:
                 for source, config in zip(sources, configs, strict=True)
                 if isinstance(source, ReplaySource)
             ]
-            open_outputs(configs, self._hub, replays)
-            if configs[0].state.file is not None:
-                state = StateFile(configs[0].state, self._hub.report())
+            _check_shared(shared)
+            open_outputs(self._configs, self._hub, replays)
+            if self._configs[0].state.file is not None:
+                state = StateFile(self._configs[0].state, self._hub.report())
+            self._ingests = [Ingest(config, self._hub, receiver_of(config), self._end) for config in shared]
             self._stop.armed = True
         except BaseException:
             _close(sources)
             self._hub.close(PATIENCE_S)
             raise
         self._walks = [
-            Walk(source, config, self._hub, state, len(configs), number)
+            Walk(source, config, self._hub, state, FitLoad(len(configs)), number)
             for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
         on_lines = [walk for walk in self._walks if has_line(walk)]
@@ -133,18 +141,19 @@ class _Run:
         ]
         if lines is not None:
             threads.append(threading.Thread(target=lines.run, name="lines"))
+        threads += [threading.Thread(target=one.run, name=f"ingest {one.name}") for one in self._ingests]
         for thread in threads:
             thread.daemon = True
             thread.start()
         self._manager.ready()
-        live = any(source.live for source in sources)
+        live = bool(shared) or any(source.live for source in sources)
         self._wait(self._done)
-        if self._failure is None and not (live or configs[0].once or self._stop.asked.is_set()):
+        if self._failure is None and not (live or self._configs[0].once or self._stop.asked.is_set()):
             self._stay()
         self._manager.stopping()
         if lines is not None:
             lines.close()
-        _close(sources)
+        _close([*sources, *self._ingests])
         asked = self._stop.asked.is_set() or self._failure is not None
         deadline_s = time.monotonic() + PATIENCE_S
         for thread in threads:
@@ -162,9 +171,10 @@ class _Run:
         return self._failure, closed and not any(thread.is_alive() for thread in threads)
 
     def _wait(self, event: threading.Event) -> None:
+        moving: list[Walk | Ingest] = [*self._walks, *self._ingests]
         while not (event.is_set() or self._stop.asked.is_set()):
             event.wait(0.1)
-            if time.monotonic() - min(walk.moved_s for walk in self._walks) < STUCK_S:
+            if time.monotonic() - min(one.moved_s for one in moving) < STUCK_S:
                 self._manager.alive()
 
     def _stay(self) -> None:
@@ -188,14 +198,14 @@ class _Run:
         else:
             self._end(walk, None)
 
-    def _end(self, walk: Walk, error: Exception | None) -> None:
+    def _end(self, walk: Walk | Ingest, error: Exception | None) -> None:
         """A walk has ended: by itself, or with a fault, which must not leave a daemon that looks alive."""
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
             failure = error
         elif error is not None:
             failure = FlteaError(f"{walk.name}: internal fault: {type(error).__name__}: {error}")
-        elif walk.failure is not None:
+        elif isinstance(walk, Walk) and walk.failure is not None:
             failure = SourceFailed(walk.failure.message)
         with self._lock:
             self._running -= 1
@@ -210,7 +220,7 @@ class _Run:
             self._stop.asked.set()
 
 
-def _close(sources: Sequence[Source]) -> None:
+def _close(sources: Sequence[Source | Ingest]) -> None:
     """Close them side by side: each may need a moment, but all together get no more than `PATIENCE_S`."""
     threads = [threading.Thread(target=source.close, daemon=True) for source in sources]
     for thread in threads:
@@ -218,6 +228,25 @@ def _close(sources: Sequence[Source]) -> None:
     deadline_s = time.monotonic() + PATIENCE_S
     for thread in threads:
         thread.join(max(0.0, deadline_s - time.monotonic()))
+
+
+def _check_shared(configs: Sequence[Config]) -> None:
+    """Refuse what has no meaning for devices that come and go by the hundred."""
+    for config in configs:
+        asked = {
+            "--record": config.record.folder,
+            "--state": config.state.file,
+            "--dashboard": config.dashboard.address,
+            "--once": config.once,
+        }
+        wrong = next(
+            (flag for flag, value in asked.items() if value is not None and value is not False), None
+        )
+        if wrong is not None:
+            raise UsageError(
+                f"{wrong} is not for --source {config.source}, behind which many devices stand. Their "
+                "records go to --mqtt, --metrics and the standard output."
+            )
 
 
 def _check_recordable(config: Config, source: Source) -> None:

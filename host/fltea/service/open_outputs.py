@@ -9,6 +9,7 @@ from fltea.service.hub import Hub
 from fltea.service.recorder import RecorderOfHub
 from fltea.settings.config import Config
 from fltea.settings.extras import load
+from fltea.settings.ingest import is_shared
 from fltea.sinks.log import LogSink
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.sinks.table import TableSink
@@ -32,9 +33,14 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
             module = _module("record", "record", "mcap")
             sink = module.RecordSink(program.record, config.name, hub.report(config.name))
             recorder.adopt(config.name, hub.add(sink, config.name))
-        if program.mqtt.broker is not None:
+        if program.mqtt.broker is not None and not is_shared(config.source):
             module = _module("mqtt.sink", "mqtt", "paho")
             hub.add(module.MqttSink(program.mqtt, config.name, hub.report(config.name)), config.name)
+    shared = [config.name or "" for config in configs if is_shared(config.source)]
+    if program.mqtt.broker is not None and shared:
+        module = _module("mqtt.many", "mqtt", "paho")
+        apart = {config.name for config in configs if not is_shared(config.source)}
+        hub.add(module.ManyMqttSink(program.mqtt, shared[0], hub.report(), apart))
     if program.metrics.address is not None:
         module = _module("metrics.sink", "metrics", "prometheus_client")
         hub.add(module.MetricsSink(program.metrics, hub.outlets, hub.report()))

@@ -87,8 +87,8 @@ def open_source(config: Config) -> Source:
             return SyntheticSource(rest, realtime=config.pace != "fast")
     raise UsageError(
         f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "
-        "i2c:///dev/i2c-1?addr=0x68, iio:NAME, stdin:, serial-text:PORT?baud=115200, replay:FILE, "
-        "synthetic:?KEY=VALUE&…"
+        "i2c:///dev/i2c-1?addr=0x68, iio:NAME, stdin:, serial-text:PORT?baud=115200, "
+        "mqtt://BROKER, replay:FILE, synthetic:?KEY=VALUE&…"
     )
 
 

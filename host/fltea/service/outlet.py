@@ -11,8 +11,6 @@ from fltea.records.ports import Item, Latency, Sink, SinkClosed
 from fltea.records.records import OutputStats
 
 IDLE_S = 0.5
-REST_S = 0.002
-"""Between two batches: records of many devices then go out together, not with a change of threads each."""
 
 
 def weight(item: Item) -> int:
@@ -90,7 +88,7 @@ class Outlet:
         try:
             while self._write_batch():
                 if not self._closing:
-                    time.sleep(REST_S)
+                    time.sleep(self.sink.rest_s)
             self.sink.close()
         except SinkClosed:
             self._end(None)

@@ -13,7 +13,9 @@ from fltea.service.hub import Hub
 from fltea.service.state import StateFile
 from fltea.settings.config import Config
 from fltea.sources.as_wire import AsWire
+from fltea.sources.frames import FramesSource
 from fltea.sources.serial import SerialSource
+from fltea.stream.fit_times import FitLoad
 from fltea.stream.pipeline import Pipeline
 
 
@@ -30,8 +32,9 @@ class Walk:
         config: Config,
         hub: Hub,
         state: StateFile | None,
-        devices: int = 1,
+        load: FitLoad | None = None,
         number: int = 0,
+        stats_s: int = 1,
     ) -> None:
         self.source = source
         self.name = config.name or ""
@@ -44,13 +47,14 @@ class Walk:
             lambda: hub.stats(self.name),
             state.found.get(self.name) if state else None,
             lambda: state.refuse(self.name) if state else None,
-            devices,
+            load,
             number,
+            stats_s,
         )
         self._tap = hub.tap(self.name, wait=not source.prompt)
         self._as_wire: AsWire | None = None
-        self._has_wire = isinstance(source, SerialSource)
-        if isinstance(source, SerialSource):
+        self._has_wire = isinstance(source, SerialSource | FramesSource)
+        if isinstance(source, SerialSource | FramesSource):
             source.tap = self._tap
         self._save_period_ns = int(config.state.period_s * 1e9)
         self._save_ns = clock.host_ns() + self._save_period_ns

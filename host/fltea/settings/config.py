@@ -16,6 +16,7 @@ from fltea.settings import duration, filters
 from fltea.settings.device_name import NAME, device_name, device_names
 from fltea.settings.duration import Duration
 from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
+from fltea.settings.ingest import IngestConfig
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.settings.live import LiveConfig
 from fltea.settings.old_names import refuse_old_names
@@ -225,6 +226,7 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     once: bool = False
     samples: bool = False
     link: LinkConfig = LinkConfig()
+    ingest: IngestConfig = IngestConfig()
     replay: ReplayConfig = ReplayConfig()
     estimator: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()

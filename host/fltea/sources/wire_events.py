@@ -52,14 +52,30 @@ class Chunks(NamedTuple):
         return cls(np.array([len(data)]), np.array([host_ns]), np.array([unix_offset_ns]))
 
 
+class Hints(NamedTuple):
+    """What a person looks at where a device says nothing, or nothing that can be read."""
+
+    silent: str
+    unreadable: str
+
+
+OF_A_PORT = Hints(
+    "Is the firmware flashed, and is this the programming port (the one beside the power socket)?",
+    "The baud rate is wrong, or the device does not run the firmware of fltea.",
+)
+
+
 class WireEvents:
     """Transport events in, events out; every failure is a `Trouble`.
 
-    url: what the texts call the port. `unix_offset_ns` is that of the last transport event.
+    url: what the texts call the port. hints: what to do about bytes without frames, and about none.
+    `unix_offset_ns` is that of the last transport event.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, hints: "Hints | None" = None) -> None:
         self.url = url
+        self._hints = hints or OF_A_PORT
+        self._source = f"serial:{url}" if hints is None else url
         self.unix_offset_ns = 0
         self._before_ns: int | None = None
         self._frames = BlockReader()
@@ -210,7 +226,7 @@ class WireEvents:
                 yield from self._tell(Trouble("bad_hello", f"{self.url}: {problem}", host_ns))
             case wire.Hello() as hello:
                 self._refused, self._heard_hello, self._told = False, True, None
-                yield hello_event(hello, f"serial:{self.url}", host_ns)
+                yield hello_event(hello, self._source, host_ns)
                 yield from self._on_sensor(hello, host_ns)
             case wire.Status() as s:
                 yield status_event(s)
@@ -252,15 +268,12 @@ class WireEvents:
             return
         waits_for_hello = self._unread_since_ns is None and not (self._heard_hello or self._refused)
         if now_ns - self._byte_ns >= LIMIT_NS:
-            text = (
-                f"{self.url} is open but has said nothing for {SILENCE_S:g} s. Is the firmware flashed, and "
-                "is this the programming port (the one beside the power socket)?"
-            )
+            text = f"{self.url} is open but has said nothing for {SILENCE_S:g} s. {self._hints.silent}"
             yield from self._tell(Trouble("silent", text, now_ns))
         elif self._unread_since_ns is not None and now_ns - self._unread_since_ns >= LIMIT_NS:
             text = (
                 f"{self.url}: {self._unread_bytes} bytes in {SILENCE_S:g} s, and no valid frame among them. "
-                "The baud rate is wrong, or the device does not run the firmware of fltea."
+                f"{self._hints.unreadable}"
             )
             yield from self._tell(Trouble("no_valid_frame", text, now_ns))
         elif waits_for_hello and now_ns - self._opened_ns >= LIMIT_NS:

@@ -1,6 +1,7 @@
 """When a fit is due, counted in samples, so that nothing depends on how they came (pure)."""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from fltea.settings.config import Config
@@ -16,10 +17,26 @@ DEVICES_A_SECOND = 12
 """Devices of three axes whose fits, once a second, take a fifth of a core: 1.7 % each, curves included."""
 
 
-def period_s(config: Config, devices: int) -> float:
+LONGEST_PERIOD_S = 3600.0
+
+
+@dataclass
+class FitLoad:
+    """What the fits of all devices of a program share; who runs many devices changes it as they come and go.
+
+    devices: how many there are. slower: how many times rarer than usual their fits come, for all alike,
+    because the processor does not keep up.
+    """
+
+    devices: int = 1
+    slower: float = 1.0
+
+
+def period_s(config: Config, load: FitLoad) -> float:
     """Seconds of samples between fits that come in time: longer by default where there are many devices."""
     given = config.live.period_s
-    return max(1.0, devices / DEVICES_A_SECOND) if given is None else given
+    usual_s = max(1.0, load.devices / DEVICES_A_SECOND) if given is None else given
+    return usual_s if load.slower == 1 else min(usual_s * load.slower, max(usual_s, LONGEST_PERIOD_S))
 
 
 AXIS_S = 0.05
@@ -68,6 +85,18 @@ class FitTimes:
         """An epoch begins."""
         self.due = self._settles = self._period + self._offset
         self._drawn: int | None = None
+        self._latest = 0
+
+    def pace(self, period: int, offset: int, number: int) -> None:
+        """Go on with another period from sample `number` on: a fit that comes too soon for it is put off.
+
+        One that is due later than the new period asks stays due then.
+        """
+        if (period, offset) == (self._period, self._offset):
+            return
+        self._period, self._offset = period, offset
+        if number - self._latest < period // 2:
+            self.due = self._next(number, 1)
 
     def settles(self, number: int) -> bool:
         """Whether a fit after sample `number` settles."""
@@ -76,6 +105,7 @@ class FitTimes:
     def done(self, number: int, samples: int) -> Done:
         """Take note of the fit after sample `number`, of so many samples."""
         settles = self.settles(number)
+        self._latest = number
         if settles:
             self._settles = self._next(number, math.ceil(samples / GROWTH) if self._grows else 1)
         self.due = self._next(number, 1) if self._every else self._settles

@@ -24,7 +24,7 @@ from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
-from fltea.stream.fit_times import CURVES_S, Done, FitTimes, Turns, period_s, turns
+from fltea.stream.fit_times import CURVES_S, Done, FitLoad, FitTimes, Turns, period_s, turns
 from fltea.stream.stages import Beginning, Item, Saved, SavedFits, Standing
 
 BREAK = 9
@@ -74,16 +74,20 @@ class _Begun(NamedTuple):
 class LiveFits:
     """Fits the axes of both sensors, whoever estimates them.
 
-    prompt: samples come at their own pace. devices: how many run in this program. number: which of them this
-    is, from 0.
+    prompt: samples come at their own pace. load: what the fits of this program share. number: which of its
+    devices this is, from 0.
     """
 
-    def __init__(self, config: Config, *, prompt: bool = True, devices: int = 1, number: int = 0) -> None:
+    def __init__(
+        self, config: Config, *, prompt: bool = True, load: FitLoad | None = None, number: int = 0
+    ) -> None:
         self._config = config
-        self._period_s = period_s(config, devices)
+        self._load = load or FitLoad()
+        self._period_s = period_s(config, self._load)
+        self._rate_hz = 1.0
         self._prompt = prompt
         # Nobody waits at full speed, and what is said there is of the recording alone.
-        self._devices, self._number = devices, number if prompt else 0
+        self._number = number if prompt else 0
         self._turns = Turns(0, 0)
         self._begun: _Begun | None = None
         self._turn = 0
@@ -115,9 +119,9 @@ class LiveFits:
                     live = LiveAxes(tuple(axes), h, of_live, unit, data)
                     self._sensors[name] = _Sensor(live, list(axes.values()))
             self._of, self._resumed = identity, saved is not None
-            period = max(1, round(self._period_s * hello.rate_hz))
+            self._rate_hz = hello.rate_hz
             grows, curves = self._config.live.period_s is None, round(CURVES_S * hello.rate_hz)
-            self._turns = turns(period, hello.rate_hz, len(gyro) + len(accel), self._devices, self._number)
+            period = self._pace()
             offset = self._turns.offset
             self._times = FitTimes(period, curves, grows=grows, every=self._prompt, offset=offset)
         else:
@@ -199,11 +203,24 @@ class LiveFits:
         seq, device_us, host_ns = last
         self._at = _Place(seq, block.epoch, device_us, host_ns)
 
+    def _pace(self) -> int:
+        """Take note of what this program's fits share now; the samples from fit to fit."""
+        load = self._load
+        self._period_s = period_s(self._config, load)
+        period = max(1, round(self._period_s * self._rate_hz))
+        axes = sum(len(sensor.places) for sensor in self._sensors.values())
+        self._turns = turns(period, self._rate_hz, axes, load.devices, self._number % load.devices)
+        return period
+
     def _after(self, number: int) -> Iterator[Item]:
         """What is to be done after sample `number` of the epoch."""
         yield from self._go_on(number)
         if number < self._times.due:
             return
+        if self._period_s != period_s(self._config, self._load):
+            self._times.pace(self._pace(), self._turns.offset, number)
+            if number < self._times.due:
+                return
         # One that settles waits for none of those between, which a replay does not make.
         if self._begun is None or self._times.settles(number):
             yield from self._go_on()

@@ -33,6 +33,7 @@ from fltea.records.records import (
 from fltea.settings.config import BY_DEVICE, Config
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
+from fltea.stream.fit_times import FitLoad
 from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
 from fltea.stream.snapshot import DeviceState, sensor_of, why_unused
@@ -60,8 +61,8 @@ class Pipeline:
 
     outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their
     own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
-    refuse: is called if it is not sound. devices: how many run in this program. number: which of them this
-    is, from 0.
+    refuse: is called if it is not sound. load: what the live fits of this program share. number: which of its
+    devices this is, from 0. stats_s: seconds from one statistics to the next; devices have turns.
     """
 
     def __init__(
@@ -71,15 +72,17 @@ class Pipeline:
         outputs: Callable[[], dict[str, OutputStats]] = no_outputs,
         state: DeviceState | None = None,
         refuse: Callable[[], None] = lambda: None,
-        devices: int = 1,
+        load: FitLoad | None = None,
         number: int = 0,
+        stats_s: int = 1,
     ) -> None:
+        self._stats_ns, self._stats_offset_ns = stats_s * SECOND_NS, number % stats_s * SECOND_NS
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
         every = config.output.every
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name, every)
         self._refuse = refuse
         live = config.live.on
-        self._fits = LiveFits(config, prompt=source.prompt, devices=devices, number=number) if live else None
+        self._fits = LiveFits(config, prompt=source.prompt, load=load, number=number) if live else None
         self._stages = stages_of(config, self._fits)
         self._board: DeviceStatus | None = None
         self._now_ns = 0
@@ -127,7 +130,7 @@ class Pipeline:
             self._now_ns = host_ns
         if self._decoder.timebase is None:  # the source may not have known the date before
             self._offset_ns = self._source.unix_offset_ns
-        second = self._now_ns // SECOND_NS
+        second = (self._now_ns + self._stats_offset_ns) // self._stats_ns
         if self._second is not None and second > self._second:
             yield self.stats()
         if self._second is None or second > self._second:

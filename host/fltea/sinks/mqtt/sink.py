@@ -16,6 +16,7 @@ from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, Fit, Hel
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up
+from fltea.sinks.mqtt.shared import SharedConnection, View
 
 BACKLOG = 1000
 """Rare records that are kept while the broker is away; the oldest go first."""
@@ -74,17 +75,23 @@ class MqttSink(Sink):
 
     All here runs in the outlet's thread, which drives it by `write` and `flush`; the network has another.
 
+    shared: a connection that many devices have together. Each then stands under its own name, since what its
+    HELLO says may be another's.
+
     Raises:
         UsageError: settings or secrets that cannot be used.
     """
 
     name = "mqtt"
 
-    def __init__(self, settings: MqttConfig, device: str, report: Report) -> None:
+    def __init__(
+        self, settings: MqttConfig, device: str, report: Report, shared: SharedConnection | None = None
+    ) -> None:
         self._settings = settings
+        self._shared = shared
         self._device = device
         self._report = report
-        self._broker = Broker(settings)
+        self._broker = Broker(settings) if shared is None else shared.broker
         self._encode = msgspec.json.Encoder().encode
         self._early: deque[AnyRecord] = deque()
         self._hello: Hello | None = None
@@ -97,7 +104,7 @@ class MqttSink(Sink):
         self._sample_ns: int | None = None
         self._seen: dict[str, int] = {}
         self._client_id = ""
-        self._connection: Connection | None = None
+        self._connection: Connection | View | None = None
         self._began_ns = 0
         self._up = self._refusal_told = False
         self._backlog: deque[_Message] = deque()
@@ -105,7 +112,7 @@ class MqttSink(Sink):
         self._failures = 0
         self._retry_ns = 0
         self._forget_flight()
-        if self._broker.shows_password:
+        if shared is None and self._broker.shows_password:
             report(
                 "broker_plain",
                 f"{self._broker.address}: the password crosses the network in clear; use mqtts:// if the "
@@ -178,20 +185,29 @@ class MqttSink(Sink):
 
     def close(self) -> None:
         """Say that the device is offline, and farewell; what the broker has not had by then is lost."""
+        self.say_ended()
+        self._leave(FAREWELL_S)
+        self.lost += len(self._backlog) + len(self._early)
+
+    def say_ended(self) -> None:
+        """Say that the device is offline."""
         self._on_events()
         if self._hello is not None:
             self._say("offline", "ended")
-        self._leave()
+
+    def leave(self) -> None:
+        """Leave a shared connection, which its owner waits for."""
+        self._leave(0.0)
         self.lost += len(self._backlog) + len(self._early)
 
     # --- the device ---
 
     def _on_hello(self, hello: Hello) -> None:
-        if not self._identities.admits(_device_id(hello, self._device), host_ns()):
+        if not self._identities.admits(self._id(hello), host_ns()):
             self._turn_away(hello)
             return
         self._turned_away = False
-        if self._hello is None or _device_id(self._hello, self._device) != _device_id(hello, self._device):
+        if self._hello is None or self._id(self._hello) != self._id(hello):
             self._begin(hello)
         self._hello = hello
         self._publish_state("hello", self._encode(hello))
@@ -201,7 +217,7 @@ class MqttSink(Sink):
     def _begin(self, hello: Hello) -> None:
         """From now on for this device, with a will of its own."""
         self._retire()
-        device_id = _device_id(hello, self._device)
+        device_id = self._id(hello)
         self._hello = hello
         self._base = f"{self._settings.prefix}/{device_id}"
         self._client_id = f"fltea-{device_id}-{secrets.token_hex(4)}"
@@ -214,7 +230,7 @@ class MqttSink(Sink):
         if self._hello is None:
             return
         self._keep(_Message(self._topic("status"), self._offline("replaced", host_ns()), True, again=True))
-        self._leave()
+        self._leave(FAREWELL_S if self._shared is None else 0.0)
         self._hello = self._status = self._sample_ns = self._fit = None
 
     def _turn_away(self, hello: Hello) -> None:
@@ -245,6 +261,10 @@ class MqttSink(Sink):
             return
         self._fit = self._encode(fit)
         self._publish_state("fit", self._fit)
+
+    def _id(self, hello: Hello) -> str:
+        """The device's level in the topics."""
+        return _device_id(hello, self._device) if self._shared is None else self._device
 
     # --- the status ---
 
@@ -341,12 +361,15 @@ class MqttSink(Sink):
 
     def _connect(self) -> None:
         self._began_ns = host_ns()
+        if self._shared is not None:
+            self._connection = self._shared.connect()
+            return
         will = (self._topic("status"), self._offline("connection_lost", None))
         self._connection = Connection(self._broker, self._client_id, will)
 
-    def _leave(self) -> None:
+    def _leave(self, farewell_s: float) -> None:
         """Take leave of the broker, but not before it has acknowledged all: it may else publish the will."""
-        deadline_s = time.monotonic() + FAREWELL_S
+        deadline_s = time.monotonic() + farewell_s
         self._send_backlog()
         while self._up and self._unacknowledged and time.monotonic() < deadline_s:
             time.sleep(0.002)

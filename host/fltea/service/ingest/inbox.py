@@ -1,0 +1,95 @@
+"""What devices have published and nobody has read yet, bounded for each of them and for all together."""
+
+import threading
+from collections import Counter, deque
+from typing import NamedTuple
+
+from fltea.records.clock import host_ns
+from fltea.records.visible import visible
+from fltea.service.ingest.admission import Admission, Verdict
+
+DEVICE_BYTES = 1 << 20
+"""Of one device, as of a serial port (`wire.transport`): minutes of samples, or a second of a flood."""
+
+BATCH = 256
+"""Messages that are handed out together."""
+
+LONGEST_SHOWN = 64
+
+
+class Message(NamedTuple):
+    """Frames that a device has published together. arrived_ns: when, monotonic."""
+
+    device: str
+    data: bytes
+    arrived_ns: int
+
+
+class Inbox:
+    """A queue between who receives messages and who reads them.
+
+    `put` waits for nobody: what has no room is counted, by device. reserved: a name that none may have.
+    """
+
+    def __init__(self, devices: int, queue_bytes: int, reserved: str = "") -> None:
+        self.admission = Admission(devices, reserved)
+        self.overflow_bytes: Counter[str] = Counter()
+        self.last_turned_away: dict[Verdict, str] = {}
+        self._queue_bytes = queue_bytes
+        self._bytes = 0
+        self._waiting: Counter[str] = Counter()
+        self._queue: deque[Message] = deque()
+        self._changed = threading.Condition()
+
+    def put(self, device: str, data: bytes) -> None:
+        """Queue a message, unless its device is not believed or has no room left."""
+        size = len(data)
+        with self._changed:
+            now_ns = host_ns()
+            verdict = self.admission.judge(device, now_ns)
+            if verdict not in ("in", "new"):
+                self.last_turned_away["once" if verdict == "candidate" else verdict] = visible(
+                    device[:LONGEST_SHOWN]
+                )
+                return
+            if self._waiting[device] + size > DEVICE_BYTES or self._bytes + size > self._queue_bytes:
+                self.overflow_bytes[device] += size
+                return
+            self._waiting[device] += size
+            self._bytes += size
+            self._queue.append(Message(device, data, now_ns))
+            self._changed.notify()
+
+    def take(self, timeout_s: float) -> list[Message]:
+        """Messages in their order, after at most so long; none if none came or somebody woke us up."""
+        with self._changed:
+            if not self._queue:
+                self._changed.wait(timeout_s)
+            found = [self._queue.popleft() for _ in range(min(BATCH, len(self._queue)))]
+            for message in found:
+                self._waiting[message.device] -= len(message.data)
+                self._bytes -= len(message.data)
+        return found
+
+    def overflow(self) -> dict[str, int]:
+        """Bytes that had no room, by device."""
+        with self._changed:
+            return dict(self.overflow_bytes)
+
+    def expire(self, now_ns: int) -> None:
+        """Give up names that were heard once and not again in time."""
+        with self._changed:
+            self.admission.expire(now_ns)
+
+    def wake(self) -> None:
+        """End the waiting of `take`."""
+        with self._changed:
+            self._changed.notify()
+
+    def forget(self, device: str) -> None:
+        """Give the device's place to others."""
+        with self._changed:
+            self.admission.forget(device)
+            if not self._waiting[device]:
+                del self._waiting[device]
+            self.overflow_bytes.pop(device, None)

@@ -1,0 +1,72 @@
+"""What an inbox did not take, told at most once a minute for each reason, with the name of who did most."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from fltea.records.events import Trouble
+from fltea.records.repeat import OnceAMinute
+from fltea.service.ingest.admission import Verdict
+from fltea.service.ingest.inbox import Inbox
+
+
+class _Reason(NamedTuple):
+    """fewest: so many since the last time are worth telling."""
+
+    fewest: int
+    text: str
+
+
+REASONS: dict[Verdict, _Reason] = {
+    "once": _Reason(
+        100,
+        "names were heard once and not again within a minute: does somebody make them up? Give each device "
+        "an account that may write under its own name only",
+    ),
+    "full": _Reason(
+        1,
+        "messages came of devices beyond the limit: raise ingest.devices, or look who publishes under names "
+        "of nobody",
+    ),
+    "bad_name": _Reason(
+        1,
+        "messages came under names that no device has: of more than 64 characters, of others than letters, "
+        "digits, _ . and -, or of this program",
+    ),
+}
+
+
+class Losses:
+    """Names who was turned away and who floods. where: the broker, as texts name it."""
+
+    def __init__(self, inbox: Inbox, where: str) -> None:
+        self._inbox, self._where = inbox, where
+        self._due = OnceAMinute()
+        self._away: dict[Verdict, int] = {}
+        self._overflow: dict[str, int] = {}
+
+    def look(self, now_ns: int) -> Iterator[Trouble]:
+        """Yield what there is to tell."""
+        inbox = self._inbox
+        inbox.expire(now_ns)
+        for verdict, reason in REASONS.items():
+            count = inbox.admission.turned_away[verdict]
+            new = count - self._away.get(verdict, 0)
+            if new >= reason.fewest and self._due.is_due(verdict, now_ns):
+                self._away[verdict] = count
+                last, limit = inbox.last_turned_away[verdict], inbox.admission.limit
+                text = (
+                    f"{self._where}: {new} {reason.text}. The last was {last}; the limit is {limit} devices."
+                )
+                yield Trouble("devices_refused", text, now_ns, fatal=False)
+        overflow = inbox.overflow()
+        new_bytes = {name: size - self._overflow.get(name, 0) for name, size in overflow.items()}
+        worst = max(new_bytes, key=lambda name: new_bytes[name], default=None)
+        if worst is not None and new_bytes[worst] > 0 and self._due.is_due("overflow", now_ns):
+            self._overflow = overflow
+            devices = sum(size > 0 for size in new_bytes.values())
+            text = (
+                f"{self._where}: {sum(new_bytes.values())} bytes of {devices} devices had no room in the "
+                f"queue and are lost, most of them of {worst} ({new_bytes[worst]} bytes): it floods, or this "
+                "machine does not keep up."
+            )
+            yield Trouble("frames_overflow", text, now_ns, fatal=False)

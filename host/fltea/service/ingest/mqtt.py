@@ -1,0 +1,140 @@
+"""Frames of many devices from an MQTT broker: one connection, one subscription, into an inbox."""
+
+import secrets
+import threading
+from typing import Any
+
+from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
+from paho.mqtt.subscribeoptions import SubscribeOptions
+
+from fltea.records.ports import Report
+from fltea.service.ingest.inbox import Inbox
+from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt.broker import Broker
+
+KEEPALIVE_S = 15
+BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0)
+LEVEL = "frames"
+"""Last level of the topics `<prefix>/<device>/frames`."""
+
+NEW_ONLY = 2
+"""Of MQTT 5: what the broker has retained is not sent; it would be frames of nobody knows when."""
+
+
+class MqttFrames:
+    """Receives, in a thread of its own, until closed; a broker that is away is tried again.
+
+    connected: whether the broker has us now. Told once an outage: why, and that it is over.
+
+    Raises:
+        UsageError: settings or secrets that cannot be used.
+    """
+
+    def __init__(self, settings: MqttConfig, inbox: Inbox, report: Report) -> None:
+        self._broker = Broker(settings)
+        self._inbox, self._report = inbox, report
+        self._topic = f"{settings.prefix}/+/{LEVEL}"
+        self._place = settings.prefix.count("/") + 1
+        self.url = str(self._broker.address)
+        self.connected = False
+        self._told: set[str] = set()
+        self._answered = False
+        self._failures = 0
+        self._stop = threading.Event()
+        self._client: Client | None = None
+        self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
+        if self._broker.shows_password:
+            report(
+                "broker_plain",
+                f"{self.url}: the password crosses the network in clear; use mqtts:// if the broker can.",
+            )
+
+    def start(self) -> None:
+        """Begin to receive."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Receive no more."""
+        self._stop.set()
+        client = self._client
+        if client is not None:
+            client.disconnect()
+        if self._thread.is_alive():
+            self._thread.join(1.0)
+
+    def _run(self) -> None:
+        """Connection after connection; each is a client of its own, which `loop_forever` runs here."""
+        while not self._stop.is_set():
+            client = self._new_client()
+            self._client, self._answered = client, False
+            try:
+                client.connect(self._broker.address.host, self._broker.address.port, keepalive=KEEPALIVE_S)
+                if self._stop.is_set():
+                    client.disconnect()
+                client.loop_forever(retry_first_connection=False)
+            except Exception as error:  # whatever network and TLS raise
+                self._tell(*self._broker.explain_failure(error))
+            self.connected = False
+            self._failures += 1
+            self._stop.wait(BACKOFF_S[min(self._failures, len(BACKOFF_S)) - 1])
+
+    def _new_client(self) -> Client:
+        client = Client(
+            CallbackAPIVersion.VERSION2,
+            f"fltea-frames-{secrets.token_hex(4)}",
+            protocol=MQTTProtocolVersion.MQTTv5,
+            reconnect_on_failure=False,
+        )
+        client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
+        client.on_message, client.on_subscribe = self._on_message, self._on_subscribe
+        if self._broker.user is not None:
+            client.username_pw_set(self._broker.user, self._broker.password)
+        if self._broker.tls is not None:
+            client.tls_set_context(self._broker.tls)
+        return client
+
+    def _on_connect(
+        self, client: Client, _: Any, flags: ConnectFlags, reason: ReasonCode, properties: Properties | None
+    ) -> None:
+        if reason.is_failure:
+            self._tell(*self._broker.explain_refusal(reason))
+            client.disconnect()
+            return
+        self._answered = True
+        client.subscribe(self._topic, options=SubscribeOptions(qos=1, retainHandling=NEW_ONLY))
+
+    def _on_subscribe(
+        self, client: Client, _: Any, mid: int, reasons: list[ReasonCode], properties: Properties | None
+    ) -> None:
+        if reasons[0].is_failure:
+            text = (
+                f"{self.url}: the broker does not let this user read {self._topic} ({reasons[0].getName()}): "
+                "its access list has to."
+            )
+            self._tell("broker_refused", text)
+            client.disconnect()
+            return
+        self.connected, self._failures = True, 0
+        if self._told:
+            self._report("broker_back", f"{self.url} is back; frames that it did not keep are lost.")
+            self._told = set()
+
+    def _on_disconnect(
+        self, client: Client, _: Any, flags: DisconnectFlags, reason: ReasonCode, properties: Any
+    ) -> None:
+        self.connected = False
+        if not self._stop.is_set() and reason.is_failure:
+            self._tell(*self._broker.explain_end(reason, self._answered))
+
+    def _on_message(self, client: Client, _: Any, message: MQTTMessage) -> None:
+        if not message.retain:
+            levels = message.topic.split("/")
+            self._inbox.put(levels[self._place], bytes(message.payload))
+
+    def _tell(self, kind: str, text: str) -> None:
+        if kind not in self._told and not self._stop.is_set():
+            self._told.add(kind)
+            self._report(kind, text)

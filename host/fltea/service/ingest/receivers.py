@@ -1,0 +1,36 @@
+"""Who receives the messages of a shared source, from its URL; its library is loaded only then."""
+
+from collections.abc import Callable
+
+import msgspec
+
+from fltea.records.errors import UsageError
+from fltea.records.ports import Report
+from fltea.service.ingest.inbox import Inbox
+from fltea.service.ingest.loop import Receiver
+from fltea.settings.config import Config
+from fltea.settings.extras import load
+
+
+def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
+    """Return what makes the receiver.
+
+    Raises:
+        UsageError: no broker's address, or a library that is not installed.
+    """
+    source = config.source or ""
+    if "://" not in source:
+        raise UsageError(
+            "--source mqtt: give the broker's address: mqtt://HOST[:PORT] or mqtts://HOST[:PORT]."
+        )
+    try:
+        settings = msgspec.structs.replace(config.mqtt, broker=source)
+    except ValueError as error:  # its text does not repeat the address, in which a password may be
+        raise UsageError(f"--source: {str(error).replace('broker', 'an mqtt source', 1)}.") from error
+    module = load("fltea.service.ingest.mqtt", "paho", "mqtt", "a source behind a broker needs")
+
+    def make(inbox: Inbox, report: Report) -> Receiver:
+        found: Receiver = module.MqttFrames(settings, inbox, report)
+        return found
+
+    return make

@@ -1,0 +1,140 @@
+"""Publishes the records of many devices over one connection (host/ingest.md).
+
+Each device has an `MqttSink` without a thread or a connection of its own, so topics, states, retries and
+counts are those of any device. Devices stand under the name by which the broker let them publish, never under
+what their HELLO says. The program has a status of its own, `<prefix>/<program>/ingest`: the will.
+"""
+
+import secrets
+import time
+from collections.abc import Collection
+
+import msgspec
+
+from fltea.records.block import Block
+from fltea.records.clock import host_ns, unix_offset_ns
+from fltea.records.ports import Item, Report, Sink
+from fltea.records.records import Record
+from fltea.records.repeat import OnceAMinute
+from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt.broker import Broker
+from fltea.sinks.mqtt.connection import Down, Up
+from fltea.sinks.mqtt.shared import SharedConnection
+from fltea.sinks.mqtt.sink import MqttSink, Status
+
+LOOK_S = 0.5
+"""All devices are looked after so often; those with something to say at once."""
+
+FAREWELL_S = 0.4
+IDLE_NS = 3600 * 10**9
+"""A device that has said nothing for so long takes no memory any more."""
+
+EVERY = 1000
+"""Estimates of one sample in so many, at most: ten seconds of most boards, as there are many of them."""
+
+
+class ManyMqttSink(Sink):
+    """program: name of the status of all. apart: names of devices that have sinks of their own.
+
+    Raises:
+        UsageError: settings or secrets that cannot be used.
+    """
+
+    name = "mqtt"
+    capacity = 200_000
+    rest_s = 0.05
+
+    def __init__(
+        self, settings: MqttConfig, program: str, report: Report, apart: Collection[str] = ()
+    ) -> None:
+        every = max(EVERY, settings.estimate_every)
+        sample_every = max(EVERY, settings.sample_every) if settings.sample_every else 0
+        self._settings = msgspec.structs.replace(settings, estimate_every=every, sample_every=sample_every)
+        self._program, self._apart = program, frozenset(apart)
+        self._report, self._told = report, OnceAMinute()
+        broker = Broker(settings)
+        self._status_topic = f"{settings.prefix}/{program}/ingest"
+        will = (self._status_topic, self._status("offline", "connection_lost"))
+        self._shared = SharedConnection(broker, f"fltea-{program}-{secrets.token_hex(4)}", will)
+        self._own = self._shared.connect()
+        self._sinks: dict[str, MqttSink] = {}
+        self._heard_ns: dict[str, int] = {}
+        self._touched: set[str] = set()
+        self._gone_lost = 0
+        self._looked_s = time.monotonic()
+
+    @property
+    def lost(self) -> int:  # type: ignore[override]
+        """Records that no device's topics took."""
+        return self._gone_lost + sum(sink.lost for sink in self._sinks.values())
+
+    def write(self, item: Item) -> None:
+        """Give a record to its device's sink."""
+        if not isinstance(item, Record | Block) or not item.device or item.device in self._apart:
+            return
+        self._shared.pump()
+        name = item.device
+        sink = self._sinks.get(name)
+        if sink is None:
+            sink = MqttSink(self._settings, name, self._tell, self._shared)
+            self._sinks[name] = sink
+        self._heard_ns[name] = host_ns()
+        sink.write(item)
+        self._touched.add(name)
+
+    def flush(self) -> None:
+        """Look after those that have written, and now and then after all."""
+        self._shared.pump()
+        now_s = time.monotonic()
+        touched, self._touched = self._touched, set()
+        if now_s - self._looked_s >= LOOK_S:
+            self._looked_s = now_s
+            self._look_after_own()
+            self._forget_idle()
+            touched = set(self._sinks)
+        for name in touched:
+            self._sinks[name].flush()
+
+    def close(self) -> None:
+        """Say that all are offline, in one go, and farewell."""
+        self._shared.pump()
+        for sink in self._sinks.values():
+            sink.say_ended()
+        if self._shared.up:
+            self._own.publish(self._status_topic, self._status("offline", "ended"), 1, True)
+        deadline_s = time.monotonic() + FAREWELL_S
+        while self._shared.waiting and self._shared.up and time.monotonic() < deadline_s:
+            time.sleep(0.002)
+            self._shared.pump()
+        for sink in self._sinks.values():
+            sink.leave()
+        self._shared.close()
+
+    def _look_after_own(self) -> None:
+        """The program's own status, said with each connection; a lost one is opened again by a device."""
+        while self._own.events:
+            event = self._own.events.popleft()
+            if isinstance(event, Up):
+                self._own.publish(self._status_topic, self._status("online", None), 1, True)
+            elif isinstance(event, Down):
+                self._own = self._shared.rejoin()
+
+    def _status(self, status: str, reason: str | None) -> bytes:
+        since_ns = None if reason == "connection_lost" else host_ns() + unix_offset_ns()
+        return msgspec.json.encode(
+            Status(status, since_ns, "ingest", None, self._program, reason)  # type: ignore[arg-type]
+        )
+
+    def _forget_idle(self) -> None:
+        now_ns = host_ns()
+        for name in [name for name, ns in self._heard_ns.items() if now_ns - ns > IDLE_NS]:
+            sink = self._sinks.pop(name)
+            del self._heard_ns[name]
+            sink.say_ended()
+            sink.leave()
+            self._gone_lost += sink.lost
+
+    def _tell(self, kind: str, message: str) -> None:
+        """What all devices meet at once, such as a broker that is away, is told once."""
+        if self._told.is_due(kind, host_ns()):
+            self._report(kind, message)

@@ -1,0 +1,57 @@
+"""One device of many behind a broker: its frames come as messages, which somebody else receives."""
+
+from collections.abc import Callable, Iterator
+
+from fltea.records.clock import host_ns
+from fltea.records.events import Chunk, Event, Opened, TransportEvent
+from fltea.records.records import LinkStats
+from fltea.sources.wire_events import Hints, WireEvents
+
+HINTS = Hints(
+    "Is the device running, and does it still reach the broker?",
+    "A message has to hold COBS frames as they come from the device, whole ones, and nothing else.",
+)
+
+
+class FramesSource:
+    """Frames of one device as events. Whoever receives its messages feeds them to `take`.
+
+    url: names it in texts. overflow_bytes: gives what was thrown away before it came here. tap: is given all
+    that comes, before anything interprets it.
+    """
+
+    live = prompt = True
+
+    def __init__(self, url: str, overflow_bytes: Callable[[], int]) -> None:
+        self.url = url
+        self._overflow_bytes = overflow_bytes
+        self._wire = WireEvents(url, HINTS)
+        self.tap: Callable[[TransportEvent], None] | None = None
+
+    @property
+    def unix_offset_ns(self) -> int:
+        """Nanoseconds from the monotonic clock to Unix time, as of the last message."""
+        return self._wire.unix_offset_ns
+
+    def events(self) -> Iterator[Event]:
+        """Nothing: messages are received for many devices together."""
+        return iter(())
+
+    def open(self, now_ns: int, unix_offset_ns: int) -> Iterator[Event]:
+        """Yield what the device's first word leads to."""
+        return self.take(Opened(now_ns, unix_offset_ns))
+
+    def take(self, item: Opened | Chunk | None) -> Iterator[Event]:
+        """Yield what a message leads to; None says that none came for a while."""
+        if item is not None and self.tap is not None:
+            self.tap(item)
+        now_ns = host_ns() if item is None else item.host_ns
+        self._wire.resume(now_ns)  # a device has its turn when it has said something: never a stall of ours
+        yield from self._wire.feed(item, now_ns)
+
+    def link_stats(self) -> LinkStats:
+        """Count what arrived and what was lost on the way."""
+        return self._wire.link_stats(self._overflow_bytes())
+
+    def close(self) -> None:
+        """Nothing is open here."""

@@ -1,0 +1,140 @@
+"""Many devices behind one source: who is let in, what is bounded, and what gives way."""
+
+from typing import Any
+
+from fltea.service.ingest.admission import CANDIDATES, Admission
+from fltea.service.ingest.inbox import DEVICE_BYTES, Inbox
+from fltea.service.ingest.losses import Losses
+from fltea.service.ingest.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
+from fltea.stream.fit_times import FitLoad, FitTimes
+from hypothesis import given
+from hypothesis import strategies as st
+
+S = 10**9
+NAMES = st.sampled_from(["a", "b", "c", "d", "ä", "a/b", "", "x" * 65, "program"])
+
+
+@given(st.lists(st.tuples(NAMES, st.booleans())), st.integers(1, 3))
+def test_only_so_many_devices_each_from_its_second_message_on(
+    said: list[tuple[str, bool]], limit: int
+) -> None:
+    admission, heard, inside = Admission(limit, "program"), dict.fromkeys("abcd", 0), set[str]()
+    taken = 0
+    for name, leaves in said:
+        verdict = admission.judge(name, 0)
+        if name not in heard:
+            assert verdict == "bad_name"
+            continue
+        heard[name] += 1
+        if name in inside:
+            assert verdict == "in"
+        elif heard[name] == 1:
+            assert verdict == "candidate"
+        else:
+            assert verdict == ("full" if len(inside) == limit else "new")
+            inside |= {name} if verdict == "new" else set()
+        if leaves and name in inside:
+            admission.forget(name)
+            inside.remove(name)
+            heard[name] = 0
+        assert len(admission) == len(inside) <= limit
+        taken += verdict in ("in", "new")
+    assert sum(admission.turned_away.values()) == len(said) - taken
+
+
+def test_names_that_are_made_up_take_nobodys_place_and_are_told() -> None:
+    inbox = Inbox(2, 1 << 24)
+    losses = Losses(inbox, "mqtt://broker")
+    for k in range(CANDIDATES + 300):
+        inbox.put(f"u{k}", b"x")
+    assert len(inbox.admission) == 0
+    assert len(inbox.admission._candidates) == CANDIDATES
+    for _ in range(2):
+        inbox.put("real", b"frames")
+    assert [(m.device, m.data) for m in inbox.take(0)] == [("real", b"frames")]
+    ((kind, text, *_),) = losses.look(0)
+    assert kind == "devices_refused"
+    assert "301 names were heard once" in text
+    assert not list(losses.look(1)), "once a minute"
+
+
+def test_names_are_told_so_that_no_terminal_obeys_them() -> None:
+    inbox = Inbox(2, 1 << 24)
+    inbox.put("\x1b[2J" + "x" * 500, b"")
+    ((_, text, *_),) = Losses(inbox, "mqtt://broker").look(0)
+    assert text.isprintable()
+    assert len(text) < 400
+
+
+def test_a_device_that_floods_loses_its_own_and_is_named() -> None:
+    inbox = Inbox(10, 4 * DEVICE_BYTES)
+    part = bytes(DEVICE_BYTES // 4)
+    for name in ("flood", "quiet"):
+        inbox.put(name, b"")
+    for _ in range(20):
+        inbox.put("flood", part)
+    inbox.put("quiet", b"frames")
+    taken = inbox.take(0)
+    assert [message.device for message in taken] == ["flood"] * 4 + ["quiet"]
+    assert inbox.overflow() == {"flood": 16 * len(part)}
+    ((kind, text, *_),) = Losses(inbox, "mqtt://broker").look(0)
+    assert kind == "frames_overflow"
+    assert f"flood ({16 * len(part)} bytes)" in text
+    inbox.put("flood", part)
+    assert len(inbox.take(0)) == 1, "what was read makes room again"
+
+
+def test_all_together_are_bounded_too() -> None:
+    inbox = Inbox(100, 2 * DEVICE_BYTES)
+    for _ in range(2):
+        for k in range(10):
+            inbox.put(f"d{k}", bytes(DEVICE_BYTES // 2))
+    assert sum(len(message.data) for message in inbox.take(0)) <= 2 * DEVICE_BYTES
+    assert sum(inbox.overflow().values()) == 6 * DEVICE_BYTES // 2
+
+
+def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm() -> None:
+    load = FitLoad(100)
+    pressure, told, now_ns = Pressure(load), [], 1000 * S
+    for _ in range(60):
+        now_ns += S
+        pressure.waited(2 * LATE_NS)
+        told.append(pressure.look(now_ns))
+    assert told[: LOOKS - 1] == [None] * (LOOKS - 1), "devices that begin together are no reason"
+    news = [one for one in told if one]
+    assert load.slower == 2 ** len(news) == 64
+    assert {one.kind for one in news} == {"fits_slowed"}
+    while load.slower > 1:
+        before, since_ns = load.slower, now_ns
+        while load.slower == before:
+            now_ns += S
+            pressure.waited(LATE_NS // 10)
+            assert pressure.look(now_ns) is None
+        assert now_ns - since_ns >= min(QUIET_NS, STEP_NS)
+    assert load.slower == 1
+
+
+def test_a_slower_pace_puts_off_what_comes_too_soon() -> None:
+    times = FitTimes(100, 1000, grows=False, every=True, offset=20)
+    assert times.due == 120
+    times.done(120, 120)
+    assert times.due == 220
+    times.pace(1000, 200, 220)
+    assert times.due == 1200
+    times.done(1200, 1200)
+    assert times.due == 2200
+    times.pace(100, 20, 2200)
+    assert times.due == 2200, "nothing is put off that has waited long enough"
+    times.done(2200, 2200)
+    assert times.due == 2220
+
+
+def test_a_shared_load_slows_every_device_alike() -> None:
+    from fltea.settings.config import load_config
+    from fltea.stream.fit_times import period_s
+
+    config: Any = load_config(None, {})
+    given = load_config(None, {"live.period_s": 5})
+    assert [period_s(config, FitLoad(n)) for n in (1, 12, 120)] == [1, 1, 10]
+    assert period_s(config, FitLoad(120, slower=4)) == 40
+    assert [period_s(given, FitLoad(1200, slower)) for slower in (1, 2)] == [5, 10]

@@ -1,0 +1,124 @@
+"""Many sensors at once for `fltea run -s mqtt:…`: `python -m tools.frames_load --broker mqtt://127.0.0.1`.
+
+Each publishes a second of white noise a message on `fltea/NAME/frames`, spread evenly over the second. It is
+bounded in time, devices and rate, and for this machine's own broker only. It prints one JSON object: what was
+published. `--made-up N`: N messages a second more, each under a name of its own. `--flood N`: N a second more
+of one device.
+"""
+
+import argparse
+import json
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from fltea.records.events import TIME_WRAP_US
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+
+from tools.board_voice import HELLO
+
+RATE_HZ = 100
+LONGEST_S, MOST_DEVICES, MOST_A_SECOND = 600, 10_000, 20_000
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+VOICES = 8
+"""Different noises; devices of the same one differ in their HELLO."""
+
+
+class Sensors:
+    """What each of many sensors says in each second."""
+
+    def __init__(self, devices: int, seed: int = 1) -> None:
+        self.names = [f"s{k:05d}" for k in range(devices)]
+        self._rngs = [np.random.default_rng((seed, k)) for k in range(VOICES)]
+        self._second = -1
+        self._samples: list[bytes] = []
+
+    def message(self, k: int, second: int) -> bytes:
+        """A second of sensor `k`: HELLO, and its samples."""
+        if second != self._second:
+            self._second = second
+            self._samples = [_samples(rng.normal(0, 3, (RATE_HZ, 3)), second) for rng in self._rngs]
+        hello = HELLO._replace(boot_id=k + 1, device_id=k.to_bytes(16, "big"), firmware_version="load")
+        return encode(hello, second % 65536, second * 10**6 % TIME_WRAP_US) + self._samples[k % VOICES]
+
+
+def _samples(noise: "np.ndarray[Any, Any]", second: int) -> bytes:
+    frames = []
+    for i, (x, y, z) in enumerate(np.rint(noise).astype(int).tolist()):
+        at = second * RATE_HZ + i
+        sample = wire.Sample(x, y, z, 0, 0, 16384, 1335, 0)
+        frames.append(encode(sample, at % 65536, at * 10**6 // RATE_HZ % TIME_WRAP_US))
+    return b"".join(frames)
+
+
+def connected(host: str, port: int) -> Client:
+    """A client of this machine's broker."""
+    client = Client(CallbackAPIVersion.VERSION2, "", protocol=MQTTProtocolVersion.MQTTv5)
+    client.max_inflight_messages_set(0)
+    client.connect(host, port)
+    client.loop_start()
+    return client
+
+
+def run(host: str, port: int, devices: int, seconds: int, made_up: int = 0, flood: int = 0) -> dict[str, Any]:
+    """Publish in time for so many seconds; what was published, and how late the last message was."""
+    client, sensors = connected(host, port), Sensors(devices)
+    begin_s, published, extra, late_s = time.monotonic(), 0, 0, 0.0
+    slots = max(devices, 1)
+    for second in range(seconds):
+        for k in range(slots):
+            due_s = begin_s + second + k / slots
+            if (left_s := due_s - time.monotonic()) > 0:
+                time.sleep(left_s)
+            late_s = max(late_s, -left_s)
+            if k < devices:
+                client.publish(f"fltea/{sensors.names[k]}/frames", sensors.message(k, second), qos=1)
+                published += 1
+            for rate, names in ((made_up, None), (flood, "flood")):
+                for _ in range(rate * (k + 1) // slots - rate * k // slots):
+                    client.publish(f"fltea/{names or f'u{extra:09d}'}/frames", b"\1" * 100, qos=0)
+                    extra += 1
+    deadline_s = time.monotonic() + 10
+    while client._out_messages and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    unacknowledged = len(client._out_messages)
+    client.disconnect()
+    client.loop_stop()
+    return {
+        "devices": devices,
+        "seconds": seconds,
+        "messages": published,
+        "samples": published * RATE_HZ,
+        "unacknowledged": unacknowledged,
+        "extra_messages": extra,
+        "late_s": round(late_s, 3),
+    }
+
+
+def main() -> None:
+    """Read the arguments, refuse what is unbounded, and run."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--broker", default="mqtt://127.0.0.1:1883", help="of this machine only")
+    parser.add_argument("--devices", type=int, default=200)
+    parser.add_argument("--seconds", type=int, default=60)
+    parser.add_argument("--made-up", type=int, default=0, help="messages a second under names of their own")
+    parser.add_argument("--flood", type=int, default=0, help="messages a second of one device")
+    given = parser.parse_args()
+    host, _, port = given.broker.removeprefix("mqtt://").partition(":")
+    if host not in LOOPBACK:
+        parser.error(f"{host}: only this machine's own broker is loaded ({', '.join(LOOPBACK)})")
+    for name, most in (("devices", MOST_DEVICES), ("seconds", LONGEST_S)):
+        if not 0 <= getattr(given, name) <= most:
+            parser.error(f"--{name}: at most {most}")
+    if not 0 <= given.made_up + given.flood <= MOST_A_SECOND:
+        parser.error(f"--made-up and --flood: at most {MOST_A_SECOND} a second together")
+    found = run(host, int(port or 1883), given.devices, given.seconds, given.made_up, given.flood)
+    print(json.dumps(found), file=sys.stdout)
+
+
+if __name__ == "__main__":
+    main()
