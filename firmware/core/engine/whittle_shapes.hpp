@@ -1,5 +1,6 @@
-// Spectra that are fitted, and the sums of a fit over their bins: one source for the host's kernels, several
-// bins at a time in double, and for the board, bin by bin in float.
+// Spectra that are fitted: one source for the host's kernels, several bins at a time in double, and for the
+// board, bin by bin in float. And the sums of the host's fits over their bins; the board's are in
+// sliced_target.hpp.
 //
 // Columns: what does not depend on the parameters, of bin i (of kWidth bins from i on): counts(i), ordinates
 // in it; ln_size(i), log |1 - e^{-iλ}|; quarter(i), (π - λ) / 2; turn(i), λ; square(i), |1 - e^{-iλ}|²;
