@@ -31,8 +31,9 @@ setup: .venv/.dev
 run: .venv/.run
 	@$(PY) tools/demo.py
 
+# Hundreds of tests start the program: its modules are compiled once, whatever the environment says.
 test: .venv/.dev
-	@$(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
+	@PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 # Parts that need nothing of each other; `make --jobs=2 --output-sync lint` runs two at a time.
 LINT := lint-types lint-style lint-cppcheck lint-generated
