@@ -31,8 +31,9 @@ if [ "$level" = dev ]; then
     compiles 'clang++ -fsanitize=address,undefined' '#include <type_traits>' || packages+=(clang libclang-rt-dev)
     command -v clang-tidy >/dev/null || packages+=(clang-tidy)
     command -v cppcheck >/dev/null || packages+=(cppcheck)
-    # What tests of the outputs talk to: a broker, certificates for it, a browser.
+    # What tests of the outputs talk to: brokers, certificates for them, a browser.
     PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || packages+=(mosquitto)
+    PATH="$PATH:/usr/sbin" command -v nats-server >/dev/null || packages+=(nats-server)
     command -v openssl >/dev/null || packages+=(openssl)
     command -v chromium >/dev/null || packages+=(chromium)
     # What shows man pages.

@@ -7,14 +7,11 @@ import pytest
 from fltea.records.errors import UsageError
 from fltea.service.daemon import run
 from fltea.settings.config import load_configs
-from fltea.wire import layout as wire
-from fltea.wire.messages import encode
+from frames_messages import second_of
 from mosquitto_support import Stage
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from support import QUICK, Processes, wait_until
-
-from tools.board_voice import HELLO
 
 SECONDS = 6
 
@@ -30,16 +27,6 @@ def processes():
     one = Processes()
     yield one
     one.kill()
-
-
-def second_of(k: int, second: int) -> bytes:
-    """HELLO and a hundred samples of device `k`."""
-    hello = HELLO._replace(boot_id=k + 1, device_id=bytes([k]) * 16)
-    frames = [encode(hello, second, second * 10**6)]
-    for at in range(100 * second, 100 * second + 100):
-        noise = ((at * 7919 + k * 31) % 11 - 5, (at * 104729) % 7 - 3, (at * 15485863) % 5 - 2)
-        frames.append(encode(wire.Sample(*noise, 0, 0, 16384, 1335, 0), at % 65536, at * 10_000))
-    return b"".join(frames)
 
 
 def publisher(port: int) -> Client:

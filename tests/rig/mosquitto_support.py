@@ -35,7 +35,7 @@ def free_port() -> int:
 
 def tool(name: str) -> str:
     found = shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin")
-    return found or missing(f"{name} is not installed: sudo apt-get install mosquitto openssl")
+    return found or missing(f"{name} is not installed: sudo apt-get install mosquitto nats-server openssl")
 
 
 def openssl(*arguments: str | Path) -> None:

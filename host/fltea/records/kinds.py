@@ -236,6 +236,36 @@ ERROR_KINDS = (
         "Nothing is lost by it; share the devices among several processes if it stays so.",
     ),
     ErrorKind(
+        "partition_taken",
+        "This worker goes on with the devices of a partition that another served before.",
+        "Nothing has to be done; look why the other ended, if it was not asked to.",
+    ),
+    ErrorKind(
+        "partition_left",
+        "This worker cannot read a partition any more and has given it back; the text says why.",
+        "Nothing has to be done unless it happens again: a worker goes on from the snapshots.",
+    ),
+    ErrorKind(
+        "partition_caught_up",
+        "The messages since the snapshots of a partition were walked again; the text counts them.",
+        "Nothing has to be done; records of that time may have been published twice.",
+    ),
+    ErrorKind(
+        "snapshot_failed",
+        "The snapshot of a device cannot be kept in the store of NATS.",
+        "Look at the server's limits and log; without it another worker begins with an older one.",
+    ),
+    ErrorKind(
+        "nats_lost",
+        "No NATS server can be reached, or the connection broke; told once an outage.",
+        "Start the server, or check address and network; it is tried again.",
+    ),
+    ErrorKind(
+        "nats_back",
+        "The NATS server is back; devices go on from their snapshots.",
+        "Nothing has to be done.",
+    ),
+    ErrorKind(
         "line_broken",
         "One device of many cannot be walked with these settings, or by a fault of the program's own.",
         "Do what the text says; it is tried again after a minute, and the other devices go on.",

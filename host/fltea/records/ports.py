@@ -63,6 +63,13 @@ class OutputView(Protocol):
         """Count what was written and what was lost."""
 
 
+class Departed(NamedTuple):
+    """Nothing more comes of a device here. moved: another program goes on with it."""
+
+    device: str
+    moved: bool
+
+
 Item = AnyRecord | Block | TransportEvent
 """What a sink may be given; what came over the wire, uninterpreted, only where `takes_wire`."""
 
@@ -104,6 +111,9 @@ class Sink:
 
     def flush(self) -> None:
         """Hand on what `write` has gathered; called whenever the queue is empty, and twice a second."""
+
+    def depart(self, departed: Departed) -> None:
+        """Forget what is kept of a device; of many that come and go it would grow for ever."""
 
     def on_overflow(self, count: int) -> None:
         """Take note that `count` items were dropped before the next one, since this sink was too slow."""

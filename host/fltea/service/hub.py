@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from fltea.records.block import Block
 from fltea.records.events import TransportEvent
-from fltea.records.ports import Item, Sink
+from fltea.records.ports import Departed, Item, Sink
 from fltea.records.records import AnyRecord, Error, OutputStats
 from fltea.service.outlet import Outlet
 
@@ -67,6 +67,11 @@ class Hub:
             errors = [record for record in records if isinstance(record, Error)]
             if errors:
                 self._log.put(errors)
+
+    def depart(self, device: str, *, moved: bool) -> None:
+        """Tell all that this device is gone. moved: to another program."""
+        for outlet in self._shared:
+            outlet.put((Departed(device, moved),))
 
     def tap(self, device: str, *, wait: bool) -> "Tap":
         """What is to be called with all that comes over the wire of a device."""

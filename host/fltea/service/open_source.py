@@ -88,7 +88,7 @@ def open_source(config: Config) -> Source:
     raise UsageError(
         f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "
         "i2c:///dev/i2c-1?addr=0x68, iio:NAME, stdin:, serial-text:PORT?baud=115200, "
-        "mqtt://BROKER, replay:FILE, synthetic:?KEY=VALUE&…"
+        "mqtt://BROKER, nats://SERVER, replay:FILE, synthetic:?KEY=VALUE&…"
     )
 
 

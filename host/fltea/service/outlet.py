@@ -7,14 +7,16 @@ from collections.abc import Callable, Iterable
 
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
-from fltea.records.ports import Item, Latency, Sink, SinkClosed
+from fltea.records.ports import Departed, Item, Latency, Sink, SinkClosed
 from fltea.records.records import OutputStats
 
 IDLE_S = 0.5
 
 
-def weight(item: Item) -> int:
+def weight(item: Item | Departed) -> int:
     """How many records an item stands for."""
+    if isinstance(item, Departed):
+        return 0
     return item.weight if isinstance(item, Block) else 1
 
 
@@ -29,7 +31,7 @@ class Outlet:
         self.sink = sink
         self.latency = Latency()
         self._on_end = on_end
-        self._queue: deque[tuple[Item, int | None]] = deque()
+        self._queue: deque[tuple[Item | Departed, int | None]] = deque()
         self._waiting = 0  # records in the queue
         self._changed = threading.Condition()
         self._closing = self._ended = False
@@ -47,7 +49,9 @@ class Outlet:
         """Begin to write."""
         self._thread.start()
 
-    def put(self, items: Iterable[Item], arrived_ns: int | None = None, *, wait: bool = False) -> None:
+    def put(
+        self, items: Iterable[Item | Departed], arrived_ns: int | None = None, *, wait: bool = False
+    ) -> None:
         """Queue items; those beyond the sink's capacity are dropped and counted, unless `wait` is set.
 
         arrived_ns: monotonic time at which what they tell arrived, for the latency; None where it has none.
@@ -108,7 +112,10 @@ class Outlet:
             self._in_hand, self._lost_before = count, self.sink.lost
             self._changed.notify_all()
         for item, _ in batch:
-            self.sink.write(item)
+            if isinstance(item, Departed):
+                self.sink.depart(item)
+            else:
+                self.sink.write(item)
         if overflow:  # the queue was full then, so what was dropped comes behind all that was in it
             self.sink.on_overflow(overflow)
         self.sink.flush()

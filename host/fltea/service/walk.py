@@ -8,7 +8,7 @@ from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Event, Trouble, host_ns_of
 from fltea.records.ports import Source
-from fltea.records.records import AnyRecord, Error
+from fltea.records.records import AnyRecord, Error, Hello
 from fltea.service.hub import Hub
 from fltea.service.state import StateFile
 from fltea.settings.config import Config
@@ -17,6 +17,7 @@ from fltea.sources.frames import FramesSource
 from fltea.sources.serial import SerialSource
 from fltea.stream.fit_times import FitLoad
 from fltea.stream.pipeline import Pipeline
+from fltea.stream.snapshot import DeviceState
 
 
 class Walk:
@@ -35,6 +36,7 @@ class Walk:
         load: FitLoad | None = None,
         number: int = 0,
         stats_s: int = 1,
+        saved: DeviceState | None = None,
     ) -> None:
         self.source = source
         self.name = config.name or ""
@@ -45,7 +47,7 @@ class Walk:
             source,
             config,
             lambda: hub.stats(self.name),
-            state.found.get(self.name) if state else None,
+            state.found.get(self.name) if state else saved,
             lambda: state.refuse(self.name) if state else None,
             load,
             number,
@@ -81,6 +83,15 @@ class Walk:
         if self._state is not None and clock.host_ns() >= self._save_ns:
             self._save_ns = clock.host_ns() + self._save_period_ns
             self._deposit(self._state)
+
+    @property
+    def hello(self) -> Hello | None:
+        """What the device said of itself last."""
+        return self._pipeline.hello
+
+    def save(self) -> DeviceState | None:
+        """A snapshot of its estimators; None while there is nothing to keep."""
+        return self._pipeline.save()
 
     def finish(self) -> None:
         """The source has ended, or nothing more is wanted of it."""

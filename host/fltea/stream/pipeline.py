@@ -36,7 +36,7 @@ from fltea.stream.decode import Decoded, Decoder
 from fltea.stream.fit_times import FitLoad
 from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
-from fltea.stream.snapshot import DeviceState, sensor_of, why_unused
+from fltea.stream.snapshot import DeviceState, LastSample, missing_since, sensor_of, why_unused
 from fltea.stream.stages import Beginning, Item, Notice, SavedFits, Stage, Standing
 
 Output = AnyRecord | Block
@@ -88,6 +88,7 @@ class Pipeline:
         self._now_ns = 0
         self._second: int | None = None
         self._sample_ns: int | None = None
+        self._last: LastSample | None = None
         self._told_no_axis = False
         self._offset_ns = source.unix_offset_ns
 
@@ -120,8 +121,19 @@ class Pipeline:
         fits = next((found.fits for found in saved if found.fits), SavedFits(None, None))
         unix_ns = sample_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
         return DeviceState(
-            sensor_of(hello, self._config), unix_ns, filters.gyro, filters.accel, fits.gyro, fits.accel
+            sensor_of(hello, self._config),
+            unix_ns,
+            filters.gyro,
+            filters.accel,
+            fits.gyro,
+            fits.accel,
+            self._last,
         )
+
+    @property
+    def hello(self) -> Hello | None:
+        """What the device said of itself last; None where nobody knows which one it is."""
+        return self._decoder.place.hello
 
     def _on_time(self, event: Event) -> Iterator[Output]:
         """Let the statistics of a second go out before the first event of the next."""
@@ -179,6 +191,8 @@ class Pipeline:
         for stage in self._stages:
             items = _through(stage, items, raw, missing)
         self._sample_ns = int(raw.host_ns[-1])
+        if hello.boot_id is not None:
+            self._last = LastSample(hello.boot_id, int(raw.sequence[-1]), int(raw.device_us[-1]))
         yield from self._records(items)
 
     def _records(self, items: Iterable[Item]) -> Iterator[Output]:
@@ -254,8 +268,10 @@ class Pipeline:
                     self._refuse()
                 else:
                     age_s = (now_unix_ns - state.unix_ns) * 1e-9
+                    first = int(raw.sequence[0]), int(raw.device_us[0])
+                    missing = missing_since(state, hello, *first, age_s)
                     for stage in self._stages:
-                        stage.bridge(max(0, round(age_s * hello.rate_hz) - 1))
+                        stage.bridge(missing)
                     return notices, "resumed", age_s
             text = f"the snapshot is not used, so the start-up window begins: {problem}."
             notices.append(Notice("state_unused", text, self._now_ns))

@@ -10,15 +10,29 @@ was reset in between (opening its port resets a Due) does not matter: its sensor
 import msgspec
 
 from fltea.estimator.online_state import OnlineState
+from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.records.records import Hello
 from fltea.settings.config import Config
+from fltea.stream.place import CLOCK_TOLERANCE
 from fltea.stream.stages import Saved, SavedFits
+
+LONGEST_WRAP_S = 30 * 60.0
+"""Beyond it the wraps of device time (71.6 minutes) cannot be told."""
+
+
+class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where a device was: of its boot `boot_id`, both wrapped as on the wire."""
+
+    boot_id: int
+    sequence: int
+    device_us: int
 
 
 class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample.
 
-    gyro_fit, accel_fit: sums of the live fits; None where nothing was fitted.
+    gyro_fit, accel_fit: sums of the live fits; None where nothing was fitted. last: by which it is known how
+    many samples are missing if the device has gone on; else the time tells.
     """
 
     sensor: dict[str, str]
@@ -27,11 +41,29 @@ class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     accel: OnlineState | None
     gyro_fit: bytes | None = None
     accel_fit: bytes | None = None
+    last: LastSample | None = None
 
     @property
     def estimators(self) -> Saved:
         """Those of both sensors."""
         return Saved(self.gyro, self.accel, SavedFits(self.gyro_fit, self.accel_fit))
+
+
+def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:
+    """Samples between a snapshot and the sample that the device gave now, `age_s` later.
+
+    By its numbers, if it is the same boot and its number and time agree; else by the time that has passed.
+    """
+    by_time = max(0, round(age_s * hello.rate_hz) - 1)
+    last = state.last
+    if last is None or last.boot_id != hello.boot_id or age_s > LONGEST_WRAP_S:
+        return by_time
+    period_us = 1e6 / hello.rate_hz
+    step_us = (device_us - last.device_us) % TIME_WRAP_US
+    step = (sequence - last.sequence) % SEQUENCE_WRAP
+    step += round((step_us / period_us - step) / SEQUENCE_WRAP) * SEQUENCE_WRAP
+    agrees = step >= 1 and abs(step_us - step * period_us) <= CLOCK_TOLERANCE * step * period_us + period_us
+    return step - 1 if agrees else by_time
 
 
 def sensor_of(hello: Hello, config: Config) -> dict[str, str]:

@@ -46,6 +46,11 @@ class Admission:
             self.turned_away[verdict] += 1
         return verdict
 
+    def admit(self, name: str) -> None:
+        """Let a device in that was let in before, elsewhere."""
+        self._candidates.pop(name, None)
+        self._admitted.add(name)
+
     def forget(self, name: str) -> None:
         """Give a device's place to others."""
         self._admitted.discard(name)

@@ -4,9 +4,10 @@ import threading
 from collections import Counter, deque
 from typing import NamedTuple
 
-from fltea.records.clock import host_ns
+from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.visible import visible
 from fltea.service.ingest.admission import Admission, Verdict
+from fltea.service.ingest.kept import Kept
 
 DEVICE_BYTES = 1 << 20
 """Of one device, as of a serial port (`wire.transport`): minutes of samples, or a second of a flood."""
@@ -18,11 +19,33 @@ LONGEST_SHOWN = 64
 
 
 class Message(NamedTuple):
-    """Frames that a device has published together. arrived_ns: when, monotonic."""
+    """Frames that a device has published together. arrived_ns: when, monotonic.
+
+    Of a stream: mark: the message's number in it; partition: of its device.
+    """
 
     device: str
     data: bytes
     arrived_ns: int
+    partition: int | None = None
+    mark: int = 0
+
+
+class Served(NamedTuple):
+    """From here on messages of a partition come. kept: its devices, as another left them after `done`."""
+
+    partition: int
+    kept: dict[str, Kept]
+    done: int
+
+
+class Left(NamedTuple):
+    """Another may serve a partition from now on."""
+
+    partition: int
+
+
+Item = Message | Served | Left
 
 
 class Inbox:
@@ -38,11 +61,21 @@ class Inbox:
         self._queue_bytes = queue_bytes
         self._bytes = 0
         self._waiting: Counter[str] = Counter()
-        self._queue: deque[Message] = deque()
+        self._queue: deque[Item] = deque()
         self._changed = threading.Condition()
 
-    def put(self, device: str, data: bytes) -> None:
-        """Queue a message, unless its device is not believed or has no room left."""
+    def put(
+        self,
+        device: str,
+        data: bytes,
+        partition: int | None = None,
+        mark: int = 0,
+        unix_ns: int | None = None,
+    ) -> None:
+        """Queue a message, unless its device is not believed or has no room left.
+
+        unix_ns: when a stream took it; None: now. A stream's messages wait there, so all have room here.
+        """
         size = len(data)
         with self._changed:
             now_ns = host_ns()
@@ -52,21 +85,38 @@ class Inbox:
                     device[:LONGEST_SHOWN]
                 )
                 return
-            if self._waiting[device] + size > DEVICE_BYTES or self._bytes + size > self._queue_bytes:
+            if mark:
+                now_ns = (unix_ns or now_ns) - unix_offset_ns()
+            elif self._waiting[device] + size > DEVICE_BYTES or self._bytes + size > self._queue_bytes:
                 self.overflow_bytes[device] += size
                 return
             self._waiting[device] += size
             self._bytes += size
-            self._queue.append(Message(device, data, now_ns))
+            self._queue.append(Message(device, data, now_ns, partition, mark))
             self._changed.notify()
 
-    def take(self, timeout_s: float) -> list[Message]:
+    def post(self, item: Served | Left) -> None:
+        """Queue what is rare, behind all messages that are there."""
+        with self._changed:
+            self._queue.append(item)
+            if isinstance(item, Served):
+                for device in item.kept:
+                    self.admission.admit(device)
+            self._changed.notify()
+
+    def has_room(self, most_bytes: int) -> bool:
+        """Whether less than so much waits."""
+        return self._bytes < most_bytes
+
+    def take(self, timeout_s: float) -> list[Item]:
         """Messages in their order, after at most so long; none if none came or somebody woke us up."""
         with self._changed:
             if not self._queue:
                 self._changed.wait(timeout_s)
             found = [self._queue.popleft() for _ in range(min(BATCH, len(self._queue)))]
             for message in found:
+                if not isinstance(message, Message):
+                    continue
                 self._waiting[message.device] -= len(message.data)
                 self._bytes -= len(message.data)
         return found

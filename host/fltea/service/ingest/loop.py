@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 
 import msgspec
 
@@ -12,19 +12,25 @@ from fltea.records.events import Chunk
 from fltea.records.ports import Report
 from fltea.records.repeat import OnceAMinute
 from fltea.service.hub import Hub
-from fltea.service.ingest.inbox import Inbox, Message
+from fltea.service.ingest.inbox import Inbox, Left, Message, Served
+from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.losses import Losses
-from fltea.service.ingest.pressure import Pressure
+from fltea.service.ingest.pressure import LATE_NS, Pressure
 from fltea.service.walk import Walk
 from fltea.settings.config import Config
+from fltea.settings.ingest import is_partitioned
 from fltea.sources.frames import FramesSource
 from fltea.stream.fit_times import FitLoad
+from fltea.stream.snapshot import DeviceState
 
 TICK_NS = 2 * 10**9
 """A device that has said nothing for so long is looked at, and then as often: it may be silent."""
 
 LOOK_NS = 10**9
 WAIT_S = 0.25
+FIRST_NS = 2 * 10**9
+"""The first snapshot of a device is tried for so often, until the start-up window is full."""
+
 STATS_S = 10
 """Seconds from one statistics of a device to the next: each second a tenth of the devices has its turn."""
 
@@ -48,12 +54,47 @@ class Receiver(Protocol):
         """Receive no more."""
 
 
+class SharedReceiver(Receiver, Protocol):
+    """One of several, each of which serves some partitions of the devices; it keeps their snapshots.
+
+    done: the last message of each partition that was walked.
+    """
+
+    done: dict[int, int]
+
+    def serves(self, partition: int) -> bool:
+        """Whether messages of a partition may still be walked here."""
+
+    def walked(self, partition: int, mark: int) -> None:
+        """Take note of the last message that was walked."""
+
+    def keep(self, partition: int, device: str, data: bytes) -> bool:
+        """Store a snapshot, in the background; False if there is no room for it now."""
+
+
 @dataclass
 class _Line:
+    """A device. partition, mark: of the last message that it walked, where there are partitions.
+
+    kept_ns: when its last snapshot was taken; is_whole: it had the estimators.
+    """
+
     walk: Walk
     source: FramesSource
     heard_ns: int
     looked_ns: int
+    partition: int | None = None
+    mark: int = 0
+    kept_ns: int = 0
+    is_whole: bool = False
+
+
+@dataclass
+class _Again:
+    """Messages of a partition up to `until` that are walked a second time."""
+
+    until: int
+    count: int = 0
 
 
 class Ingest:
@@ -77,6 +118,11 @@ class Ingest:
         limits = config.ingest
         self.inbox = Inbox(limits.devices, int(limits.queue_mb * 1e6), self.name)
         self._receiver = receiver(self.inbox, self._report)
+        self._shared: SharedReceiver | None = None
+        if is_partitioned(config.source):
+            self._shared = cast(SharedReceiver, self._receiver)
+        self._again: dict[int, _Again] = {}
+        self._caught_up: set[int] = set()
         self._lines: dict[str, _Line] = {}
         self._broken_ns: dict[str, int] = {}
         self._load = FitLoad()
@@ -97,8 +143,11 @@ class Ingest:
         try:
             self._receiver.start()
             while not self._closed:
-                for message in self.inbox.take(WAIT_S):
-                    self._take(message)
+                for item in self.inbox.take(WAIT_S):
+                    if isinstance(item, Message):
+                        self._take(item)
+                    else:
+                        self._on_partition(item)
                 now_ns = host_ns()
                 self.moved_s = time.monotonic()
                 if now_ns - self._looked_ns >= LOOK_NS:
@@ -118,27 +167,116 @@ class Ingest:
         self.inbox.wake()
 
     def _take(self, message: Message) -> None:
-        name, data, arrived_ns = message
-        self._pressure.waited(host_ns() - arrived_ns)
+        name, data, arrived_ns, partition, mark = message
+        now_ns = host_ns()
+        self._on_wait(partition, now_ns - arrived_ns)
         line = self._lines.get(name)
+        if partition is not None and not self._may_walk(partition, mark, line):
+            return
         if line is None:
-            if arrived_ns < self._broken_ns.get(name, 0):
+            if now_ns < self._broken_ns.get(name, 0):
                 return
-            line = self._open(name, arrived_ns)
-        line.heard_ns = line.looked_ns = arrived_ns
+            line = self._open(name, arrived_ns, partition)
+            if partition is not None:
+                self._keep(name, line, Kept(mark - 1, arrived_ns + unix_offset_ns()))
+        line.heard_ns = line.looked_ns = now_ns
+        line.mark = mark
         self._walk(name, line, Chunk(data, arrived_ns, unix_offset_ns()))
+        if partition is not None and self._shared is not None:
+            self._shared.walked(partition, mark)
 
-    def _open(self, name: str, now_ns: int) -> _Line:
+    def _on_wait(self, partition: int | None, waited_ns: int) -> None:
+        """A stream that is read behind its time shows no pressure until it has been caught up with."""
+        if partition is None or partition in self._caught_up:
+            self._pressure.waited(waited_ns)
+        elif waited_ns < LATE_NS:
+            self._caught_up.add(partition)
+
+    def _may_walk(self, partition: int, mark: int, line: _Line | None) -> bool:
+        """Whether this message is ours, and news to its device."""
+        if self._shared is None or not self._shared.serves(partition):
+            return False
+        again = self._again.get(partition)
+        if line is not None and (mark <= line.mark or line.partition != partition):
+            return False
+        if again is not None and mark <= again.until:
+            again.count += 1
+        elif again is not None:
+            del self._again[partition]
+            if not again.count:
+                return True
+            text = (
+                f"partition {partition} is where it was left: {again.count} messages were walked again, "
+                "whose estimates and fits may have been published before."
+            )
+            self._report("partition_caught_up", text)
+        return True
+
+    def _on_partition(self, item: Served | Left) -> None:
+        """Go on with a partition's devices where another left them, or let go of them."""
+        self._caught_up.discard(item.partition)
+        self._again.pop(item.partition, None)
+        for name in [name for name, line in self._lines.items() if line.partition == item.partition]:
+            self._give_up(name, moved=True)
+        if isinstance(item, Left):
+            return
+        self._again[item.partition] = _Again(item.done)
+        for name, kept in item.kept.items():
+            now_ns = host_ns()
+            line = self._open(name, kept.unix_ns - unix_offset_ns(), item.partition, kept.state)
+            line.heard_ns = line.looked_ns = now_ns
+            line.mark, line.kept_ns, line.is_whole = kept.mark, now_ns, kept.state is not None
+            if kept.hello is not None:
+                line.walk.take(msgspec.structs.replace(kept.hello, host_ns=kept.unix_ns - unix_offset_ns()))
+
+    def _open(
+        self, name: str, now_ns: int, partition: int | None = None, saved: DeviceState | None = None
+    ) -> _Line:
         url = f"{self._receiver.url}/{name}"
         source = FramesSource(url, lambda: self.inbox.overflow_bytes[name])
         config = msgspec.structs.replace(self._config, name=name, source=url)
-        walk = Walk(source, config, self._hub, None, self._load, self._opened, STATS_S)
+        walk = Walk(source, config, self._hub, None, self._load, self._opened, STATS_S, saved)
         self._opened += 1
-        line = self._lines[name] = _Line(walk, source, now_ns, now_ns)
+        line = self._lines[name] = _Line(walk, source, now_ns, now_ns, partition)
         self._load.devices = len(self._lines)
         for event in source.open(now_ns, unix_offset_ns()):
             walk.take(event)
         return line
+
+    def _keep_snapshots(self, now_ns: int) -> None:
+        """Of the devices whose turn it is; one that is silent has come as far as its partition."""
+        period_ns = int(self._config.ingest.snapshot_s * 1e9)
+        for name, line in self._lines.items():
+            young = now_ns - line.kept_ns
+            if line.partition is None or young < (period_ns if line.is_whole else FIRST_NS):
+                continue
+            state = line.walk.save()
+            if state is None and young < period_ns:
+                continue  # the start-up window fills: who takes over begins with its first message
+            line.is_whole = True
+            kept = Kept(max(line.mark, self._done(line)), time.time_ns(), line.walk.hello, state)
+            if not self._keep(name, line, kept):
+                return
+
+    def _done(self, line: _Line) -> int:
+        """The last message of its partition: those of this device up to it have been walked."""
+        assert self._shared is not None
+        assert line.partition is not None
+        return self._shared.done.get(line.partition, 0) if self._shared.serves(line.partition) else 0
+
+    def _keep(self, name: str, line: _Line, kept: Kept) -> bool:
+        assert self._shared is not None
+        assert line.partition is not None
+        data = pack(kept)
+        if data is None:
+            if self._told.is_due("too_large", host_ns()):
+                text = f"{name}: its snapshot is too large for the store: a shorter window makes it smaller."
+                self._report("snapshot_failed", text)
+            return True
+        stored = self._shared.keep(line.partition, name, data)
+        if stored:
+            line.kept_ns = host_ns()
+        return stored
 
     def _walk(self, name: str, line: _Line, item: Chunk | None) -> None:
         try:
@@ -151,8 +289,9 @@ class Ingest:
                 text = f"{name}: nothing more is made of it for a minute: {type(error).__name__}: {error}"
                 self._report("line_broken", text)
 
-    def _give_up(self, name: str) -> None:
+    def _give_up(self, name: str, *, moved: bool = False) -> None:
         del self._lines[name]
+        self._hub.depart(name, moved=moved)
         self._load.devices = max(1, len(self._lines))
         self.inbox.forget(name)
 
@@ -169,6 +308,8 @@ class Ingest:
                 line.looked_ns = now_ns
                 self._walk(name, line, None)
         self._broken_ns = {name: ns for name, ns in self._broken_ns.items() if ns > now_ns}
+        if self._shared is not None:
+            self._keep_snapshots(now_ns)
         if slowed := self._pressure.look(now_ns):
             self._report(slowed.kind, slowed.message)
         for told in self._losses.look(now_ns):

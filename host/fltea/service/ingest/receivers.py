@@ -1,5 +1,6 @@
 """Who receives the messages of a shared source, from its URL; its library is loaded only then."""
 
+import re
 from collections.abc import Callable
 
 import msgspec
@@ -19,6 +20,8 @@ def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
         UsageError: no broker's address, or a library that is not installed.
     """
     source = config.source or ""
+    if source.startswith("nats:"):
+        return _of_nats(config)
     if "://" not in source:
         raise UsageError(
             "--source mqtt: give the broker's address: mqtt://HOST[:PORT] or mqtts://HOST[:PORT]."
@@ -31,6 +34,22 @@ def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
 
     def make(inbox: Inbox, report: Report) -> Receiver:
         found: Receiver = module.MqttFrames(settings, inbox, report)
+        return found
+
+    return make
+
+
+def _of_nats(config: Config) -> Callable[[Inbox, Report], Receiver]:
+    for url in (config.source or "").split(","):
+        if not re.fullmatch(r"nats://[^@/?#,]+", url):  # the text repeats none: a password may be in it
+            raise UsageError(
+                "--source nats: give nats://HOST[:PORT], or several with commas between. User and password "
+                "come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
+            )
+    module = load("fltea.service.ingest.nats", "nats", "nats", "a source of NATS needs")
+
+    def make(inbox: Inbox, report: Report) -> Receiver:
+        found: Receiver = module.NatsFrames(config, inbox, report)
         return found
 
     return make

@@ -15,7 +15,7 @@ from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST, FewIdentities
-from fltea.records.ports import Item, OutputView, Report, Sink
+from fltea.records.ports import Departed, Item, OutputView, Report, Sink
 from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.settings.listen_address import listen_address
 from fltea.settings.outputs import MetricsConfig
@@ -89,6 +89,13 @@ class MetricsSink(Sink):
         elif isinstance(item, Error):
             key = item.device or "", item.kind
             self._errors[key] = self._errors.get(key, 0) + 1
+
+    def depart(self, departed: Departed) -> None:
+        """Show nothing of a device any more."""
+        self._newest.pop(departed.device, None)
+        self._identities.pop(departed.device, None)
+        for key in [key for key in self._errors if key[0] == departed.device]:
+            del self._errors[key]
 
     def close(self) -> None:
         """Answer no more."""

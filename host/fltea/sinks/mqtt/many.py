@@ -13,7 +13,7 @@ import msgspec
 
 from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
-from fltea.records.ports import Item, Report, Sink
+from fltea.records.ports import Departed, Item, Report, Sink
 from fltea.records.records import Record
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.outputs import MqttConfig
@@ -82,6 +82,11 @@ class ManyMqttSink(Sink):
         sink.write(item)
         self._touched.add(name)
 
+    def depart(self, departed: Departed) -> None:
+        """Keep nothing of a device; where it has moved, another program says how it is."""
+        if departed.device in self._sinks:
+            self._forget(departed.device, say_ended=not departed.moved)
+
     def flush(self) -> None:
         """Look after those that have written, and now and then after all."""
         self._shared.pump()
@@ -108,7 +113,7 @@ class ManyMqttSink(Sink):
             self._shared.pump()
         for sink in self._sinks.values():
             sink.leave()
-        self._shared.close()
+        self._shared.close(deadline_s)
 
     def _look_after_own(self) -> None:
         """The program's own status, said with each connection; a lost one is opened again by a device."""
@@ -128,11 +133,16 @@ class ManyMqttSink(Sink):
     def _forget_idle(self) -> None:
         now_ns = host_ns()
         for name in [name for name, ns in self._heard_ns.items() if now_ns - ns > IDLE_NS]:
-            sink = self._sinks.pop(name)
-            del self._heard_ns[name]
+            self._forget(name, say_ended=True)
+
+    def _forget(self, name: str, *, say_ended: bool) -> None:
+        sink = self._sinks.pop(name)
+        del self._heard_ns[name]
+        self._touched.discard(name)
+        if say_ended:
             sink.say_ended()
-            sink.leave()
-            self._gone_lost += sink.lost
+        sink.leave()
+        self._gone_lost += sink.lost
 
     def _tell(self, kind: str, message: str) -> None:
         """What all devices meet at once, such as a broker that is away, is told once."""

@@ -4,6 +4,7 @@ Hundreds of connections would cost a thread each. What is lost by sharing is the
 connection has one, so the program has a status of its own instead.
 """
 
+import time
 from collections import deque
 
 from fltea.sinks.mqtt.broker import Broker
@@ -97,8 +98,13 @@ class SharedConnection:
         """Forget a view."""
         self._views.pop(view, None)
 
-    def close(self) -> None:
-        """Say farewell for all."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection, self.up = None, False
+    def close(self, deadline_s: float) -> None:
+        """Say farewell for all, and wait until that is said: else the broker would publish the will."""
+        connection, self._connection, up = self._connection, None, self.up
+        self.up = False
+        if connection is None:
+            return
+        connection.close()
+        while up and time.monotonic() < deadline_s:
+            up = not any(isinstance(event, Down) for event in connection.events)
+            time.sleep(0.002)

@@ -1,0 +1,188 @@
+"""Workers that share devices through a real nats-server: one is killed, and every frame is accounted for."""
+
+import asyncio
+import ssl
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import nats
+import nats.js.errors
+import pytest
+from frames_messages import second_of
+from mosquitto_support import make_authority
+from nats_support import PARTITIONS, NatsServer, single, three_nodes
+from support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
+
+DEVICES = ("s0", "s1", "s2", "s3", "s4", "s5")
+SNAPSHOT_S = 2
+EVERY = 10
+
+
+@pytest.fixture
+def processes():
+    one = Processes()
+    yield one
+    one.kill()
+
+
+@pytest.fixture
+def servers():
+    made: list[NatsServer] = []
+    yield made
+    for one in made:
+        if one.process.poll() is None:
+            one.stop()
+
+
+def worker(processes: Processes, url: str, name: str, *more: str) -> Daemon:
+    chosen = {
+        "name": name,
+        "live.on": "false",
+        "ingest.partitions": PARTITIONS,
+        "ingest.snapshot_s": SNAPSHOT_S,
+    }
+    flags = [word for key, value in chosen.items() for word in ("--set", f"{key}={value}")]
+    return processes.daemon("-s", url, "--format", "ndjson", "--every", str(EVERY), *QUICK, *flags, *more)
+
+
+class Boards:
+    """Publish from a loop of their own, a second of frames of each device at a time."""
+
+    def __init__(self, url: str, **options: Any) -> None:
+        self._loop = asyncio.new_event_loop()
+        self.refused: list[str] = []
+        self._client = self._loop.run_until_complete(
+            nats.connect(url, error_cb=self._on_error, allow_reconnect=False, **options)
+        )
+        self.second = 0
+
+    async def _on_error(self, error: Exception) -> None:
+        self.refused.append(str(error))
+
+    def has_stream(self) -> bool:
+        """Whether a worker has made it: what is published before goes nowhere."""
+        asked = self._client.jetstream().stream_info("FLTEA_FRAMES")
+        try:
+            return bool(self._loop.run_until_complete(asked))
+        except nats.js.errors.NotFoundError:
+            return False
+
+    def publish(self, *names: str) -> None:
+        async def all_of_them() -> None:
+            for k, name in enumerate(names):
+                await self._client.publish(f"fltea.{name}.frames", second_of(k, self.second))
+            await self._client.flush()
+
+        self._loop.run_until_complete(all_of_them())
+        self.second += 1
+
+    def close(self) -> None:
+        self._loop.run_until_complete(self._client.close())
+        self._loop.close()
+
+
+def estimated(*daemons: Daemon) -> dict[str, Counter[int]]:
+    found: dict[str, Counter[int]] = {name: Counter() for name in DEVICES}
+    for daemon in daemons:
+        for record in daemon.of("estimate"):
+            found[record["device"]][record["seq"]] += 1
+    return found
+
+
+def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
+    tmp_path: Path, processes: Processes, servers: list[NatsServer]
+) -> None:
+    servers.append(single(tmp_path / "nats"))
+    url = f"nats://127.0.0.1:{servers[0].port}"
+    first = worker(processes, url, "first")
+    boards, begin_s = Boards(url), time.monotonic()
+
+    def go_on_until(condition: Any, what: str) -> None:
+        """Three seconds of samples a second, until then."""
+        while not condition():
+            assert time.monotonic() - begin_s < PATIENCE_S, what
+            boards.publish(*DEVICES)
+            time.sleep(0.33)
+
+    wait_until(boards.has_stream, "the stream")
+    go_on_until(lambda: all(estimated(first).values()), "the first worker")
+    second = worker(processes, url, "second")
+    go_on_until(lambda: any(estimated(second).values()), "a share of the second worker")
+    shared_s = time.monotonic()
+    go_on_until(lambda: time.monotonic() - shared_s > 2 * SNAPSHOT_S + 1, "snapshots")
+    theirs = {name for name, seqs in estimated(second).items() if seqs}
+    assert 0 < len(theirs) < len(DEVICES), "each has some"
+    before = estimated(second)
+    first.process.kill()
+    killed_s = time.monotonic()
+    go_on_until(lambda: all(estimated(second).values()), "the second worker for all")
+    taken_s = time.monotonic() - killed_s
+    assert taken_s < 10, "the lease says when; a busy machine may take some seconds more"
+    last = 100 * boards.second
+    second.wait_for(lambda: all(last - EVERY in seqs for seqs in estimated(second).values()), "the end")
+    boards.close()
+    code, text = second.end()
+    assert code == 0, text
+    first.end(None)
+    for name, seqs in estimated(first, second).items():
+        assert set(seqs) == set(range(150, last, EVERY)), (
+            f"{name}: from the second message on, less the window"
+        )
+        again = sum(count - 1 for count in seqs.values())
+        assert again <= 2 * 100 // EVERY * 3 * (2 * SNAPSHOT_S + 2), (
+            f"{name}: twice only what came since the snapshots"
+        )
+    stats = {record["device"]: record["samples"] for record in second.of("stats")}
+    assert set(stats) == set(DEVICES)
+    assert not any(samples["lost"] or samples["before_hello"] for samples in stats.values())
+    resumed = {record["device"] for record in second.of("epoch") if record["reason"] == "resumed"}
+    assert resumed >= {name for name in DEVICES if not before[name]}
+    taken = [record["message"] for record in second.of("error") if record["kind"] == "partition_taken"]
+    assert any("gone silent" in message for message in taken)
+
+
+def test_three_nodes_with_tls_and_accounts(
+    tmp_path: Path, processes: Processes, servers: list[NatsServer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ca = make_authority(tmp_path / "ca")
+    folder = tmp_path / "nodes"
+    folder.mkdir()
+    servers += three_nodes(folder, tmp_path / "ca")
+    monkeypatch.setenv("FLTEA_NATS_USER", "worker")
+    monkeypatch.setenv("FLTEA_NATS_PASSWORD", "worker-secret")
+    urls = ",".join(f"nats://localhost:{one.port}" for one in servers)
+    settings = ["--set", f"ingest.ca={ca}", "--set", "ingest.replicas=3", "--set", "ingest.partitions=16"]
+    daemon = worker(processes, urls, "secure", *settings)
+    tls = ssl.create_default_context(cafile=str(ca))
+    boards = Boards(f"nats://localhost:{servers[1].port}", tls=tls, user="s1", password="s1-secret")
+
+    def heard(condition: Any) -> Any:
+        def met() -> bool:
+            boards.publish("s1")
+            time.sleep(0.2)
+            return bool(condition())
+
+        return met
+
+    daemon.wait_for(heard(lambda: daemon.of("estimate")), "estimates through the cluster")
+    wait_until(lambda: boards.publish("s2") or "permissions violation" in str(boards.refused), "the refusal")
+    servers[0].stop()
+    count = len(daemon.of("estimate"))
+    daemon.wait_for(heard(lambda: len(daemon.of("estimate")) > count + 1000 // EVERY), "a node less")
+    boards.close()
+    code, text = daemon.end()
+    assert code == 0, text
+    assert {record["device"] for record in daemon.of("estimate")} == {"s1"}
+
+
+@pytest.mark.parametrize("url", ["nats:", "nats://user:secret@host", "nats://host,mqtt://other"])
+def test_an_address_that_is_none_is_refused_without_its_password(url: str) -> None:
+    from fltea.records.errors import UsageError
+    from fltea.service.ingest.receivers import receiver_of
+    from fltea.settings.config import load_configs
+
+    with pytest.raises(UsageError, match="nats://HOST") as caught:
+        receiver_of(load_configs(None, {}, [url])[0])
+    assert "secret" not in str(caught.value)

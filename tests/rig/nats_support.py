@@ -1,0 +1,84 @@
+"""Debian's nats-server on ports of our own: alone, or three nodes with the settings that are handed out."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+from pathlib import Path
+
+from mosquitto_support import free_port, tool
+from support import PATIENCE_S, ROOT, wait_until
+
+PARTITIONS = 4
+DEPLOYED = ROOT / "tools/deploy/nats"
+
+
+class NatsServer:
+    """One process, which listens once this is made."""
+
+    def __init__(self, folder: Path, settings: Path, port: int, environment: dict[str, str]) -> None:
+        self.port, self._folder = port, folder
+        self._log = folder / f"{settings.stem}-{port}.log"
+        self._command = [tool("nats-server"), "-c", str(settings)]
+        self._environment = {**os.environ, **environment}
+        self.start()
+
+    def start(self) -> None:
+        with self._log.open("ab") as log:
+            self.process = subprocess.Popen(
+                self._command, stdout=log, stderr=log, env=self._environment, cwd=self._folder
+            )
+
+        def listening() -> bool:
+            assert self.process.poll() is None, self._log.read_text()
+            with socket.socket() as probe:
+                return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+        wait_until(listening, "nats-server")
+
+    def stop(self, number: signal.Signals = signal.SIGKILL) -> None:
+        self.process.send_signal(number)
+        self.process.wait(PATIENCE_S)
+
+
+def single(folder: Path) -> NatsServer:
+    """A server without TLS and accounts, with the mapping that makes partitions, and with MQTT."""
+    folder.mkdir()
+    port = free_port()
+    settings = folder / "nats.conf"
+    mapping = f"fltea.frames.{{{{partition({PARTITIONS},1)}}}}.{{{{wildcard(1)}}}}"
+    settings.write_text(
+        f"listen: 127.0.0.1:{port}\nserver_name: one\njetstream {{ store_dir: {folder}/js }}\n"
+        f'mappings {{ "fltea.*.frames": "{mapping}" }}\n'
+    )
+    return NatsServer(folder, settings, port, {})
+
+
+def three_nodes(folder: Path, authority: Path) -> list[NatsServer]:
+    """The nodes of tools/deploy/nats, with certificates of `make_authority`, all on the loopback."""
+    for file in (
+        *DEPLOYED.glob("*.conf"),
+        *(authority / name for name in ("server.pem", "server.key", "ca.pem")),
+    ):
+        shutil.copy(file, folder)
+    ports = [free_port() for _ in range(9)]
+    routes = (folder / "routes.conf").read_text()
+    for k in range(3):
+        routes = routes.replace(f"node{k + 1}.example:6222", f"localhost:{ports[6 + k]}")
+    (folder / "routes.conf").write_text(routes)
+    return [
+        NatsServer(
+            folder,
+            folder / "node.conf",
+            ports[k],
+            {
+                "FLTEA_NODE": f"node{k + 1}",
+                "FLTEA_LISTEN": f"localhost:{ports[k]}",
+                "FLTEA_MQTT_LISTEN": f"localhost:{ports[3 + k]}",
+                "FLTEA_CLUSTER_LISTEN": f"localhost:{ports[6 + k]}",
+                "FLTEA_STORE": str(folder / f"js{k}"),
+            },
+        )
+        for k in range(3)
+    ]

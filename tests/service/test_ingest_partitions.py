@@ -1,0 +1,256 @@
+"""Devices shared among workers: leases, snapshots, and going on where another stopped."""
+
+from typing import Any
+
+import pytest
+from fltea.records.block import Block
+from fltea.records.clock import unix_offset_ns
+from fltea.records.ports import Departed, Sink
+from fltea.records.records import Epoch, Hello
+from fltea.service.hub import Hub
+from fltea.service.ingest.inbox import Inbox, Left, Served
+from fltea.service.ingest.kept import Kept, pack, unpack
+from fltea.service.ingest.leases import LEASE_S, Lease, Sightings, is_free, lease_of, share, surplus
+from fltea.service.ingest.loop import Ingest
+from fltea.settings.config import load_configs
+from fltea.stream.snapshot import DeviceState, LastSample, missing_since
+from frames_messages import second_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec import json
+
+S = 10**9
+
+
+class FakeReceiver:
+    """Serves what the test says, and keeps snapshots in a dictionary."""
+
+    url = "nats://test"
+    connected = True
+
+    def __init__(self) -> None:
+        self.done: dict[int, int] = {}
+        self.kept: dict[str, bytes] = {}
+        self.mine = {0, 1}
+
+    def start(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def serves(self, partition: int) -> bool:
+        return partition in self.mine
+
+    def walked(self, partition: int, mark: int) -> None:
+        self.done[partition] = mark
+
+    def keep(self, partition: int, device: str, data: bytes) -> bool:
+        self.kept[device] = data
+        return True
+
+
+class Collector(Sink):
+    def __init__(self) -> None:
+        self.items: list[Any] = []
+        self.gone: list[Departed] = []
+
+    def write(self, item: Any) -> None:
+        self.items.append(item)
+
+    def depart(self, departed: Departed) -> None:
+        self.gone.append(departed)
+
+
+class Worker:
+    """An `Ingest` whose loop the test turns by hand."""
+
+    def __init__(self, **set_: Any) -> None:
+        flags = {
+            "estimator.window": 200,
+            "estimator.startup": 50,
+            "estimator.tuning": "startup",
+            "name": "w",
+            "format": "none",
+            **set_,
+        }
+        (config,) = load_configs(None, flags, ["nats://test"])
+        self.hub, self.sink, self.receiver = Hub(lambda error: None), Collector(), FakeReceiver()
+        self._outlet = self.hub.add(self.sink)
+        self.ingest = Ingest(config, self.hub, lambda inbox, report: self.receiver, lambda *_: None)  # type: ignore[arg-type, return-value]
+
+    def say(self, device: str, second: int, mark: int, partition: int = 0) -> None:
+        data = second_of(0, second)
+        self.ingest.inbox.put(device, data, partition, mark, 1000 * S + second * S)
+        self.turn()
+
+    def turn(self) -> None:
+        for item in self.ingest.inbox.take(0):
+            if isinstance(item, Served | Left):
+                self.ingest._on_partition(item)
+            else:
+                self.ingest._take(item)
+
+    def keep(self, device: str = "a") -> Kept:
+        """The device's snapshot, taken now."""
+        for line in self.ingest._lines.values():
+            line.kept_ns = -(10**18)
+        self.ingest._keep_snapshots(0)
+        kept = unpack(self.receiver.kept[device])
+        assert kept is not None
+        return kept
+
+    def end(self) -> "Worker":
+        assert self.hub.close(10)
+        return self
+
+    def estimates(self) -> dict[int, tuple[Any, ...]]:
+        """By number of the sample; how often, and what."""
+        found: dict[int, tuple[Any, ...]] = {}
+        for block in self.sink.items:
+            if isinstance(block, Block) and block.estimates:
+                for record in block.estimate_records():
+                    assert record.seq not in found, "twice"
+                    x = record.axes["gyro_x"]
+                    found[record.seq] = (x.alpha, x.f, x.state, x.innovation, x.valid)
+        return found
+
+
+def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
+    worker = Worker()
+    for second in range(seconds):
+        worker.say("a", second, second + 1)
+    return worker.end().estimates()
+
+
+def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
+    first, second = Worker(), Worker()
+    for k in range(6):
+        first.say("a", k, k + 1)
+    kept = first.keep()
+    assert kept.mark == 6
+    for k in range(6, 8):
+        first.say("a", k, k + 1)
+    second.ingest.inbox.post(Served(0, {"a": kept}, 8))
+    for k in range(4, 12):  # those up to the snapshot are known
+        second.say("a", k, k + 1)
+    told = [e for e in second.end().sink.items if isinstance(e, Epoch)]
+    assert [one.reason for one in told] == ["resumed"]
+    whole, left, right = unbroken(12), first.end().estimates(), second.estimates()
+    assert set(left) | set(right) == set(whole) == set(range(150, 1200))
+    assert set(left) & set(right) == set(range(600, 800)), "since the snapshot"
+    for seq, found in right.items():
+        assert found == whole[seq]
+    assert "2 messages were walked again" in str(
+        [item.message for item in second.sink.items if getattr(item, "kind", "") == "partition_caught_up"]
+    )
+
+
+def test_a_device_whose_window_fills_begins_again_with_its_first_message() -> None:
+    first, second = Worker(**{"estimator.startup": 400}), Worker(**{"estimator.startup": 400})
+    for k in range(3):
+        first.say("a", k, k + 11)
+    kept = unpack(first.receiver.kept["a"])
+    assert kept is not None
+    assert (kept.mark, kept.state) == (11, None), "the message that let it in is still to be walked"
+    second.ingest.inbox.post(Served(0, {"a": kept}, 13))
+    for k in range(1, 8):
+        second.say("a", k, k + 11)
+    first.end()
+    assert set(second.end().estimates()) == set(range(500, 800))
+
+
+def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forgotten() -> None:
+    worker = Worker()
+    for k in range(4):
+        worker.say("a", k, 2 * k + 1)
+        worker.say("b", k, 2 * k + 2, partition=1)
+    worker.receiver.mine.discard(0)
+    worker.say("a", 4, 9)
+    assert worker.receiver.done == {0: 7, 1: 8}
+    worker.ingest.inbox.post(Left(0))
+    worker.turn()
+    assert set(worker.ingest._lines) == {"b"}
+    worker.say("b", 4, 10, partition=1)
+    worker.say("b", 5, 11, partition=0)
+    assert worker.receiver.done == {0: 7, 1: 10}, "a name is of one partition"
+    assert worker.end().sink.gone == [Departed("a", True)]
+
+
+def test_a_silent_device_comes_as_far_as_its_partition() -> None:
+    worker = Worker()
+    for k in range(5):
+        worker.say("a", k, k + 1)
+    for k in range(5):
+        worker.say("b", k, k + 6)
+    assert worker.keep("a").mark == 10
+    worker.end()
+
+
+@settings(max_examples=30)
+@given(st.binary(max_size=300))
+def test_what_is_no_snapshot_is_none(data: bytes) -> None:
+    assert unpack(data) is None
+    good = pack(Kept(5, 6, Hello(source="s", host_ns=1, rate_hz=100.0, sampling_mode="timer")))
+    assert good is not None
+    assert unpack(good[: len(good) // 2]) is None
+    assert unpack(good) is not None
+
+
+HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_id=7)
+
+
+@pytest.mark.parametrize(
+    ("boot", "sequence", "device_us", "age_s", "missing"),
+    [
+        (7, 11, 110_000, 3.0, 0),  # the time says 299, the numbers know better
+        (7, 31, 310_000, 0.2, 20),
+        (7, (10 + 70_000) % 65536, 100_000 + 700_000_000, 700.0, 69_999),
+        (8, 11, 110_000, 3.0, 299),  # another boot
+        (7, 11, 900_000, 3.0, 299),  # number and time disagree
+        (7, 10, 100_000, 0.5, 49),  # the same sample again
+        (7, 11, 110_000, 3600.0, 359_999),  # too long for the wraps to be told
+    ],
+)
+def test_what_is_missing_since_a_snapshot(
+    boot: int, sequence: int, device_us: int, age_s: float, missing: int
+) -> None:
+    state = DeviceState({}, 0, None, None, last=LastSample(boot, 10, 100_000))
+    assert missing_since(state, HELLO, sequence, device_us, age_s) == missing
+
+
+def test_a_lease_is_free_once_nobody_has_renewed_it_by_the_lookers_clock() -> None:
+    sightings, lease = Sightings(), json.encode(Lease("other", 5))
+    assert is_free(sightings.of("lease.0"), 0)
+    for now_s in (0.0, 2.0, 4.0):
+        sightings.look({"lease.0": (int(now_s), lease), "worker.a": (1, b"")}, now_s)
+    assert not is_free(sightings.of("lease.0"), 4 + LEASE_S - 0.1)
+    assert is_free(sightings.of("lease.0"), 4 + LEASE_S)
+    assert sightings.fresh("worker.", LEASE_S - 0.1) == ["worker.a"]
+    assert not sightings.fresh("worker.", LEASE_S)
+    sightings.look({"lease.0": (9, json.encode(Lease("", 5)))}, 5.0)
+    assert is_free(sightings.of("lease.0"), 5.0), "it was given back"
+    assert lease_of(b"rubbish") == Lease("")
+
+
+@given(st.integers(1, 64), st.integers(1, 70))
+def test_all_partitions_are_served_and_none_by_two(partitions: int, workers: int) -> None:
+    free, held = set(range(partitions)), [set[int]() for _ in range(workers)]
+    for mine in held:  # one after the other, as the store lets them
+        while free and len(mine) < share(partitions, workers):
+            mine.add(free.pop())
+    assert not free
+    assert sum(map(len, held)) == partitions
+    alone = set(range(partitions))
+    back = surplus(alone, partitions, workers)
+    assert len(alone) - len(back) == share(partitions, workers)
+    assert not surplus(held[0], partitions, workers)
+
+
+def test_a_device_that_another_let_in_is_believed_at_once() -> None:
+    inbox = Inbox(3, 1 << 20)
+    inbox.post(Served(2, {"known": Kept(1, unix_offset_ns())}, 1))
+    inbox.put("known", b"x", 2, 2, 5)
+    inbox.put("stranger", b"x", 2, 3, 5)
+    served, message = inbox.take(0)
+    assert isinstance(served, Served)
+    assert message[:2] == ("known", b"x")
+    assert inbox.admission.turned_away["candidate"] == 1
