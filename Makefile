@@ -31,8 +31,9 @@ setup: .venv/.dev
 run: .venv/.run
 	@$(PY) tools/demo.py
 
+# Hundreds of tests start the program: its modules are compiled once, whatever the environment says.
 test: .venv/.dev
-	@$(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
+	@PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 # Parts that need nothing of each other; `make --jobs=2 --output-sync lint` runs two at a time.
 LINT := lint-types lint-style lint-cppcheck lint-generated
@@ -60,6 +61,7 @@ lint-generated:
 	@$(PY) tools/make_vectors.py --check
 	@$(PY) tools/gen_memory_constants.py --check
 	@$(PY) tools/gen_fixed_nodes.py --check
+	@$(PY) tools/gen_octave_tables.py --check
 	@$(PY) tools/make_golden.py --check
 
 gen: .venv/.dev
@@ -70,6 +72,7 @@ gen: .venv/.dev
 	@$(PY) tools/make_vectors.py
 	@$(PY) tools/gen_memory_constants.py
 	@$(PY) tools/gen_fixed_nodes.py
+	@$(PY) tools/gen_octave_tables.py
 	@$(PY) tools/make_golden.py
 	@$(PY) tools/build_id.py
 

@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "allan_sums.hpp"
-#include "gate.hpp"
-#include "octave_ladder.hpp"
+#include "real_spectrum.hpp"
 
 namespace fltea {
 
@@ -46,7 +45,7 @@ struct AcceptedStream {
         if (io.sound()) io.require(allan.load(numbers.data(), size));
     }
 
-    OctaveLadder<Number> ladder;
+    engine::OctaveLadder<RealSpectrum<Number>> ladder;
     AllanSums allan;
 
   private:
@@ -60,10 +59,10 @@ class Octaves {
   public:
     explicit Octaves(double memory = 0) : accepted_(memory) {}
 
-    const GateCounts& counts() const { return gate_.counts(); }
+    const engine::GateCounts& counts() const { return gate_.counts(); }
     bool constant() const { return gate_.constant(); }
     std::uint64_t now() const { return gate_.number(); }
-    const OctaveLadder<Number>& ladder() const { return accepted_.ladder; }
+    const engine::OctaveLadder<RealSpectrum<Number>>& ladder() const { return accepted_.ladder; }
     const AllanSums& allan() const { return accepted_.allan; }
 
     void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
@@ -84,7 +83,7 @@ class Octaves {
 
     // What is in the level that is whole becomes sums too, for their record in time.
     void deepen() {
-        if (accepted_.ladder.depth() < OctaveLadder<Number>::kLevels - 1) accepted_.ladder.deepen();
+        if (accepted_.ladder.depth() < accepted_.ladder.kLevels - 1) accepted_.ladder.deepen();
     }
 
     // Of a later stretch with the same memory. Both have a break at their end then.
@@ -103,7 +102,7 @@ class Octaves {
     }
 
   private:
-    Gate gate_;
+    engine::Gate<RealSpectrum<Number>> gate_;
     AcceptedStream<Number> accepted_;
 };
 

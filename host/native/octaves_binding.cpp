@@ -17,7 +17,7 @@ namespace nb = nanobind;
 namespace {
 
 using Lane = fltea::Octaves<double>;
-using Ladder = fltea::OctaveLadder<double>;
+using Ladder = fltea::engine::OctaveLadder<fltea::RealSpectrum<double>>;
 
 constexpr double kLargestSample = kLargestInput / 2;
 constexpr double kLeastMemory = 256, kMostMemory = 1e12;
@@ -68,7 +68,7 @@ class Octaves {
     // In the order of GateCounts, and whether all samples that came were the same.
     std::tuple<std::vector<uint64_t>, bool> counts(size_t lane) const {
         const std::lock_guard<std::mutex> alone(mutex_);
-        const fltea::GateCounts& c = at(lane).counts();
+        const fltea::engine::GateCounts& c = at(lane).counts();
         return {
             {c.taken, c.used, c.bridged, c.lost, c.gaps, c.knocks, c.knocked, c.steps, c.changes, c.limited},
             at(lane).constant()};
@@ -172,12 +172,12 @@ class Octaves {
 void bind_octaves(nb::module_& m) {
     m.attr("OCTAVES_LANE_BYTES") = sizeof(Lane);
     m.attr("OCTAVES_LEVELS") = static_cast<int>(Ladder::kLevels);
-    m.attr("OCTAVES_WHOLE") = static_cast<int>(fltea::WholeStream::kCapacity);
+    m.attr("OCTAVES_WHOLE") = static_cast<int>(Ladder::Whole::kCapacity);
     m.attr("OCTAVES_BLOCK") = static_cast<int>(Ladder::Top::kBlock);
     m.attr("OCTAVES_LOWEST") = static_cast<int>(Ladder::Top::kLowest);
     m.attr("OCTAVES_LINES") =
         nb::make_tuple(static_cast<int>(Ladder::kTopLines), static_cast<int>(Ladder::kLines));
-    m.def("half_band_gain", &fltea::HalfBand<double>::gain, nb::arg("angle"));
+    m.def("half_band_gain", &fltea::half_band_gain, nb::arg("angle"));
     nb::class_<Octaves>(m, "Octaves")
         .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))
         .def("add", &Octaves::add, nb::arg("y"))

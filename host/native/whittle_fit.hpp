@@ -2,10 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
-#include "whittle_scoring.hpp"
+#include "whittle_target.hpp"
 
 namespace fltea {
 namespace whittle {
@@ -73,16 +74,16 @@ class Ranking {
           parts_(kMostParts * spectra.bins().size),
           ratio_(spectra.series()) {}
 
-    void rank(Family family, const Natural& at, double* nll, std::size_t stride) {
+    void rank(Family family, const Natural<double>& at, double* nll, std::size_t stride) {
         const double log_spectrum = sums(family, at), m = spectra_.ordinates();
         for (std::size_t s = 0; s < spectra_.series(); ++s)
             nll[s * stride] = log_spectrum + m * std::log(ratio_[s] / m) + m;
     }
 
     // Σ c log S; ratio(series) is Σ c I/S.
-    double sums(Family family, const Natural& at) {
+    double sums(Family family, const Natural<double>& at) {
         const bool same =
-            any_ && family == family_ && std::equal(at.shape, at.shape + kMostShapes, last_.shape);
+            any_ && family == family_ && std::equal(at.shape, at.shape + Room<double>::kShapes, last_.shape);
         any_ = true;
         family_ = family;
         last_ = at;
@@ -97,7 +98,7 @@ class Ranking {
     std::vector<double> parts_, ratio_;
     bool any_ = false;
     Family family_ = kWhite;
-    Natural last_ = Natural();
+    Natural<double> last_ = Natural<double>();
 };
 
 // A grid: points (size, free of the model), and the group of each, 0 <= group < groups.

@@ -127,7 +127,7 @@ class HeldFits {
 
     void grid_of_scale(const Model<double>& held, Point<double>* rows) {
         static const double kShares[] = {5e-4, 0.01, 0.06, 0.2, 0.45, 0.8};
-        double low[kFree], high[kFree];
+        double low[Room<double>::kFree], high[Room<double>::kFree];
         bounds(held, low, high);
         const double least = std::exp(low[0]), most = std::exp(high[0]);  // of -g, if F is held
         for (int i = 0; i < kRows; ++i) {

@@ -3,6 +3,7 @@
 
 #include "pack_log.hpp"
 #include "set_name.hpp"
+#include "whittle_shapes.hpp"
 
 namespace fltea {
 namespace whittle {
@@ -24,93 +25,26 @@ double sum(Number number) {
     return total;
 }
 
-// Each family: spectra of its parts for unit innovations, and the slopes of their logarithms by the shapes,
-// of which shape k belongs to the part `part_of(k)`.
-struct White {
-    enum { kShapes = 0, kParts = 0 };
-    static int part_of(int) { return 0; }
-    explicit White(const Natural&) {}
-    void at(const Bins&, std::size_t, Number*, Number*) const {}
-    void parts(const Bins&, std::size_t, Number*) const {}
+// The columns of the bins, kWidth at a time.
+struct Columns {
+    const Bins& bins;
+    std::size_t size() const { return bins.size; }
+    Number counts(std::size_t i) const { return load(bins.counts + i); }
+    Number ln_size(std::size_t i) const { return load(bins.ln_size + i); }
+    Number quarter(std::size_t i) const { return load(bins.quarter + i); }
+    Number turn(std::size_t i) const { return load(bins.turn + i); }
+    Number cos1(std::size_t i) const { return load(bins.cos1 + i); }
+    Number sin1(std::size_t i) const { return load(bins.sin1 + i); }
+    Number cos2(std::size_t i) const { return load(bins.cos2 + i); }
+    Number sin2(std::size_t i) const { return load(bins.sin2 + i); }
+    Number square(std::size_t i) const { return load(bins.square + i); }
 };
 
-struct Fractional {
-    enum { kShapes = 2, kParts = 1 };
-    static int part_of(int) { return 0; }
-    explicit Fractional(const Natural& natural) : alpha(natural.shape[0]), g(natural.shape[1]) {}
-
-    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
-        const Number ln_size = load(bins.ln_size + i), quarter = load(bins.quarter + i);
-        const Number size = engine::exp(alpha * ln_size);
-        const Number turn = turns(bins, i, quarter);
-        const Number real = size * engine::sin_pi(turn + 0.5), imaginary = size * engine::sin_pi(turn);
-        part[0] = 1.0 / distance(size, real);
-        const Number by_alpha = 2.0 * (size * size * ln_size - g * (ln_size * real - quarter * imaginary));
-        slope[0] = -by_alpha * part[0];
-        slope[1] = 2.0 * (real - g) * part[0];
-    }
-    void parts(const Bins& bins, std::size_t i, Number* part) const {
-        const Number size = engine::exp(alpha * load(bins.ln_size + i));
-        const Number turn = turns(bins, i, load(bins.quarter + i));
-        part[0] = 1.0 / distance(size, size * engine::sin_pi(turn + 0.5));
-    }
-
-  private:
-    // The angle of (1 - e^{-iλ})^α e^{iλ}, over π.
-    Number turns(const Bins& bins, std::size_t i, Number quarter) const {
-        return (alpha * quarter + load(bins.turn + i)) * 0.31830988618379067;
-    }
-    // |(1 - e^{-iλ})^α - g e^{-iλ}|². Positive but for rounding.
-    Number distance(Number size, Number real) const {
-        return max(size * size - 2.0 * g * real + g * g, Number(1e-200));
-    }
-    Number alpha, g;
-};
-
-Number ar1(Number phi, Number square) { return 1.0 / ((1.0 - phi) * (1.0 - phi) + phi * square); }
-
-struct Ar2 {
-    enum { kShapes = 2, kParts = 1 };
-    static int part_of(int) { return 0; }
-    explicit Ar2(const Natural& natural) : phi1(natural.shape[0]), phi2(natural.shape[1]) {}
-    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
-        const Number cos1 = load(bins.cos1 + i), sin1 = load(bins.sin1 + i);
-        const Number cos2 = load(bins.cos2 + i), sin2 = load(bins.sin2 + i);
-        const Number real = 1.0 - phi1 * cos1 - phi2 * cos2, imaginary = phi1 * sin1 + phi2 * sin2;
-        part[0] = 1.0 / max(real * real + imaginary * imaginary, Number(1e-200));
-        slope[0] = 2.0 * (real * cos1 - imaginary * sin1) * part[0];
-        slope[1] = 2.0 * (real * cos2 - imaginary * sin2) * part[0];
-    }
-    void parts(const Bins& bins, std::size_t i, Number* part) const {
-        Number slope[kShapes];
-        at(bins, i, part, slope);
-    }
-
-  private:
-    Number phi1, phi2;
-};
-
-// K relaxations.
+typedef whittle::White<Number> White;
+typedef whittle::Fractional<Number> Fractional;
+typedef whittle::Ar2<Number> Ar2;
 template <int K>
-struct Sum {
-    enum { kShapes = K, kParts = K };
-    static int part_of(int k) { return k; }
-    explicit Sum(const Natural& natural) {
-        for (int k = 0; k < K; ++k) phi[k] = Number(natural.shape[k]);
-    }
-    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
-        parts(bins, i, part);
-        const Number square = load(bins.square + i);
-        for (int k = 0; k < K; ++k) slope[k] = (2.0 * (1.0 - phi[k]) - square) * part[k];
-    }
-    void parts(const Bins& bins, std::size_t i, Number* part) const {
-        const Number square = load(bins.square + i);
-        for (int k = 0; k < K; ++k) part[k] = ar1(phi[k], square);
-    }
-
-  private:
-    Number phi[K];
-};
+using Sum = whittle::Relaxations<Number, K>;
 
 // White noise through a low-pass and then sampled, so that three branches of its spectrum lie over each
 // other, and K relaxations.
@@ -118,11 +52,11 @@ template <int K>
 struct LowPass {
     enum { kShapes = K + 2, kParts = K + 1 };
     static int part_of(int k) { return k < 2 ? 0 : k - 1; }
-    explicit LowPass(const Natural& natural) : log_c(natural.shape[0]), n(natural.shape[1]) {
+    explicit LowPass(const Natural<double>& natural) : log_c(natural.shape[0]), n(natural.shape[1]) {
         for (int k = 0; k < K; ++k) phi[k] = Number(natural.shape[k + 2]);
     }
-    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
-        const Number lam = load(bins.turn + i), square = load(bins.square + i);
+    void at(const Columns& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number lam = bins.turn(i), square = bins.square(i);
         part[0] = slope[0] = slope[1] = Number(0.0);
         const Number branches[] = {lam, 2 * kPi - lam, 2 * kPi + lam};
         for (const Number& branch : branches) {
@@ -134,11 +68,11 @@ struct LowPass {
         slope[0] = n * slope[0] / part[0];
         slope[1] = -slope[1] / part[0];
         for (int k = 0; k < K; ++k) {
-            part[k + 1] = ar1(phi[k], square);
+            part[k + 1] = relaxation_of(phi[k], square);
             slope[k + 2] = (2.0 * (1.0 - phi[k]) - square) * part[k + 1];
         }
     }
-    void parts(const Bins& bins, std::size_t i, Number* part) const {
+    void parts(const Columns& bins, std::size_t i, Number* part) const {
         Number slope[kShapes];
         at(bins, i, part, slope);
     }
@@ -155,15 +89,15 @@ struct LowPass {
 struct Arfima {
     enum { kShapes = 2, kParts = 1 };
     static int part_of(int) { return 0; }
-    explicit Arfima(const Natural& natural) : d(natural.shape[0]), phi(natural.shape[1]) {}
-    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
-        const Number ln_size = load(bins.ln_size + i), square = load(bins.square + i);
-        const Number relaxation = ar1(phi, square);
+    explicit Arfima(const Natural<double>& natural) : d(natural.shape[0]), phi(natural.shape[1]) {}
+    void at(const Columns& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number ln_size = bins.ln_size(i), square = bins.square(i);
+        const Number relaxation = relaxation_of(phi, square);
         part[0] = engine::exp(-2.0 * d * ln_size) * relaxation;
         slope[0] = -2.0 * ln_size;
         slope[1] = (2.0 * (1.0 - phi) - square) * relaxation;
     }
-    void parts(const Bins& bins, std::size_t i, Number* part) const {
+    void parts(const Columns& bins, std::size_t i, Number* part) const {
         Number slope[kShapes];
         at(bins, i, part, slope);
     }
@@ -175,68 +109,44 @@ struct Arfima {
 struct Rising {
     enum { kShapes = 1, kParts = 1 };
     static int part_of(int) { return 0; }
-    explicit Rising(const Natural& natural) : delta(natural.shape[0]) {}
-    void at(const Bins& bins, std::size_t i, Number* part, Number* slope) const {
+    explicit Rising(const Natural<double>& natural) : delta(natural.shape[0]) {}
+    void at(const Columns& bins, std::size_t i, Number* part, Number* slope) const {
         parts(bins, i, part);
-        slope[0] = 2.0 * load(bins.ln_size + i);
+        slope[0] = 2.0 * bins.ln_size(i);
     }
-    void parts(const Bins& bins, std::size_t i, Number* part) const {
-        part[0] = engine::exp(2.0 * delta * load(bins.ln_size + i));
+    void parts(const Columns& bins, std::size_t i, Number* part) const {
+        part[0] = engine::exp(2.0 * delta * bins.ln_size(i));
     }
 
   private:
     Number delta;
 };
 
+struct Logarithm {
+    static Number term(Number count, Number spectrum, Number, Number) {
+        return count * engine::log(spectrum);
+    }
+};
+
 template <class Shape>
-void sums_of(const Bins& bins, const double* power, const Natural& natural, Sums& out) {
-    enum { kNumbers = Shape::kShapes + Shape::kParts + 1, kSquares = kNumbers * (kNumbers + 1) / 2 };
+void sums_of(const Bins& bins, const double* power, const Natural<double>& natural, Sums<double>& out) {
+    enum { kNumbers = Shape::kShapes + Shape::kParts + 1 };
+    const Columns columns = {bins};
+    RunningSums<Number, kNumbers> running;
     const Shape shape(natural);
-    const Number white(natural.white);
-    Number log_spectrum(0.0), ratio(0.0), slopes[kNumbers], weighted[kNumbers], squares[kSquares];
-    for (int k = 0; k < kNumbers; ++k) slopes[k] = weighted[k] = Number(0.0);
-    for (int k = 0; k < kSquares; ++k) squares[k] = Number(0.0);
-    for (std::size_t i = 0; i < bins.size; i += kWidth) {
-        Number part[Shape::kParts + 1], by[Shape::kShapes + 1], D[kNumbers];
-        shape.at(bins, i, part, by);
-        Number spectrum = white;
-        for (int k = 0; k < Shape::kParts; ++k) {
-            part[k] = part[k] * Number(natural.variance[k]);
-            spectrum += part[k];
-        }
-        const Number inverse = 1.0 / spectrum, count = load(bins.counts + i);
-        const Number over = count * load(power + i) * inverse;
-        log_spectrum += count * engine::log(spectrum);
-        ratio += over;
-        for (int k = 0; k < Shape::kParts; ++k) D[Shape::kShapes + k] = part[k] * inverse;
-        for (int k = 0; k < Shape::kShapes; ++k) D[k] = by[k] * D[Shape::kShapes + Shape::part_of(k)];
-        D[kNumbers - 1] = white * inverse;
-        int square = 0;
-        for (int k = 0; k < kNumbers; ++k) {
-            const Number counted = count * D[k];
-            slopes[k] += counted;
-            weighted[k] += over * D[k];
-            for (int j = 0; j <= k; ++j, ++square) squares[square] += counted * D[j];
-        }
-    }
-    out.log_spectrum = sum(log_spectrum);
-    out.ratio = sum(ratio);
-    int square = 0;
-    for (int k = 0; k < kNumbers; ++k) {
-        out.slope[k] = sum(slopes[k]);
-        out.weighted[k] = sum(weighted[k]);
-        for (int j = 0; j <= k; ++j, ++square) out.square[k][j] = sum(squares[square]);
-    }
+    for (std::size_t i = 0; i < bins.size; i += kWidth)
+        add_bin<Logarithm>(shape, columns, i, load(power + i), natural, running);
+    running.read(out, sum);
 }
 
 template <class Shape>
-double ratios_of(const Bins& bins, const double* power, std::size_t series, const Natural& natural, bool same,
-                 double* parts, double* ratio) {
+double ratios_of(const Bins& bins, const double* power, std::size_t series, const Natural<double>& natural,
+                 bool same, double* parts, double* ratio) {
     const Shape shape(natural);
     if (!same) {
         for (std::size_t i = 0; i < bins.size; i += kWidth) {
             Number part[Shape::kParts + 1];
-            shape.parts(bins, i, part);
+            shape.parts(Columns{bins}, i, part);
             for (int k = 0; k < Shape::kParts; ++k) store(parts + k * bins.size + i, part[k]);
         }
     }
@@ -267,8 +177,8 @@ double ratios_of(const Bins& bins, const double* power, std::size_t series, cons
 }
 
 struct Functions {
-    void (*sums)(const Bins&, const double*, const Natural&, Sums&);
-    double (*ratios)(const Bins&, const double*, std::size_t, const Natural&, bool, double*, double*);
+    void (*sums)(const Bins&, const double*, const Natural<double>&, Sums<double>&);
+    double (*ratios)(const Bins&, const double*, std::size_t, const Natural<double>&, bool, double*, double*);
 };
 
 template <class Shape>
@@ -283,12 +193,13 @@ const Functions kTable[kFamilies] = {
     functions<Arfima>(), functions<Rising>(),
 };
 
-void sums(Family family, const Bins& bins, const double* power, const Natural& at, Sums& out) {
+void sums(Family family, const Bins& bins, const double* power, const Natural<double>& at,
+          Sums<double>& out) {
     kTable[family].sums(bins, power, at, out);
 }
 
-double ratios(Family family, const Bins& bins, const double* power, std::size_t series, const Natural& at,
-              bool same, double* parts, double* ratio) {
+double ratios(Family family, const Bins& bins, const double* power, std::size_t series,
+              const Natural<double>& at, bool same, double* parts, double* ratio) {
     return kTable[family].ratios(bins, power, series, at, same, parts, ratio);
 }
 

@@ -158,6 +158,7 @@ def test_copyright_names_the_licence_of_every_library(tmp_path: Path) -> None:
         info = tmp_path / f"{name}-1.0.dist-info"
         (info / "licenses").mkdir(parents=True)
         (info / "METADATA").write_text(f"Metadata-Version: 2.4\nName: {name}\nVersion: 1.0\n{extra}\n")
+        (info / "licenses" / "LICENSE").write_text("All of it.\n")
         (info / "RECORD").write_text(f"{info.name}/licenses/LICENSE,,\n{info.name}/METADATA,,\n")
     text = copyright_of(ROOT / "LICENSE", tmp_path, "/usr/lib/fltea")
     assert "Permission is hereby granted" in text

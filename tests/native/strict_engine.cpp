@@ -1,8 +1,11 @@
 // Compiled with the device's flags only, never run: the filters compile for every number type and memory.
 #include "baseline.hpp"
+#include "count_spectrum.hpp"
+#include "fit_bins.hpp"
 #include "lane.hpp"
 #include "memory_compressed.hpp"
 #include "memory_direct.hpp"
+#include "sliced_fit.hpp"
 #include "supervisor.hpp"
 
 namespace fltea {
@@ -21,6 +24,27 @@ FLTEA_USE(double);
 FLTEA_USE(Wide);
 template class Supervisor<float>;
 template class Supervisor<double>;
+
+float use(CountOctaves<>& octaves);
+float use(CountOctaves<>& octaves) {
+    octaves.add(1);
+    octaves.skip(1);
+    float power[CountOctaves<>::Ladder::kTopLines], blocks = 0, effective = 0;
+    octaves.ladder().sums(0, octaves.now(), power, &blocks, &effective);
+    return blocks + static_cast<float>(octaves.exponent(1));
+}
+
+typedef FitBins<CountOctaves<>> DeviceBins;
+float use(const CountOctaves<>& octaves, DeviceBins& bins, whittle::SlicedFit<DeviceBins>& fit);
+float use(const CountOctaves<>& octaves, DeviceBins& bins, whittle::SlicedFit<DeviceBins>& fit) {
+    bins.begin();
+    while (!bins.step(octaves)) {
+    }
+    fit.begin(bins, whittle::kOnePercent);
+    while (!fit.work(bins)) {
+    }
+    return fit.figures().alpha;
+}
 
 }  // namespace FLTEA_INSTRUCTION_SET
 }  // namespace engine

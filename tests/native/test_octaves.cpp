@@ -14,10 +14,14 @@
 #include "octaves.hpp"
 
 using namespace fltea;
+using engine::BlockFft;
+using engine::Stretch;
 
 namespace {
 
 typedef Octaves<double> Lane;
+typedef engine::OctaveLadder<RealSpectrum<double>> Ladder;
+typedef engine::WholeStream<RealSpectrum<double>> WholeStream;
 
 std::vector<double> noise(std::size_t n, unsigned long long seed = 42) {
     Noise next(seed);
@@ -45,8 +49,8 @@ bool load(Lane& lane, const std::vector<double>& numbers) {
 // All that can be read is.
 void look(const Lane& lane) {
     std::unique_ptr<Lane> finished(new Lane(lane.finished()));
-    const OctaveLadder<double>& ladder = finished->ladder();
-    double power[OctaveLadder<double>::kTopLines], blocks, effective;
+    const Ladder& ladder = finished->ladder();
+    double power[Ladder::kTopLines], blocks, effective;
     for (int l = 0; l < ladder.depth(); ++l) {
         ladder.sums(l, finished->now(), power, &blocks, &effective);
         CHECK(blocks >= 0);
@@ -69,9 +73,9 @@ TEST_CASE("octaves: a block's power is that of its definition") {
     const std::vector<double> y = noise(256);
     double mean = 0, power[127];
     for (double one : y) mean += one / 256;
-    BlockFft<double>::shared().power(y.data(), 1, 127, power);
+    BlockFft<RealSpectrum<double>>::power(y.data(), 1, 127, power);
     float single[127];
-    BlockFft<float>::shared().power(y.data(), 1, 127, single);
+    BlockFft<RealSpectrum<float>>::power(y.data(), 1, 127, single);
     for (int k = 1; k < 128; ++k) {
         std::complex<double> sum = 0;
         for (int t = 0; t < 256; ++t) {
@@ -234,7 +238,7 @@ TEST_CASE("octaves: a merge of any two stays within its room") {
 }
 
 TEST_CASE("octaves: when the last level is full its oldest samples go") {
-    typedef OctaveLadder<double, 3> Ladder;
+    typedef engine::OctaveLadder<RealSpectrum<double, 3>> Ladder;
     const unsigned char measured[128] = {};
     std::unique_ptr<Ladder> ladder(new Ladder);
     const std::vector<double> y = noise(128 * 400);
@@ -242,8 +246,8 @@ TEST_CASE("octaves: when the last level is full its oldest samples go") {
     for (int k = 0; k < 400; ++k, now += 128) {
         ladder->accept(y.data() + 128 * k, 128, now, measured);
         if (k == 150) ladder->cut();
-        const WholeStream& whole = ladder->whole();
-        REQUIRE(whole.size() <= WholeStream::kCapacity);
+        const Ladder::Whole& whole = ladder->whole();
+        REQUIRE(whole.size() <= Ladder::Whole::kCapacity);
         REQUIRE(whole.stretches() > 0);
         const Stretch& last = whole.stretch(whole.stretches() - 1);
         // Every fourth sample, and the filters' reach is all that is behind.

@@ -94,10 +94,10 @@ TEST_CASE("searches end inside their bounds, from anywhere and for any number of
         const Spectra spectra(example.lam.data(), example.counts.data(), example.power.data(), bins, 2);
         for (int family = 0; family < kFamilies; ++family) {
             const Model<double> model = model_of(static_cast<Family>(family));
-            double low[kFree], high[kFree];
+            double low[Room<double>::kFree], high[Room<double>::kFree];
             bounds(model, low, high);
             for (int turn = 0; turn < 20; ++turn) {
-                double start[kFree];
+                double start[Room<double>::kFree];
                 for (double& coordinate : start) coordinate = anywhere(random);
                 Point<double> best = Point<double>();
                 best.nll = kImpossible;

@@ -1,9 +1,12 @@
 """The null test: its table, and that its p-values are what they say."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from fltea.spectrum.likelihood_ratio import critical_values, null_fits, p_value
-from fltea.spectrum.null_constants import PROBABILITIES
+from fltea.spectrum.null_constants import COEFFICIENTS, PROBABILITIES
 from fltea.spectrum.periodogram import binned, periodogram
 from hypothesis import given
 from hypothesis import strategies as st
@@ -66,3 +69,10 @@ def test_p_value_at_the_table() -> None:
     for probability, value in zip(PROBABILITIES, critical_values(1500).tolist(), strict=True):
         assert p_value(value, 1500) == pytest.approx(probability)
     assert p_value(-1e-9, 1500) == 1
+
+
+def test_the_board_has_the_same_quantiles() -> None:
+    header = Path(__file__).parents[2] / "firmware/core/engine/null_quantiles.hpp"
+    rows = re.findall(r"\{(-?[\d.]+)f, (-?[\d.]+)f, (-?[\d.]+)f\}", header.read_text(encoding="utf-8"))
+    ours = [COEFFICIENTS[PROBABILITIES.index(p)] for p in (0.05, 0.01, 0.001)]
+    assert [tuple(float(c) for c in row) for row in rows] == ours

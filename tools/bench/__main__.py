@@ -44,13 +44,27 @@ def main() -> None:
         print(json.dumps(tables, ensure_ascii=False) if arguments.json else identify_tables.text(tables))
         return
     if arguments.device:
-        from tools.bench import device_cost, device_difference  # both compile the device's estimator
+        from tools.bench import (
+            device_cost,
+            device_difference,
+            spectrum_cost,
+        )  # they compile the device's code
 
         cost, differences = device_cost.measure(), device_difference.measure()
+        spectrum = spectrum_cost.measure()
         if arguments.json:
-            print(json.dumps({"cost": cost, "differences": differences}, ensure_ascii=False))
+            print(
+                json.dumps(
+                    {"cost": cost, "spectrum": spectrum, "differences": differences}, ensure_ascii=False
+                )
+            )
         else:
-            print(f"{device_cost.text(cost)}\n\n{device_difference.text(differences)}")
+            print(
+                device_cost.text(cost),
+                spectrum_cost.text(spectrum),
+                device_difference.text(differences),
+                sep="\n\n",
+            )
         return
     if arguments.cluster:
         from tools.bench import bench_cluster  # Dask is an extra

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LONGEST_BRIDGE = 8
-"""Lost samples, as of the live sums (host/native/gate.hpp)."""
+"""Lost samples, as of the live sums (firmware/core/engine/gate.hpp)."""
 MOST_BRIDGED = 0.1
 """Of the samples: where more are lost in short gaps, none is drawn, for the rate may be another one."""
 LONGEST_PREDICTION = 100

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 
 CHUNK, MOST_DEVIATIONS = 128, 12.0
-"""As in host/native/gate.hpp."""
+"""As in firmware/core/engine/gate.hpp."""
 AT_ONCE = 1 << 18
 """Samples, so that of a long file little is in memory."""
 LEAST_SHARE = 0.5

@@ -2,10 +2,11 @@
 
 Octave after octave of the spectrum is Welch's (blocks of 256, Hann, half overlapping), each at half the rate
 of the one before; below them the whole record is kept at a rate at which it has no more than 3,072 samples
-(host/native/octave_ladder.hpp). Up to 3,072 samples the spectrum is therefore the periodogram of the record,
-and of longer ones the lowest frequencies have the resolution of the whole. Sums of two stretches add up.
+(firmware/core/engine/octave_ladder.hpp). Up to 3,072 samples the spectrum is therefore the periodogram of
+the record, and of longer ones the lowest frequencies have the resolution of the whole. Sums of two stretches
+add up.
 
-What is no noise is left out and counted: knocks, steps of the offset, gaps (host/native/gate.hpp).
+What is no noise is left out and counted: knocks, steps of the offset, gaps (firmware/core/engine/gate.hpp).
 
 With a memory of M samples nothing older than two M is in the figures, and between one and two M it fades.
 """

@@ -5,8 +5,8 @@ Ordinates of a stationary series are nearly independent and exponential with the
     -log L = sum over ordinates of log S + I / S
 
 of which the best scale of S is known in closed form, mean I / shape, and is not searched for. The other
-parameters are found by Fisher scoring with Levenberg's damping (host/native/whittle_scoring.hpp), for several
-series with the same ordinates at once.
+parameters are found by Fisher scoring with Levenberg's damping
+(firmware/core/engine/whittle_scoring.hpp), for several series with the same ordinates at once.
 """
 
 from collections.abc import Callable

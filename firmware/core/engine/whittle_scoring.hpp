@@ -3,23 +3,18 @@
 //
 // Where the scale is free it is taken out: at the best one -log L = Σ c log S + m log(Σ c I/S / m) + m, with
 // m ordinates, and of the information what belongs to the scale, whose slope is 1 in every bin, is left out.
-#pragma once
+#ifndef FLTEA_WHITTLE_SCORING_HPP
+#define FLTEA_WHITTLE_SCORING_HPP
 
 #include "whittle_models.hpp"
 
 namespace fltea {
 namespace whittle {
 
-// One spectrum to fit.
-struct Target {
-    const Kernel* kernel;
-    const Bins* bins;
-    const double* power;
-    double ordinates;
-};
-
 template <class R>
 struct Point {
+    enum { kFree = Room<R>::kFree };
+
     R theta[kFree];
     R nll;
     R scale;
@@ -27,23 +22,18 @@ struct Point {
     R fisher[kFree][kFree];
 };
 
-const double kImpossible = 1e300;
 const double kLeastCurvature = 1e-30;
 
-// -log L at point.theta, and its slopes; kImpossible where there is no such spectrum.
-template <class R>
-void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
-    Mapped<R> at;
-    Sums sums;
-    point.nll = R(kImpossible);
-    if (!map(model, point.theta, at)) return;
-    target.kernel->sums(model.family, *target.bins, target.power, at.natural, sums);
+// -log L at point.theta, and its slopes, of the sums over the bins there. Target has `ordinates`, sums() and
+// nll().
+template <class Target, class R>
+void conclude(const Target& target, const Model<R>& model, const Mapped<R>& at, Sums<R>& sums,
+              Point<R>& point) {
     const bool free_scale = scaled(model);
     const R m = target.ordinates;
     point.scale = free_scale ? sums.ratio / m : 1;
-    const R nll =
-        free_scale ? sums.log_spectrum + m * std::log(point.scale) + m : sums.log_spectrum + sums.ratio;
-    if (!std::isfinite(nll)) return;
+    const R nll = target.nll(sums, point.scale, free_scale);
+    if (!math::finite(nll)) return;
     const int numbers = shapes(model.family) + parts(model.family) + 1, free = free_of(model);
     for (int i = 0; i < numbers; ++i) {
         for (int j = 0; j <= i; ++j) {
@@ -52,7 +42,7 @@ void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
         }
     }
     for (int a = 0; a < free; ++a) {
-        R slope = 0, row[kMost];
+        R slope = 0, row[Most<R>::kNumbers];
         for (int i = 0; i < numbers; ++i) {
             slope += at.chain[i][a] * (sums.slope[i] - sums.weighted[i] / point.scale);
             row[i] = 0;
@@ -68,10 +58,21 @@ void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     point.nll = nll;
 }
 
+// The same from the coordinates on; impossible() where there is no such spectrum.
+template <class Target, class R>
+void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
+    Mapped<R> at;
+    Sums<R> sums;
+    point.nll = Room<R>::impossible();
+    if (!map(model, point.theta, at)) return;
+    target.sums(model.family, at.natural, sums);
+    conclude(target, model, at, sums, point);
+}
+
 // Solves (A + damping diag A) x = -b for the coordinates that are not given; A is not negative.
 template <class R>
 void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) {
-    R L[kFree][kFree];
+    R L[Room<R>::kFree][Room<R>::kFree];
     for (int i = 0; i < free; ++i) {
         R x = given[i] ? step[i] : -at.gradient[i];
         for (int j = 0; j < free; ++j)
@@ -81,7 +82,7 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
             if (i == j && !given[i]) a += damping * a + R(kLeastCurvature);
             const R whole = a;
             for (int k = 0; k < j; ++k) a -= L[i][k] * L[j][k];
-            L[i][j] = i == j ? std::sqrt(std::fmax(a, R(1e-12) * whole)) : a / L[j][j];
+            L[i][j] = i == j ? math::sqrt(math::fmax(a, R(1e-12) * whole)) : a / L[j][j];
         }
         step[i] = x;
     }
@@ -103,16 +104,16 @@ R longest(const Model<R>& model, int i, R theta, bool up) {
     if (i == 0 && order_first(model)) return R(0.3);
     if (i == 0 && low_pass(model.family)) return R(1);  // the logarithm of the corner has no tails
     const R tail = theta - centre(model, i);
-    if (std::fabs(tail) > 2 && up == (tail < 0)) return R(kImpossible);
-    return std::fmax(R(1), std::fabs(tail) / 2);
+    if (math::fabs(tail) > 2 && up == (tail < 0)) return Room<R>::impossible();
+    return math::fmax(R(1), math::fabs(tail) / 2);
 }
 
 template <class R>
 R applied(const Model<R>& model, int i, R theta, R step) {
     if (i == 0 && (order_first(model) || low_pass(model.family))) return step;
     const R tail = theta - centre(model, i);
-    if (!(std::fabs(tail) > 2 && (step > 0) == (tail < 0))) return step;
-    return step > 0 ? std::log1p(step) : -std::log1p(-step);
+    if (!(math::fabs(tail) > 2 && (step > 0) == (tail < 0))) return step;
+    return step > 0 ? math::log1p(step) : -math::log1p(-step);
 }
 
 // A step within what the coordinates may move: the decrease of -log L that it promises, and whether it is
@@ -127,7 +128,7 @@ template <class R>
 Promise<R> damped_step(const Model<R>& model, const Point<R>& at, const R* low, const R* high, R damping,
                        R* step) {
     const int free = free_of(model);
-    bool given[kFree];
+    bool given[Room<R>::kFree];
     for (int i = 0; i < free; ++i) {
         given[i] =
             (at.theta[i] <= low[i] && at.gradient[i] > 0) || (at.theta[i] >= high[i] && at.gradient[i] < 0);
@@ -141,10 +142,10 @@ Promise<R> damped_step(const Model<R>& model, const Point<R>& at, const R* low, 
         for (int i = 0; i < free; ++i) {
             const bool up = step[i] > 0;
             R most = longest(model, i, at.theta[i], up);
-            if (most < R(kImpossible))
-                most = std::fmin(most, up ? high[i] - at.theta[i] : at.theta[i] - low[i]);
-            if (!given[i] && std::fabs(step[i]) > excess * most) {
-                excess = std::fabs(step[i]) / std::fmax(most, R(1e-30));
+            if (most < Room<R>::impossible())
+                most = math::fmin(most, up ? high[i] - at.theta[i] : at.theta[i] - low[i]);
+            if (!given[i] && math::fabs(step[i]) > excess * most) {
+                excess = math::fabs(step[i]) / math::fmax(most, R(1e-30));
                 worst = i;
                 end = up ? most : -most;
             }
@@ -173,40 +174,70 @@ struct Patience {
 
 template <class R>
 Patience<R> patience(int steps) {
-    return Patience<R>{steps, R(1e-6), R(-kImpossible), R(kImpossible)};
+    return Patience<R>{steps, R(1e-6), -Room<R>::impossible(), Room<R>::impossible()};
 }
 
-// Moves a point that has been evaluated towards the minimum; returns the evaluations it took.
+// The way of a point to the minimum, step by step: whoever has proposed a point evaluates it, and has it
+// judged.
 template <class R>
-int score(const Target& target, const Model<R>& model, const Patience<R>& until, Point<R>& at) {
-    const int free = free_of(model);
-    R low[kFree], high[kFree];
-    bounds(model, low, high);
-    R damping = R(1e-3);
-    int used = 0, hopeless = 0;
-    while (used < until.steps && at.nll > until.inside && at.nll < R(kImpossible)) {
-        R step[kFree];
-        const Promise<R> promise = damped_step(model, at, low, high, damping, step);
-        if (!(promise.decrease > until.tolerance) && damping <= R(1e-3)) break;
-        hopeless = promise.whole && at.nll - 20 * promise.decrease > until.outside ? hopeless + 1 : 0;
-        if (hopeless == 2) break;
-        Point<R> next;
-        for (int i = 0; i < free; ++i) {
-            const R moved = at.theta[i] + applied(model, i, at.theta[i], step[i]);
-            next.theta[i] = std::fmin(std::fmax(moved, low[i]), high[i]);
+class Search {
+  public:
+    explicit Search(const Model<R>& model) : damping_(R(1e-3)), used_(0), hopeless_(0), over_(false) {
+        bounds(model, low_, high_);
+    }
+
+    // Evaluations that it took.
+    int used() const { return used_; }
+
+    // The coordinates of the point to look at next; false at the end.
+    bool propose(const Model<R>& model, const Patience<R>& until, const Point<R>& at, Point<R>& next) {
+        if (over_ || !(used_ < until.steps && at.nll > until.inside && at.nll < Room<R>::impossible())) {
+            return false;
         }
-        evaluate(target, model, next);
-        ++used;
+        R step[Room<R>::kFree];
+        const Promise<R> promise = damped_step(model, at, low_, high_, damping_, step);
+        if (!(promise.decrease > until.tolerance) && damping_ <= R(1e-3)) return false;
+        hopeless_ = promise.whole && at.nll - 20 * promise.decrease > until.outside ? hopeless_ + 1 : 0;
+        if (hopeless_ == 2) return false;
+        for (int i = 0; i < Room<R>::kFree; ++i) next.theta[i] = at.theta[i];
+        for (int i = 0; i < free_of(model); ++i) {
+            const R moved = at.theta[i] + applied(model, i, at.theta[i], step[i]);
+            next.theta[i] = math::fmin(math::fmax(moved, low_[i]), high_[i]);
+        }
+        return true;
+    }
+
+    void judge(const Point<R>& next, Point<R>& at) {
+        ++used_;
         if (next.nll < at.nll) {
             at = next;
-            damping = std::fmax(damping * R(0.2), R(1e-7));
+            damping_ = math::fmax(damping_ * R(0.2), R(1e-7));
         } else {
-            damping = std::fmax(damping, R(1e-3)) * 8;
-            if (damping > R(1e6)) break;
+            damping_ = math::fmax(damping_, R(1e-3)) * 8;
+            over_ = damping_ > R(1e6);
         }
     }
-    return used;
+
+  private:
+    R low_[Room<R>::kFree], high_[Room<R>::kFree];
+    R damping_;
+    int used_, hopeless_;
+    bool over_;
+};
+
+// Moves a point that has been evaluated towards the minimum; returns the evaluations it took.
+template <class Target, class R>
+int score(const Target& target, const Model<R>& model, const Patience<R>& until, Point<R>& at) {
+    Search<R> search(model);
+    Point<R> next;
+    while (search.propose(model, until, at, next)) {
+        evaluate(target, model, next);
+        search.judge(next, at);
+    }
+    return search.used();
 }
 
 }  // namespace whittle
 }  // namespace fltea
+
+#endif

@@ -1,16 +1,14 @@
 // Coordinates of the spectra that are fitted (spectrum/models.py, which has the same): shares and poles are
 // logits, variances logarithms, so that only the order has bounds that matter. One number of the fractional
 // model may be held; the others move then so that it keeps its value.
-#pragma once
+#ifndef FLTEA_WHITTLE_MODELS_HPP
+#define FLTEA_WHITTLE_MODELS_HPP
 
-#include <cmath>
-
-#include "whittle_kernel.hpp"
+#include "real_math.hpp"
+#include "whittle_numbers.hpp"
 
 namespace fltea {
 namespace whittle {
-
-const int kFree = 12;  // coordinates, at most
 
 // What is held of the fractional model. F = g + α; f = h^-α g.
 enum Hold : int { kNothing, kHoldOrder, kHoldFeedback, kHoldParameter, kHoldWeight, kHoldState, kHoldNoise };
@@ -39,14 +37,14 @@ template <class R>
 struct Share {
     R value, slope;
     explicit Share(R coordinate) {
-        value = 1 / (1 + std::exp(-coordinate));
+        value = 1 / (1 + math::exp(-coordinate));
         slope = value * (1 - value);
     }
 };
 
 template <class R>
 R logit(R share) {
-    return std::log(share / (1 - share));
+    return math::log(share / (1 - share));
 }
 
 template <class R>
@@ -71,11 +69,11 @@ bool scaled(const Model<R>& model) {
 // and -0.914 some near 0 too; those are white noise or AR(1), and so are those with α near 1 and the same F.)
 template <class R>
 R lowest_order(R F) {
-    if (F > R(-0.9139)) return std::fmax(F, R(0));
+    if (F > R(-0.9139)) return math::fmax(F, R(0));
     R low = R(0.52876637), high = 2;
     for (int i = 0; i < 30; ++i) {
         const R middle = (low + high) / 2;
-        (middle - std::exp2(middle) > F ? low : high) = middle;
+        (middle - math::exp2(middle) > F ? low : high) = middle;
     }
     return high + R(kBelowHighest);
 }
@@ -96,7 +94,7 @@ R centre(const Model<R>& model, int i) {
 // Ends of the coordinates.
 template <class R>
 void bounds(const Model<R>& model, R* low, R* high) {
-    for (int i = 0; i < kFree; ++i) {
+    for (int i = 0; i < Room<R>::kFree; ++i) {
         low[i] = R(-kTop);
         high[i] = R(kTop);
     }
@@ -111,27 +109,27 @@ void bounds(const Model<R>& model, R* low, R* high) {
     low[0] = 0;
     high[0] = model.highest_order - R(kBelowHighest);
     // Where -2^α < g < 0.
-    if (model.hold == kHoldFeedback && model.held <= -1) low[0] = std::log2(-model.held) + R(kBelowHighest);
+    if (model.hold == kHoldFeedback && model.held <= -1) low[0] = math::log2(-model.held) + R(kBelowHighest);
     if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
-        low[0] = std::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
+        low[0] = math::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
     if (model.hold == kHoldWeight) {  // of log -g
-        low[0] = std::log(std::fmax(lowest_order(model.held) - model.held, R(kSmallest)));
-        high[0] = std::log(high[0] - model.held);
+        low[0] = math::log(math::fmax(lowest_order(model.held) - model.held, R(kSmallest)));
+        high[0] = math::log(high[0] - model.held);
         return;
     }
     if (!scaled(model)) {
         low[2] = model.log_power - 25;
         high[2] = model.log_power + 5;
     }
-    low[0] = std::fmin(low[0], high[0]);
+    low[0] = math::fmin(low[0], high[0]);
 }
 
 // The numbers of a spectrum, of scale 1 if the scale is free, and their slopes by the coordinates: rows are
 // shapes, logarithms of the variances, logarithm of R.
 template <class R>
 struct Mapped {
-    Natural natural;
-    R chain[kMost][kFree];
+    Natural<R> natural;
+    R chain[Most<R>::kNumbers][Room<R>::kFree];
 };
 
 template <class R>
@@ -181,11 +179,11 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
             g = model.held;
             break;
         case kHoldParameter:
-            g = model.held * std::exp(alpha * model.log_h);
+            g = model.held * math::exp(alpha * model.log_h);
             out.chain[1][0] = g * model.log_h;
             break;
         case kHoldWeight:
-            g = -std::exp(theta[0]);
+            g = -math::exp(theta[0]);
             alpha = model.held - g;
             out.chain[0][0] = -g;
             out.chain[1][0] = g;
@@ -193,24 +191,24 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
         default: {
             next = order_held ? 0 : 1;
             const Share<R> share(theta[next]);
-            const R most = std::exp2(alpha);
+            const R most = math::exp2(alpha);
             g = -most * share.value;
             if (!order_held) out.chain[1][0] = g * R(0.6931471805599453);
             out.chain[1][next] = -most * share.slope;
             ++next;
         }
     }
-    const R most = std::exp2(alpha);
+    const R most = math::exp2(alpha);
     if (!(alpha >= 0 && alpha <= 2 && g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
     // 0 stands for any smaller than the record can tell from it.
-    g = std::fmin(g, -most * R(kSmallest));
+    g = math::fmin(g, -most * R(kSmallest));
     if (scaled(model)) {
         map_weight(theta[next], 2, next, out);
         return true;
     }
     const bool state = model.hold == kHoldState;
-    out.natural.variance[0] = state ? model.held : std::exp(theta[next]);
-    out.natural.white = state ? std::exp(theta[next]) : model.held;
+    out.natural.variance[0] = state ? model.held : math::exp(theta[next]);
+    out.natural.white = state ? math::exp(theta[next]) : model.held;
     out.chain[state ? 3 : 2][next] = 1;
     return true;
 }
@@ -218,7 +216,7 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
 template <class R>
 bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
     out = Mapped<R>();
-    Natural& natural = out.natural;
+    Natural<R>& natural = out.natural;
     switch (model.family) {
         case kWhite:
             natural.white = 1;
@@ -275,14 +273,16 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
 // Coordinates from outside: the order folded into its range, the others within their ends.
 template <class R>
 void canonical(const Model<R>& model, R* theta) {
-    R low[kFree], high[kFree];
+    R low[Room<R>::kFree], high[Room<R>::kFree];
     bounds(model, low, high);
     if (order_first(model)) {
-        const R turned = std::fmod(theta[0] + 2, R(4));
-        theta[0] = std::fabs((turned < 0 ? turned + 4 : turned) - 2);
+        const R turned = math::fmod(theta[0] + 2, R(4));
+        theta[0] = math::fabs((turned < 0 ? turned + 4 : turned) - 2);
     }
-    for (int i = 0; i < free_of(model); ++i) theta[i] = std::fmin(std::fmax(theta[i], low[i]), high[i]);
+    for (int i = 0; i < free_of(model); ++i) theta[i] = math::fmin(math::fmax(theta[i], low[i]), high[i]);
 }
 
 }  // namespace whittle
 }  // namespace fltea
+
+#endif

@@ -16,13 +16,16 @@
 // Up to eight lost samples are bridged by a straight line, at most one in a thousand; more are a break.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
 
+#include "instruction_set.hpp"
+
 namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
 
 struct GateCounts {
     std::uint64_t taken;    // samples that came
@@ -37,7 +40,11 @@ struct GateCounts {
     std::uint64_t limited;  // samples that were handed on smaller than they came
 };
 
+template <typename Kind>
 class Gate {
+    typedef typename Kind::Input Input;
+    typedef typename Kind::Real Real;
+
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
     // In power, of the running level: a chunk's, and a sample's.
@@ -59,7 +66,7 @@ class Gate {
           knocks_level_(0),
           jumps_(0),
           jumps_level_(0),
-          resolution_(std::numeric_limits<double>::infinity()),
+          resolution_(infinity()),
           value_(0),
           changed_(0) {
         std::memset(&counts_, 0, sizeof counts_);
@@ -75,7 +82,7 @@ class Gate {
     // Calls sink.accept(values, n, number of the first, made_up[n]) and sink.cut() as it goes; y[i * stride]
     // are finite and within 1e100.
     template <typename Sink>
-    void add(const double* y, std::size_t n, std::size_t stride, Sink& sink) {
+    void add(const Input* y, std::size_t n, std::size_t stride, Sink& sink) {
         while (n > 0) {
             if (missing_ > 0) end_gap(*y, sink);
             const std::size_t room = std::size_t(kChunk - fill_), part = n < room ? n : room;
@@ -110,14 +117,14 @@ class Gate {
         number_ = number() + other.number();
         missing_ = 0;
         if (other.chunks_ > 0 && chunks_ > 0) {
-            const double weight = double(other.chunks_) / double(chunks_ + other.chunks_);
+            const Real weight = Real(other.chunks_) / Real(chunks_ + other.chunks_);
             level_ += (other.level_ - level_) * weight;
         } else if (other.chunks_ > 0) {
             level_ = other.level_;
         }
         chunks_ = least(chunks_ + other.chunks_, kRunning);
         if (other.jumps_ > 0) {
-            const double weight = double(other.jumps_) / double(jumps_ + other.jumps_);
+            const Real weight = Real(other.jumps_) / Real(jumps_ + other.jumps_);
             jumps_level_ += (other.jumps_level_ - jumps_level_) * weight;
         }
         jumps_ = least(jumps_ + other.jumps_, kRunning);
@@ -155,9 +162,9 @@ class Gate {
         io.number(jumps_, 0, kRunning);
         io.real(jumps_level_, 0, 1e203);
         // Infinite numbers are not in a snapshot.
-        double resolution = std::isinf(resolution_) ? 0 : resolution_;
+        Real resolution = resolution_ < infinity() ? resolution_ : Real(0);
         io.real(resolution, 0, 1e101);
-        resolution_ = resolution > 0 ? resolution : std::numeric_limits<double>::infinity();
+        resolution_ = resolution > 0 ? resolution : infinity();
         io.real(value_, -1e100, 1e100);
         io.number(changed_, 0, 1);
         for (int i = 0; i < kFields; ++i) io.number(fields(counts_)[i], 0, 1e15);
@@ -176,8 +183,9 @@ class Gate {
 
     static std::uint64_t* fields(GateCounts& counts) { return &counts.taken; }
     static int least(int a, int b) { return a < b ? a : b; }
+    static Real infinity() { return std::numeric_limits<Real>::infinity(); }
 
-    void note_change(const double* y, int n) {
+    void note_change(const Input* y, int n) {
         if (changed_) return;
         if (counts_.taken == 0) value_ = y[0];
         for (int i = 0; i < n; ++i) {
@@ -187,7 +195,7 @@ class Gate {
 
     // Samples were lost before `next`.
     template <typename Sink>
-    void end_gap(double next, Sink& sink) {
+    void end_gap(Input next, Sink& sink) {
         const std::uint64_t missing = missing_;
         missing_ = 0;
         if (!has_last_) {
@@ -202,9 +210,9 @@ class Gate {
             return;
         }
         credit_ -= int(missing) * kPerBridged;
-        const double from = last_, slope = (next - last_) / double(missing + 1);
+        const Real from = Real(last_), slope = (Real(next) - from) / Real(missing + 1);
         for (std::uint64_t i = 1; i <= missing; ++i) {
-            chunk_[fill_] = from + slope * double(i);
+            chunk_[fill_] = Kind::input(from + slope * Real(i));
             made_up_[fill_++] = 1;
             ++bridged_;
             ++counts_.bridged;
@@ -228,7 +236,7 @@ class Gate {
         number_ += std::uint64_t(fill_);
         if (belongs()) {
             counts_.used += measured;
-            sink.accept(static_cast<const double*>(chunk_), fill_, first,
+            sink.accept(static_cast<const Input*>(chunk_), fill_, first,
                         static_cast<const unsigned char*>(made_up_));
         } else {
             counts_.knocked += measured;
@@ -240,63 +248,47 @@ class Gate {
 
     // Judges the chunk. A short one is judged as if it went on without noise.
     bool belongs() {
-        double sums[4] = {0, 0, 0, 0}, powers[4] = {0, 0, 0, 0};
-        const double origin = chunk_[0];
-        for (int i = 0; i < fill_; ++i) sums[i % 4] += chunk_[i] - origin;
-        const double mean = origin + ((sums[0] + sums[1]) + (sums[2] + sums[3])) / fill_;
-        double largest = 0;
-        for (int i = 0; i < fill_; ++i) {
-            const double apart = chunk_[i] - mean, power = apart * apart;
-            powers[i % 4] += power;
-            if (power > largest) largest = power;
+        const typename Kind::Moments moments(chunk_, fill_);
+        const Real mean = moments.mean(), power = moments.power(), largest = moments.largest();
+        if (bridged_ == 0) {
+            const Real change = Kind::least_change(chunk_, fill_);
+            if (change > 0 && change < resolution_) resolution_ = change;
         }
-        const double power = (powers[0] + powers[1]) + (powers[2] + powers[3]);
-        if (bridged_ == 0) note_resolution();
         // Of rounding to the resolution there is at least that much, even while hardly any sample changes.
-        const double rounding = std::isinf(resolution_) ? 0 : resolution_ * resolution_ / 12;
+        const Real rounding = resolution_ < infinity() ? resolution_ * resolution_ / 12 : Real(0);
         const bool whole = fill_ == kChunk;
-        const double variance = fill_ > 1 ? power / (fill_ - 1) : 0;
+        const Real variance = fill_ > 1 ? power / Real(fill_ - 1) : Real(0);
         if (chunks_ > 0) {
-            const double level = level_ > rounding ? level_ : rounding;
-            if (power - largest > kKnock * level * (kChunk - 1) || largest > kSpike * level) {
+            const Real level = level_ > rounding ? level_ : rounding;
+            if (power - largest > Real(kKnock) * level * Real(kChunk - 1) || largest > Real(kSpike) * level) {
                 note_knock(variance);
                 return false;
             }
             knocks_ = 0;
             if (whole && has_mean_ && is_step(mean - mean_, 2 * rounding / kChunk)) return false;
-            if (largest > kLimit * level) limit(mean, std::sqrt(kLimit * level));
+            if (largest > Real(kLimit) * level) limit(mean, Kind::root(Real(kLimit) * level));
         }
         if (!whole) return true;
         mean_ = mean;
         has_mean_ = 1;
         chunks_ = least(chunks_ + 1, kRunning);
-        level_ += (variance - level_) / chunks_;
+        level_ += (variance - level_) / Real(chunks_);
         return true;
     }
 
-    void limit(double mean, double most) {
+    void limit(Real mean, Real most) {
         for (int i = 0; i < fill_; ++i) {
-            const double apart = chunk_[i] - mean;
-            if (std::fabs(apart) <= most) continue;
-            chunk_[i] = mean + std::copysign(most, apart);
+            const Real apart = Real(chunk_[i]) - mean;
+            if (apart <= most && -apart <= most) continue;
+            chunk_[i] = Kind::input(apart < 0 ? mean - most : mean + most);
             ++counts_.limited;
         }
     }
 
-    void note_resolution() {
-        double least_change = resolution_;
-        for (int i = 1; i < fill_; ++i) {
-            const double change = std::fabs(chunk_[i] - chunk_[i - 1]);
-            const double one = change > 0 ? change : resolution_;
-            if (one < least_change) least_change = one;
-        }
-        resolution_ = least_change;
-    }
-
-    void note_knock(double variance) {
+    void note_knock(Real variance) {
         ++counts_.knocks;
         ++knocks_;
-        knocks_level_ = knocks_ == 1 ? variance : knocks_level_ + (variance - knocks_level_) / knocks_;
+        knocks_level_ = knocks_ == 1 ? variance : knocks_level_ + (variance - knocks_level_) / Real(knocks_);
         if (knocks_ < kKnocksToChange) return;
         level_ = knocks_level_;
         chunks_ = kKnocksToChange;
@@ -308,34 +300,37 @@ class Gate {
     // Jumps of the mean from chunk to chunk beside their running power; while it is known from few only, more
     // is asked. A step adds no more to it than the largest jump that is none, so that it follows noise that
     // changes.
-    bool is_step(double jump, double rounding) {
-        const double level = jumps_level_ > rounding ? jumps_level_ : rounding;
-        const double deviations = jumps_ > 0 ? 5.5 * (1 + 8.0 / jumps_) : 0;
-        const double largest = deviations * deviations * level;
+    bool is_step(Real jump, Real rounding) {
+        const Real level = jumps_level_ > rounding ? jumps_level_ : rounding;
+        const Real deviations = jumps_ > 0 ? Real(5.5) * (1 + Real(8) / Real(jumps_)) : Real(0);
+        const Real largest = deviations * deviations * level;
         const bool step = jumps_ >= kFewestJumps && jump * jump > largest;
-        const double power = step ? largest : jump * jump;
+        const Real power = step ? largest : jump * jump;
         jumps_ = least(jumps_ + 1, kRunning);
-        jumps_level_ += (power - jumps_level_) / jumps_;
+        jumps_level_ += (power - jumps_level_) / Real(jumps_);
         if (step) ++counts_.steps;
         return step;
     }
 
-    double chunk_[kChunk];
+    Input chunk_[kChunk];
     unsigned char made_up_[kChunk];
     int fill_;
     std::uint64_t number_, missing_;  // sample number of chunk_[0]; lost ones that were not dealt with
     int bridged_, has_last_, has_mean_, credit_;
-    double last_, mean_;  // the newest sample of the stretch, the mean of its newest chunk
-    double level_;        // variance of a chunk, and of how many
+    Input last_;
+    Real mean_;   // the newest sample of the stretch, the mean of its newest chunk
+    Real level_;  // variance of a chunk, and of how many
     int chunks_;
     int knocks_;  // in a row, and their level
-    double knocks_level_;
+    Real knocks_level_;
     int jumps_;
-    double jumps_level_;
-    double resolution_;  // least change from sample to sample
-    double value_;       // the first one
+    Real jumps_level_;
+    Real resolution_;  // least change from sample to sample
+    Input value_;      // the first one
     int changed_;
     GateCounts counts_;
 };
 
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea

@@ -2,62 +2,71 @@
 //
 // Level 0 is the stream, level l + 1 is level l through a half-band filter, every second sample kept. A level
 // keeps its samples while they fit (whole_stream.hpp); then they become Welch's sums, and the next level
-// keeps its own. So up to 3,072 samples all of the record is there, and afterwards all of its lowest
-// frequencies.
+// keeps its own. So up to Kind::kCapacity samples all of the record is there, and afterwards all of its
+// lowest frequencies.
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 
+#include "instruction_set.hpp"
 #include "welch_level.hpp"
 #include "whole_stream.hpp"
 
 namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
 
-// kMostLevels: 20 are half a year at 100 Hz; after that the oldest samples of the last level go.
-template <typename Number, int kMostLevels = 20>
+// After Kind::kLevels the oldest samples of the last level go.
+template <typename Kind>
 class OctaveLadder {
-  public:
-    enum { kLevels = kMostLevels, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
-    typedef WelchLevel<Number, kTopLines> Top;  // up to Nyquist's frequency
-    typedef WelchLevel<Number, kLines> Deep;
+    typedef typename Kind::Value Value;
+    typedef typename Kind::Memory Memory;
+    typedef typename Kind::Unit Unit;
+    typedef typename Kind::Real Real;
 
-    explicit OctaveLadder(double memory = 0)
-        : memory_(memory), depth_(0), started_(0), origin_(0), top_(memory, 1) {
-        for (int l = 1; l < kLevels; ++l) deep_[l - 1] = Deep(memory, double(step(l)));
+  public:
+    typedef typename Kind::Input Input;
+    enum { kLevels = Kind::kLevels, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
+    typedef WelchLevel<Kind, kTopLines> Top;  // up to Nyquist's frequency
+    typedef WelchLevel<Kind, kLines> Deep;
+    typedef WholeStream<Kind> Whole;
+
+    explicit OctaveLadder(Memory memory = Memory(), Unit unit = Unit())
+        : memory_(memory), unit_(unit), depth_(0), started_(0), origin_(0), top_(memory, 1) {
+        for (int l = 1; l < kLevels; ++l) deep_[l - 1] = Deep(memory, step(l));
     }
 
     // Of the level that is whole.
     int depth() const { return depth_; }
-    const WholeStream& whole() const { return whole_; }
+    const Whole& whole() const { return whole_; }
     static std::uint64_t step(int level) { return std::uint64_t(1) << level; }
-    const TimeCells& cells(int level) const { return level == 0 ? top_.cells() : deep_[level - 1].cells(); }
+    Unit unit() const { return unit_; }
+    const typename Kind::Cells& cells(int level) const {
+        return level == 0 ? top_.cells() : deep_[level - 1].cells();
+    }
     static int lines(int level) { return level == 0 ? int(kTopLines) : int(kLines); }
 
-    // Sums of a level above the whole one (welch_level.hpp), as they stand at sample number `now`.
-    void sums(int level, std::uint64_t now, double* power, double* blocks, double* effective) const {
-        const double part = memory_ > 0 ? double(now) / memory_ - generation(now) : 0;
+    // Sums of a level above the whole one, as they stand at sample number `now`, in the squared unit of that
+    // level's values. effective: as many blocks of equal weight say as much.
+    void sums(int level, std::uint64_t now, Real* power, Real* blocks, Real* effective) const {
         if (level == 0) {
-            top_.sums(part, power, blocks, effective);
+            top_.sums().read(memory_.part(now), power, blocks, effective);
         } else {
-            deep_[level - 1].sums(part, power, blocks, effective);
+            deep_[level - 1].sums().read(memory_.part(now), power, blocks, effective);
         }
     }
 
     // n <= kMostAtOnce samples that follow those before; made_up: the last place of one that was not
     // measured, or -1 (places: those of all, to keep in mind while the level is whole).
-    void accept(const double* y, int n, std::uint64_t first, const unsigned char* made_up) {
+    void accept(const Input* y, int n, std::uint64_t first, const unsigned char* made_up) {
         if (!started_) {
             origin_ = y[0];
             started_ = 1;
         }
-        Number batch[kMostAtOnce];
-        const double largest = Top::kLargest;
+        Value batch[kMostAtOnce];
         int last_made_up = -1;
         for (int i = 0; i < n; ++i) {
-            const double value = y[i] - origin_;
-            // What no sensor says must not become infinite.
-            batch[i] = Number(value > largest ? largest : value < -largest ? -largest : value);
+            batch[i] = unit_.value(y[i], origin_);
             if (made_up[i]) last_made_up = i;
         }
         for (int l = 0; l < depth_ && n > 0; ++l) {
@@ -65,9 +74,9 @@ class OctaveLadder {
             last_made_up = -1;
         }
         if (n == 0) return;
-        while (whole_.size() + n > WholeStream::kCapacity) {
-            if (memory_ > 0) forget(first);
-            if (whole_.size() + n <= WholeStream::kCapacity) break;
+        while (whole_.size() + n > Whole::kCapacity) {
+            forget(first);
+            if (whole_.size() + n <= Whole::kCapacity) break;
             if (depth_ == kLevels - 1) {
                 drop_oldest(n);
                 break;
@@ -93,31 +102,33 @@ class OctaveLadder {
 
     // Time has come to sample number `now`.
     void age(std::uint64_t now) {
-        if (!(memory_ > 0)) return;
+        if (!memory_.fades()) return;
         forget(now);
-        top_.age(generation(now));
-        for (int l = 1; l < depth_; ++l) deep_[l - 1].age(generation(now));
+        top_.sums().age(memory_.generation(now));
+        for (int l = 1; l < depth_; ++l) deep_[l - 1].sums().age(memory_.generation(now));
     }
 
     // The level that is whole becomes sums. Possible while depth() < kLevels - 1.
     void deepen() {
-        const WholeStream old = whole_;
+        // In place: no more comes out than has gone in.
+        const typename Whole::Table old = whole_.table();
         whole_.clear();
         const int level = depth_++;
         int begin = 0;
-        for (int i = 0; i < old.stretches(); ++i) {
-            const Stretch& one = old.stretch(i);
+        for (int i = 0; i < old.stretches; ++i) {
+            const Stretch& one = old.stretch[i];
             cut_level(level);
             for (int at = 0; at < one.length; at += kMostAtOnce) {
-                Number batch[kMostAtOnce];
+                Value batch[kMostAtOnce];
                 int n = one.length - at < kMostAtOnce ? one.length - at : int(kMostAtOnce);
-                for (int k = 0; k < n; ++k) batch[k] = Number(old.values()[begin + at + k]);
+                for (int k = 0; k < n; ++k) batch[k] = Value(whole_.values()[begin + at + k]);
                 std::uint64_t first = one.first + std::uint64_t(at) * step(level);
-                n = push(level, batch, n, &first, level == 0 ? old.made_up(begin + at, begin + at + n) : -1);
+                n = push(level, batch, n, &first,
+                         level == 0 ? old.last_made_up(begin + at, begin + at + n) : -1);
                 whole_.add(batch, n, first);
             }
             begin += one.length;
-            if (!old.open() || i + 1 < old.stretches()) {
+            if (!old.open || i + 1 < old.stretches) {
                 whole_.cut();
                 cut_level(level);
             }
@@ -130,17 +141,17 @@ class OctaveLadder {
         age(now);
         while (depth_ < other.depth_ && depth_ < kLevels - 1) deepen();
         while (other.depth_ < depth_ && other.depth_ < kLevels - 1) other.deepen();
-        while (whole_.size() + other.whole_.size() > WholeStream::kCapacity && depth_ < kLevels - 1) {
+        while (whole_.size() + other.whole_.size() > Whole::kCapacity && depth_ < kLevels - 1) {
             deepen();
             other.deepen();
         }
-        if (whole_.size() + other.whole_.size() > WholeStream::kCapacity) drop_oldest(other.whole_.size());
+        if (whole_.size() + other.whole_.size() > Whole::kCapacity) drop_oldest(other.whole_.size());
         if (depth_ > 0) top_.merge(other.top_, shift);
         for (int l = 1; l < depth_; ++l) deep_[l - 1].merge(other.deep_[l - 1], shift);
         whole_.append(other.whole_, shift);
-        if (!(memory_ > 0)) return;
-        top_.set_generation(generation(now));
-        for (int l = 1; l < depth_; ++l) deep_[l - 1].set_generation(generation(now));
+        if (!memory_.fades()) return;
+        top_.sums().set_generation(memory_.generation(now));
+        for (int l = 1; l < depth_; ++l) deep_[l - 1].sums().set_generation(memory_.generation(now));
     }
 
     template <typename Io>
@@ -151,20 +162,16 @@ class OctaveLadder {
         if (!io.sound()) return;
         if (depth_ > 0) top_.visit(io);
         for (int l = 1; l < depth_ && io.sound(); ++l) deep_[l - 1].visit(io);
-        if (io.sound()) whole_.visit(io, 2 * Top::kLargest);
+        if (io.sound()) whole_.visit(io, 2 * Kind::kLargest);
     }
 
   private:
-    double generation(std::uint64_t sample) const {
-        return memory_ > 0 ? std::floor(double(sample) / memory_) : 0;
-    }
-
     // In place: the batch becomes that of the next level.
-    int push(int level, Number* batch, int n, std::uint64_t* first, int made_up) {
-        Number next[kMostAtOnce];
+    int push(int level, Value* batch, int n, std::uint64_t* first, int made_up) {
+        Value next[kMostAtOnce];
         const int outputs =
-            level == 0 ? top_.push(batch, n, *first, made_up, 1, memory_, next, first)
-                       : deep_[level - 1].push(batch, n, *first, made_up, step(level), memory_, next, first);
+            level == 0 ? top_.push(batch, n, *first, made_up, level, memory_, next, first)
+                       : deep_[level - 1].push(batch, n, *first, made_up, level, memory_, next, first);
         for (int i = 0; i < outputs; ++i) batch[i] = next[i];
         return outputs;
     }
@@ -179,8 +186,7 @@ class OctaveLadder {
 
     // Of the whole level: what is older than two memories.
     void forget(std::uint64_t now) {
-        const double least = double(now) - 2 * memory_;
-        if (least > 0) whole_.drop_before(std::uint64_t(std::ceil(least)), step(depth_));
+        if (memory_.fades()) whole_.drop_before(memory_.oldest(now), step(depth_));
     }
 
     // At least n of the whole level.
@@ -197,12 +203,15 @@ class OctaveLadder {
         }
     }
 
-    double memory_;
+    Memory memory_;
+    Unit unit_;
     int depth_, started_;
-    double origin_;
+    Input origin_;
     Top top_;
     Deep deep_[kLevels - 1];
-    WholeStream whole_;
+    Whole whole_;
 };
 
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
 }  // namespace fltea

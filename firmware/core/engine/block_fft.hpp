@@ -1,0 +1,83 @@
+// |FFT|^2 of a block of 256 real numbers under Hann's window, as one complex transform of 128.
+#pragma once
+
+#include "instruction_set.hpp"
+
+namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+template <typename Kind>
+class BlockFft {
+    typedef typename Kind::Value Value;
+    typedef typename Kind::Coefficient Coefficient;
+    typedef typename Kind::Tables Tables;
+
+  public:
+    typedef typename Kind::Power Power;
+    enum { kBlock = 256, kHalf = kBlock / 2 };
+
+    // Sum of the squares of the window: white noise of variance R has so much times R in every line.
+    static constexpr double scale() { return 0.375 * kBlock; }
+
+    // power[i] of line low + i, i < lines; 1 <= low, low + lines <= 128. The mean is taken off first, of
+    // which the window would let lines 0 and 1 alone see anything, against rounding. Returns n: the powers
+    // are in 2^-2n of the squared unit of x.
+    template <typename Stored>
+    static int power(const Stored* x, int low, int lines, Power* power) {
+        const Tables& tables = Kind::tables();
+        Value re[2][kHalf], im[2][kHalf];
+        const typename Kind::template Centred<Stored> centred(x, int(kBlock));
+        for (int i = 0; i < kHalf; ++i) {
+            re[0][i] = Kind::product(centred[2 * i], tables.even(i));
+            im[0][i] = Kind::product(centred[2 * i + 1], tables.odd(i));
+        }
+        const int at = transform(tables, re, im);
+        const Value* const a = re[at];
+        const Value* const b = im[at];
+        for (int i = 0; i < lines; ++i) {
+            const int k = low + i, mirror = kHalf - k;
+            const Value even_re = (a[k] + a[mirror]) / 2, even_im = (b[k] - b[mirror]) / 2;
+            const Value odd_re = (b[k] + b[mirror]) / 2, odd_im = (a[mirror] - a[k]) / 2;
+            const Coefficient c = tables.cosine(k), s = tables.sine(k);
+            const Value line_re = even_re + Kind::product(odd_re, c) + Kind::product(odd_im, s);
+            const Value line_im = even_im + Kind::product(odd_im, c) - Kind::product(odd_re, s);
+            power[i] = Power(line_re) * Power(line_re) + Power(line_im) * Power(line_im);
+        }
+        return centred.places();
+    }
+
+  private:
+    // Stockham's: every step reads one pair of arrays and writes the other, in an order that leaves the
+    // result sorted. Returns which pair has it.
+    static int transform(const Tables& tables, Value re[2][kHalf], Value im[2][kHalf]) {
+        int from = 0;
+        for (int stride = 1; stride < kHalf; stride *= 2, from = 1 - from) {
+            const int pairs = kHalf / 2 / stride;
+            for (int p = 0; p < pairs; ++p) {
+                // e^{-2 pi i p / (2 pairs)}
+                const Coefficient c = tables.cosine(2 * p * stride), s = tables.sine(2 * p * stride);
+                const Value* const ar = re[from] + stride * p;
+                const Value* const ai = im[from] + stride * p;
+                const Value* const br = ar + kHalf / 2;
+                const Value* const bi = ai + kHalf / 2;
+                Value* const sum_r = re[1 - from] + 2 * stride * p;
+                Value* const sum_i = im[1 - from] + 2 * stride * p;
+                Value* const turned_r = sum_r + stride;
+                Value* const turned_i = sum_i + stride;
+                for (int q = 0; q < stride; ++q) {
+                    const Value dr = ar[q] - br[q], di = ai[q] - bi[q];
+                    sum_r[q] = ar[q] + br[q];
+                    sum_i[q] = ai[q] + bi[q];
+                    turned_r[q] = Kind::products(dr, c, di, s);
+                    turned_i[q] = Kind::products(di, c, dr, -s);
+                }
+            }
+        }
+        return from;
+    }
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
+}  // namespace fltea

@@ -1,0 +1,255 @@
+// The running spectrum in integers, for a processor without floating point: counts of an axis in, sums of
+// powers out. The board's.
+//
+// Values are kept in units that are so much finer than a count that noise of the deviation that was told has
+// 512 to 1,024 of them; every second octave has half the unit of the one above, as its noise is less. A level
+// keeps 16 bits of each value, less a base that follows the stream, and fewer places where the stream runs
+// farther than that within a block. So a line of white noise is that of the same counts in double to 0.1 %,
+// even of a single block.
+#ifndef FLTEA_COUNT_SPECTRUM_HPP
+#define FLTEA_COUNT_SPECTRUM_HPP
+
+#include <cstdint>
+
+#include "count_sums.hpp"
+#include "fixed_math.hpp"
+#include "gate.hpp"
+#include "octave_ladder.hpp"
+#include "octave_tables.hpp"
+#include "soft_sqrt.hpp"
+
+namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// kLevels: 12 with a capacity of 512 are three hours at 100 Hz; after that the oldest samples of the last
+// level go, and of the sums nothing.
+template <int kMostLevels = 12, int kMostKept = 512>
+struct CountSpectrum {
+    typedef std::int16_t Input;
+    typedef float Real;
+    typedef std::int32_t Value;
+    typedef std::int64_t Sum;
+    typedef std::int32_t Coefficient;  // in 2^-30
+    typedef std::int64_t Power;
+    typedef std::int16_t Stored;
+    typedef std::int32_t Kept;
+    typedef CosineTable<> Tables;
+    template <int kLines>
+    using Sums = CountSums<kLines>;
+    enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 16, kOne = 30 };
+
+    // To the nearest count.
+    static Input input(float y) {
+        const std::int32_t count = static_cast<std::int32_t>(y < 0 ? y - 0.5f : y + 0.5f);
+        return static_cast<Input>(count > 32767 ? 32767 : count < -32768 ? -32768 : count);
+    }
+    static float root(float x) { return soft_sqrt(x); }
+    static constexpr Coefficient coefficient(double c) {
+        return static_cast<Coefficient>(c * 1073741824.0 + (c < 0 ? -0.5 : 0.5));
+    }
+    static Value product(Value x, Coefficient c) { return rounded(Sum(x) * c, kOne); }
+    static Value products(Value x, Coefficient c, Value y, Coefficient d) {
+        return rounded(Sum(x) * c + Sum(y) * d, kOne);
+    }
+    // What a filter has made of values of a level, in the unit of the next one.
+    static Value filtered(Sum sum, int level) { return rounded(sum, kOne - finer(level)); }
+    static Tables tables() { return Tables(); }
+
+    // The unit of level + 1 is that of the level, or half of it.
+    static constexpr int finer(int level) { return level % 2 == 0 ? 1 : 0; }
+    // Units of a level are 2^-n of those of level 0.
+    static constexpr int halvings(int level) { return (level + 1) / 2; }
+
+    // Of samples: their mean, the power about it, and that of the sample that is farthest from it.
+    class Moments {
+      public:
+        Moments(const Input* x, int n) {
+            std::int32_t sum = 0, low = x[0], high = x[0];
+            std::int64_t squares = 0;
+            for (int i = 0; i < n; ++i) {
+                const std::int32_t one = x[i];
+                sum += one;
+                squares += one * one;
+                if (one < low) low = one;
+                if (one > high) high = one;
+            }
+            // n times the power, exactly.
+            const std::int64_t power = squares * n - static_cast<std::int64_t>(sum) * sum;
+            const float size = static_cast<float>(n);
+            mean_ = static_cast<float>(sum) / size;
+            power_ = fixed::to_float(power, 0) / size;
+            // n times the distance, exactly.
+            const float up = static_cast<float>(high * n - sum) / size;
+            const float down = static_cast<float>(sum - low * n) / size;
+            largest_ = up > down ? up * up : down * down;
+        }
+        float mean() const { return mean_; }
+        float power() const { return power_; }
+        float largest() const { return largest_; }
+
+      private:
+        float mean_, power_, largest_;
+    };
+    // From sample to sample; 0 if there is none.
+    static float least_change(const Input* x, int n) {
+        std::int32_t least = 0;
+        for (int i = 1; i < n; ++i) {
+            const std::int32_t apart = x[i] - x[i - 1], change = apart < 0 ? -apart : apart;
+            if (change > 0 && (least == 0 || change < least)) least = change;
+        }
+        return static_cast<float>(least);
+    }
+
+    // Nothing is forgotten.
+    struct Memory {
+        static constexpr bool fades() { return false; }
+        static constexpr int generation(std::uint64_t) { return 0; }
+        static constexpr int part(std::uint64_t) { return 0; }
+        static constexpr std::uint64_t oldest(std::uint64_t) { return 0; }
+    };
+
+    // Of level 0: 2^-places of a count.
+    class Unit {
+      public:
+        enum { kMost = 12, kLargest = 1 << (29 - kLevels / 2) };
+
+        Unit() : places_(0) {}
+        // For noise of a variance, in squared counts.
+        explicit Unit(float variance) : places_(0) {
+            while (places_ < kMost && variance < 512.0f * 512.0f) {
+                variance *= 4.0f;
+                ++places_;
+            }
+        }
+        int places() const { return places_; }
+        Value value(Input y, Input origin) const {
+            const Value apart = (Value(y) - Value(origin)) * (1 << places_);
+            return apart > kLargest ? Value(kLargest) : apart < -kLargest ? -Value(kLargest) : apart;
+        }
+
+      private:
+        int places_;
+    };
+
+    // What 16 bits of a value are less of, and in what unit: 2^shift of the level's. Both are chosen by all
+    // that is kept when a value would not fit.
+    class Base {
+      public:
+        Base() : base_(0), shift_(0) {}
+
+        void store(const Value* in, int n, Stored* x, int fill) {
+            for (int i = 0; i < n; ++i) {
+                if (!fits(in[i] - base_)) choose(in[i], x, fill + i);
+                x[fill + i] = stored(in[i]);
+            }
+        }
+        // What a filter has made of what is kept becomes that of the values.
+        void lift(Value* out, int n, int level) const {
+            const Value base = base_ * (1 << finer(level));
+            for (int i = 0; i < n; ++i) out[i] = out[i] * (1 << shift_) + base;
+        }
+        int shift() const { return shift_; }
+
+      private:
+        enum { kReach = 32000, kChosen = 16000 };
+
+        bool fits(Value apart) const { return within(apart, Value(kReach) << shift_); }
+        static bool within(Value x, Value most) { return x <= most && x >= -most; }
+        Stored stored(Value x) const {
+            return static_cast<Stored>(shift_ > 0 ? rounded(x - base_, shift_) : x - base_);
+        }
+        Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
+
+        void choose(Value newest, Stored* x, int fill) {
+            Value low = newest, high = newest;
+            for (int i = 0; i < fill; ++i) {
+                const Value one = value(x[i]);
+                if (one < low) low = one;
+                if (one > high) high = one;
+            }
+            Base next;
+            next.base_ = low + (high - low) / 2;
+            while ((high - low) / 2 > Value(kChosen) << next.shift_) ++next.shift_;
+            for (int i = 0; i < fill; ++i) x[i] = next.stored(value(x[i]));
+            *this = next;
+        }
+
+        Value base_;
+        int shift_;
+    };
+
+    // A block less its mean, in 2^-places of its unit: the largest value has 22 bits or nearly so, since the
+    // transform makes up to 128 times as much of it.
+    template <typename From>
+    class Centred {
+      public:
+        Centred(const From* x, int n) : x_(x), sum_(0), lift_(0) {
+            for (int i = 0; i < n; ++i) sum_ += x[i];
+            Value largest = 1;
+            for (int i = 0; i < n; ++i) {
+                const Value apart = fine(i);
+                if (apart > largest) largest = apart;
+                if (-apart > largest) largest = -apart;
+            }
+            lift_ = __builtin_clz(static_cast<unsigned>(largest)) - (32 - 22);
+        }
+        Value operator[](int i) const {
+            return lift_ >= 0 ? fine(i) * (1 << lift_) : rounded(fine(i), -lift_);
+        }
+        int places() const { return kFine + lift_; }
+
+      private:
+        enum { kFine = 8 };  // the mean of 256 values is exact then
+
+        Value fine(int i) const { return Value(x_[i]) * (1 << kFine) - sum_; }
+
+        const From* x_;
+        Value sum_;
+        int lift_;
+    };
+
+    // No record in time.
+    struct Cells {
+        Cells(Memory, std::uint64_t) {}
+        void note(std::uint64_t, const Power*, int, double) {}
+    };
+
+  private:
+    // sum 2^-places to the nearest; places > 0.
+    static Value rounded(Sum sum, int places) {
+        return static_cast<Value>((sum + (Sum(1) << (places - 1))) >> places);
+    }
+};
+
+// The running spectrum of one axis: counts go in one by one.
+template <typename Kind = CountSpectrum<>>
+class CountOctaves {
+  public:
+    typedef OctaveLadder<Kind> Ladder;
+
+    // variance: of the noise in squared counts, roughly.
+    explicit CountOctaves(float variance) : ladder_(typename Kind::Memory(), typename Kind::Unit(variance)) {}
+
+    void add(std::int16_t count) { gate_.add(&count, 1, 1, ladder_); }
+    // So many samples were lost before the next one.
+    void skip(std::uint64_t lost) { gate_.skip(lost); }
+
+    const GateCounts& counts() const { return gate_.counts(); }
+    bool constant() const { return gate_.constant(); }
+    // Number of the next sample; up to 127 before it wait for a chunk to be full.
+    std::uint64_t now() const { return gate_.number(); }
+    const Ladder& ladder() const { return ladder_; }
+    // Exponent of 2 of the unit of the powers of a level, in squared counts.
+    int exponent(int level) const { return -2 * (ladder_.unit().places() + Kind::halvings(level)); }
+
+  private:
+    Gate<Kind> gate_;
+    Ladder ladder_;
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
+}  // namespace fltea
+
+#endif

@@ -1,0 +1,61 @@
+// Every second sample of a low-pass filtered stream: a half-band filter of 31 taps (Kaiser 8).
+//
+// Kind, here and in the other parts of a running spectrum: the numbers that it is calculated with
+// (count_spectrum.hpp in integers, host/native/real_spectrum.hpp in floating point).
+#pragma once
+
+#include "instruction_set.hpp"
+
+namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// What folds over onto frequencies below 0.35 of Nyquist's comes through with less than 5e-6 of its power.
+template <typename Kind>
+struct HalfBand {
+    typedef typename Kind::Value Value;
+    typedef typename Kind::Sum Sum;
+    typedef typename Kind::Coefficient Coefficient;
+
+    // An output needs the newest sample and so many before it; it stands for the one in the middle.
+    enum { kReach = 30, kDelay = 15, kMost = 128, kTaps = 8 };
+
+    // Of the middle, and of the distances 15, 13, ... 1 from it; all other taps are 0.
+    static Coefficient middle() { return Kind::coefficient(0.49998341447554523); }
+    static Coefficient tap(int k) {
+        static const Coefficient taps[kTaps] = {
+            Kind::coefficient(-4.962987862434643e-05), Kind::coefficient(0.0006422540255711147),
+            Kind::coefficient(-0.002734441417494108),  Kind::coefficient(0.00802032401027231),
+            Kind::coefficient(-0.019227637930233975),  Kind::coefficient(0.0415367046593286),
+            Kind::coefficient(-0.09122480814029417),   Kind::coefficient(0.3130455274337019)};
+        return taps[k];
+    }
+
+    // Outputs whose newest sample has an even place in [from, to) of x, which begins where the stretch does
+    // or an even number of samples later; to - from is at most kMost. Returns how many; the first one's
+    // newest sample is at first_place(from). `level` of x: its unit, and that of the outputs.
+    template <typename Stored>
+    static int run(const Stored* x, int from, int to, int level, Value* out) {
+        const int first = first_place(from), outputs = to > first ? (to - first + 1) / 2 : 0;
+        if (outputs == 0) return 0;
+        Value even[kMost / 2 + kReach / 2 + 1];
+        Sum sum[kMost / 2];
+        const Stored* const oldest = x + first - kReach;
+        for (int i = 0; i < outputs + kReach / 2; ++i) even[i] = Value(oldest[2 * i]);
+        for (int i = 0; i < outputs; ++i) sum[i] = middle() * Sum(oldest[2 * i + kDelay]);
+        for (int k = 0; k < kTaps; ++k) {
+            const Coefficient c = tap(k);
+            const Value* const left = even + k;
+            const Value* const right = even + kReach / 2 - k;
+            for (int i = 0; i < outputs; ++i) sum[i] += c * Sum(left[i] + right[i]);
+        }
+        for (int i = 0; i < outputs; ++i) out[i] = Kind::filtered(sum[i], level);
+        return outputs;
+    }
+
+    static int first_place(int from) { return from <= kReach ? int(kReach) : from + from % 2; }
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
+}  // namespace fltea

@@ -1,0 +1,28 @@
+// What the likelihood ratio of the null test exceeds by chance: the parabolas of
+// host/fltea/spectrum/null_constants.py, of which the device needs three.
+#ifndef FLTEA_NULL_QUANTILES_HPP
+#define FLTEA_NULL_QUANTILES_HPP
+
+#include "real_math.hpp"
+
+namespace fltea {
+namespace whittle {
+
+enum NullLevel : int { kFivePercent, kOnePercent, kOneInThousand, kNullLevels };
+
+// The ratio that white noise exceeds with this probability, with so many ordinates.
+inline float null_quantile(NullLevel level, float ordinates) {
+    static const float coefficients[kNullLevels][3] = {
+        {3.7125f, 1.0516f, -0.0805f},
+        {7.9484f, 0.4336f, 0.0000f},
+        {11.6669f, 0.6161f, 0.0000f},
+    };
+    const float x = math::log(ordinates) * 0.4342944819f;
+    const float* const c = coefficients[level];
+    return c[0] + x * (c[1] + x * c[2]);
+}
+
+}  // namespace whittle
+}  // namespace fltea
+
+#endif

@@ -1,0 +1,150 @@
+// The sums of a fit in float over a few bins at a time: the device's.
+//
+// -log L is kept as its excess over that of a spectrum that is the data themselves, Σ c (r - 1 - log r) with
+// r = I/S: a number like that of the bins, while -log L itself is like that of the ordinates, of which float
+// would lose the digits that count.
+#ifndef FLTEA_SLICED_TARGET_HPP
+#define FLTEA_SLICED_TARGET_HPP
+
+#include <cstddef>
+
+#include "real_math.hpp"
+#include "whittle_shapes.hpp"
+
+namespace fltea {
+namespace whittle {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// u - log(1 + u), u > -1, without cancellation: with s = u / (2 + u) the logarithm is 2 s + 2/3 s³ + ...
+inline float excess(float u) {
+    if (u > 0.4f || u < -0.28f) return u - math::log(1.0f + u);
+    const float s = u / (2.0f + u), z = s * s;
+    const float sum = 0.6666666667f + z * (0.4f + z * (0.2857142857f + z * 0.2222222222f));
+    return s * (u - z * sum);
+}
+
+// What the bins (fit_bins.hpp) are for the shapes.
+template <class Bins>
+struct BinColumns {
+    const Bins& bins;
+    float counts(std::size_t i) const { return bins.counts(static_cast<int>(i)); }
+    float ln_size(std::size_t i) const { return bins.ln_size(static_cast<int>(i)); }
+    float turn(std::size_t i) const { return bins.lam(static_cast<int>(i)); }
+    float quarter(std::size_t i) const { return 0.5f * (3.14159265f - turn(i)); }
+    float square(std::size_t i) const { return math::exp(2.0f * ln_size(i)); }
+};
+
+// Spectra over bins whose powers are divided by `unit`; S is told apart from `reference` S.
+template <class Bins>
+class SlicedTarget {
+  public:
+    float ordinates;
+
+    void begin(const Bins& bins) {
+        ordinates = bins.ordinates();
+        over_unit_ = 1.0f / bins.mean_power();
+        reference_ = 1.0f;
+    }
+    void refer_to(float scale) { reference_ = scale; }
+    float reference() const { return reference_; }
+    float unit() const { return 1.0f / over_unit_; }
+
+    // An evaluation: begin it, then add bins from `at` on, up to so many, until none is left.
+    void begin_sums() {
+        at_ = 0;
+        sums_ = PartSums();
+    }
+    bool add(const Bins& bins, Family family, const Natural<float>& natural, int most) {
+        switch (family) {
+            case kWhite:
+                return add_white(bins, most);
+            case kAr1:
+                return add(Relaxations<float, 1>(natural), bins, natural, most);
+            default:
+                return add(Fractional<float>(natural), bins, natural, most);
+        }
+    }
+    // Slopes of log S by the variance of the part and by R add up to 1, so that the sums with the last follow
+    // from the others.
+    void read(Family family, Sums<float>& sums) const {
+        const int part = shapes(family), white = part + parts(family);
+        sums.log_spectrum = sums_.excess;
+        sums.ratio = sums_.ratio * reference_;
+        int square = 0;
+        for (int k = 0; k < white; ++k) {
+            sums.slope[k] = sums_.slope[k];
+            sums.weighted[k] = sums_.weighted[k] * reference_;
+            for (int j = 0; j <= k; ++j) sums.square[k][j] = sums_.square[square++];
+        }
+        sums.slope[white] = ordinates;
+        sums.weighted[white] = sums.ratio;
+        sums.square[white][white] = ordinates;
+        if (white == 0) return;
+        sums.slope[white] -= sums.slope[part];
+        sums.weighted[white] -= sums.weighted[part];
+        for (int j = 0; j < white; ++j) sums.square[white][j] = sums.slope[j] - sums.square[part][j];
+        sums.square[white][white] -= 2.0f * sums.slope[part] - sums.square[part][part];
+    }
+
+    // The excess of -log L at the best scale.
+    float nll(const Sums<float>& sums, float scale, bool) const {
+        return sums.log_spectrum - ordinates * excess(scale / reference_ - 1.0f);
+    }
+
+  private:
+    enum { kMostNumbers = 3 };
+    // As Sums has them, without those of R.
+    struct PartSums {
+        float excess, ratio, slope[kMostNumbers], weighted[kMostNumbers];
+        float square[kMostNumbers * (kMostNumbers + 1) / 2];
+    };
+
+    bool add_white(const Bins& bins, int most) {
+        const float unit = over_unit_ / reference_;
+        for (int k = 0; k < most && at_ < bins.size(); ++k, ++at_) {
+            const float ratio = bins.power(at_) * unit, count = bins.counts(at_);
+            sums_.ratio += count * ratio;
+            sums_.excess += count * excess_of(ratio);
+        }
+        return at_ == bins.size();
+    }
+
+    template <class Shape>
+    bool add(const Shape& shape, const Bins& bins, const Natural<float>& natural, int most) {
+        enum { kPart = Shape::kShapes, kNumbers = Shape::kShapes + 1 };
+        const BinColumns<Bins> columns = {bins};
+        const float unit = over_unit_ / reference_;
+        for (int n = 0; n < most && at_ < bins.size(); ++n, ++at_) {
+            float part = 0, by[kPart], D[kNumbers];
+            shape.at(columns, static_cast<std::size_t>(at_), &part, by);
+            part *= natural.variance[0];
+            const float inverse = 1.0f / (part + natural.white), count = bins.counts(at_);
+            const float ratio = bins.power(at_) * unit * inverse, over = count * ratio;
+            sums_.excess += count * excess_of(ratio);
+            sums_.ratio += over;
+            D[kPart] = part * inverse;
+            for (int k = 0; k < kPart; ++k) D[k] = by[k] * D[kPart];
+            int square = 0;
+            for (int k = 0; k < kNumbers; ++k) {
+                const float counted = count * D[k];
+                sums_.slope[k] += counted;
+                sums_.weighted[k] += over * D[k];
+                for (int j = 0; j <= k; ++j, ++square) sums_.square[square] += counted * D[j];
+            }
+        }
+        return at_ == bins.size();
+    }
+
+    // Of r = I/S; of a bin without power the logarithm is that of a small number.
+    static float excess_of(float ratio) { return excess((ratio > 1e-7f ? ratio : 1e-7f) - 1.0f); }
+
+    float over_unit_, reference_;
+    int at_;
+    PartSums sums_;
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace whittle
+}  // namespace fltea
+
+#endif

@@ -1,0 +1,113 @@
+// One octave of the running spectrum: Welch's sums over a stream, and the stream of half its rate.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+
+#include "block_fft.hpp"
+#include "half_band.hpp"
+#include "instruction_set.hpp"
+
+namespace fltea {
+namespace engine {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// Sums of |FFT|^2 over blocks that overlap by half, over the lines kLowest ... kLowest + kLines - 1 of 128.
+template <typename Kind, int kLines>
+class WelchLevel {
+    typedef typename Kind::Value Value;
+    typedef typename Kind::Stored Stored;
+    typedef typename Kind::Memory Memory;
+
+  public:
+    typedef BlockFft<Kind> Fft;
+    typedef typename Kind::template Sums<kLines> Sums;
+    typedef typename Kind::Cells Cells;
+    enum { kLowest = 45, kBlock = Fft::kBlock, kHop = kBlock / 2, kMostAtOnce = 128 };
+
+    // step: samples of the whole between two of this level.
+    explicit WelchLevel(Memory memory = Memory(), std::uint64_t step = 1)
+        : x_(), cells_(memory, step * kHop) {
+        cut();
+    }
+
+    // The stream has a break here.
+    void cut() {
+        fill_ = 0;
+        made_up_ = -1;
+        begin_ = 0;
+        base_ = typename Kind::Base();
+    }
+
+    // Takes up to kMostAtOnce values; `first` is the sample number of the first one, `made_up` the place of
+    // the last one that was not measured, or -1. Writes the values of the next level, and the first one's
+    // sample number; returns how many there are.
+    int push(const Value* in, int n, std::uint64_t first, int made_up, int level, Memory memory, Value* out,
+             std::uint64_t* first_out) {
+        const std::uint64_t step = std::uint64_t(1) << level;
+        int outputs = 0;
+        for (int taken = 0; taken < n;) {
+            const int from = fill_, part = n - taken < kBlock - from ? n - taken : kBlock - from;
+            if (from == 0) begin_ = first;
+            base_.store(in + taken, part, x_, from);
+            if (made_up >= taken && made_up < taken + part) made_up_ = from + made_up - taken;
+            fill_ = from + part;
+            const int more = HalfBand<Kind>::run(x_, from, fill_, level, out + outputs);
+            base_.lift(out + outputs, more, level);
+            if (more > 0 && outputs == 0) {
+                const int middle = HalfBand<Kind>::first_place(from) - HalfBand<Kind>::kDelay;
+                *first_out = begin_ + std::uint64_t(middle) * step;
+            }
+            outputs += more;
+            taken += part;
+            if (fill_ == kBlock) end_block(step, memory);
+        }
+        return outputs;
+    }
+
+    Sums& sums() { return sums_; }
+    const Sums& sums() const { return sums_; }
+    const Cells& cells() const { return cells_; }
+
+    // Of a later stretch. Both have come to the same generation as far as their own clocks go.
+    void merge(const WelchLevel& other, std::uint64_t shift) {
+        sums_.merge(other.sums_);
+        cells_.merge(other.cells_, shift);
+    }
+
+    template <typename Io>
+    void visit(Io& io) {
+        io.number(fill_, 0, kBlock - 1);
+        io.number(made_up_, -1, kBlock - 1);
+        io.number(begin_, 0, 1e15);
+        sums_.visit_clock(io);
+        for (int i = 0; i < fill_ && io.sound(); ++i) io.real(x_[i], -Kind::kLargest, Kind::kLargest);
+        sums_.visit(io);
+        cells_.visit(io);
+    }
+
+  private:
+    void end_block(std::uint64_t step, Memory memory) {
+        if (made_up_ < 0) {
+            typename Fft::Power power[kLines];
+            const int places = Fft::power(x_, kLowest, kLines, power) - base_.shift();
+            sums_.add(power, places, memory.generation(begin_ + kBlock * step));
+            cells_.note(begin_, power, int(kLines), Fft::scale());
+        }
+        std::memmove(x_, x_ + kHop, kHop * sizeof x_[0]);
+        fill_ = kHop;
+        begin_ += kHop * step;
+        made_up_ = made_up_ < kHop ? -1 : made_up_ - kHop;
+    }
+
+    Stored x_[kBlock];
+    typename Kind::Base base_;
+    int fill_, made_up_;   // values of x_; the place of the last one that was not measured, or -1
+    std::uint64_t begin_;  // sample number of the first one
+    Sums sums_;
+    Cells cells_;
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace engine
+}  // namespace fltea

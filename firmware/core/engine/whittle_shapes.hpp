@@ -1,0 +1,209 @@
+// Spectra that are fitted: one source for the host's kernels, several bins at a time in double, and for the
+// board, bin by bin in float. And the sums of the host's fits over their bins; the board's are in
+// sliced_target.hpp.
+//
+// Columns: what does not depend on the parameters, of bin i (of kWidth bins from i on): counts(i), ordinates
+// in it; ln_size(i), log |1 - e^{-iλ}|; quarter(i), (π - λ) / 2; turn(i), λ; square(i), |1 - e^{-iλ}|²;
+// cos1(i), sin1(i), cos2(i), sin2(i) of λ and 2λ.
+#ifndef FLTEA_WHITTLE_SHAPES_HPP
+#define FLTEA_WHITTLE_SHAPES_HPP
+
+#include <cstddef>
+
+#include "pack_math.hpp"
+#include "real_math.hpp"
+#include "whittle_numbers.hpp"
+
+namespace fltea {
+namespace whittle {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// As small as a distance can be but for rounding.
+template <class R>
+constexpr R nearly_nothing() {
+    return sizeof(R) == 8 ? R(1e-200) : R(1e-30);
+}
+
+template <class Number>
+Number exp_of(Number x) {
+    return engine::exp(x);
+}
+inline float exp_of(float x) { return math::exp(x); }
+// 0 <= x <= 3/2.
+template <class Number>
+Number sin_pi_of(Number x) {
+    return engine::sin_pi(x);
+}
+inline float sin_pi_of(float x) { return math::sin_pi(x); }
+
+// Each family: spectra of its parts for unit innovations, and the slopes of their logarithms by the shapes,
+// of which shape k belongs to the part `part_of(k)`.
+template <class Number>
+struct White {
+    enum { kShapes = 0, kParts = 0 };
+    static int part_of(int) { return 0; }
+    template <class R>
+    explicit White(const Natural<R>&) {}
+    template <class Columns>
+    void at(const Columns&, std::size_t, Number*, Number*) const {}
+    template <class Columns>
+    void parts(const Columns&, std::size_t, Number*) const {}
+};
+
+template <class Number>
+struct Fractional {
+    typedef engine::Real<Number> R;
+    enum { kShapes = 2, kParts = 1 };
+    static int part_of(int) { return 0; }
+    explicit Fractional(const Natural<R>& natural) : alpha(natural.shape[0]), g(natural.shape[1]) {}
+
+    template <class Columns>
+    void at(const Columns& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number ln_size = bins.ln_size(i), quarter = bins.quarter(i);
+        const Number size = exp_of(alpha * ln_size);
+        const Number turn = turns(bins, i, quarter);
+        const Number real = size * sin_pi_of(turn + R(0.5)), imaginary = size * sin_pi_of(turn);
+        part[0] = R(1.0) / distance(size, real);
+        const Number by_alpha = R(2.0) * (size * size * ln_size - g * (ln_size * real - quarter * imaginary));
+        slope[0] = -by_alpha * part[0];
+        slope[1] = R(2.0) * (real - g) * part[0];
+    }
+    template <class Columns>
+    void parts(const Columns& bins, std::size_t i, Number* part) const {
+        const Number size = exp_of(alpha * bins.ln_size(i));
+        const Number turn = turns(bins, i, bins.quarter(i));
+        part[0] = R(1.0) / distance(size, size * sin_pi_of(turn + R(0.5)));
+    }
+
+  private:
+    // The angle of (1 - e^{-iλ})^α e^{iλ}, over π.
+    template <class Columns>
+    Number turns(const Columns& bins, std::size_t i, Number quarter) const {
+        return (alpha * quarter + bins.turn(i)) * R(0.31830988618379067);
+    }
+    // |(1 - e^{-iλ})^α - g e^{-iλ}|². Positive but for rounding.
+    Number distance(Number size, Number real) const {
+        using engine::max;
+        return max(size * size - R(2.0) * g * real + g * g, Number(nearly_nothing<R>()));
+    }
+    Number alpha, g;
+};
+
+template <class Number>
+Number relaxation_of(Number phi, Number square) {
+    typedef engine::Real<Number> R;
+    return R(1.0) / ((R(1.0) - phi) * (R(1.0) - phi) + phi * square);
+}
+
+template <class Number>
+struct Ar2 {
+    typedef engine::Real<Number> R;
+    enum { kShapes = 2, kParts = 1 };
+    static int part_of(int) { return 0; }
+    explicit Ar2(const Natural<R>& natural) : phi1(natural.shape[0]), phi2(natural.shape[1]) {}
+    template <class Columns>
+    void at(const Columns& bins, std::size_t i, Number* part, Number* slope) const {
+        const Number cos1 = bins.cos1(i), sin1 = bins.sin1(i);
+        const Number cos2 = bins.cos2(i), sin2 = bins.sin2(i);
+        using engine::max;
+        const Number real = R(1.0) - phi1 * cos1 - phi2 * cos2, imaginary = phi1 * sin1 + phi2 * sin2;
+        part[0] = R(1.0) / max(real * real + imaginary * imaginary, Number(nearly_nothing<R>()));
+        slope[0] = R(2.0) * (real * cos1 - imaginary * sin1) * part[0];
+        slope[1] = R(2.0) * (real * cos2 - imaginary * sin2) * part[0];
+    }
+    template <class Columns>
+    void parts(const Columns& bins, std::size_t i, Number* part) const {
+        Number slope[kShapes];
+        at(bins, i, part, slope);
+    }
+
+  private:
+    Number phi1, phi2;
+};
+
+// K AR(1).
+template <class Number, int K>
+struct Relaxations {
+    typedef engine::Real<Number> R;
+    enum { kShapes = K, kParts = K };
+    static int part_of(int k) { return k; }
+    explicit Relaxations(const Natural<R>& natural) {
+        for (int k = 0; k < K; ++k) phi[k] = Number(natural.shape[k]);
+    }
+    template <class Columns>
+    void at(const Columns& bins, std::size_t i, Number* part, Number* slope) const {
+        parts(bins, i, part);
+        const Number square = bins.square(i);
+        for (int k = 0; k < K; ++k) slope[k] = (R(2.0) * (R(1.0) - phi[k]) - square) * part[k];
+    }
+    template <class Columns>
+    void parts(const Columns& bins, std::size_t i, Number* part) const {
+        const Number square = bins.square(i);
+        for (int k = 0; k < K; ++k) part[k] = relaxation_of(phi[k], square);
+    }
+
+  private:
+    Number phi[K];
+};
+
+// Sums over bins as they go on.
+template <class Number, int kNumbers>
+struct RunningSums {
+    enum { kSquares = kNumbers * (kNumbers + 1) / 2 };
+
+    RunningSums() : log_spectrum(0), ratio(0) {
+        for (int k = 0; k < kNumbers; ++k) slopes[k] = weighted[k] = Number(0);
+        for (int k = 0; k < kSquares; ++k) squares[k] = Number(0);
+    }
+
+    // sum(Number) is that of its lanes.
+    template <class Out, class SumOf>
+    void read(Out& out, SumOf sum) const {
+        out.log_spectrum = sum(log_spectrum);
+        out.ratio = sum(ratio);
+        int square = 0;
+        for (int k = 0; k < kNumbers; ++k) {
+            out.slope[k] = sum(slopes[k]);
+            out.weighted[k] = sum(weighted[k]);
+            for (int j = 0; j <= k; ++j, ++square) out.square[k][j] = sum(squares[square]);
+        }
+    }
+
+    Number log_spectrum, ratio, slopes[kNumbers], weighted[kNumbers], squares[kSquares];
+};
+
+// Adds bin i, of this power. Likelihood::term(count, S, I, 1/S): what stands for c log S.
+template <class Likelihood, class Shape, class Columns, class Number, class R>
+inline void add_bin(const Shape& shape, const Columns& bins, std::size_t i, Number power,
+                    const Natural<R>& natural,
+                    RunningSums<Number, Shape::kShapes + Shape::kParts + 1>& sums) {
+    enum { kNumbers = Shape::kShapes + Shape::kParts + 1 };
+    const Number white(natural.white);
+    Number part[Shape::kParts + 1], by[Shape::kShapes + 1], D[kNumbers];
+    shape.at(bins, i, part, by);
+    Number spectrum = white;
+    for (int k = 0; k < Shape::kParts; ++k) {
+        part[k] = part[k] * Number(natural.variance[k]);
+        spectrum += part[k];
+    }
+    const Number inverse = R(1.0) / spectrum, count = bins.counts(i);
+    const Number over = count * power * inverse;
+    sums.log_spectrum += Likelihood::term(count, spectrum, power, inverse);
+    sums.ratio += over;
+    for (int k = 0; k < Shape::kParts; ++k) D[Shape::kShapes + k] = part[k] * inverse;
+    for (int k = 0; k < Shape::kShapes; ++k) D[k] = by[k] * D[Shape::kShapes + Shape::part_of(k)];
+    D[kNumbers - 1] = white * inverse;
+    int square = 0;
+    for (int k = 0; k < kNumbers; ++k) {
+        const Number counted = count * D[k];
+        sums.slopes[k] += counted;
+        sums.weighted[k] += over * D[k];
+        for (int j = 0; j <= k; ++j, ++square) sums.squares[square] += counted * D[j];
+    }
+}
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace whittle
+}  // namespace fltea
+
+#endif

@@ -1,0 +1,116 @@
+// Welch's sums of one octave, which can be made to forget.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+namespace fltea {
+
+// What is to be remembered: `samples` of the whole, 0 to forget nothing.
+//
+// To forget, time is cut into generations of one memory. Sums are those of this generation and of the one
+// before, whose weight goes from 1 to 0 while this one grows: what is older than two memories is gone, and
+// nothing jumps.
+class FadingMemory {
+  public:
+    FadingMemory(double samples = 0) : samples_(samples) {}
+
+    double samples() const { return samples_; }
+    bool fades() const { return samples_ > 0; }
+    double generation(std::uint64_t sample) const {
+        return fades() ? std::floor(double(sample) / samples_) : 0;
+    }
+    // How far through its generation a sample is.
+    double part(std::uint64_t sample) const {
+        return fades() ? double(sample) / samples_ - generation(sample) : 0;
+    }
+    // The first sample that is not to be forgotten.
+    std::uint64_t oldest(std::uint64_t now) const {
+        const double least = double(now) - 2 * samples_;
+        return least > 0 ? std::uint64_t(std::ceil(least)) : 0;
+    }
+
+  private:
+    double samples_;
+};
+
+template <int kLines>
+class FadingSums {
+  public:
+    FadingSums() : generation_(0) {
+        std::memset(&now_, 0, sizeof now_);
+        std::memset(&before_, 0, sizeof before_);
+    }
+
+    // A block of a generation; the powers are in the unit of the sums.
+    template <typename Number>
+    void add(const Number* power, int, double born) {
+        age(born);
+        if (born < generation_ - 1) return;
+        Sums& to = born == generation_ ? now_ : before_;
+        for (int i = 0; i < kLines; ++i) to.power[i] += double(power[i]);
+        to.blocks += 1;
+    }
+
+    // Time goes on to a generation, forwards only.
+    void age(double generation) {
+        if (!(generation > generation_)) return;
+        if (generation == generation_ + 1) {
+            before_ = now_;
+        } else {
+            std::memset(&before_, 0, sizeof before_);
+        }
+        std::memset(&now_, 0, sizeof now_);
+        generation_ = generation;
+    }
+
+    // As they are at a time `part` of the way through the generation. effective: as many blocks of equal
+    // weight say as much.
+    void read(double part, double* power, double* blocks, double* effective) const {
+        const double old = 1 - part;
+        for (int i = 0; i < kLines; ++i) power[i] = now_.power[i] + old * before_.power[i];
+        *blocks = now_.blocks + old * before_.blocks;
+        const double squares = now_.blocks + old * old * before_.blocks;
+        *effective = squares > 0 ? *blocks * *blocks / squares : 0;
+    }
+
+    void merge(const FadingSums& other) {
+        add(now_, other.now_);
+        add(before_, other.before_);
+    }
+    // Where its clock stands after a merge: no longer that of its own samples.
+    void set_generation(double generation) { generation_ = generation; }
+
+    template <typename Io>
+    void visit_clock(Io& io) {
+        io.number(generation_, 0, 1e15);
+    }
+    template <typename Io>
+    void visit(Io& io) {
+        visit(io, now_);
+        visit(io, before_);
+    }
+
+  private:
+    struct Sums {
+        double power[kLines];
+        double blocks;
+    };
+
+    static void add(Sums& to, const Sums& more) {
+        for (int i = 0; i < kLines; ++i) to.power[i] += more.power[i];
+        to.blocks += more.blocks;
+    }
+
+    template <typename Io>
+    static void visit(Io& io, Sums& sums) {
+        io.number(sums.blocks, 0, 1e15);
+        for (int i = 0; i < kLines && io.sound(); ++i) io.real(sums.power[i], 0, 1e60);
+    }
+
+    Sums now_, before_;
+    double generation_;
+};
+
+}  // namespace fltea

@@ -1,0 +1,170 @@
+// The running spectrum of firmware/core/engine in floating point: the host's.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "fading_sums.hpp"
+#include "gate.hpp"
+#include "octave_ladder.hpp"
+#include "time_cells.hpp"
+
+namespace fltea {
+
+template <typename Number>
+class RealTables {
+  public:
+    enum { kBlock = 256, kHalf = kBlock / 2 };
+
+    RealTables() {
+        const double turn = 2 * 3.14159265358979323846 / kBlock;
+        for (int i = 0; i < kHalf; ++i) {
+            even_[i] = Number(0.5 - 0.5 * std::cos(turn * (2 * i)));
+            odd_[i] = Number(0.5 - 0.5 * std::cos(turn * (2 * i + 1)));
+            cosine_[i] = Number(std::cos(turn * i));
+            sine_[i] = Number(std::sin(turn * i));
+        }
+    }
+    // Hann's window at even and odd places; of a turn's i-th 256th part.
+    Number even(int i) const { return even_[i]; }
+    Number odd(int i) const { return odd_[i]; }
+    Number cosine(int i) const { return cosine_[i]; }
+    Number sine(int i) const { return sine_[i]; }
+
+  private:
+    Number even_[kHalf], odd_[kHalf], cosine_[kHalf], sine_[kHalf];
+};
+
+// kMostLevels: 20 are half a year at 100 Hz.
+template <typename Number, int kMostLevels = 20, int kMostKept = 3072>
+struct RealSpectrum {
+    typedef double Input;  // finite, within 1e100
+    typedef double Real;
+    typedef Number Value;
+    typedef Number Sum;
+    typedef Number Coefficient;
+    typedef Number Power;
+    typedef float Stored;
+    typedef float Kept;
+    typedef RealTables<Number> Tables;
+    typedef FadingMemory Memory;
+    template <int kLines>
+    using Sums = FadingSums<kLines>;
+    enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 64 };
+    static constexpr double kLargest = 1e19;  // of the values
+
+    static double input(double y) { return y; }
+    static double root(double x) { return std::sqrt(x); }
+    static constexpr Number coefficient(double c) { return Number(c); }
+    static Number product(Number x, Number c) { return x * c; }
+    static Number products(Number x, Number c, Number y, Number d) { return x * c + y * d; }
+    static Number filtered(Number sum, int) { return sum; }
+    static const Tables& tables() {
+        static const Tables one;
+        return one;
+    }
+
+    // Of samples: their mean, the power about it, and that of the sample that is farthest from it.
+    class Moments {
+      public:
+        Moments(const double* x, int n) {
+            double sums[4] = {0, 0, 0, 0}, powers[4] = {0, 0, 0, 0};
+            const double origin = x[0];
+            for (int i = 0; i < n; ++i) sums[i % 4] += x[i] - origin;
+            mean_ = origin + ((sums[0] + sums[1]) + (sums[2] + sums[3])) / n;
+            largest_ = 0;
+            for (int i = 0; i < n; ++i) {
+                const double apart = x[i] - mean_, power = apart * apart;
+                powers[i % 4] += power;
+                if (power > largest_) largest_ = power;
+            }
+            power_ = (powers[0] + powers[1]) + (powers[2] + powers[3]);
+        }
+        double mean() const { return mean_; }
+        double power() const { return power_; }
+        double largest() const { return largest_; }
+
+      private:
+        double mean_, power_, largest_;
+    };
+    // From sample to sample; 0 if there is none.
+    static double least_change(const double* x, int n) {
+        double least = std::numeric_limits<double>::infinity();
+        for (int i = 1; i < n; ++i) {
+            const double change = std::fabs(x[i] - x[i - 1]);
+            const double one = change > 0 ? change : least;
+            if (one < least) least = one;
+        }
+        return std::isinf(least) ? 0 : least;
+    }
+
+    struct Unit {
+        // What no sensor says must not become infinite.
+        Number value(double y, double origin) const {
+            const double apart = y - origin, most = kLargest;
+            return Number(apart > most ? most : apart < -most ? -most : apart);
+        }
+    };
+
+    struct Base {
+        void store(const Number* in, int n, float* x, int fill) {
+            for (int i = 0; i < n; ++i) x[fill + i] = float(in[i]);
+        }
+        void lift(Number*, int, int) const {}
+        int shift() const { return 0; }
+    };
+
+    // A block less its mean.
+    template <typename Stored>
+    class Centred {
+      public:
+        Centred(const Stored* x, int n) : x_(x) {
+            Number sums[4] = {0, 0, 0, 0};
+            for (int i = 0; i < n; i += 4) {
+                for (int k = 0; k < 4; ++k) sums[k] += Number(x[i + k]);
+            }
+            mean_ = ((sums[0] + sums[1]) + (sums[2] + sums[3])) / Number(n);
+        }
+        Number operator[](int i) const { return Number(x_[i]) - mean_; }
+        int places() const { return 0; }
+
+      private:
+        const Stored* x_;
+        Number mean_;
+    };
+
+    class Cells : public TimeCells {
+      public:
+        Cells(FadingMemory memory, std::uint64_t hop) : TimeCells(span(memory, hop)) {}
+
+        template <typename Power>
+        void note(std::uint64_t first, const Power* power, int lines, double scale) {
+            double sum = 0;
+            for (int i = 0; i < lines; ++i) sum += double(power[i]);
+            if (sum > 0) add(first, float(std::log(sum / (lines * scale))));
+        }
+
+      private:
+        static std::uint32_t span(FadingMemory memory, std::uint64_t hop) {
+            if (!memory.fades()) return 0;
+            const double span = std::ceil(2 * memory.samples() / (double(hop) * (kMost - 1)));
+            return span < 1e9 ? std::uint32_t(span < 1 ? 1 : span) : 1000000000u;
+        }
+    };
+};
+
+template <typename Number, int kMostLevels, int kMostKept>
+constexpr double RealSpectrum<Number, kMostLevels, kMostKept>::kLargest;
+
+// Gains are those of the taps in double, whatever they are calculated with.
+inline double half_band_gain(double angle) {
+    typedef engine::HalfBand<RealSpectrum<double>> Filter;
+    double sum = Filter::middle();
+    for (int k = 0; k < Filter::kTaps; ++k) {
+        sum += 2 * Filter::tap(k) * std::cos((Filter::kDelay - 2 * k) * angle);
+    }
+    return sum;
+}
+
+}  // namespace fltea

@@ -1,0 +1,37 @@
+"""The board's running spectrum and fit, on the emulated Due: the same bits as on a PC, and what they cost."""
+
+import shutil
+
+import pytest
+from machine_support import COMPILER
+from toolchain import missing
+
+from tools.bench.spectrum_cost import on_due, on_pc
+
+SAMPLES = 9000
+
+
+@pytest.fixture(scope="module")
+def due():
+    if shutil.which(COMPILER) is None:
+        missing(f"{COMPILER} is not installed (Debian: gcc-arm-none-eabi)")
+    return on_due(SAMPLES)
+
+
+def test_the_board_has_the_bits_of_a_pc(due):
+    pc = on_pc(SAMPLES)
+    assert due.hash == pc.hash
+    assert (due.alpha, due.alpha_std, due.bins) == (pc.alpha, pc.alpha_std, pc.bins)
+
+
+def test_costs_are_those_of_the_readme_or_less(due):
+    of_samples = due.phases["sample"].instructions + due.phases["chunk"].instructions
+    assert of_samples / SAMPLES < 1100
+    assert due.phases["bins"].instructions < 1_200_000
+    assert due.phases["next fit"].instructions < 2_500_000
+    assert due.evaluations[1] <= 6
+    # A chunk of 128 samples goes through all octaves at once; all else is cut into smaller slices.
+    longest = {name: phase.longest for name, phase in due.phases.items()}
+    assert longest["chunk"] < 320_000
+    assert max(longest[name] for name in ("sample", "bins", "first fit", "next fit")) < 130_000
+    assert due.bytes[0] <= 14_200

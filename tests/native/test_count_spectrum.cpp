@@ -1,0 +1,245 @@
+// The running spectrum in integers (count_spectrum.hpp) against the same templates in floating point.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "count_spectrum.hpp"
+#include "noise.h"
+#include "real_spectrum.hpp"
+
+using namespace fltea::engine;
+using fltea::RealSpectrum;
+
+namespace {
+
+typedef CountSpectrum<> Counts;
+typedef RealSpectrum<double, Counts::kLevels, Counts::kCapacity> Reals;
+
+// Both, of the same samples.
+struct Pair {
+    explicit Pair(float variance) : counted(variance), real_ladder() {}
+    void add(std::int16_t y) {
+        const double same = y;
+        counted.add(y);
+        gate.add(&same, 1, 1, real_ladder);
+    }
+    void skip(std::uint64_t lost) {
+        counted.skip(lost);
+        gate.skip(lost);
+    }
+    CountOctaves<> counted;
+    Gate<Reals> gate;
+    OctaveLadder<Reals> real_ladder;
+};
+
+std::int16_t counts_of(double y) {
+    const double nearest = std::floor(y + 0.5);
+    return static_cast<std::int16_t>(nearest > 32767 ? 32767 : nearest < -32768 ? -32768 : nearest);
+}
+
+double mean_of(const double* x, int n) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) sum += x[i];
+    return sum / n;
+}
+
+// The largest relative differences: of bins of three lines, of levels of eight blocks and more, and of single
+// lines (of that line or of a tenth of the level's mean). Of values of the whole level in deviations of noise
+// of the given variance there. Both have the same blocks and stretches.
+struct Difference {
+    double bins, lines, whole;
+};
+
+Difference difference(const Pair& pair, double variance) {
+    Difference worst = {0, 0, 0};
+    const CountOctaves<>::Ladder& counted = pair.counted.ladder();
+    const OctaveLadder<Reals>& real = pair.real_ladder;
+    REQUIRE(counted.depth() == real.depth());
+    for (int l = 0; l < real.depth(); ++l) {
+        float power[83], blocks, effective;
+        double expected[83], real_blocks, real_effective;
+        counted.sums(l, 0, power, &blocks, &effective);
+        real.sums(l, 0, expected, &real_blocks, &real_effective);
+        REQUIRE(static_cast<double>(blocks) == real_blocks);
+        CHECK(effective == blocks);
+        if (!(blocks > 0)) continue;
+        double found[83];
+        const int lines = counted.lines(l);
+        const double least = mean_of(expected, lines) / 10;
+        for (int i = 0; i < lines; ++i) {
+            found[i] = std::ldexp(static_cast<double>(power[i]), pair.counted.exponent(l));
+            const double apart = std::fabs(found[i] - expected[i]) / std::max(expected[i], least);
+            worst.lines = std::max(worst.lines, apart);
+        }
+        for (int i = 0; i + 3 <= lines && blocks >= 8; i += 3) {
+            worst.bins =
+                std::max(worst.bins, std::fabs(mean_of(found + i, 3) / mean_of(expected + i, 3) - 1));
+        }
+    }
+    REQUIRE(counted.whole().stretches() == real.whole().stretches());
+    REQUIRE(counted.whole().size() == real.whole().size());
+    const double deviation = std::sqrt(variance / std::ldexp(1.0, real.depth()));
+    for (int i = 0; i < real.whole().size(); ++i) {
+        const double found = std::ldexp(static_cast<double>(counted.whole().values()[i]),
+                                        pair.counted.exponent(real.depth()) / 2);
+        worst.whole = std::max(worst.whole,
+                               std::fabs(found - static_cast<double>(real.whole().values()[i])) / deviation);
+    }
+    for (int i = 0; i < real.whole().stretches(); ++i) {
+        CHECK(counted.whole().stretch(i).first == real.whole().stretch(i).first);
+        CHECK(counted.whole().stretch(i).length == real.whole().stretch(i).length);
+    }
+    return worst;
+}
+
+}  // namespace
+
+TEST_CASE("count spectrum: a block's power is that in double, to 17 bits of the largest line") {
+    Noise random;
+    for (double scale : {0.6, 3.0, 100.0, 5000.0, 40000.0}) {
+        for (int shape = 0; shape < 6; ++shape) {
+            std::int16_t x[256];
+            float same[256];
+            for (int i = 0; i < 256; ++i) {
+                const double y = shape == 0   ? random()
+                                 : shape == 1 ? (i % 2 ? 1 : -1)
+                                 : shape == 2 ? (i / 2 % 2 ? 1 : -1)
+                                 : shape == 3 ? (i == 77 ? 1 : 0)
+                                 : shape == 4 ? (i < 128 ? 1 : -1)
+                                              : 1;
+                x[i] = counts_of(scale * y);
+                same[i] = x[i];
+            }
+            std::int64_t power[127];
+            double expected[127], largest = 0;
+            const int places = BlockFft<Counts>::power(x, 1, 127, power);
+            BlockFft<Reals>::power(same, 1, 127, expected);
+            for (double one : expected) largest = std::max(largest, one);
+            for (int i = 0; i < 127; ++i) {
+                REQUIRE(power[i] >= 0);
+                REQUIRE(power[i] < INT64_C(1) << 58);
+                const double found = std::ldexp(static_cast<double>(power[i]), -2 * places);
+                CHECK(std::fabs(std::sqrt(found) - std::sqrt(expected[i])) <= 1e-5 * std::sqrt(largest));
+            }
+        }
+    }
+}
+
+TEST_CASE("count spectrum: its lines are those of the same samples in double, to a thousandth") {
+    // Of white noise, a random walk that pulls back, both, and white noise upon a drift that goes far beyond
+    // 16 bits of the deepest level.
+    for (int kind = 0; kind < 5; ++kind) {
+        for (double deviation : {0.7, 1.6, 40.0}) {
+            Noise random(static_cast<unsigned long long>(kind + 1));
+            const float variance = static_cast<float>(deviation * deviation);
+            std::unique_ptr<Pair> pair(new Pair(variance));
+            double walk = 0;
+            for (int k = 0; k < 110000; ++k) {
+                const double white = deviation * random();
+                walk = 0.9995 * walk + 0.2 * deviation * random();
+                const double y = kind == 0   ? white
+                                 : kind == 1 ? walk + 0.5 * white
+                                 : kind == 2 ? walk + white
+                                 : kind == 3 ? white + 7
+                                             : white + 0.0002 * k * deviation;
+                pair->add(counts_of(y));
+                if (kind == 3 && k % 9001 == 9000) pair->skip(1 + random.below(20));
+            }
+            const Difference worst = difference(*pair, static_cast<double>(variance));
+            CAPTURE(kind);
+            CAPTURE(deviation);
+            CHECK(pair->counted.ladder().depth() >= 7);
+            // What stands for lost samples are whole counts here.
+            CHECK(worst.bins < (kind == 3 ? 4e-3 : 1e-3));
+            CHECK(worst.lines < 0.02);
+            CHECK(worst.whole < 0.05);
+            CHECK(pair->counted.counts().used == pair->gate.counts().used);
+            CHECK(pair->counted.counts().bridged == pair->gate.counts().bridged);
+        }
+    }
+}
+
+TEST_CASE("count spectrum: knocks, steps and gaps are those that the gate finds in double") {
+    Noise random(8);
+    std::unique_ptr<Pair> pair(new Pair(9.0f));
+    double offset = 0;
+    for (int k = 0; k < 120000; ++k) {
+        if (k % 20000 == 19999) offset += 40;
+        const bool knock = k % 7000 > 6950;
+        pair->add(counts_of(offset + (knock ? 400 : 3) * random()));
+        if (k % 11000 == 10999) pair->skip(1 + random.below(12));
+    }
+    const GateCounts& found = pair->counted.counts();
+    const GateCounts& expected = pair->gate.counts();
+    CHECK(found.knocks == expected.knocks);
+    CHECK(found.knocked == expected.knocked);
+    CHECK(found.steps == expected.steps);
+    CHECK(found.gaps == expected.gaps);
+    CHECK(found.limited == expected.limited);
+    CHECK(found.knocks > 10);
+    CHECK(found.steps > 0);
+    CHECK(difference(*pair, 9.0).bins < 1e-3);
+}
+
+TEST_CASE("count spectrum: nothing overflows at the ends of the range") {
+    for (int shape = 0; shape < 4; ++shape) {
+        Noise random(4);
+        CountOctaves<> octaves(shape < 2 ? 1e-3f : 1e9f);
+        std::uint64_t k = 0;
+        for (; k < 150000; ++k) {
+            const bool up = shape == 0   ? k % 2 == 0
+                            : shape == 1 ? (k >> 7) % 2 == 0
+                            : shape == 2 ? random.next() < 0.5
+                                         : (k * k >> 16) % 2 == 0;
+            octaves.add(up ? 32767 : -32768);
+            if (k % 50000 == 0) octaves.skip(k);
+        }
+        CHECK(octaves.counts().taken == k);
+        for (int l = 0; l < octaves.ladder().depth(); ++l) {
+            float power[83], blocks, effective;
+            octaves.ladder().sums(l, 0, power, &blocks, &effective);
+            for (int i = 0; i < octaves.ladder().lines(l); ++i) {
+                CHECK(power[i] >= 0);
+                CHECK(power[i] < 3e38f);
+            }
+        }
+    }
+}
+
+TEST_CASE("count spectrum: sums of the largest powers do not overflow in a century") {
+    CountSums<2> sums;
+    const std::int64_t largest = (INT64_C(1) << 58) - 1;
+    const std::int64_t power[2] = {largest, largest / 1000};
+    // A century at 1 kHz has 2^35 blocks: as if each of them stood for a thousand.
+    for (int k = 0; k < 20000; ++k) sums.add(power, 6, 0);
+    float read[2], blocks, effective;
+    sums.read(0, read, &blocks, &effective);
+    CHECK(blocks == 20000);
+    CHECK(static_cast<double>(read[0]) == doctest::Approx(20000 * std::ldexp(1.0, 58 - 12)).epsilon(1e-6));
+    CHECK(static_cast<double>(read[1]) == doctest::Approx(20 * std::ldexp(1.0, 58 - 12)).epsilon(1e-6));
+    // Small powers after large ones still count.
+    CountSums<1> small;
+    const std::int64_t one[1] = {INT64_C(1) << 20};
+    for (int k = 0; k < 1000; ++k) small.add(one, 14, 0);
+    float value;
+    small.read(0, &value, &blocks, &effective);
+    CHECK(value == doctest::Approx(1000.0 / 256));
+}
+
+TEST_CASE("count spectrum: the unit is fine enough, and no finer than it must be") {
+    for (float deviation : {0.3f, 0.5f, 0.99f, 1.6f, 7.0f, 63.0f, 64.0f, 2900.0f}) {
+        const Counts::Unit unit(deviation * deviation);
+        const float units = deviation * static_cast<float>(1 << unit.places());
+        CHECK(units >= 512);
+        if (unit.places() > 0) CHECK(units < 1024);
+    }
+    CHECK(Counts::Unit(0.0f).places() == 12);
+    CHECK(Counts::Unit(1e-3f).value(32767, -32768) == Counts::Unit::kLargest);
+    CHECK(Counts::Unit(1e-3f).value(-32768, 32767) == -Counts::Unit::kLargest);
+    CHECK(Counts::Unit(1.0f).value(5, 3) == 2 * 512);
+}
+
+TEST_CASE("count spectrum: an axis has a size that is known") { CHECK(sizeof(CountOctaves<>) <= 14 * 1024); }

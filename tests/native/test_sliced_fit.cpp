@@ -1,0 +1,301 @@
+// The device's fit: its bins against the spectrum in double, and its answers against the host's fit of the
+// same bins.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "fit_bins.hpp"
+#include "noise.h"
+#include "sliced_fit.hpp"
+#include "whittle_fit.hpp"
+
+namespace {
+
+using namespace fltea::whittle;
+typedef fltea::engine::CountOctaves<> Octaves;
+typedef fltea::engine::FitBins<Octaves> Gathered;
+
+// Counts of white noise and sums of relaxations whose corners are a factor 4 apart.
+class Counts {
+  public:
+    Counts(int parts, double share, double deviation, unsigned long long seed)
+        : parts_(parts), share_(share), deviation_(deviation), random_(seed) {}
+    std::int16_t operator()() {
+        double y = random_();
+        for (int k = 0; k < parts_; ++k) {
+            const double rate = 0.3 / std::pow(4.0, k);
+            state_[k] += rate * (std::sqrt((2 - rate) / rate) * share_ * random_() - state_[k]);
+            y += state_[k];
+        }
+        return static_cast<std::int16_t>(std::floor(deviation_ * y + 0.5));
+    }
+
+  private:
+    int parts_;
+    double share_, deviation_;
+    Noise random_;
+    double state_[8] = {};
+};
+
+// What is left of y without the part along one.
+void remove(const std::vector<double>& one, std::vector<double>& y) {
+    double along = 0, square = 0;
+    for (std::size_t i = 0; i < y.size(); ++i) {
+        along += one[i] * y[i];
+        square += one[i] * one[i];
+    }
+    for (std::size_t i = 0; i < y.size(); ++i) y[i] -= along / square * one[i];
+}
+
+void make_bins(const Octaves& octaves, Gathered& bins) {
+    bins.begin();
+    while (!bins.step(octaves)) {
+    }
+}
+
+// The host's answer, from many starts.
+template <class Any>
+Point<double> host_fit(const Any& bins, const Model<double>& model, std::vector<double>& white) {
+    std::vector<double> lam, counts, power;
+    std::vector<int> order;
+    for (int i = 0; i < bins.size(); ++i) order.push_back(i);
+    std::sort(order.begin(), order.end(), [&](int a, int b) { return bins.lam(a) < bins.lam(b); });
+    for (int i : order) {
+        lam.push_back(static_cast<double>(bins.lam(i)));
+        counts.push_back(static_cast<double>(bins.counts(i)));
+        power.push_back(static_cast<double>(bins.power(i)));
+    }
+    const Spectra spectra(lam.data(), counts.data(), power.data(), lam.size(), 1);
+    const Target target = spectra.target(kernel_baseline, 0);
+    Point<double> best = Point<double>();
+    best.nll = kImpossible;
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> some(-6, 6);
+    for (int k = 0; k < 40; ++k) {
+        const double order_start = 0.05 + model.highest_order * (k % 10) / 10;
+        const double start[] = {model.family == kAr1 ? some(random) : order_start, some(random),
+                                some(random)};
+        try_start(target, model, start, 200, best);
+    }
+    Point<double> none = Point<double>();
+    evaluate(target, Model<double>{kWhite, 2.0, kNothing, 0, 0, 0}, none);
+    white.assign(1, none.nll);
+    return best;
+}
+
+template <class Any>
+int fit(const Any& bins, SlicedFit<Any>& sliced) {
+    sliced.begin(bins, kFivePercent);
+    int slices = 0;
+    while (!sliced.work(bins)) REQUIRE(++slices < 1000000);
+    return slices;
+}
+
+}  // namespace
+
+TEST_CASE("sliced fit: elementary functions in float are those of the library") {
+    for (float x = 1e-30f; x < 1e30f; x *= 1.37f) {
+        CHECK(std::fabs(fltea::math::log(x) - std::log(x)) <= 3e-7f * std::fabs(std::log(x)) + 1e-7f);
+    }
+    for (double u = -0.999; u < 30; u += 0.0007) {
+        const float given = static_cast<float>(u);
+        const double exact = static_cast<double>(given) - std::log1p(static_cast<double>(given));
+        CHECK(std::fabs(static_cast<double>(excess(given)) - exact) <= 3e-6 * exact + 1e-12);
+        const double log1p = std::log1p(static_cast<double>(given));
+        CHECK(std::fabs(static_cast<double>(fltea::math::log1p(given)) - log1p) <=
+              4e-7 * std::fabs(log1p) + 1e-7);
+    }
+    for (float x = -80; x < 80; x += 0.37f) {
+        CHECK(fltea::math::exp(x) == doctest::Approx(std::exp(x)).epsilon(1e-6));
+        CHECK(fltea::math::fmod(x, 4.0f) == doctest::Approx(std::fmod(x, 4.0f)).epsilon(1e-5));
+    }
+}
+
+TEST_CASE("sliced fit: ordinates of a whole stretch are those of their definition, without its cubic") {
+    for (int n : {64, 65, 129, 300, 511, 512}) {
+        for (bool slow : {false, true}) {
+            Noise random(static_cast<unsigned long long>(n));
+            std::vector<std::int32_t> x;
+            for (int i = 0; i < n; ++i) {
+                const double t = 2.0 * i / (n - 1) - 1;
+                const double drift = slow ? 3e6 * t + 1e6 * t * t - 2e6 * t * t * t : 0;
+                x.push_back(static_cast<std::int32_t>(4e7 + drift + 30000 * random()));
+            }
+            fltea::engine::WholeLines<512> lines;
+            lines.take(x.data(), n, slow);
+            // In double: less the polynomials up to the mean or the cubic, one after the other.
+            std::vector<double> y(x.begin(), x.end()), expected;
+            std::vector<std::vector<double>> basis;
+            for (int power = 0; power <= (slow ? 3 : 0); ++power) {
+                std::vector<double> one;
+                for (int i = 0; i < n; ++i) one.push_back(std::pow(2.0 * i / (n - 1) - 1, power));
+                for (const std::vector<double>& other : basis) remove(other, one);
+                remove(one, y);
+                basis.push_back(one);
+            }
+            double largest = 0;
+            for (int j = 1; 2 * j < n; ++j) {
+                double re = 0, im = 0;
+                for (int i = 0; i < n; ++i) {
+                    const double angle = 2 * 3.14159265358979323846 * j * i / n;
+                    re += y[static_cast<std::size_t>(i)] * std::cos(angle);
+                    im -= y[static_cast<std::size_t>(i)] * std::sin(angle);
+                }
+                expected.push_back((re * re + im * im) / n);
+                largest = std::max(largest, expected.back());
+            }
+            for (int j = 1; 2 * j < n; ++j) {
+                const double found = static_cast<double>(lines.power(j));
+                const double want = expected[static_cast<std::size_t>(j - 1)];
+                CHECK(std::fabs(std::sqrt(found) - std::sqrt(want)) <= 6e-5 * std::sqrt(largest));
+            }
+        }
+    }
+}
+
+TEST_CASE("sliced fit: bins of white noise have its variance, all its ordinates, and rise") {
+    for (int n : {400, 1000, 20000, 200000}) {
+        std::unique_ptr<Octaves> octaves(new Octaves(9.0f));
+        Counts next(0, 0, 3.0, 5);
+        for (int k = 0; k < n; ++k) octaves->add(next());
+        std::unique_ptr<Gathered> bins(new Gathered);
+        make_bins(*octaves, *bins);
+        CAPTURE(n);
+        // Of 9 and of rounding.
+        CHECK(bins->mean_power() ==
+              doctest::Approx(9 + 1.0 / 12).epsilon(4 / std::sqrt(static_cast<double>(n) / 2)));
+        CHECK(static_cast<double>(bins->ordinates()) > 0.38 * n);
+        CHECK(static_cast<double>(bins->ordinates()) < 0.55 * n);
+        CHECK(bins->left_out() == 0);
+        // The whole level comes first, then octave by octave from the deepest up.
+        for (int i = 1; i < bins->size(); ++i) CHECK(bins->lam(i) > bins->lam(i - 1));
+        for (int i = 0; i < bins->size(); ++i) {
+            CHECK(bins->ln_size(i) ==
+                  doctest::Approx(std::log(2 * std::sin(bins->lam(i) / 2))).epsilon(1e-5));
+        }
+    }
+}
+
+TEST_CASE("sliced fit: answers are the host's of the same bins") {
+    int whites = 0, fractionals = 0, relaxations = 0;
+    for (int kind = 0; kind < 5; ++kind) {
+        for (int n : {3000, 60000, 150000}) {
+            std::unique_ptr<Octaves> octaves(new Octaves(16.0f));
+            const int parts[] = {0, 1, 4, 6, 1};
+            const double shares[] = {0, 0.6, 0.5, 1.2, 3.0};
+            Counts next(parts[kind], shares[kind], 4.0, static_cast<unsigned long long>(kind + 1));
+            for (int k = 0; k < n; ++k) octaves->add(next());
+            std::unique_ptr<Gathered> bins(new Gathered);
+            make_bins(*octaves, *bins);
+            std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
+            fit(*bins, *sliced);
+            const FitFigures cold = sliced->figures();
+            std::vector<double> white;
+            const Point<double> full =
+                host_fit(*bins, Model<double>{kFractional, 2.0, kNothing, 0, 0, 0}, white);
+            const Point<double> up_to_one =
+                host_fit(*bins, Model<double>{kFractional, 1.0, kNothing, 0, 0, 0}, white);
+            const Point<double> relaxation =
+                host_fit(*bins, Model<double>{kAr1, 2.0, kNothing, 0, 0, 0}, white);
+            CAPTURE(kind);
+            CAPTURE(n);
+            CAPTURE(cold.alpha);
+            CAPTURE(full.theta[0]);
+            CAPTURE(cold.alpha_std);
+            const double ratio = 2 * (white[0] - up_to_one.nll);
+            // In white noise there are many maxima that are nearly as high.
+            CHECK(static_cast<double>(cold.ratio_white) <= ratio + 0.05 + 2e-3 * ratio);
+            CHECK(static_cast<double>(cold.ratio_white) >= ratio - (ratio < 6 ? 0.5 : 0.05 + 2e-3 * ratio));
+            // In white noise orders above 1 have many maxima, and none of them is asked for.
+            if (cold.verdict != Verdict::white) {
+                CHECK(static_cast<double>(cold.ratio_ar1) ==
+                      doctest::Approx(2 * (relaxation.nll - full.nll)).epsilon(2e-3).scale(20));
+            }
+            whites += cold.verdict == Verdict::white;
+            fractionals += cold.verdict == Verdict::fractional;
+            relaxations += cold.verdict == Verdict::relaxation;
+            if (cold.verdict != Verdict::white && cold.alpha_defined) {
+                CHECK(std::fabs(static_cast<double>(cold.alpha) - full.theta[0]) <
+                      0.1 * 1.96 * static_cast<double>(cold.alpha_std));
+            }
+            // The same again, from the last answers, at a fraction of the work.
+            const int evaluations = sliced->evaluations();
+            fit(*bins, *sliced);
+            CHECK(sliced->evaluations() * 5 < evaluations);
+            CHECK(sliced->figures().ratio_white >= cold.ratio_white - 0.02f);
+            CHECK(sliced->figures().verdict == cold.verdict);
+            if (n > 3000) continue;
+            // Much more data: on the grid again.
+            for (int k = 0; k < 2 * n; ++k) octaves->add(next());
+            make_bins(*octaves, *bins);
+            fit(*bins, *sliced);
+            CHECK(sliced->evaluations() * 2 > evaluations);
+        }
+    }
+    CHECK(whites == 3);
+    CHECK(fractionals >= 4);
+    CHECK(relaxations >= 3);
+}
+
+namespace {
+
+// Powers that are nearly a spectrum, of as many ordinates as years have.
+struct YearBins {
+    enum { kSize = 170 };
+    float lam_[kSize], counts_[kSize], power_[kSize];
+    float ordinates_ = 0, sum_ = 0;
+
+    YearBins(double alpha, double g, double weight, double ordinates, unsigned seed) {
+        std::mt19937 random(seed);
+        std::normal_distribution<double> normal(0, 1);
+        const double pi = 3.14159265358979323846;
+        for (int i = 0; i < kSize; ++i) {
+            const double l = pi * std::exp2(-0.1 * (kSize - i)) * 0.99, size = 2 * std::sin(l / 2);
+            const double count = std::max(2.0, 0.069 * ordinates * l / pi);
+            const double turn = alpha * (pi - l) / 2 + l, r = std::pow(size, alpha);
+            const double S = weight / (r * r - 2 * g * r * std::cos(turn) + g * g) + 1 - weight;
+            lam_[i] = static_cast<float>(l);
+            counts_[i] = static_cast<float>(count);
+            // Wilson and Hilferty's approximation to the mean of exponential ordinates.
+            const double cube = 1 - 1 / (9 * count) + normal(random) / (3 * std::sqrt(count));
+            power_[i] = static_cast<float>(5 * S * cube * cube * cube);
+            ordinates_ += counts_[i];
+            sum_ += counts_[i] * power_[i];
+        }
+    }
+    int size() const { return kSize; }
+    float ordinates() const { return ordinates_; }
+    float mean_power() const { return sum_ / ordinates_; }
+    float lam(int i) const { return lam_[i]; }
+    float counts(int i) const { return counts_[i]; }
+    float power(int i) const { return power_[i]; }
+    float ln_size(int i) const { return std::log(2 * std::sin(lam_[i] / 2)); }
+};
+
+}  // namespace
+
+TEST_CASE("sliced fit: float has enough digits for a year of samples") {
+    for (double ordinates : {1e4, 1e6, 1e8, 1.5e9}) {
+        for (int kind = 0; kind < 3; ++kind) {
+            const double alpha = kind == 0 ? 0.5 : kind == 1 ? 0.8 : 0.3, weight = kind == 1 ? 0.2 : 0.02;
+            const YearBins bins(alpha, -0.02, weight, ordinates, static_cast<unsigned>(kind + 7));
+            std::unique_ptr<SlicedFit<YearBins>> sliced(new SlicedFit<YearBins>);
+            fit(bins, *sliced);
+            const FitFigures& found = sliced->figures();
+            std::vector<double> white;
+            const Point<double> full =
+                host_fit(bins, Model<double>{kFractional, 2.0, kNothing, 0, 0, 0}, white);
+            CAPTURE(ordinates);
+            CAPTURE(kind);
+            CAPTURE(found.alpha);
+            CAPTURE(full.theta[0]);
+            CHECK(std::fabs(static_cast<double>(found.alpha) - full.theta[0]) <
+                  0.1 * 1.96 * static_cast<double>(found.alpha_std));
+            CHECK(found.verdict != Verdict::white);
+        }
+    }
+}

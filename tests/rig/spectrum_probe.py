@@ -1,0 +1,75 @@
+"""The device's running spectrum and fit from Python: tests/native/spectrum_probe.cpp."""
+
+import ctypes
+import weakref
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from built import make
+from memory_probe import BUILD, SOURCES
+from numpy.typing import NDArray
+
+COUNTS = np.ctypeslib.ndpointer(np.int16, flags="C")
+DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
+
+
+class BoardFit(NamedTuple):
+    """What the device says of an axis, as FitFigures of firmware/core/engine/sliced_fit.hpp."""
+
+    verdict: float
+    """0 none, 1 white, 2 fractional, 3 a relaxation describes it as well"""
+    alpha: float
+    alpha_std: float
+    g: float
+    s2: float
+    R: float
+    ratio_white: float
+    ratio_ar1: float
+    ordinates: float
+    alpha_defined: float
+
+
+@lru_cache
+def library() -> ctypes.CDLL:
+    """Build, if out of date, and load the probe."""
+    goal = f"{BUILD}/spectrum_probe.so"
+    done = make(SOURCES, BUILD, goal)
+    if done.returncode != 0:
+        raise RuntimeError(done.stdout + done.stderr)
+    probe = ctypes.CDLL(goal)
+    size, pointer = ctypes.c_size_t, ctypes.c_void_p
+    for name, result, *arguments in (
+        ("spectrum_make", pointer, ctypes.c_double),
+        ("spectrum_free", None, pointer),
+        ("spectrum_add", None, pointer, size, COUNTS),
+        ("spectrum_skip", None, pointer, size),
+        ("spectrum_fit", None, pointer, DOUBLES),
+    ):
+        function = getattr(probe, name)
+        function.restype, function.argtypes = result, arguments
+    return probe
+
+
+class BoardSpectrum:
+    """One axis; variance: of its noise in squared counts, roughly."""
+
+    def __init__(self, variance: float) -> None:
+        """Begin."""
+        probe = library()
+        self._axis = probe.spectrum_make(variance)
+        weakref.finalize(self, probe.spectrum_free, self._axis)
+
+    def add(self, counts: NDArray[np.int16]) -> None:
+        """Take samples."""
+        library().spectrum_add(self._axis, len(counts), np.ascontiguousarray(counts))
+
+    def skip(self, lost: int) -> None:
+        """Take note that so many samples were lost before the next one."""
+        library().spectrum_skip(self._axis, lost)
+
+    def fit(self) -> BoardFit:
+        """Fit; the next fit begins at this answer."""
+        out = np.empty(len(BoardFit._fields))
+        library().spectrum_fit(self._axis, out)
+        return BoardFit(*out.tolist())

@@ -1,0 +1,100 @@
+"""The device's spectrum and fit against the host's of the same counts.
+
+The board keeps 512 samples whole where the host keeps 3,072, and its filters begin that much later: it sees a
+few percent less of the lowest frequencies. So answers are near, not equal; that the arithmetic is the same is
+tested in tests/native.
+"""
+
+import numpy as np
+import pytest
+from fltea.spectrum.likelihood_ratio import critical_values, null_fits
+from fltea.spectrum.models import FULL, parameters
+from fltea.spectrum.null_constants import PROBABILITIES
+from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.periodogram import binned
+from fltea.spectrum.profile import fractional_fit
+from fltea.spectrum.whittle import fit
+from identify_support import H
+from numpy.typing import NDArray
+from spectrum_probe import BoardFit, BoardSpectrum
+
+# The first test compiles the probe.
+pytestmark = pytest.mark.timeout(300)
+
+WHITE, FRACTIONAL = 1, 2
+NOISES = (
+    *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),
+    *((0.9, -0.01, 0.01),),
+)
+"""α, g, share of the state's innovations."""
+SIGMA = 3.0
+"""Of the white part, in counts."""
+
+
+def drawn(n: int, alpha: float, g: float, weight: float, seed: int) -> NDArray[np.int16]:
+    """Counts of the fractional state in white noise, by its spectrum."""
+    rng = np.random.default_rng(seed)
+    lam = np.maximum(np.arange(n + 1), 1) * np.pi / n
+    turn = np.exp(-1j * lam)
+    density = weight / np.abs((1 - turn) ** alpha - g * turn) ** 2 + 1 - weight
+    parts = rng.standard_normal((2, n + 1))
+    y = np.fft.irfft(np.sqrt(density * n) * (parts[0] + 1j * parts[1]))[:n]
+    return np.rint(SIGMA * y).astype(np.int16)
+
+
+def on_board(counts: NDArray[np.int16], gaps: dict[int, int]) -> BoardFit:
+    board, begin = BoardSpectrum(float(np.var(counts[:500]))), 0
+    for at, lost in gaps.items():
+        board.add(counts[begin:at])
+        board.skip(lost)
+        begin = at
+    board.add(counts[begin:])
+    return board.fit()
+
+
+def on_host(counts: NDArray[np.int16], gaps: dict[int, int]) -> Octaves:
+    host, begin = Octaves(1), 0
+    for at, lost in gaps.items():
+        host.add(counts[begin:at, np.newaxis].astype(np.float64))
+        host.skip(lost)
+        begin = at
+    host.add(counts[begin:, np.newaxis].astype(np.float64))
+    return host
+
+
+@pytest.mark.parametrize("noise", NOISES)
+@pytest.mark.parametrize("gaps", [{}, {7000: 3, 20001: 400, 45017: 12}])
+def test_the_order_and_its_interval_are_near_the_hosts(
+    noise: tuple[float, float, float], gaps: dict[int, int]
+) -> None:
+    counts = drawn(60_000, *noise, seed=NOISES.index(noise))
+    board = on_board(counts, gaps)
+    whole = on_host(counts, gaps).periodogram(0, H)
+    data = binned(whole)
+    null = null_fits(data)
+    full = fit(data, FULL, null.alternative.theta[np.newaxis])
+    alpha = fractional_fit(data, full, H).alpha
+    assert alpha.low is not None
+    assert alpha.high is not None
+    assert board.alpha_defined
+    half = (alpha.high - alpha.low) / 2
+    assert abs(board.alpha - alpha.value) < (0.8 if gaps else 0.4) * half
+    assert 0.8 < 1.96 * board.alpha_std / half < 1.3
+    assert board.verdict != WHITE
+    # After each break the filters of all octaves begin again, and the deepest have lost most by it.
+    ratio = board.ratio_white / float(null.likelihood_ratio[0])
+    assert (0.65 if gaps else 0.9) < ratio < 1.02
+    assert board.ordinates == pytest.approx(whole.ordinates, rel=0.05)
+    weight, scale = float(parameters(full.theta[0]).weight), float(full.scale[0])
+    assert board.R / ((1 - weight) * scale) == pytest.approx(1, abs=0.25 if gaps else 0.1)
+
+
+def test_white_noise_is_hardly_ever_called_anything_else() -> None:
+    """60 records at 5 %: 3 ± 5 are three standard deviations of a binomial."""
+    rng = np.random.default_rng(4)
+    found = [on_board(np.rint(SIGMA * rng.standard_normal(6000)).astype(np.int16), {}) for _ in range(60)]
+    assert sum(one.verdict != WHITE for one in found) <= 8
+    # The host's critical value.
+    for one in found:
+        rejected = one.ratio_white > critical_values(one.ordinates)[PROBABILITIES.index(0.05)] + 1e-3
+        assert rejected == (one.verdict != WHITE)

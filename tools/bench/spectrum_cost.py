@@ -1,0 +1,145 @@
+"""What the running spectrum and the fit cost on the board, and that the board's bits are those of a PC.
+
+`spectrum_program.cpp` makes its own noise, takes it into the spectrum of one axis, and fits twice: from a
+grid, and from the last answer. It is built for the emulated Due, which counts instructions, and for this
+machine.
+"""
+
+import struct
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tools.bench.device_cost import AXES, CLOCK_HZ, CYCLES, RATE_HZ
+from tools.due_emulator.board import Board
+from tools.due_emulator.noise import Constant
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = Path(__file__).with_name("spectrum_program.cpp")
+LINKER_SCRIPT = ROOT / "tests/due_emulator/due.ld"
+ENGINE = ROOT / "firmware/core/engine"
+STRICT = ("-std=gnu++11", "-Wall", "-Wextra", "-Werror", f"-I{ENGINE}")
+DUE = (
+    *("-mcpu=cortex-m3", "-mthumb", "-Os", "-ffreestanding", "-nostdlib", "-fno-exceptions", "-fno-rtti"),
+    *("-fno-threadsafe-statics", "-fno-tree-loop-distribute-patterns", "-ffunction-sections"),
+    "-Wl,--gc-sections",
+)
+MOST_S = 600
+"""Of the emulated board's time, at its slow clock after reset."""
+PHASES = ("sample", "chunk", "bins", "first fit", "next fit")
+LAYOUT = struct.Struct("<2I4f8I" + 3 * f"{len(PHASES)}I")
+FIT_EVERY_S = 3.0
+"""Assumed for the share of the processor."""
+
+
+class Phase(NamedTuple):
+    """Instructions of the emulated board."""
+
+    calls: int
+    instructions: int
+    longest: int
+
+
+class Found(NamedTuple):
+    """What a run says."""
+
+    hash: int
+    alpha: float
+    alpha_std: float
+    bins: int
+    levels: int
+    evaluations: tuple[int, int]
+    """of the first fit and of the next"""
+    bytes: tuple[int, int, int]
+    """of an axis's spectrum, of the bins, of a fit"""
+    phases: dict[str, Phase]
+
+
+def on_pc(samples: int) -> Found:
+    """Run on this machine; its phases count nothing.
+
+    Raises:
+        subprocess.CalledProcessError: it cannot be built.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "program"
+        _run("g++", "-O2", "-ffp-contract=off", *STRICT, f"-DSAMPLES={samples}", PROGRAM, "-o", program)
+        return _read(subprocess.run([program], capture_output=True, check=True).stdout)
+
+
+def on_due(samples: int) -> Found:
+    """Run on the emulated Due.
+
+    Raises:
+        FileNotFoundError: there is no compiler for it.
+        subprocess.CalledProcessError: it cannot be built.
+        TimeoutError: the program does not come to its end.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        elf, raw = Path(name) / "program.elf", Path(name) / "program.bin"
+        script = ("-T", LINKER_SCRIPT)
+        _run("arm-none-eabi-g++", *DUE, *STRICT, f"-DSAMPLES={samples}", *script, PROGRAM, "-lgcc", "-o", elf)
+        _run("arm-none-eabi-objcopy", "-O", "binary", elf, raw)
+        symbols = _run("arm-none-eabi-nm", "--demangle", elf)
+        (line,) = (line for line in symbols.splitlines() if line.endswith("::results"))
+        board = Board(raw.read_bytes(), seed=1, world=Constant())
+    address = int(line[:8], 16)
+    for second in range(1, MOST_S):
+        board.run_until(second)
+        data = board.memory.read(address, LAYOUT.size)
+        if data is not None and int.from_bytes(data[:4], "little") == 1:
+            return _read(data)
+    raise TimeoutError(f"the program has not ended within {MOST_S} s of the board's time")
+
+
+def measure(samples: int = 60_000) -> dict[str, Any]:
+    """Both runs, and the share of the processor that three axes take."""
+    due, pc = on_due(samples), on_pc(samples)
+    taken = due.phases["sample"].instructions + due.phases["chunk"].instructions
+    a_fit = due.phases["bins"].instructions + due.phases["next fit"].instructions
+    a_second = AXES * (taken / samples * RATE_HZ + a_fit / FIT_EVERY_S)
+    return {
+        "samples": samples,
+        "same_bits_as_on_a_pc": due.hash == pc.hash,
+        "instructions_a_sample": round(taken / samples),
+        "instructions_of_bins": due.phases["bins"].instructions,
+        "instructions_of_the_first_fit": due.phases["first fit"].instructions,
+        "instructions_of_the_next_fit": due.phases["next fit"].instructions,
+        "evaluations": list(due.evaluations),
+        "longest_slice": {name: phase.longest for name, phase in due.phases.items()},
+        "share_percent": round(100 * a_second * CYCLES / CLOCK_HZ, 1),
+        "bytes": list(due.bytes),
+    }
+
+
+def text(found: dict[str, Any]) -> str:
+    """The figures for people."""
+    spectrum, bins, fit = found["bytes"]
+    return "\n".join(
+        [
+            f"spectrum and fit of an axis, {found['samples']:,} samples on the emulated Due: instructions",
+            f"{'spectrum, a sample':36} {found['instructions_a_sample']:>12,}",
+            f"{'bins for a fit':36} {found['instructions_of_bins']:>12,}",
+            f"{'first fit, from a grid':36} {found['instructions_of_the_first_fit']:>12,}",
+            f"{'next fit, from the last answer':36} {found['instructions_of_the_next_fit']:>12,}",
+            f"three axes at 100 Hz, fitted every {FIT_EVERY_S:g} s: {found['share_percent']} % of an 84 MHz "
+            f"processor, if an instruction takes {CYCLES} cycles",
+            "longest slices: " + ", ".join(f"{name} {n:,}" for name, n in found["longest_slice"].items()),
+            f"bytes: {spectrum:,} an axis, {bins:,} and {fit:,} for bins and fit",
+            f"the same bits as on this machine: {'yes' if found['same_bits_as_on_a_pc'] else 'NO'}",
+        ]
+    )
+
+
+def _read(data: bytes) -> Found:
+    values = LAYOUT.unpack(data)
+    _, hash_, alpha, alpha_std, _, _, _, cold, warm, bins, levels, spectrum, of_bins, of_fit = values[:14]
+    counts = values[14:]
+    n = len(PHASES)
+    phases = {name: Phase(counts[i], counts[n + i], counts[2 * n + i]) for i, name in enumerate(PHASES)}
+    return Found(hash_, alpha, alpha_std, bins, levels, (cold, warm), (spectrum, of_bins, of_fit), phases)
+
+
+def _run(*command: str | Path) -> str:
+    return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True).stdout

@@ -1,0 +1,189 @@
+// The device's running spectrum and fit of one axis on noise of its own making: on the emulated Due, where it
+// counts its instructions, and on a PC, where the same bits must come out (spectrum_cost.py, which defines
+// SAMPLES). All noise is in integers.
+#include <stdint.h>
+
+#include <new>
+
+#include "fit_bins.hpp"
+#include "sliced_fit.hpp"
+
+namespace {
+
+typedef fltea::engine::CountOctaves<> Octaves;
+typedef fltea::engine::FitBins<Octaves> Bins;
+typedef fltea::whittle::SlicedFit<Bins> Fit;
+
+enum Phase { kSample, kChunk, kBins, kColdFit, kWarmFit, kPhases };
+
+struct Results {
+    uint32_t done;
+    uint32_t hash;  // of all sums, bins and figures
+    float alpha, alpha_std, ratio_white, ratio_ar1;
+    uint32_t verdict, evaluations_cold, evaluations_warm, bins, depth;
+    uint32_t octaves_bytes, bins_bytes, fit_bytes;
+    uint32_t calls[kPhases], instructions[kPhases], longest[kPhases];
+};
+
+Results results;
+volatile uint32_t seed = 12345;
+alignas(8) unsigned char octaves_storage[sizeof(Octaves)];
+alignas(8) unsigned char bins_storage[sizeof(Bins)];
+alignas(8) unsigned char fit_storage[sizeof(Fit)];
+
+#if defined(__arm__)
+volatile uint32_t& at(uint32_t address) { return *reinterpret_cast<volatile uint32_t*>(address); }
+// SysTick counts down, a cycle an instruction in the emulator.
+uint32_t now() { return 0xFFFFFF - at(0xE000E018); }
+void start_counting() {
+    at(0x400E1A54) = 1 << 15;  // the watchdog off
+    at(0xE000E014) = 0xFFFFFF;
+    at(0xE000E018) = 0;
+    at(0xE000E010) = 5;
+}
+#else
+uint32_t now() { return 0; }
+void start_counting() {}
+#endif
+
+void count(Phase phase, uint32_t begun) {
+    const uint32_t took = (now() - begun) & 0xFFFFFF;
+    ++results.calls[phase];
+    results.instructions[phase] += took;
+    if (took > results.longest[phase]) results.longest[phase] = took;
+}
+
+void mix(uint32_t word) {
+    results.hash = (results.hash ^ word) * 16777619u;
+    results.hash ^= results.hash >> 15;
+}
+void mix(float number) {
+    uint32_t bits;
+    __builtin_memcpy(&bits, &number, sizeof bits);
+    mix(bits);
+}
+
+// White noise of some four counts and two slow relaxations.
+class Noise {
+  public:
+    int16_t operator()() {
+        for (int k = 0; k < 2; ++k) slow_[k] += (white() * (k + 3) * 64 - slow_[k]) >> (3 + 3 * k);
+        return static_cast<int16_t>((white() * 64 + slow_[0] + slow_[1]) >> 12);
+    }
+
+  private:
+    int32_t white() {
+        int32_t sum = -4 * 128;
+        for (int k = 0; k < 4; ++k) {
+            state_ = state_ * 1664525u + 1013904223u;
+            sum += static_cast<int32_t>(state_ >> 24);
+        }
+        return sum;
+    }
+    uint32_t state_ = seed;
+    int32_t slow_[2] = {0, 0};
+};
+
+void fit_once(const Bins& bins, Fit& fit, Phase phase) {
+    fit.begin(bins, fltea::whittle::kFivePercent);
+    for (bool done = false; !done;) {
+        const uint32_t begun = now();
+        done = fit.work(bins);
+        count(phase, begun);
+    }
+}
+
+void run() {
+    Octaves& octaves = *new (octaves_storage) Octaves(16.0f);
+    Bins& bins = *new (bins_storage) Bins;
+    Fit& fit = *new (fit_storage) Fit;
+    Noise noise;
+    for (int k = 0; k < SAMPLES; ++k) {
+        const int16_t sample = noise();
+        if (k == SAMPLES / 3) octaves.skip(3);
+        if (k == SAMPLES / 2) octaves.skip(300);
+        const uint32_t chunks = octaves.counts().used / 128 + octaves.counts().knocks;
+        const uint32_t begun = now();
+        octaves.add(sample);
+        const bool whole = octaves.counts().used / 128 + octaves.counts().knocks != chunks;
+        count(whole ? kChunk : kSample, begun);
+    }
+    bins.begin();
+    for (bool done = false; !done;) {
+        const uint32_t begun = now();
+        done = bins.step(octaves);
+        count(kBins, begun);
+    }
+    fit_once(bins, fit, kColdFit);
+    results.evaluations_cold = static_cast<uint32_t>(fit.evaluations());
+    fit_once(bins, fit, kWarmFit);
+    results.evaluations_warm = static_cast<uint32_t>(fit.evaluations());
+    for (int level = 0; level < octaves.ladder().depth(); ++level) {
+        float power[Octaves::Ladder::kTopLines], blocks, effective;
+        octaves.ladder().sums(level, 0, power, &blocks, &effective);
+        for (int i = 0; i < octaves.ladder().lines(level); ++i) mix(power[i]);
+        mix(blocks);
+    }
+    for (int i = 0; i < bins.size(); ++i) {
+        mix(bins.lam(i));
+        mix(bins.counts(i));
+        mix(bins.power(i));
+    }
+    const fltea::whittle::FitFigures& figures = fit.figures();
+    const float told[] = {figures.alpha, figures.alpha_std, figures.g, figures.s2, figures.R};
+    for (float one : told) mix(one);
+    results.alpha = figures.alpha;
+    results.alpha_std = figures.alpha_std;
+    results.ratio_white = figures.ratio_white;
+    results.ratio_ar1 = figures.ratio_ar1;
+    results.verdict = static_cast<uint32_t>(figures.verdict);
+    results.bins = static_cast<uint32_t>(bins.size());
+    results.depth = static_cast<uint32_t>(octaves.ladder().depth());
+    results.octaves_bytes = sizeof(Octaves);
+    results.bins_bytes = sizeof(Bins);
+    results.fit_bytes = sizeof(Fit);
+    results.done = 1;
+}
+
+}  // namespace
+
+#if defined(__arm__)
+extern uint32_t bss_begin, bss_end, data_begin, data_end, data_load, stack_end;
+
+extern "C" {
+void* memset(void* to, int value, unsigned n) {
+    unsigned char* at = static_cast<unsigned char*>(to);
+    while (n-- > 0) *at++ = static_cast<unsigned char>(value);
+    return to;
+}
+void* memcpy(void* to, const void* from, unsigned n) {
+    unsigned char* at = static_cast<unsigned char*>(to);
+    const unsigned char* source = static_cast<const unsigned char*>(from);
+    while (n-- > 0) *at++ = *source++;
+    return to;
+}
+void* memmove(void* to, const void* from, unsigned n) {
+    if (to <= from) return memcpy(to, from, n);
+    while (n-- > 0) static_cast<unsigned char*>(to)[n] = static_cast<const unsigned char*>(from)[n];
+    return to;
+}
+const void* results_at() { return &results; }
+[[noreturn]] void reset() {
+    for (uint32_t* word = &bss_begin; word != &bss_end;) *word++ = 0;
+    const uint32_t* image = &data_load;
+    for (uint32_t* word = &data_begin; word != &data_end;) *word++ = *image++;
+    start_counting();
+    run();
+    for (;;) __asm__ volatile("wfi");
+}
+}
+__attribute__((section(".vectors"), used))
+const void* const vectors[] = {&stack_end, reinterpret_cast<void*>(reset)};
+#else
+#include <stdio.h>
+int main() {
+    start_counting();
+    run();
+    return fwrite(&results, sizeof results, 1, stdout) == 1 ? 0 : 1;
+}
+#endif
