@@ -31,9 +31,10 @@ setup: .venv/.dev
 run: .venv/.run
 	@$(PY) tools/demo.py
 
-# Hundreds of tests start the program: its modules are compiled once, whatever the environment says.
+# Hundreds of tests start the program, so its modules are compiled once, whatever the environment says. A library of
+# linear algebra that spins on every core would only take them from the other tests; three at a time, for many wait.
 test: .venv/.dev
-	@PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
+	@PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 # Parts that need nothing of each other; `make --jobs=2 --output-sync lint` runs two at a time.
 LINT := lint-types lint-style lint-cppcheck lint-generated

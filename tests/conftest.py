@@ -12,8 +12,10 @@ RECORDINGS = ROOT.parent / "shared/recordings"
 # Every test may use the stand-ins of tests/rig, `tools` as a package, and the generators within it.
 sys.path[:0] = [str(ROOT), str(ROOT / "tests/rig"), str(ROOT / "tools")]
 
-# Every run tries the same examples; a slow machine fails nothing.
-settings.register_profile("fixed", derandomize=True, database=None, deadline=None)
+# Every run tries the same examples; a slow machine fails nothing. More of them, and others each time, in the
+# hours before a release: make test ARGS=--hypothesis-profile=thorough
+settings.register_profile("fixed", derandomize=True, database=None, deadline=None, max_examples=50)
+settings.register_profile("thorough", database=None, deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("fixed")
 
 

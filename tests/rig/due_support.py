@@ -23,9 +23,9 @@ def image() -> bytes:
 
 
 @cache
-def one_minute() -> DueRun:
-    """A minute from the first sample on, and some more."""
-    return DueRun(image(), noise=NOISE).run_until(60.35)
+def half_a_minute() -> DueRun:
+    """Half a minute from the first sample on, and some more."""
+    return DueRun(image(), noise=NOISE).run_until(30.35)
 
 
 @cache
