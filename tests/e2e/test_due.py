@@ -4,7 +4,7 @@ import hashlib
 from itertools import pairwise
 
 import pytest
-from due_support import NOISE, DueRun, build, image, half_a_minute
+from due_support import NOISE, DueRun, build, half_a_minute, image
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from fltea.wire import layout as wire
 
