@@ -101,7 +101,7 @@ pip() { quietly "$1" .venv/bin/python -m pip "${@:2}"; }
 pip "installing what builds the native module (cmake, ninja, nanobind)" \
     install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
 extras='[emulator,outputs]'
-[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs,dask,cloud,docs,tables]'
+[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs,dask,cloud,docs,tables,postgres]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
 pip "installing pinned Python packages and building the native module ($level); this is most of the time" \
     install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"

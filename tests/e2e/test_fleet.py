@@ -203,6 +203,7 @@ def test_the_page_is_for_those_who_know_the_password(stage: Stage, broker: Mosqu
         (["--mqtt", "x", "--password-file", "gone"], "cannot be read"),
         (["--mqtt", "x", "--set", "live.on=false"], "settings of [mqtt] only"),
         (["--mqtt", "x", "--max-sensors", "0"], "at least one"),
+        (["--mqtt", "x", "--history", "a", "--postgres", "b"], "one of them"),
     ],
 )
 def test_mistakes(arguments: list[str], words: str) -> None:

@@ -56,6 +56,14 @@ def fleet(
         Path | None,
         typer.Option(metavar="FILE", help="Keep the history in this file (SQLite); without it, in memory."),
     ] = None,
+    postgres: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Keep it in PostgreSQL: `postgresql://USER@HOST/DATABASE`; the password is in PGPASSWORD or "
+            "~/.pgpass.",
+        ),
+    ] = None,
     history_every: Annotated[
         str,
         typer.Option(
@@ -110,7 +118,7 @@ def fleet(
         fltea fleet --history fleet.db --export history.parquet
     """
     if export is not None:
-        _export(history, export)
+        _export(history, postgres, export)
         return
     from fltea.settings.config import load_config, parse_setting
 
@@ -131,6 +139,7 @@ def fleet(
     plan = Plan(
         settings,
         history,
+        postgres,
         _seconds("--history-every", history_every),
         _seconds("--keep", keep),
         _seconds("--silent-after", silent_after),
@@ -138,6 +147,8 @@ def fleet(
         most,
     )
     every_s = None if every is None else _seconds("--every", every)
+    if postgres is not None and history is not None:
+        raise UsageError("--history and --postgres: one of them.")
     if every_s is not None and not json:
         raise UsageError("--every goes with --json.")
     if json:
@@ -213,13 +224,18 @@ def _settle(running: "Fleet", quiet_s: float) -> None:
         _turn(running, quiet_s)
 
 
-def _export(history: Path | None, out: Path) -> None:
-    if history is None or not history.is_file():
-        raise UsageError("--export: which history? Give --history FILE, the file of a fleet.")
+def _export(history: Path | None, postgres: str | None, out: Path) -> None:
+    if postgres is None and (history is None or not history.is_file()):
+        raise UsageError(
+            "--export: which history? Give --history FILE, the file of a fleet, or --postgres URL."
+        )
     load("pyarrow", "pyarrow", "tables", "Parquet files need")
+    from fltea.fleet.databases import Postgres, Sqlite
+    from fltea.fleet.history import TABLES
     from fltea.fleet.history_table import write
 
-    say(f"{out}: {write(history, out)} rows")
+    database = Sqlite(str(history), TABLES) if postgres is None else Postgres(postgres, TABLES)
+    say(f"{out}: {write(database, out)} rows")
 
 
 def _seconds(flag: str, text: str) -> float:

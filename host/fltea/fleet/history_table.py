@@ -6,6 +6,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from fltea.fleet.databases import Database
 from fltea.fleet.history import COLUMNS, FIGURES, History
 
 AT_ONCE = 50_000
@@ -22,18 +23,14 @@ SCHEMA = pa.schema(
 )
 
 
-def write(history: Path, out: Path) -> int:
-    """Write all rows; how many there were. The file appears whole or not at all.
-
-    Raises:
-        UsageError: the history cannot be read.
-    """
-    database = History(history, 0.0)
+def write(database: Database, out: Path) -> int:
+    """Write all rows; how many there were. The file appears whole or not at all."""
+    history = History(database, 0.0)
     part = out.with_name(f".{out.name}.part")
     count = 0
     try:
         with pq.ParquetWriter(part, SCHEMA) as writer:
-            rows = database.rows()
+            rows = history.rows()
             while block := list(itertools.islice(rows, AT_ONCE)):
                 columns = zip(*block, strict=True)
                 arrays = [pa.array(c, field.type) for c, field in zip(columns, SCHEMA, strict=True)]
@@ -42,6 +39,6 @@ def write(history: Path, out: Path) -> int:
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)
-        database.close()
+        history.close()
     assert SCHEMA.names == COLUMNS
     return count

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import msgspec
 
 from fltea.fleet.alerts import Alerts
-from fltea.fleet.history import History
+from fltea.fleet.databases import Database, Postgres, Sqlite
+from fltea.fleet.history import TABLES, History
 from fltea.fleet.listener import Listener
 from fltea.fleet.roll import MOST_SENSORS, SILENT_S, Roll
 from fltea.fleet.summary import Look, counts, look
@@ -30,10 +31,11 @@ TURN_S = 0.2
 
 
 class Plan(NamedTuple):
-    """What a fleet does. history: of the database, None for memory only; keep_s: how long rows are kept."""
+    """What a fleet does. history: a file, postgres: a server in its place; keep_s: how long rows are kept."""
 
     mqtt: MqttConfig
     history: Path | None = None
+    postgres: str | None = None
     history_every_s: float = 600.0
     keep_s: float = 30 * 86_400.0
     silent_s: float = SILENT_S
@@ -62,6 +64,12 @@ class Clock:
         return self.steady() + self._offset
 
 
+def _database(plan: Plan) -> Database:
+    if plan.postgres is not None:
+        return Postgres(plan.postgres, TABLES)
+    return Sqlite(plan.history or ":memory:", TABLES)
+
+
 class Fleet:
     """The program. All state is behind `lock`; `turn` is called every `TURN_S` by whoever runs it.
 
@@ -76,7 +84,7 @@ class Fleet:
         self.roll = Roll(plan.mqtt.prefix, plan.most)
         self.seen = Look([], {})
         self.alerts = Alerts(plan.silent_s)
-        self.history = History(plan.history or ":memory:", plan.history_every_s)
+        self.history = History(_database(plan), plan.history_every_s)
         self.pruned = 0
         self.look_s = 0.0
         self._say = say or (lambda text: print(text, file=sys.stderr, flush=True))
