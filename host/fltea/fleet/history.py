@@ -27,7 +27,7 @@ TABLES = (
 
 
 class History:
-    """The fits and alerts of the past. every_s: how far apart an axis's fits are; new verdicts always are kept.
+    """The fits and alerts of the past. every_s: how far apart fits of an axis are; new verdicts are all kept.
 
     lost: rows that could not be written, as on a full disk; trouble: why, "" when all is well.
     """
