@@ -6,7 +6,7 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test lint lint-types lint-style lint-cppcheck lint-generated gen bench reproduce firmware flash \
+.PHONY: setup run test test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench reproduce firmware flash \
         emulate mutants docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
@@ -33,8 +33,14 @@ run: .venv/.run
 
 # Hundreds of tests start the program, so its modules are compiled once, whatever the environment says. A library of
 # linear algebra that spins on every core would only take them from the other tests; three at a time, for many wait.
+TESTS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
 test: .venv/.dev
-	@PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
+	@$(TESTS) -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
+
+# What the tests need compiled, made while something else takes the other core: .ci/run.
+test-prepared: .venv/.dev
+	@$(TESTS) --collect-only -q >/dev/null
+	@$(MAKE) --no-print-directory -C tests/native BUILD=$(CURDIR)/build/tests-native tests >/dev/null
 
 # Parts that need nothing of each other; `make --jobs=2 --output-sync lint` runs two at a time.
 LINT := lint-types lint-style lint-cppcheck lint-generated
