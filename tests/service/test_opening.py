@@ -1,5 +1,6 @@
 """Which source a URL means, and what is said about one that means none."""
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -186,3 +187,13 @@ def test_lines_of_text_take_the_options_of_text() -> None:
     assert "stdin:" in refusal("serial:/dev/ttyACM0", **how)
     assert "--shuffle" in refusal("stdin:", **how, **{"replay.shuffle": 1})
     assert "nothing stands behind" in refusal("serial-text:", **how)
+
+
+@pytest.mark.parametrize("name", ["-", "/dev/stdin", "fifo"])
+def test_a_bare_pipe_is_live_text(name: str, tmp_path: Path) -> None:
+    if name == "fifo":
+        os.mkfifo(tmp_path / name)
+        name = str(tmp_path / name)
+    source = opened(name, **{"replay.rate_hz": 100.0, "replay.columns": ["1"]})
+    assert isinstance(source, PipeText)
+    source.close()

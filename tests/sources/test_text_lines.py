@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fltea.recording.how import How
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, Failed, LinkDown, RawBlock, Tick, Trouble
+from fltea.records.events import TIME_WRAP_US, Event, Failed, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
 from fltea.sources.text_lines import PipeText, SerialText, TextEvents, parse_serial
 from fltea.stream.place import Place
@@ -305,3 +305,13 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
     assert (place.delivered, place.before_hello) == (4, 0)
     assert len({event.boot_id for event in events if isinstance(event, Hello)}) == 2
     assert text.link_stats().reconnects == 1
+
+
+def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
+    """Ten seconds from line to line: a read holds more than the 71 minutes in which times wrap."""
+    text = opened(How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s"))
+    lines = "".join(f"{10 * k},{k % 7}\n" for k in range(3000))
+    events = list(text.feed(b"t,gx\n" + lines.encode(), 7)) + list(text.finish(8))
+    assert (placed(events).delivered, placed(events).lost) == (3000, 0)
+    blocks = [event for event in events if isinstance(event, RawBlock)]
+    assert max(int((np.diff(block.device_us) % TIME_WRAP_US).sum()) for block in blocks) < TIME_WRAP_US // 2

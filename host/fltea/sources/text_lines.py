@@ -9,7 +9,10 @@ import os
 import select
 import stat
 from collections.abc import Iterator
+from itertools import pairwise
 from urllib.parse import parse_qsl
+
+import numpy as np
 
 from fltea.recording.files import TIME_COLUMN
 from fltea.recording.how import How
@@ -40,6 +43,9 @@ DEFAULT_BAUD = 115_200
 """What most boards' example programs speak."""
 
 READ_BYTES = 1 << 16
+LONGEST_BLOCK_US = TIME_WRAP_US // 4
+"""Of slow samples a read may hold hours; within a block times must not wrap."""
+
 PATIENCE_NS = 5 * 10**9
 ENDINGS = {"_s": "s", "_ms": "ms", "_us": "us", "_ns": "ns"}
 
@@ -145,7 +151,10 @@ class TextEvents:
                 if self._watch is not None:
                     self._watch.begin()
             self._samples += len(sequence)
-            yield RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, gyro)
+            raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, gyro)
+            parts = np.flatnonzero(np.diff(device_us // LONGEST_BLOCK_US)) + 1
+            for begin, end in pairwise([0, *parts.tolist(), len(sequence)]):
+                yield raw.rows(begin, end)
             found = self._watch.add(int(device_us[-1]), now_ns) if self._watch is not None else None
             if found is not None:
                 yield found
