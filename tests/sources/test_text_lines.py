@@ -315,3 +315,12 @@ def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
     assert (placed(events).delivered, placed(events).lost) == (3000, 0)
     blocks = [event for event in events if isinstance(event, RawBlock)]
     assert max(int((np.diff(block.device_us) % TIME_WRAP_US).sum()) for block in blocks) < TIME_WRAP_US // 2
+
+
+def test_fields_that_nobody_asked_for_may_be_words() -> None:
+    """As `ros2 topic echo --csv` writes them: the name of a frame stands among the numbers."""
+    text = opened(How(columns=["4", "5", "6"], units="rad/s", rate_hz=100.0))
+    events = list(text.feed(b"17,5,imu_link,0.1,0.2,0.3\n17,6,imu_link,0.4,0.5,0.6\n", 7))
+    blocks = [event for event in events if isinstance(event, RawBlock)]
+    assert np.radians(blocks[0].gyro).round(6).tolist() == [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
+    assert troubles(events) == []

@@ -263,18 +263,21 @@ def _of_numbers(text: bytes, wanted: Wanted) -> _Layout | None:
     """Without a header columns go by their positions, or there are no others than those that were named."""
     separator = next((s for s in SEPARATORS if s is None or s in text), None)
     fields = text.split(separator)
-    try:
-        list(map(float, fields))
-    except ValueError:
-        return None
     names = (wanted.columns or ()) + ((wanted.time,) if wanted.time is not None else ())
     if wanted.columns is None:
         return None
     if all(name.isdecimal() and name.isascii() and 1 <= int(name) <= len(fields) for name in names):
-        return _Layout(names, tuple(int(name) - 1 for name in names), len(fields), separator)
-    if wanted.time is None and len(names) == len(fields):
-        return _Layout(names, tuple(range(len(fields))), len(fields), separator)
-    return None
+        places = tuple(int(name) - 1 for name in names)  # other fields may be words, as of `ros2 topic echo`
+    elif wanted.time is None and len(names) == len(fields):
+        places = tuple(range(len(fields)))
+    else:
+        return None
+    try:
+        for place in places:
+            float(fields[place])
+    except ValueError:
+        return None
+    return _Layout(names, places, len(fields), separator)
 
 
 def _object(text: bytes, layout: _Layout) -> list[float] | str:
