@@ -32,10 +32,11 @@ run: .venv/.run
 	@$(PY) tools/demo.py
 
 # Hundreds of tests start the program, so its modules are compiled once, whatever the environment says. A library of
-# linear algebra that spins on every core would only take them from the other tests; three at a time, for many wait.
+# linear algebra that spins on every core would only take them from the other tests. Not three at a time: some tests
+# are of programs that have to keep up with a line.
 TESTS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
 test: .venv/.dev
-	@$(TESTS) -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
+	@$(TESTS) -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 # What the tests need compiled, made while something else takes the other core: .ci/run.
 test-prepared: .venv/.dev
