@@ -84,7 +84,7 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
 def test_estimates_of_device_and_host_stand_side_by_side(
     processes: Processes, chromium: Browser, tmp_path: Path
 ) -> None:
-    """At 100 Hz its start-up window takes five seconds; a faster device fills the pty in a sixth of a second."""
+    """At 100 Hz its start-up window takes five seconds; a faster device soon fills the pty."""
     processes.stand_in(tmp_path / "due", "--estimate")
     daemon, url = start(processes, "--source", f"serial:{tmp_path / 'due'}", "--estimate-on", "both")
     one = Watched(chromium, url + "#window=0&axis=gyro_y")
