@@ -19,7 +19,7 @@ DEEPER = (
     "fltea.noise.spectra",
     "fltea.noise.weights",
     "fltea.noise.allan_deviation",
-    "fltea.recording.how",
+    "fltea.settings.how",
     "fltea.estimator.bank",
     "fltea.estimator.engine",
     "fltea.spectrum.live_axes",

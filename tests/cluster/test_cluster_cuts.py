@@ -16,9 +16,9 @@ from fltea.cluster.listing import File, files_of
 from fltea.cluster.summed import cuts_of
 from fltea.cluster.whole import Ask
 from fltea.identify.load import Loaded, load
-from fltea.recording.how import How
 from fltea.records.errors import UsageError
 from fltea.settings.config import RecordConfig
+from fltea.settings.how import How
 from fltea.sinks.record import RecordSink
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st

@@ -13,7 +13,7 @@ from fltea.cluster.listing import files_of
 from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
 from fltea.cluster.whole import Ask, identify_file
 from fltea.identify.workers import Here
-from fltea.recording.how import How
+from fltea.settings.how import How
 from identify_support import long_recursion, white
 
 N = 1 << 16

@@ -14,7 +14,7 @@ from fltea.cluster.listing import files_of
 from fltea.cluster.run import Progress, run
 from fltea.cluster.whole import identify_file
 from fltea.identify.workers import Here
-from fltea.recording.how import How
+from fltea.settings.how import How
 from identify_files import counts, npz
 from identify_support import white
 

@@ -9,10 +9,10 @@ import pyarrow as pa
 import pytest
 from blocks import samples_of
 from fltea.recording.files import Stored
-from fltea.recording.how import How
 from fltea.recording.npy_file import open_npy
 from fltea.recording.parquet_file import open_parquet
 from fltea.records.errors import UsageError
+from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
 from hypothesis import given, settings

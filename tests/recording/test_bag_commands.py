@@ -8,11 +8,11 @@ from bag_support import KINDS, even, write_bag
 from fltea.archive.export import export
 from fltea.archive.info import as_text, sessions, summarise
 from fltea.identify.load import Request, load, recordings
-from fltea.recording.how import How
 from fltea.recording.npz_file import open_npz
 from fltea.recording.ros_bag import open_bag
 from fltea.records.errors import UsageError
 from fltea.records.events import RawBlock
+from fltea.settings.how import How
 from fltea.sources.replay import ReplaySource
 from host_support import fltea
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from bag_support import KINDS, START_NS, Messages, even, gathered, serialised, write_bag
 from fltea.recording.bag_imu import read_imu
-from fltea.recording.how import How
 from fltea.recording.kind import is_one_file
 from fltea.recording.ros_bag import open_bag
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import RawBlock, Trouble
+from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
 from hypothesis import given, settings

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Stored
-from fltea.recording.how import How
 from fltea.records.errors import UsageError
+from fltea.settings.how import How
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from blocks import in_samples, samples_of
-from fltea.recording.how import How
 from fltea.recording.scan import HEAD
 from fltea.recording.session import Entry
 from fltea.records.errors import UsageError
@@ -15,6 +14,7 @@ from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Troub
 from fltea.records.records import DeviceStatus, Epoch, Error, Estimate, Gap, Hello, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
+from fltea.settings.how import How
 from fltea.sinks import record as record_module
 from fltea.sources.as_wire import AsWire
 from fltea.sources.mcap import McapRecording, find_parts, read_entries

@@ -9,12 +9,12 @@ import msgspec
 import numpy as np
 import pytest
 from blocks import in_samples, of_samples, place_all, records_of, samples_of
-from fltea.recording.how import How
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawBlock, RawSample, Trouble
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, LinkStats, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
+from fltea.settings.how import How
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.sources import pacing
 from fltea.sources.replay import ReplaySource

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.recording.how import How
 from fltea.records.errors import UsageError
 from fltea.records.events import TIME_WRAP_US, Event, Failed, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
+from fltea.settings.how import How
 from fltea.sources.text_lines import PipeText, SerialText, TextEvents, parse_serial
 from fltea.stream.place import Place
 

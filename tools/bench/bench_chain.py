@@ -151,7 +151,7 @@ def _most_devices() -> list[dict[str, Any]]:
 _TEXT = """
 from pathlib import Path
 from fltea.recording.csv_file import open_csv
-from fltea.recording.how import How
+from fltea.settings.how import How
 open_csv(Path({!r}), How(rate_hz=100.0))
 """
 

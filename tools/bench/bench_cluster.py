@@ -21,7 +21,7 @@ from fltea.cluster.whole import Ask
 from fltea.identify.axis import IdentifyOptions
 from fltea.identify.dask_workers import DaskWorkers
 from fltea.identify.run import Settings
-from fltea.recording.how import How
+from fltea.settings.how import How
 
 from tools.bench.day_files import RATE_HZ, counts, write_mcap
 

@@ -17,8 +17,8 @@ from fltea.api.series import of_series
 from fltea.identify.axis import IdentifyOptions
 from fltea.identify.load import ACCEL_UNIT, GYRO_UNIT, Counts, Loaded, Request, Unreadable, load, recordings
 from fltea.identify.traps import Trap
-from fltea.recording.how import How, TimeUnit
 from fltea.records.errors import UsageError
+from fltea.settings.how import How, TimeUnit
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.files import AT_ONCE
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
 from fltea.recording.session import LATEST_NS, Entry
 from fltea.recording.spool import Spool
@@ -27,6 +26,7 @@ from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
 from fltea.records.whole_file import text_of, whole_file
 from fltea.settings.duration import Duration
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from fltea.recording.bag_files import bags_in
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
 from fltea.records.events import Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.records.visible import visible
 from fltea.settings.duration import Duration
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, find_mcap_sessions, open_mcap
 from fltea.stream.decode import Decoded, Decoder

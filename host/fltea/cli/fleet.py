@@ -2,7 +2,6 @@
 
 import os
 import signal
-import stat
 import sys
 import time
 from pathlib import Path
@@ -15,6 +14,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.settings import duration
 from fltea.settings.extras import load
 from fltea.settings.listen_address import is_loopback, listen_address
+from fltea.settings.login_file import read_login
 
 if TYPE_CHECKING:
     from tornado.ioloop import IOLoop
@@ -158,7 +158,7 @@ def fleet(
         host, port = listen_address(listen)
     except ValueError as error:
         raise UsageError(f"--listen {listen}: {error}.") from error
-    password = None if password_file is None else _password(password_file)
+    password = None if password_file is None else ":".join(read_login("--password-file", password_file))
     if password is None and not no_password and not is_loopback(host):
         raise UsageError(
             f"--listen {listen}: others could see the page without a password. Give --password-file FILE "
@@ -247,19 +247,3 @@ def _seconds(flag: str, text: str) -> float:
     if found <= 0:
         raise UsageError(f"{flag} {text}: has to be longer.")
     return found
-
-
-def _password(file: Path) -> str:
-    try:
-        mode = file.stat().st_mode
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"--password-file {file}: cannot be read ({error}).") from error
-    if mode & stat.S_IRWXO:
-        raise UsageError(
-            f"--password-file {file}: everybody on this machine may read it. Do: chmod o= {file}"
-        )
-    user, colon, password = lines[0].partition(":") if len(lines) == 1 else ("", "", "")
-    if not (user and colon and password):
-        raise UsageError(f"--password-file {file}: must hold one line, USER:PASSWORD.")
-    return lines[0]

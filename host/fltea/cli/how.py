@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from fltea.recording.how import TimeUnit
+from fltea.settings.how import TimeUnit
 
 Columns = Annotated[
     str | None,

@@ -7,11 +7,11 @@ import typer
 
 from fltea.cli import how
 from fltea.cli.output import print_lines, say
-from fltea.recording.how import How
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings import duration
 from fltea.settings.duration import Duration
 from fltea.settings.extras import load
+from fltea.settings.how import How
 from fltea.wire import layout as wire
 
 if TYPE_CHECKING:

@@ -6,11 +6,11 @@ from pathlib import Path
 from fltea.cluster.cut import Cut, Ranges
 from fltea.recording.columns import wanted_of
 from fltea.recording.csv_file import BOM, UTF_16
-from fltea.recording.how import How
 from fltea.recording.lines import LONGEST_LINE
 from fltea.recording.text_layout import HEAD_LINES, find_layout
 from fltea.recording.text_rows import decoded_head
 from fltea.records.errors import UsageError
+from fltea.settings.how import How
 
 HEAD_BYTES = 1 << 20
 NEAR_BYTES = 1 << 12

@@ -14,8 +14,8 @@ from fltea.cluster.rows import Key, Row, failed, rows_of
 from fltea.identify.load import Request
 from fltea.identify.run import Settings, identify_all
 from fltea.identify.workers import Here
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BLOCK_BYTES = 64_000_000

@@ -16,12 +16,12 @@ from fltea.archive.info import sessions
 from fltea.identify.gaps import Gaps, bridge, no_gaps
 from fltea.identify.traps import Trap, sensor_traps, source_trap, timing_traps
 from fltea.recording.bag_files import bags_in
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file
 from fltea.recording.spool import Spool
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Trouble
 from fltea.records.records import ACCEL_AXES, AXES, Hello
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder

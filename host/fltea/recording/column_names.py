@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 
 from fltea.recording.files import LONGEST_NAME
-from fltea.recording.how import TimeUnit
+from fltea.settings.how import TimeUnit
 from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
 
 TIME_UNITS: dict[str, TimeUnit] = {

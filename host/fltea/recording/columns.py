@@ -16,9 +16,9 @@ from fltea.recording.column_names import (
     time_unit_of,
 )
 from fltea.recording.files import TIME_COLUMN, UNITS_HELP, listed, parse_units
-from fltea.recording.how import How, TimeUnit
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
+from fltea.settings.how import How, TimeUnit
 
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 

@@ -8,12 +8,12 @@ from typing import BinaryIO
 
 from fltea.recording.columns import Chosen, choose, wanted_of
 from fltea.recording.files import Note, Recording, Stored, parse_units
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.lines import shown
 from fltea.recording.table import gather
 from fltea.recording.text_layout import HEAD_LINES, MISSING, Layout, find_layout, is_number
 from fltea.recording.text_rows import Lines, RowReader, blocks_of_lines, decoded_head
 from fltea.records.errors import UsageError
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 HEAD_BYTES = 1 << 20

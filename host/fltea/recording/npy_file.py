@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from fltea.recording.columns import Chosen, choose, wanted_of
 from fltea.recording.files import AT_ONCE, UNITS_HELP, Stored
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.npz_arrays import KINDS, NUMBER_BYTES
 from fltea.recording.table import Rows, gather, row_place
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 Columns = list[NDArray[Any]]

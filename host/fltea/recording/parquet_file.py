@@ -13,10 +13,10 @@ from pyarrow import compute, parquet
 from fltea.recording.column_names import is_time
 from fltea.recording.columns import Chosen, choose
 from fltea.recording.files import AT_ONCE, Stored, listed
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.table import Rows, gather, row_place
 from fltea.records.errors import UsageError
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 

@@ -25,7 +25,6 @@ from fltea.recording.files import (
     check_span,
     listed,
 )
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.lines import shown
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.session import LATEST_NS
@@ -34,6 +33,7 @@ from fltea.recording.unpack import unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible
 from fltea.settings.extras import load
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 NUMBERS = 8

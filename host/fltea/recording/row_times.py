@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from fltea.recording.columns import SECONDS
 from fltea.recording.files import EVEN_SHARE, EVENNESS, LONGEST_S, SHORTEST_STEP_S
-from fltea.recording.how import TimeUnit
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
+from fltea.settings.how import TimeUnit
 
 AT_ONCE = 1 << 16
 PLAUSIBLE_HZ = 5.0, 10_000.0

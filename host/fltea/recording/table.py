@@ -20,11 +20,11 @@ from fltea.recording.files import (
     listed,
     too_large,
 )
-from fltea.recording.how import How
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.row_times import rate_of, told_by_times
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
+from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
 Array = NDArray[np.float64]

@@ -9,13 +9,13 @@ from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from fltea.recording.how import How, TimeUnit
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings import duration, filters
 from fltea.settings.device_name import NAME, device_name, device_names
 from fltea.settings.duration import Duration
 from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
+from fltea.settings.how import How, TimeUnit
 from fltea.settings.ingest import IngestConfig
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.settings.live import LiveConfig

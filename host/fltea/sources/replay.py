@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from fltea.recording.bag_files import bags_in
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Recording, Stored, listed
-from fltea.recording.how import AS_IT_SAYS, How
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
 from fltea.recording.npy_file import open_npy
@@ -29,6 +28,7 @@ from fltea.records.events import (
 )
 from fltea.records.records import Hello, LinkStats, Sample
 from fltea.settings.extras import load
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.pacing import sleep_until
 from fltea.wire.sample_scaling import to_counts

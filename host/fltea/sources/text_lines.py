@@ -15,7 +15,6 @@ from urllib.parse import parse_qsl
 import numpy as np
 
 from fltea.recording.files import TIME_COLUMN
-from fltea.recording.how import How
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records import clock
 from fltea.records.errors import UsageError
@@ -34,6 +33,7 @@ from fltea.records.events import (
 )
 from fltea.records.records import Hello, LinkStats
 from fltea.records.repeat import OnceAMinute
+from fltea.settings.how import How
 from fltea.sources.numbering import UNIT_US, ArrivalWatch, ByOrder, ByTime, Numbered, Rows
 from fltea.sources.text_rows import REASONS, LineRows, wanted
 from fltea.wire.ports import TICK_S

@@ -7,12 +7,11 @@ holds them.
 import os
 import socket
 import ssl
-import stat
-from pathlib import Path
 
 from paho.mqtt.reasoncodes import ReasonCode
 
 from fltea.records.errors import UsageError
+from fltea.settings.login_file import read_login
 from fltea.settings.outputs import BrokerAddress, MqttConfig
 
 USER, PASSWORD = "FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"
@@ -108,21 +107,7 @@ def _credentials(file: str | None) -> tuple[str | None, str | None]:
         if password is not None and user is None:
             raise UsageError(f"{PASSWORD} is set, but {USER} is not: set both.")
         return user, password
-    try:
-        with Path(file).open(encoding="utf-8") as stream:
-            mode = os.fstat(stream.fileno()).st_mode
-            lines = stream.read().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
-        raise UsageError(f"mqtt.password_file {file}: cannot be read ({reason}).") from error
-    if mode & stat.S_IRWXO:
-        raise UsageError(
-            f"mqtt.password_file {file}: everybody on this machine may read it. Do: chmod o= {file}"
-        )
-    user, colon, password = lines[0].partition(":") if len(lines) == 1 else ("", "", "")
-    if not (user and colon and password):
-        raise UsageError(f"mqtt.password_file {file}: must hold one line, USER:PASSWORD.")
-    return user, password
+    return read_login("mqtt.password_file", file)
 
 
 def _tls(settings: MqttConfig) -> ssl.SSLContext:
