@@ -17,6 +17,7 @@ struct Axis {
     Octaves octaves;
     Bins bins;
     fltea::whittle::SlicedFit<Bins> fit;
+    fltea::whittle::FitMemory memory;
 };
 
 }  // namespace
@@ -34,10 +35,10 @@ void spectrum_fit(Axis* axis, double* out) {
     axis->bins.begin();
     while (!axis->bins.step(axis->octaves)) {
     }
-    axis->fit.begin(axis->bins, fltea::whittle::kFivePercent);
+    axis->fit.begin(axis->bins, fltea::whittle::kFivePercent, axis->memory);
     while (!axis->fit.work(axis->bins)) {
     }
-    const fltea::whittle::FitFigures& found = axis->fit.figures();
+    const fltea::whittle::FitFigures& found = axis->memory.figures();
     const float numbers[] = {static_cast<float>(found.verdict),
                              found.alpha,
                              found.alpha_std,

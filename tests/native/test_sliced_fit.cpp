@@ -88,8 +88,8 @@ Point<double> host_fit(const Any& bins, const Model<double>& model, std::vector<
 }
 
 template <class Any>
-int fit(const Any& bins, SlicedFit<Any>& sliced) {
-    sliced.begin(bins, kFivePercent);
+int fit(const Any& bins, SlicedFit<Any>& sliced, FitMemory& memory) {
+    sliced.begin(bins, kFivePercent, memory);
     int slices = 0;
     while (!sliced.work(bins)) REQUIRE(++slices < 1000000);
     return slices;
@@ -192,8 +192,9 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             std::unique_ptr<Gathered> bins(new Gathered);
             make_bins(*octaves, *bins);
             std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
-            fit(*bins, *sliced);
-            const FitFigures cold = sliced->figures();
+            FitMemory memory;
+            fit(*bins, *sliced, memory);
+            const FitFigures cold = memory.figures();
             std::vector<double> white;
             const Point<double> full =
                 host_fit(*bins, Model<double>{kFractional, 2.0, kNothing, 0, 0, 0}, white);
@@ -224,15 +225,15 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             }
             // The same again, from the last answers, at a fraction of the work.
             const int evaluations = sliced->evaluations();
-            fit(*bins, *sliced);
+            fit(*bins, *sliced, memory);
             CHECK(sliced->evaluations() * 5 < evaluations);
-            CHECK(sliced->figures().ratio_white >= cold.ratio_white - 0.02f);
-            CHECK(sliced->figures().verdict == cold.verdict);
+            CHECK(memory.figures().ratio_white >= cold.ratio_white - 0.02f);
+            CHECK(memory.figures().verdict == cold.verdict);
             if (n > 3000) continue;
             // Much more data: on the grid again.
-            for (int k = 0; k < 2 * n; ++k) octaves->add(next());
+            for (int k = 0; k < 4 * n; ++k) octaves->add(next());
             make_bins(*octaves, *bins);
-            fit(*bins, *sliced);
+            fit(*bins, *sliced, memory);
             CHECK(sliced->evaluations() * 2 > evaluations);
         }
     }
@@ -284,8 +285,9 @@ TEST_CASE("sliced fit: float has enough digits for a year of samples") {
             const double alpha = kind == 0 ? 0.5 : kind == 1 ? 0.8 : 0.3, weight = kind == 1 ? 0.2 : 0.02;
             const YearBins bins(alpha, -0.02, weight, ordinates, static_cast<unsigned>(kind + 7));
             std::unique_ptr<SlicedFit<YearBins>> sliced(new SlicedFit<YearBins>);
-            fit(bins, *sliced);
-            const FitFigures& found = sliced->figures();
+            FitMemory memory;
+            fit(bins, *sliced, memory);
+            const FitFigures& found = memory.figures();
             std::vector<double> white;
             const Point<double> full =
                 host_fit(bins, Model<double>{kFractional, 2.0, kNothing, 0, 0, 0}, white);

@@ -27,8 +27,8 @@ DUE = (
 )
 MOST_S = 600
 """Of the emulated board's time, at its slow clock after reset."""
-PHASES = ("sample", "chunk", "bins", "first fit", "next fit")
-LAYOUT = struct.Struct("<2I4f8I" + 3 * f"{len(PHASES)}I")
+PHASES = ("sample", "level", "bins", "first fit", "next fit")
+LAYOUT = struct.Struct("<2I4f9I" + 3 * f"{len(PHASES)}I")
 FIT_EVERY_S = 3.0
 """Assumed for the share of the processor."""
 
@@ -51,8 +51,8 @@ class Found(NamedTuple):
     levels: int
     evaluations: tuple[int, int]
     """of the first fit and of the next"""
-    bytes: tuple[int, int, int]
-    """of an axis's spectrum, of the bins, of a fit"""
+    bytes: tuple[int, int, int, int]
+    """of an axis's spectrum, of the bins, of a fit, and of what is kept of an axis from fit to fit"""
     phases: dict[str, Phase]
 
 
@@ -96,7 +96,7 @@ def on_due(samples: int) -> Found:
 def measure(samples: int = 60_000) -> dict[str, Any]:
     """Both runs, and the share of the processor that three axes take."""
     due, pc = on_due(samples), on_pc(samples)
-    taken = due.phases["sample"].instructions + due.phases["chunk"].instructions
+    taken = due.phases["sample"].instructions + due.phases["level"].instructions
     a_fit = due.phases["bins"].instructions + due.phases["next fit"].instructions
     a_second = AXES * (taken / samples * RATE_HZ + a_fit / FIT_EVERY_S)
     return {
@@ -115,7 +115,7 @@ def measure(samples: int = 60_000) -> dict[str, Any]:
 
 def text(found: dict[str, Any]) -> str:
     """The figures for people."""
-    spectrum, bins, fit = found["bytes"]
+    spectrum, bins, fit, kept = found["bytes"]
     return "\n".join(
         [
             f"spectrum and fit of an axis, {found['samples']:,} samples on the emulated Due: instructions",
@@ -126,7 +126,7 @@ def text(found: dict[str, Any]) -> str:
             f"three axes at 100 Hz, fitted every {FIT_EVERY_S:g} s: {found['share_percent']} % of an 84 MHz "
             f"processor, if an instruction takes {CYCLES} cycles",
             "longest slices: " + ", ".join(f"{name} {n:,}" for name, n in found["longest_slice"].items()),
-            f"bytes: {spectrum:,} an axis, {bins:,} and {fit:,} for bins and fit",
+            f"bytes: {spectrum:,} and {kept:,} an axis, {bins:,} and {fit:,} for bins and fit",
             f"the same bits as on this machine: {'yes' if found['same_bits_as_on_a_pc'] else 'NO'}",
         ]
     )
@@ -134,11 +134,11 @@ def text(found: dict[str, Any]) -> str:
 
 def _read(data: bytes) -> Found:
     values = LAYOUT.unpack(data)
-    _, hash_, alpha, alpha_std, _, _, _, cold, warm, bins, levels, spectrum, of_bins, of_fit = values[:14]
-    counts = values[14:]
+    _, hash_, alpha, alpha_std, _, _, _, cold, warm, bins, levels, spectrum, *of_fit = values[:15]
+    counts = values[15:]
     n = len(PHASES)
     phases = {name: Phase(counts[i], counts[n + i], counts[2 * n + i]) for i, name in enumerate(PHASES)}
-    return Found(hash_, alpha, alpha_std, bins, levels, (cold, warm), (spectrum, of_bins, of_fit), phases)
+    return Found(hash_, alpha, alpha_std, bins, levels, (cold, warm), (spectrum, *of_fit), phases)
 
 
 def _run(*command: str | Path) -> str:

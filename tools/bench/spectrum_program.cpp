@@ -13,15 +13,16 @@ namespace {
 typedef fltea::engine::CountOctaves<> Octaves;
 typedef fltea::engine::FitBins<Octaves> Bins;
 typedef fltea::whittle::SlicedFit<Bins> Fit;
+typedef fltea::whittle::FitMemory Memory;
 
-enum Phase { kSample, kChunk, kBins, kColdFit, kWarmFit, kPhases };
+enum Phase { kSample, kLevel, kBins, kColdFit, kWarmFit, kPhases };
 
 struct Results {
     uint32_t done;
     uint32_t hash;  // of all sums, bins and figures
     float alpha, alpha_std, ratio_white, ratio_ar1;
     uint32_t verdict, evaluations_cold, evaluations_warm, bins, depth;
-    uint32_t octaves_bytes, bins_bytes, fit_bytes;
+    uint32_t octaves_bytes, bins_bytes, fit_bytes, memory_bytes;
     uint32_t calls[kPhases], instructions[kPhases], longest[kPhases];
 };
 
@@ -30,6 +31,7 @@ volatile uint32_t seed = 12345;
 alignas(8) unsigned char octaves_storage[sizeof(Octaves)];
 alignas(8) unsigned char bins_storage[sizeof(Bins)];
 alignas(8) unsigned char fit_storage[sizeof(Fit)];
+alignas(8) unsigned char memory_storage[sizeof(Memory)];
 
 #if defined(__arm__)
 volatile uint32_t& at(uint32_t address) { return *reinterpret_cast<volatile uint32_t*>(address); }
@@ -84,8 +86,8 @@ class Noise {
     int32_t slow_[2] = {0, 0};
 };
 
-void fit_once(const Bins& bins, Fit& fit, Phase phase) {
-    fit.begin(bins, fltea::whittle::kFivePercent);
+void fit_once(const Bins& bins, Fit& fit, Memory& memory, Phase phase) {
+    fit.begin(bins, fltea::whittle::kFivePercent, memory);
     for (bool done = false; !done;) {
         const uint32_t begun = now();
         done = fit.work(bins);
@@ -97,16 +99,21 @@ void run() {
     Octaves& octaves = *new (octaves_storage) Octaves(16.0f);
     Bins& bins = *new (bins_storage) Bins;
     Fit& fit = *new (fit_storage) Fit;
+    Memory& memory = *new (memory_storage) Memory;
+    Octaves::Passage passage;
     Noise noise;
     for (int k = 0; k < SAMPLES; ++k) {
         const int16_t sample = noise();
         if (k == SAMPLES / 3) octaves.skip(3);
         if (k == SAMPLES / 2) octaves.skip(300);
-        const uint32_t chunks = octaves.counts().used / 128 + octaves.counts().knocks;
-        const uint32_t begun = now();
-        octaves.add(sample);
-        const bool whole = octaves.counts().used / 128 + octaves.counts().knocks != chunks;
-        count(whole ? kChunk : kSample, begun);
+        uint32_t begun = now();
+        octaves.add(sample, passage);
+        count(kSample, begun);
+        for (bool passed = passage.n == 0 && !passage.cut; !passed;) {
+            begun = now();
+            passed = octaves.pass(passage);
+            count(kLevel, begun);
+        }
     }
     bins.begin();
     for (bool done = false; !done;) {
@@ -114,9 +121,9 @@ void run() {
         done = bins.step(octaves);
         count(kBins, begun);
     }
-    fit_once(bins, fit, kColdFit);
+    fit_once(bins, fit, memory, kColdFit);
     results.evaluations_cold = static_cast<uint32_t>(fit.evaluations());
-    fit_once(bins, fit, kWarmFit);
+    fit_once(bins, fit, memory, kWarmFit);
     results.evaluations_warm = static_cast<uint32_t>(fit.evaluations());
     for (int level = 0; level < octaves.ladder().depth(); ++level) {
         float power[Octaves::Ladder::kTopLines], blocks, effective;
@@ -129,7 +136,7 @@ void run() {
         mix(bins.counts(i));
         mix(bins.power(i));
     }
-    const fltea::whittle::FitFigures& figures = fit.figures();
+    const fltea::whittle::FitFigures& figures = memory.figures();
     const float told[] = {figures.alpha, figures.alpha_std, figures.g, figures.s2, figures.R};
     for (float one : told) mix(one);
     results.alpha = figures.alpha;
@@ -142,6 +149,7 @@ void run() {
     results.octaves_bytes = sizeof(Octaves);
     results.bins_bytes = sizeof(Bins);
     results.fit_bytes = sizeof(Fit);
+    results.memory_bytes = sizeof(Memory);
     results.done = 1;
 }
 

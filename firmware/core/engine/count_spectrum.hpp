@@ -22,9 +22,9 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// kLevels: 12 with a capacity of 512 are three hours at 100 Hz; after that the oldest samples of the last
-// level go, and of the sums nothing.
-template <int kMostLevels = 12, int kMostKept = 512>
+// kLevels: 11 with a capacity of 512 are an hour and a half at 100 Hz; after that the oldest samples of the
+// last level go, and of the sums nothing.
+template <int kMostLevels = 11, int kMostKept = 512>
 struct CountSpectrum {
     typedef std::int16_t Input;
     typedef float Real;
@@ -227,11 +227,24 @@ template <typename Kind = CountSpectrum<>>
 class CountOctaves {
   public:
     typedef OctaveLadder<Kind> Ladder;
+    typedef typename Ladder::Passage Passage;
 
     // variance: of the noise in squared counts, roughly.
     explicit CountOctaves(float variance) : ladder_(typename Kind::Memory(), typename Kind::Unit(variance)) {}
 
-    void add(std::int16_t count) { gate_.add(&count, 1, 1, ladder_); }
+    void add(std::int16_t count) {
+        Passage passage;
+        add(count, passage);
+        while (!pass(passage)) {
+        }
+    }
+    // The same a level at a time: pass() until it is true before anything else, of axes that share a passage
+    // too.
+    void add(std::int16_t count, Passage& passage) {
+        Entrance entrance = {ladder_, passage};
+        gate_.add(&count, 1, 1, entrance);
+    }
+    bool pass(Passage& passage) { return ladder_.advance(passage); }
     // So many samples were lost before the next one.
     void skip(std::uint64_t lost) { gate_.skip(lost); }
 
@@ -244,6 +257,16 @@ class CountOctaves {
     int exponent(int level) const { return -2 * (ladder_.unit().places() + Kind::halvings(level)); }
 
   private:
+    // Where the gate hands on.
+    struct Entrance {
+        Ladder& ladder;
+        Passage& passage;
+        void accept(const std::int16_t* y, int n, std::uint64_t first, const unsigned char* made_up) {
+            ladder.enter(y, n, first, made_up, passage);
+        }
+        void cut() { ladder.cut_after(passage); }
+    };
+
     Gate<Kind> gate_;
     Ladder ladder_;
 };

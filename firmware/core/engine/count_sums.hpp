@@ -1,5 +1,5 @@
 // Welch's sums of one octave in integers. They cannot overflow: when one comes near its end, all of them are
-// counted in a unit that is 256 times as large from there on.
+// counted in a unit that is twice as large from there on.
 #ifndef FLTEA_COUNT_SUMS_HPP
 #define FLTEA_COUNT_SUMS_HPP
 
@@ -12,46 +12,77 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
+// 32 bits a sum, since the board has three axes of many octaves. After a year a block of the highest octave
+// is a few units only: what it has of a unit is rounded up or down by chance, so that the mean stays right.
 template <int kLines>
 class CountSums {
   public:
     // Powers of a block that are less than 2^58 and in 2^-2 places of the squared unit.
     void add(const std::int64_t* power, int places, int) {
-        const int least = kFine - 2 * places;
-        if (coarse_ < least) coarsen(least - coarse_);
-        const int drop = coarse_ - least;
-        bool full = false;
+        std::uint64_t largest = 0;
         for (int i = 0; i < kLines; ++i) {
-            power_[i] += rounded(static_cast<std::uint64_t>(power[i]), drop);
-            full = full || power_[i] >= UINT64_C(1) << 62;
+            const std::uint64_t one = static_cast<std::uint64_t>(power[i]);
+            if (one > largest) largest = one;
+        }
+        if (blocks_ == 0) {
+            const int bits = largest > 0 ? 64 - __builtin_clzll(largest) : 0;
+            coarse_ = (bits > kFirst ? bits - kFirst : 0) - 2 * places;
+        }
+        for (;;) {
+            const int drop = coarse_ + 2 * places;
+            if (drop >= 0 && most_ + rounded(largest, drop) + 1 < UINT64_C(1) << 32) break;
+            coarsen(drop < 0 ? -drop : 1);
+        }
+        const int drop = coarse_ + 2 * places;
+        most_ = 0;
+        for (int i = 0; i < kLines; ++i) {
+            power_[i] += static_cast<std::uint32_t>(dithered(static_cast<std::uint64_t>(power[i]), drop));
+            if (power_[i] > most_) most_ = power_[i];
         }
         ++blocks_;
-        if (full) coarsen(kStep);
     }
 
     // In the squared unit. All blocks have the same weight.
     void read(int, float* power, float* blocks, float* effective) const {
         for (int i = 0; i < kLines; ++i) {
-            power[i] = fixed::to_float(static_cast<std::int64_t>(power_[i]), coarse_ - kFine);
+            power[i] = fixed::to_float(static_cast<std::int64_t>(power_[i]), coarse_);
         }
         *blocks = *effective = static_cast<float>(blocks_);
     }
 
   private:
-    enum { kFine = 8, kStep = 8 };  // sums are in 2^(coarse - kFine)
+    enum { kFirst = 30 };  // bits of the first block's largest power
 
+    // Sums are in 2^coarse of the squared unit.
     void coarsen(int places) {
         coarse_ += places;
-        for (int i = 0; i < kLines; ++i) power_[i] = rounded(power_[i], places);
+        most_ = 0;
+        for (int i = 0; i < kLines; ++i) {
+            power_[i] = static_cast<std::uint32_t>(dithered(power_[i], places));
+            if (power_[i] > most_) most_ = power_[i];
+        }
     }
 
     static std::uint64_t rounded(std::uint64_t x, int places) {
-        if (places == 0) return x;
-        return places > 63 ? 0 : (x + (UINT64_C(1) << (places - 1))) >> places;
+        return places > 63 ? 0 : (x >> places) + (places > 0 ? 1 : 0);
     }
 
-    std::uint64_t power_[kLines] = {};
+    // x 2^-places, up as often as what is cut off is of a unit; of that 24 bits count.
+    std::uint64_t dithered(std::uint64_t x, int places) {
+        if (places == 0) return x;
+        if (places > 63) return 0;
+        chance_ = chance_ * 1664525u + 1013904223u;
+        const std::uint32_t below = chance_ >> 8;
+        const std::uint64_t rest = x & ((UINT64_C(1) << places) - 1);
+        const std::uint32_t part =
+            static_cast<std::uint32_t>(places > 24 ? rest >> (places - 24) : rest << (24 - places));
+        return (x >> places) + (part > below ? 1 : 0);
+    }
+
+    std::uint32_t power_[kLines] = {};
+    std::uint32_t most_ = 0;  // of power_
     std::uint32_t blocks_ = 0;
+    std::uint32_t chance_ = 1;
     std::int32_t coarse_ = 0;
 };
 

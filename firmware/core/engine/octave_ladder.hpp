@@ -56,40 +56,79 @@ class OctaveLadder {
         }
     }
 
+    // How far the level that is whole has become sums.
+    struct Deepening {
+        typename Whole::Table old;
+        int stretch, at, begin;  // of the old table: its stretch, the place in it, and where it begins
+        bool going;
+        Deepening() : going(false) {}
+    };
+    // A batch on its way down the levels.
+    struct Passage {
+        Deepening deepening;
+        Value batch[kMostAtOnce];
+        std::uint64_t first;
+        int n, level, last_made_up;
+        bool cut;  // the stream has a break behind it
+        Passage() : first(0), n(0), level(0), last_made_up(-1), cut(false) {}
+    };
+
     // n <= kMostAtOnce samples that follow those before; made_up: the last place of one that was not
     // measured, or -1 (places: those of all, to keep in mind while the level is whole).
     void accept(const Input* y, int n, std::uint64_t first, const unsigned char* made_up) {
+        Passage passage;
+        enter(y, n, first, made_up, passage);
+        while (!advance(passage)) {
+        }
+    }
+
+    // The same a level at a time: advance() until it is true, before anything else goes in.
+    void enter(const Input* y, int n, std::uint64_t first, const unsigned char* made_up, Passage& p) {
         if (!started_) {
             origin_ = y[0];
             started_ = 1;
         }
-        Value batch[kMostAtOnce];
-        int last_made_up = -1;
+        p.n = n;
+        p.first = first;
+        p.level = 0;
+        p.last_made_up = -1;
         for (int i = 0; i < n; ++i) {
-            batch[i] = unit_.value(y[i], origin_);
-            if (made_up[i]) last_made_up = i;
+            p.batch[i] = unit_.value(y[i], origin_);
+            if (made_up[i]) p.last_made_up = i;
         }
-        for (int l = 0; l < depth_ && n > 0; ++l) {
-            n = push(l, batch, n, &first, last_made_up);
-            last_made_up = -1;
+        if (depth_ > 0 || !fits(p)) return;
+        for (int i = 0; i < n; ++i) {
+            if (made_up[i]) whole_.note_made_up(whole_.size() + i);
         }
-        if (n == 0) return;
-        while (whole_.size() + n > Whole::kCapacity) {
-            forget(first);
-            if (whole_.size() + n <= Whole::kCapacity) break;
-            if (depth_ == kLevels - 1) {
-                drop_oldest(n);
-                break;
+        settle(p);
+    }
+    // True when the batch has come to its end.
+    bool advance(Passage& p) {
+        if (p.deepening.going) {
+            go_deeper(p.deepening);
+        } else if (p.n > 0 && p.level < depth_) {
+            p.n = push(p.level++, p.batch, p.n, &p.first, p.last_made_up);
+            p.last_made_up = -1;
+        } else if (p.n > 0) {
+            if (!fits(p) && depth_ < kLevels - 1) {
+                begin_deepening(p.deepening);
+            } else {
+                if (!fits(p)) drop_oldest(p.n);
+                settle(p);
             }
-            deepen();
-            n = push(depth_ - 1, batch, n, &first, depth_ == 1 ? last_made_up : -1);
         }
-        if (depth_ == 0) {
-            for (int i = 0; i < n; ++i) {
-                if (made_up[i]) whole_.note_made_up(whole_.size() + i);
-            }
+        if (p.n > 0) return false;
+        if (p.cut) cut();
+        p.cut = false;
+        return true;
+    }
+    // cut() behind a batch that may be on its way.
+    void cut_after(Passage& p) {
+        if (p.n > 0) {
+            p.cut = true;
+        } else {
+            cut();
         }
-        whole_.add(batch, n, first);
     }
 
     // The stream has a break here; what comes has an offset of its own.
@@ -110,29 +149,9 @@ class OctaveLadder {
 
     // The level that is whole becomes sums. Possible while depth() < kLevels - 1.
     void deepen() {
-        // In place: no more comes out than has gone in.
-        const typename Whole::Table old = whole_.table();
-        whole_.clear();
-        const int level = depth_++;
-        int begin = 0;
-        for (int i = 0; i < old.stretches; ++i) {
-            const Stretch& one = old.stretch[i];
-            cut_level(level);
-            for (int at = 0; at < one.length; at += kMostAtOnce) {
-                Value batch[kMostAtOnce];
-                int n = one.length - at < kMostAtOnce ? one.length - at : int(kMostAtOnce);
-                for (int k = 0; k < n; ++k) batch[k] = Value(whole_.values()[begin + at + k]);
-                std::uint64_t first = one.first + std::uint64_t(at) * step(level);
-                n = push(level, batch, n, &first,
-                         level == 0 ? old.last_made_up(begin + at, begin + at + n) : -1);
-                whole_.add(batch, n, first);
-            }
-            begin += one.length;
-            if (!old.open || i + 1 < old.stretches) {
-                whole_.cut();
-                cut_level(level);
-            }
-        }
+        Deepening d;
+        begin_deepening(d);
+        while (d.going) go_deeper(d);
     }
 
     // Of a later stretch, whose sample 0 is our sample `shift`; it ends at our sample `now`. Both have had a
@@ -166,6 +185,50 @@ class OctaveLadder {
     }
 
   private:
+    // In place: no more comes out than has gone in.
+    void begin_deepening(Deepening& d) {
+        d.old = whole_.table();
+        d.stretch = d.at = d.begin = 0;
+        d.going = d.old.stretches > 0;
+        whole_.clear();
+        ++depth_;
+    }
+    // A batch on.
+    void go_deeper(Deepening& d) {
+        const int level = depth_ - 1;
+        const Stretch& one = d.old.stretch[d.stretch];
+        if (d.at == 0) cut_level(level);
+        const int left = one.length - d.at, from = d.begin + d.at;
+        int n = left < kMostAtOnce ? left : int(kMostAtOnce);
+        if (n > 0) {
+            Value batch[kMostAtOnce];
+            for (int k = 0; k < n; ++k) batch[k] = Value(whole_.values()[from + k]);
+            std::uint64_t first = one.first + std::uint64_t(d.at) * step(level);
+            const int made_up = level == 0 ? d.old.last_made_up(from, from + n) : -1;
+            d.at += n;
+            n = push(level, batch, n, &first, made_up);
+            whole_.add(batch, n, first);
+        }
+        if (d.at < one.length) return;
+        d.begin += one.length;
+        d.at = 0;
+        d.going = ++d.stretch < d.old.stretches;
+        if (!d.old.open || d.going) {
+            whole_.cut();
+            cut_level(level);
+        }
+    }
+
+    // Whether the level that is whole has room for a batch.
+    bool fits(const Passage& p) {
+        if (whole_.size() + p.n > Whole::kCapacity) forget(p.first);
+        return whole_.size() + p.n <= Whole::kCapacity;
+    }
+    void settle(Passage& p) {
+        whole_.add(p.batch, p.n, p.first);
+        p.n = 0;
+    }
+
     // In place: the batch becomes that of the next level.
     int push(int level, Value* batch, int n, std::uint64_t* first, int made_up) {
         Value next[kMostAtOnce];

@@ -31,35 +31,52 @@ struct FitFigures {
     bool alpha_defined;  // the interval of α is not nearly all that is possible
 };
 
-// The fits of one axis. begin(), then work() until it is done; the answers are where the next fit begins.
+// What is kept of an axis from fit to fit: the answers are where the next one begins.
+class FitMemory {
+  public:
+    FitMemory() : figures_(), fitted_ordinates_(0) {
+        for (Answer& one : answers_) one.known = false;
+    }
+    const FitFigures& figures() const { return figures_; }
+
+  private:
+    template <class Bins>
+    friend class SlicedFit;
+
+    enum Which { kWhiteNoise, kRelaxation, kUpToOne, kFull, kModels };
+    struct Answer {
+        float theta[3];
+        float nll, scale;
+        bool known;
+    };
+    Answer answers_[kModels];
+    FitFigures figures_;
+    float fitted_ordinates_;
+};
+
+// A fit: begin(), then work() until it is done.
 template <class Bins>
 class SlicedFit {
   public:
     enum { kBinsAtOnce = 4 };
 
-    SlicedFit() : busy_(false) { forget(); }
-
-    // The next fit searches on a grid.
-    void forget() {
-        for (Answer& one : answers_) one.known = false;
-        figures_ = FitFigures();
-        fitted_ordinates_ = 0;
-    }
+    SlicedFit() : memory_(nullptr), busy_(false) {}
 
     bool busy() const { return busy_; }
-    const FitFigures& figures() const { return figures_; }
     // Evaluations of the last fit.
     int evaluations() const { return evaluations_; }
 
-    // `level` of the null test. The bins must not change until it is done.
-    void begin(const Bins& bins, NullLevel level) {
+    // `level` of the null test. Neither the bins nor the memory may change until it is done; the figures are
+    // there then.
+    void begin(const Bins& bins, NullLevel level, FitMemory& memory) {
         busy_ = true;
+        memory_ = &memory;
         level_ = level;
         target_.begin(bins);
         // Answers that have seen far less lead nowhere.
-        if (bins.ordinates() > 2.0f * fitted_ordinates_) {
-            for (Answer& one : answers_) one.known = false;
-            fitted_ordinates_ = bins.ordinates();
+        if (bins.ordinates() > kMuchMore * memory.fitted_ordinates_) {
+            for (Answer& one : memory.answers_) one.known = false;
+            memory.fitted_ordinates_ = bins.ordinates();
         }
         evaluations_ = 0;
         which_ = kWhiteNoise;
@@ -87,14 +104,11 @@ class SlicedFit {
     }
 
   private:
-    enum Which { kWhiteNoise, kRelaxation, kUpToOne, kFull, kModels };
-    enum { kKept = 3, kGridSteps = 40, kWarmSteps = 10 };
-
-    struct Answer {
-        float theta[3];
-        float nll, scale;
-        bool known;
-    };
+    typedef FitMemory::Which Which;
+    typedef FitMemory::Answer Answer;
+    static constexpr Which kWhiteNoise = FitMemory::kWhiteNoise, kRelaxation = FitMemory::kRelaxation,
+                           kUpToOne = FitMemory::kUpToOne, kFull = FitMemory::kFull;
+    enum { kKept = 3, kGridSteps = 40, kWarmSteps = 10, kTogether = 4 };
 
     static Model<float> model_of(Which which) {
         const Model<float> model = {which == kWhiteNoise   ? kWhite
@@ -115,9 +129,9 @@ class SlicedFit {
         grid_ = which_ == kFull ? kUpToOneGrid : 0;
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
-        on_grid_ = !answers_[which_].known && grid_size() > 0;
+        on_grid_ = !memory_->answers_[which_].known && grid_size() > 0;
         // Where the best order is below 1 orders above 1 add nothing until the grid is searched again.
-        if (which_ == kFull && !on_grid_ && answers_[kFull].theta[0] < 1.0f) {
+        if (which_ == kFull && !on_grid_ && memory_->answers_[kFull].theta[0] < 1.0f) {
             best_ = up_to_one_;
             end_model();
             return;
@@ -155,7 +169,7 @@ class SlicedFit {
         next_.nll = Room<float>::impossible();
         next_.scale = 1.0f;
         possible_ = map(model_, next_.theta, at_);
-        target_.begin_sums();
+        target_.begin_sums(on_grid_ && grid_ < grid_size() ? int(kTogether) : 1);
         again_ = false;
     }
 
@@ -168,17 +182,17 @@ class SlicedFit {
                 point = kept_[number];
                 return point.nll < Room<float>::impossible() || next_start(point);
             }
-            for (int i = 0; i < 3; ++i) point.theta[i] = answers_[which_].theta[i];
+            for (int i = 0; i < 3; ++i) point.theta[i] = memory_->answers_[which_].theta[i];
             return true;
         }
         if (number > own || which_ == kRelaxation || !on_grid_) return false;
         if (which_ == kFull) {
-            for (int i = 0; i < 3; ++i) point.theta[i] = answers_[kUpToOne].theta[i];
+            for (int i = 0; i < 3; ++i) point.theta[i] = memory_->answers_[kUpToOne].theta[i];
         } else {  // AR(1) is the fractional model of order 1, with g = φ - 1
-            const Share<float> share(answers_[kRelaxation].theta[0]);
+            const Share<float> share(memory_->answers_[kRelaxation].theta[0]);
             point.theta[0] = 1.0f;
             point.theta[1] = logit(math::fmin(math::fmax(1.0f - share.value, 1e-6f), 1.0f - 1e-6f));
-            point.theta[2] = answers_[kRelaxation].theta[1];
+            point.theta[2] = memory_->answers_[kRelaxation].theta[1];
         }
         return true;
     }
@@ -248,7 +262,7 @@ class SlicedFit {
 
     void end_model() {
         if (which_ == kUpToOne) up_to_one_ = best_;
-        Answer& answer = answers_[which_];
+        Answer& answer = memory_->answers_[which_];
         for (int i = 0; i < 3; ++i) answer.theta[i] = best_.theta[i];
         answer.nll = best_.nll;
         answer.scale = best_.scale;
@@ -264,7 +278,7 @@ class SlicedFit {
     }
 
     void report() {
-        FitFigures& f = figures_;
+        FitFigures& f = memory_->figures_;
         Mapped<float> at;
         map(model_, best_.theta, at);
         const float power = best_.scale * target_.unit();
@@ -273,8 +287,8 @@ class SlicedFit {
         f.s2 = at.natural.variance[0] * power;
         f.R = at.natural.white * power;
         f.ordinates = target_.ordinates;
-        f.ratio_white = 2.0f * (answers_[kWhiteNoise].nll - answers_[kUpToOne].nll);
-        f.ratio_ar1 = 2.0f * (answers_[kRelaxation].nll - best_.nll);
+        f.ratio_white = 2.0f * (memory_->answers_[kWhiteNoise].nll - memory_->answers_[kUpToOne].nll);
+        f.ratio_ar1 = 2.0f * (memory_->answers_[kRelaxation].nll - best_.nll);
         const bool white = f.ratio_white < null_quantile(level_, f.ordinates);
         f.verdict = white ? Verdict::white : f.ratio_ar1 > kApart ? Verdict::fractional : Verdict::relaxation;
         // Of α, by the information that the other coordinates leave.
@@ -287,17 +301,15 @@ class SlicedFit {
         f.alpha_defined = !white && 2.0f * 1.96f * f.alpha_std < 0.9f * 2.0f;
     }
 
-    static constexpr float kTolerance = 3e-4f, kApart = 6.0f;
+    static constexpr float kTolerance = 3e-4f, kApart = 6.0f, kMuchMore = 4.0f;
     enum { kFractionalGrid = 6 * 18, kUpToOneGrid = 4 * 18 };
 
     SlicedTarget<Bins> target_;
-    Answer answers_[kModels];
+    FitMemory* memory_;
     Model<float> model_;
     Mapped<float> at_;
     Point<float> next_, now_, best_, up_to_one_, kept_[kKept];
     Search<float> search_ = Search<float>(model_of(kUpToOne));
-    FitFigures figures_;
-    float fitted_ordinates_;
     NullLevel level_;
     Which which_;
     int grid_, starts_, evaluations_;

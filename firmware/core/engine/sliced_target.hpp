@@ -49,9 +49,11 @@ class SlicedTarget {
     float reference() const { return reference_; }
     float unit() const { return 1.0f / over_unit_; }
 
-    // An evaluation: begin it, then add bins from `at` on, up to so many, until none is left.
-    void begin_sums() {
+    // An evaluation: begin it, then add bins from `at` on, up to so many, until none is left. together: so
+    // many neighbours are one, at the frequency of the one in the middle: rough, and that much faster.
+    void begin_sums(int together = 1) {
         at_ = 0;
+        together_ = together;
         sums_ = PartSums();
     }
     bool add(const Bins& bins, Family family, const Natural<float>& natural, int most) {
@@ -114,12 +116,23 @@ class SlicedTarget {
         enum { kPart = Shape::kShapes, kNumbers = Shape::kShapes + 1 };
         const BinColumns<Bins> columns = {bins};
         const float unit = over_unit_ / reference_;
-        for (int n = 0; n < most && at_ < bins.size(); ++n, ++at_) {
-            float part = 0, by[kPart], D[kNumbers];
-            shape.at(columns, static_cast<std::size_t>(at_), &part, by);
+        for (int n = 0; n < most && at_ < bins.size(); ++n) {
+            const int end = bins.size() - at_ < together_ ? bins.size() : at_ + together_;
+            const int middle = at_ + (end - at_) / 2;
+            float part = 0, by[kPart], D[kNumbers], count = bins.counts(at_), power = bins.power(at_);
+            if (end > at_ + 1) {
+                power *= count;
+                for (int i = at_ + 1; i < end; ++i) {
+                    count += bins.counts(i);
+                    power += bins.counts(i) * bins.power(i);
+                }
+                power /= count;
+            }
+            at_ = end;
+            shape.at(columns, static_cast<std::size_t>(middle), &part, by);
             part *= natural.variance[0];
-            const float inverse = 1.0f / (part + natural.white), count = bins.counts(at_);
-            const float ratio = bins.power(at_) * unit * inverse, over = count * ratio;
+            const float inverse = 1.0f / (part + natural.white);
+            const float ratio = power * unit * inverse, over = count * ratio;
             sums_.excess += count * excess_of(ratio);
             sums_.ratio += over;
             D[kPart] = part * inverse;
@@ -139,7 +152,7 @@ class SlicedTarget {
     static float excess_of(float ratio) { return excess((ratio > 1e-7f ? ratio : 1e-7f) - 1.0f); }
 
     float over_unit_, reference_;
-    int at_;
+    int at_, together_;
     PartSums sums_;
 };
 
