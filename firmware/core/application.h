@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "allowance.h"
 #include "build_id.h"
 #include "byte_sink.h"
 #include "clock.h"
@@ -48,6 +49,7 @@ class Application {
         hello_.begin(now_us);
         status_.begin(now_us + kSecondUs / 2);
         workload_.begin(now_us);
+        fits_share_.begin(now_us);
         report(now_us);
     }
 
@@ -70,28 +72,32 @@ class Application {
             if (health_.set_up(now_us)) {
                 sampler_.sensor_runs(now_us);
                 estimation_.begin();
-                estimate_due_ = false;
+                estimate_due_ = fit_due_ = spectrum_due_ = false;
             }
         }
-        const bool estimated = estimate(clock_.now_us());
+        const bool worked = estimate(clock_.now_us()) || fit(clock_.now_us());
         const uint32_t done_us = clock_.now_us();
         report(done_us);
-        if (estimated || health_.transfers() != transfers) workload_.add(clock_.now_us() - now_us);
-        return may_estimate(done_us);
+        if (worked || health_.transfers() != transfers) workload_.add(clock_.now_us() - now_us);
+        return may_estimate(done_us) || may_fit(done_us);
     }
 
     // From the interrupt handler of the data-ready pin, with the instant of the edge.
     void on_data_ready(uint32_t now_us) { sampler_.on_data_ready(now_us); }
 
   private:
-    // Bytes a second on the line, with HELLO, ESTIMATOR, STATUS and a FAULT a second; a tenth is left.
+    // Bytes a second on the line, with HELLO, ESTIMATOR, STATUS, a FAULT and a FIT a second; a tenth is left.
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
+    // 192 bins of an axis, in rounds of kFitEvery samples.
+    static constexpr size_t kMostSpectraPerS =
+        3 * 192 / 5 * kSamplesPerS / (settings::kFitEvery * settings::kSpectrumEvery) + 1;
     static constexpr size_t kBytesPerS =
         kSamplesPerS * wire_size<Sample>() + wire_size<Hello>() + wire_size<Status>() + wire_size<Fault>() +
         (settings::kEstimate
              ? kSamplesPerS * Estimation::kAxes * wire_size<Estimate>() / settings::kEstimateEvery +
                    wire_size<Estimator>()
-             : 0);
+             : 0) +
+        (settings::kFit ? wire_size<Fit>() + kMostSpectraPerS * wire_size<Spectrum>() : 0);
     static_assert(
         kBytesPerS < settings::kLineBaud / 10 * 9 / 10,
         "the line has to take all that is to be said: another FLTEA_RATE_HZ, FLTEA_BAUD or kEstimateEvery");
@@ -130,6 +136,14 @@ class Application {
                sampler_.until_next_us(now_us) > (longest_axis_us_ < most_us ? longest_axis_us_ : most_us);
     }
 
+    // After all estimates, in its share of the time, and as them not if the next instant would have to wait.
+    bool may_fit(uint32_t now_us) const {
+        const uint32_t most_us = settings::kSamplePeriodUs / 2;
+        return settings::kFit && estimation_.noise().busy() && !estimation_.busy() && !fit_due_ &&
+               !spectrum_due_ && fits_share_.left() &&
+               sampler_.until_next_us(now_us) > (longest_slice_us_ < most_us ? longest_slice_us_ : most_us);
+    }
+
     // One axis on by one sample, if there is time for it.
     bool estimate(uint32_t now_us) {
         if (!settings::kEstimate || !may_estimate(now_us)) return false;
@@ -138,6 +152,20 @@ class Application {
         const uint32_t took_us = clock_.now_us() - now_us;
         if (took_us > longest_axis_us_) longest_axis_us_ = took_us;
         if (estimation_.started() && !started) estimator_due_ = true;
+        return true;
+    }
+
+    // A slice of a fit, if there is time for it.
+    bool fit(uint32_t now_us) {
+        if (!settings::kFit) return false;
+        fits_share_.pass(now_us);
+        if (!may_fit(now_us)) return false;
+        const NoiseFit::Told told = estimation_.noise().work(fit_, spectrum_);
+        fit_due_ = told == NoiseFit::Told::fit;
+        spectrum_due_ = told == NoiseFit::Told::spectrum;
+        const uint32_t took_us = clock_.now_us() - now_us;
+        if (took_us > longest_slice_us_) longest_slice_us_ = took_us;
+        fits_share_.spend(took_us);
         return true;
     }
 
@@ -156,6 +184,8 @@ class Application {
         const uint32_t quiet_us = sampler_.until_next_us(now_us) + kReadUs;
         if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
         if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
+        if (fit_due_ && link_.send(fit_, now_us, quiet_us)) fit_due_ = false;
+        if (spectrum_due_ && link_.send(spectrum_, now_us, quiet_us)) spectrum_due_ = false;
     }
 
     Hello hello() const {
@@ -182,6 +212,7 @@ class Application {
         Estimator message;
         estimation_.report(message);
         message.longest_axis = longest_axis_us_;
+        message.longest_slice = longest_slice_us_;
         return message;
     }
 
@@ -219,11 +250,17 @@ class Application {
     EverySecond status_;
     Estimation estimation_;
     Estimate estimate_ = {};  // the newest, if estimate_due_
+    Fit fit_ = {};            // if fit_due_
+    Spectrum spectrum_ = {};  // if spectrum_due_
+    Allowance<settings::kFitShare> fits_share_;
     Workload workload_;
     uint32_t longest_axis_us_ = 0;
+    uint32_t longest_slice_us_ = 0;
     uint16_t announced_starts_ = 0;
     bool estimate_due_ = false;
     bool estimator_due_ = false;
+    bool fit_due_ = false;
+    bool spectrum_due_ = false;
 };
 
 }  // namespace fltea

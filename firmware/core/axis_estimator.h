@@ -36,6 +36,8 @@ class AxisEstimator {
     // Of the window; 0 while it fills, and R of an axis that never changed.
     float bias_dps() const;
     float r_dps2() const;
+    // The same in squared counts.
+    float variance() const { return filter_ == nullptr ? 0.0f : baseline_.variance(); }
 
     // Times since the window that the supervisor had to begin anew.
     uint16_t restarts() const { return restarts_; }

@@ -1,6 +1,7 @@
 // The device's own estimates: samples wait in a queue and are worked off one axis at a time, so that sampling
 // never waits for longer than that. What finds the queue full is skipped and counted, and to the filters it
-// has never been: to bridge it would cost as much as to take it.
+// has never been: to bridge it would cost as much as to take it. The same samples go into the spectra that
+// the noise is fitted by (noise_fit.h).
 #pragma once
 
 #include <stddef.h>
@@ -8,6 +9,7 @@
 
 #include "axis_estimator.h"
 #include "messages.h"
+#include "noise_fit.h"
 #include "settings.h"
 
 namespace fltea {
@@ -19,6 +21,7 @@ class Estimation {
     // The sensor has been set up: nothing from before belongs to what comes.
     void begin() {
         for (AxisEstimator& axis : axes_) axis.begin();
+        noise_.begin();
         waiting_ = 0;
         axis_ = 0;
         collected_ = 0;
@@ -42,22 +45,31 @@ class Estimation {
             }
             begin();
         }
-        skipped_in_row_ = 0;
         Item& item = queue_[(first_ + waiting_) % kQueue];
         item.count[0] = sample.gyro_x;
         item.count[1] = sample.gyro_y;
         item.count[2] = sample.gyro_z;
         item.sequence = static_cast<uint16_t>(instant);
         item.missing = static_cast<uint16_t>(going_ ? instant - instant_ - 1 : 0);
+        item.skipped = skipped_in_row_;
+        skipped_in_row_ = 0;
         instant_ = instant;
         going_ = true;
         ++waiting_;
     }
 
-    bool busy() const { return waiting_ != 0; }
+    bool busy() const { return waiting_ != 0 || noise_.passing(); }
 
-    // One axis on by one sample. True if an ESTIMATE has come of it.
+    // What is fitted to the same samples, when nothing is busy().
+    NoiseFit& noise() { return noise_; }
+    const NoiseFit& noise() const { return noise_; }
+
+    // One axis on by one sample, or an octave of its spectrum. True if an ESTIMATE has come of it.
     bool work(Estimate& message) {
+        if (noise_.passing()) {
+            noise_.pass();
+            return false;
+        }
         Item& item = queue_[first_];
         if (collected_ < settings::kStartup) {
             collect(item);
@@ -66,6 +78,7 @@ class Estimation {
         const bool bridging = item.missing != 0;
         if (axis_ == 0) ++age_;
         axes_[axis_].step(bridging ? nullptr : &item.count[axis_]);
+        if (settings::kFit) add_to_spectrum(item, bridging);
         const bool due = !bridging && item.sequence % settings::kEstimateEvery == 0;
         if (due) {
             message = Estimate();
@@ -86,7 +99,7 @@ class Estimation {
         return due;
     }
 
-    // How it gets on; longest_axis is the caller's.
+    // How it gets on; longest_axis and longest_slice are the caller's.
     void report(Estimator& message) const {
         namespace s = settings;
         message = Estimator();
@@ -95,6 +108,7 @@ class Estimation {
         message.startup = s::kStartup;
         message.max_gap = s::kMaxGap;
         message.every = s::kEstimateEvery;
+        message.fit_every = s::kFit ? s::kFitEvery : 0;
         message.remaining = static_cast<uint16_t>(s::kStartup - collected_);
         message.begun = begun_;
         message.queue = static_cast<uint16_t>(waiting_);
@@ -123,13 +137,26 @@ class Estimation {
         int16_t count[kAxes];
         uint16_t sequence;
         uint16_t missing;  // samples lost before it, still to be bridged
+        uint16_t skipped;  // samples before it that found the queue full
     };
 
     void collect(const Item& item) {
         for (size_t i = 0; i < kAxes; ++i) axes_[i].collect(item.count[i]);
         next();
         if (++collected_ != settings::kStartup) return;
-        for (AxisEstimator& axis : axes_) axis.start();
+        for (size_t i = 0; i < kAxes; ++i) {
+            axes_[i].start();
+            if (settings::kFit) noise_.start(i, axes_[i].variance());
+        }
+    }
+
+    void add_to_spectrum(const Item& item, bool bridging) {
+        if (!bridging) {
+            if (axis_ == 0 && item.skipped > 0) noise_.skip(item.skipped);
+            noise_.add(axis_, item.count[axis_]);
+        } else if (axis_ == 0) {
+            noise_.skip(1);
+        }
     }
 
     void next() {
@@ -138,6 +165,7 @@ class Estimation {
     }
 
     AxisEstimator axes_[kAxes];
+    NoiseFit noise_;
     Item queue_[kQueue] = {};
     size_t first_ = 0;
     size_t waiting_ = 0;

@@ -63,7 +63,7 @@ class Link {
 
     ByteSink& sink_;
     uint32_t dropped_frames_ = 0;
-    uint16_t sequences_[Estimator::type() + 1] = {};
+    uint16_t sequences_[Spectrum::type() + 1] = {};
     bool opened_ = false;
 };
 

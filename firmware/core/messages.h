@@ -9,8 +9,8 @@
 namespace fltea {
 
 constexpr uint8_t kProtocolMajor = 1;
-constexpr uint8_t kProtocolMinor = 3;
-constexpr uint32_t kSchemaHash = 0x043F5E95;
+constexpr uint8_t kProtocolMinor = 4;
+constexpr uint32_t kSchemaHash = 0xF7595F9C;
 
 constexpr uint32_t kBaud = 250000;
 constexpr size_t kMaxPayload = 240;
@@ -87,6 +87,15 @@ enum class EstimatorGuard : uint8_t {
     consistent = 2,
 };
 
+enum class FitVerdict : uint8_t {
+    // white noise is not rejected at 5 %
+    white = 1,
+    // white noise is rejected, and a relaxation is worse by more than 6 in 2 log L
+    fractional = 2,
+    // white noise is rejected, and a relaxation describes it as well
+    relaxation = 3,
+};
+
 namespace sample_flags {
 // read more than a tenth of a period after its due time
 constexpr uint8_t late = 1u << 0;
@@ -108,6 +117,15 @@ constexpr uint8_t missing = 1u << 2;
 // since the start-up window samples were skipped: no host can give the same estimate
 constexpr uint8_t skipped = 1u << 3;
 }  // namespace estimate_flags
+
+namespace fit_flags {
+// the interval of the order is shorter than nearly all that is possible
+constexpr uint8_t alpha_defined = 1u << 0;
+// on a grid, since there was no answer before, or one of far fewer samples
+constexpr uint8_t searched = 1u << 1;
+// there were more bins than room for them: the highest are missing
+constexpr uint8_t bins_left_out = 1u << 2;
+}  // namespace fit_flags
 
 // Who is speaking, and what its samples mean. At boot, before any sample, and every second.
 struct Hello {
@@ -339,7 +357,7 @@ struct Estimate {
 struct Estimator {
     static constexpr uint8_t type() { return 6; }
     // Bytes of payload.
-    static constexpr size_t size() { return 100; }
+    static constexpr size_t size() { return 106; }
 
     // which filter on order and parameter
     EstimatorVariant variant;
@@ -355,12 +373,16 @@ struct Estimator {
     uint16_t remaining;
     // times since boot that estimation began, with a start-up window
     uint16_t begun;
+    // samples from one round of FITs to the next; 0: the device makes none
+    uint16_t fit_every;
     // samples that wait to be taken
     uint16_t queue;
     // samples since boot that the estimator could not take, because it had fallen behind
     uint32_t skipped;
     // longest step of one axis since boot [us]
     uint32_t longest_axis;
+    // longest slice of a fit since boot [us]
+    uint32_t longest_slice;
     // times since the window that x had to begin anew
     uint16_t restarts_x;
     // times since the window that y had to begin anew
@@ -414,9 +436,11 @@ struct Estimator {
         visitor("every", self.every);
         visitor("remaining", self.remaining);
         visitor("begun", self.begun);
+        visitor("fit_every", self.fit_every);
         visitor("queue", self.queue);
         visitor("skipped", self.skipped);
         visitor("longest_axis", self.longest_axis);
+        visitor("longest_slice", self.longest_slice);
         visitor("restarts_x", self.restarts_x);
         visitor("restarts_y", self.restarts_y);
         visitor("restarts_z", self.restarts_z);
@@ -438,6 +462,136 @@ struct Estimator {
         visitor("parameter_q0", self.parameter_q0);
         visitor("parameter_delta", self.parameter_delta);
         visitor("gate", self.gate);
+    }
+};
+
+// The maximum-likelihood fit of the fractional model in white noise to the running spectrum of one axis,
+// every few seconds. Of the spectrum that ended `age` samples after the start-up window; the fit itself takes
+// its time.
+struct Fit {
+    static constexpr uint8_t type() { return 7; }
+    // Bytes of payload.
+    static constexpr size_t size() { return 47; }
+
+    // whose noise this is
+    Axis axis;
+    // what the noise is
+    FitVerdict verdict;
+    // what is to be known about it
+    uint8_t flags;
+    // fits of this axis since its start-up window, this one included
+    uint16_t number;
+    // samples since the start-up window, lost ones included, that had come when its spectrum was read
+    uint32_t age;
+    // samples that are in the spectrum; others were lost, or are of knocks and steps
+    uint32_t used;
+    // of the likelihood; far more when it was searched on a grid than from the last answer
+    uint16_t evaluations;
+    // effective independent ordinates of the spectrum
+    float ordinates;
+    // order
+    float alpha;
+    // its standard deviation, by the curvature of the likelihood
+    float alpha_std;
+    // parameter [s^-alpha]
+    float f;
+    // variance of the state's innovations, Q of the filters [(deg/s)^2]
+    float s2;
+    // variance of the white noise, R of the filters [(deg/s)^2]
+    float r;
+    // 2 log L of orders up to 1 above white noise
+    float ratio_white;
+    // 2 log L of the fractional model above a relaxation, AR(1)
+    float ratio_relaxation;
+
+    // Calls visitor(name, field) for every field in the order of the wire; Self may be const.
+    template <typename Self, typename Visitor>
+    static void visit_fields(Self& self, Visitor& visitor) {
+        visitor("axis", self.axis);
+        visitor("verdict", self.verdict);
+        visitor("flags", self.flags);
+        visitor("number", self.number);
+        visitor("age", self.age);
+        visitor("used", self.used);
+        visitor("evaluations", self.evaluations);
+        visitor("ordinates", self.ordinates);
+        visitor("alpha", self.alpha);
+        visitor("alpha_std", self.alpha_std);
+        visitor("f", self.f);
+        visitor("s2", self.s2);
+        visitor("r", self.r);
+        visitor("ratio_white", self.ratio_white);
+        visitor("ratio_relaxation", self.ratio_relaxation);
+    }
+};
+
+// Some bins of the spectrum that a FIT is of, after it; with every tenth fit of an axis, in order.
+struct Spectrum {
+    static constexpr uint8_t type() { return 8; }
+    // Bytes of payload.
+    static constexpr size_t size() { return 65; }
+
+    // whose noise this is
+    Axis axis;
+    // that of the FIT
+    uint16_t number;
+    // number of the first bin of this message, from 0
+    uint8_t first;
+    // bins of the spectrum; those of this message beyond it are 0
+    uint8_t total;
+    // of bin first + 0 [Hz]
+    float frequency_0;
+    // effective independent ordinates in it
+    float ordinates_0;
+    // power density there, one-sided [(deg/s)^2/Hz]
+    float density_0;
+    // of bin first + 1 [Hz]
+    float frequency_1;
+    // effective independent ordinates in it
+    float ordinates_1;
+    // power density there, one-sided [(deg/s)^2/Hz]
+    float density_1;
+    // of bin first + 2 [Hz]
+    float frequency_2;
+    // effective independent ordinates in it
+    float ordinates_2;
+    // power density there, one-sided [(deg/s)^2/Hz]
+    float density_2;
+    // of bin first + 3 [Hz]
+    float frequency_3;
+    // effective independent ordinates in it
+    float ordinates_3;
+    // power density there, one-sided [(deg/s)^2/Hz]
+    float density_3;
+    // of bin first + 4 [Hz]
+    float frequency_4;
+    // effective independent ordinates in it
+    float ordinates_4;
+    // power density there, one-sided [(deg/s)^2/Hz]
+    float density_4;
+
+    // Calls visitor(name, field) for every field in the order of the wire; Self may be const.
+    template <typename Self, typename Visitor>
+    static void visit_fields(Self& self, Visitor& visitor) {
+        visitor("axis", self.axis);
+        visitor("number", self.number);
+        visitor("first", self.first);
+        visitor("total", self.total);
+        visitor("frequency_0", self.frequency_0);
+        visitor("ordinates_0", self.ordinates_0);
+        visitor("density_0", self.density_0);
+        visitor("frequency_1", self.frequency_1);
+        visitor("ordinates_1", self.ordinates_1);
+        visitor("density_1", self.density_1);
+        visitor("frequency_2", self.frequency_2);
+        visitor("ordinates_2", self.ordinates_2);
+        visitor("density_2", self.density_2);
+        visitor("frequency_3", self.frequency_3);
+        visitor("ordinates_3", self.ordinates_3);
+        visitor("density_3", self.density_3);
+        visitor("frequency_4", self.frequency_4);
+        visitor("ordinates_4", self.ordinates_4);
+        visitor("density_4", self.density_4);
     }
 };
 

@@ -69,6 +69,21 @@ constexpr bool kEstimate = FLTEA_ESTIMATE;
 // line is two thirds full.
 constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 
+// Whether it fits the noise by maximum likelihood, too. A slice of a fit has to fit into half a period.
+#ifndef FLTEA_FIT
+#define FLTEA_FIT (FLTEA_ESTIMATE && FLTEA_RATE_HZ <= 200)
+#endif
+constexpr bool kFit = FLTEA_FIT;
+static_assert(!kFit || (kEstimate && kSamplePeriodUs >= 5000),
+              "fits need the estimates' queue, and at most 200 samples a second");
+// Samples from one round of fits, of all axes, to the next: 3 s; a board at 1 Hz waits for three samples.
+constexpr uint16_t kFitEvery = 3 * FLTEA_RATE_HZ;
+// Fits of an axis from one whose bins are sent to the next.
+constexpr uint16_t kSpectrumEvery = 10;
+// Of the time, for the fits [%]: what is left of a quarter of the processor at 100 Hz. A round takes some 5 %
+// of three seconds; one that searches on a grid is late.
+constexpr uint32_t kFitShare = 7;
+
 // To the host [baud]. 250,000 is exact on the Due (84 MHz / 16 / 21) and on its USB chip; the usual 115200 is
 // not. 400,000 is exact on the USB chip, and 1 % more on the Due (84 MHz / 16 / 13).
 constexpr uint32_t kLineBaud = FLTEA_BAUD;

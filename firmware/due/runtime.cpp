@@ -11,6 +11,14 @@ void* memcpy(void* to, const void* from, size_t n) {
     return to;
 }
 
+void* memmove(void* to, const void* from, size_t n) {
+    uint8_t* out = static_cast<uint8_t*>(to);
+    const uint8_t* in = static_cast<const uint8_t*>(from);
+    if (out <= in) return memcpy(to, from, n);
+    while (n-- > 0) out[n] = in[n];
+    return to;
+}
+
 void* memset(void* to, int value, size_t n) {
     uint8_t* out = static_cast<uint8_t*>(to);
     for (size_t i = 0; i < n; ++i) out[i] = static_cast<uint8_t>(value);

@@ -65,7 +65,11 @@ void Uart::start() {
     cortex_m3::enable_irq(UART_IRQ);
 }
 
-size_t Uart::room() { return kRingBytes - (written - sent); }
+// What the PDC has taken of its piece is free: Link counts on the line's pace byte by byte.
+size_t Uart::room() {
+    cortex_m3::InterruptLock lock;
+    return kRingBytes - (written - sent) + (in_flight - UART_TCR::read());
+}
 
 void Uart::write(const uint8_t* data, size_t n) {
     for (size_t i = 0; i < n; ++i) ring[(written + i) % kRingBytes] = data[i];

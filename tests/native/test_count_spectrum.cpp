@@ -1,6 +1,7 @@
 // The running spectrum in integers (count_spectrum.hpp) against the same templates in floating point.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -113,11 +114,13 @@ TEST_CASE("count spectrum: a block's power is that in double, to 17 bits of the 
                 x[i] = counts_of(scale * y);
                 same[i] = x[i];
             }
-            std::int64_t power[127];
-            double expected[127], largest = 0;
-            const int places = BlockFft<Counts>::power(x, 1, 127, power);
-            BlockFft<Reals>::power(same, 1, 127, expected);
-            for (double one : expected) largest = std::max(largest, one);
+            BlockFft<Counts>::Work work;
+            BlockFft<Reals>::Work real_work;
+            const BlockFft<Counts>::Powers in_counts = BlockFft<Counts>::powers(x, 1, 127, work);
+            const std::int64_t* const power = in_counts.power;
+            const int places = in_counts.places;
+            const double* const expected = BlockFft<Reals>::powers(same, 1, 127, real_work).power;
+            const double largest = *std::max_element(expected, expected + 127);
             for (int i = 0; i < 127; ++i) {
                 REQUIRE(power[i] >= 0);
                 REQUIRE(power[i] < INT64_C(1) << 58);

@@ -71,11 +71,12 @@ TEST_CASE("octaves: a lane has a size that is known") {
 
 TEST_CASE("octaves: a block's power is that of its definition") {
     const std::vector<double> y = noise(256);
-    double mean = 0, power[127];
+    double mean = 0;
     for (double one : y) mean += one / 256;
-    BlockFft<RealSpectrum<double>>::power(y.data(), 1, 127, power);
-    float single[127];
-    BlockFft<RealSpectrum<float>>::power(y.data(), 1, 127, single);
+    BlockFft<RealSpectrum<double>>::Work work;
+    BlockFft<RealSpectrum<float>>::Work single_work;
+    const double* const power = BlockFft<RealSpectrum<double>>::powers(y.data(), 1, 127, work).power;
+    const float* const single = BlockFft<RealSpectrum<float>>::powers(y.data(), 1, 127, single_work).power;
     for (int k = 1; k < 128; ++k) {
         std::complex<double> sum = 0;
         for (int t = 0; t < 256; ++t) {

@@ -20,21 +20,34 @@ class BlockFft {
     // Sum of the squares of the window: white noise of variance R has so much times R in every line.
     static constexpr double scale() { return 0.375 * kBlock; }
 
+    // Room for the steps of the transform, and at last for the powers.
+    class Work {
+        friend class BlockFft;
+        union Half {
+            Value part[2][kHalf];  // real, imaginary
+            Power power[kHalf];
+        } half_[2];
+    };
+
     // power[i] of line low + i, i < lines; 1 <= low, low + lines <= 128. The mean is taken off first, of
-    // which the window would let lines 0 and 1 alone see anything, against rounding. Returns n: the powers
-    // are in 2^-2n of the squared unit of x.
+    // which the window would let lines 0 and 1 alone see anything, against rounding. n: the powers are in
+    // 2^-2n of the squared unit of x.
+    struct Powers {
+        const Power* power;  // in `work`
+        int places;
+    };
     template <typename Stored>
-    static int power(const Stored* x, int low, int lines, Power* power) {
+    static Powers powers(const Stored* x, int low, int lines, Work& work) {
         const Tables& tables = Kind::tables();
-        Value re[2][kHalf], im[2][kHalf];
         const typename Kind::template Centred<Stored> centred(x, int(kBlock));
         for (int i = 0; i < kHalf; ++i) {
-            re[0][i] = Kind::product(centred[2 * i], tables.even(i));
-            im[0][i] = Kind::product(centred[2 * i + 1], tables.odd(i));
+            work.half_[0].part[0][i] = Kind::product(centred[2 * i], tables.even(i));
+            work.half_[0].part[1][i] = Kind::product(centred[2 * i + 1], tables.odd(i));
         }
-        const int at = transform(tables, re, im);
-        const Value* const a = re[at];
-        const Value* const b = im[at];
+        const int at = transform(tables, work);
+        const Value* const a = work.half_[at].part[0];
+        const Value* const b = work.half_[at].part[1];
+        Power* const power = work.half_[1 - at].power;
         for (int i = 0; i < lines; ++i) {
             const int k = low + i, mirror = kHalf - k;
             const Value even_re = (a[k] + a[mirror]) / 2, even_im = (b[k] - b[mirror]) / 2;
@@ -44,25 +57,25 @@ class BlockFft {
             const Value line_im = even_im + Kind::product(odd_im, c) - Kind::product(odd_re, s);
             power[i] = Power(line_re) * Power(line_re) + Power(line_im) * Power(line_im);
         }
-        return centred.places();
+        return Powers{power, centred.places()};
     }
 
   private:
-    // Stockham's: every step reads one pair of arrays and writes the other, in an order that leaves the
-    // result sorted. Returns which pair has it.
-    static int transform(const Tables& tables, Value re[2][kHalf], Value im[2][kHalf]) {
+    // Stockham's: every step reads one half of the room and writes the other, in an order that leaves the
+    // result sorted. Returns which half has it.
+    static int transform(const Tables& tables, Work& work) {
         int from = 0;
         for (int stride = 1; stride < kHalf; stride *= 2, from = 1 - from) {
             const int pairs = kHalf / 2 / stride;
             for (int p = 0; p < pairs; ++p) {
                 // e^{-2 pi i p / (2 pairs)}
                 const Coefficient c = tables.cosine(2 * p * stride), s = tables.sine(2 * p * stride);
-                const Value* const ar = re[from] + stride * p;
-                const Value* const ai = im[from] + stride * p;
+                const Value* const ar = work.half_[from].part[0] + stride * p;
+                const Value* const ai = work.half_[from].part[1] + stride * p;
                 const Value* const br = ar + kHalf / 2;
                 const Value* const bi = ai + kHalf / 2;
-                Value* const sum_r = re[1 - from] + 2 * stride * p;
-                Value* const sum_i = im[1 - from] + 2 * stride * p;
+                Value* const sum_r = work.half_[1 - from].part[0] + 2 * stride * p;
+                Value* const sum_i = work.half_[1 - from].part[1] + 2 * stride * p;
                 Value* const turned_r = sum_r + stride;
                 Value* const turned_i = sum_i + stride;
                 for (int q = 0; q < stride; ++q) {

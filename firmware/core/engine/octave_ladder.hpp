@@ -33,7 +33,7 @@ class OctaveLadder {
 
     explicit OctaveLadder(Memory memory = Memory(), Unit unit = Unit())
         : memory_(memory), unit_(unit), depth_(0), started_(0), origin_(0), top_(memory, 1) {
-        for (int l = 1; l < kLevels; ++l) deep_[l - 1] = Deep(memory, step(l));
+        for (int l = 1; l < kLevels; ++l) deep_[l - 1].begin(memory, step(l));
     }
 
     // Of the level that is whole.
@@ -231,7 +231,7 @@ class OctaveLadder {
 
     // In place: the batch becomes that of the next level.
     int push(int level, Value* batch, int n, std::uint64_t* first, int made_up) {
-        Value next[kMostAtOnce];
+        Value next[kMostAtOnce / 2 + 1];
         const int outputs =
             level == 0 ? top_.push(batch, n, *first, made_up, level, memory_, next, first)
                        : deep_[level - 1].push(batch, n, *first, made_up, level, memory_, next, first);

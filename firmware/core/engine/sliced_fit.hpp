@@ -60,11 +60,13 @@ class SlicedFit {
   public:
     enum { kBinsAtOnce = 4 };
 
-    SlicedFit() : memory_(nullptr), busy_(false) {}
+    SlicedFit() : memory_(nullptr), busy_(false), searched_(false) {}
 
     bool busy() const { return busy_; }
     // Evaluations of the last fit.
     int evaluations() const { return evaluations_; }
+    // It began on a grid.
+    bool searched() const { return searched_; }
 
     // `level` of the null test. Neither the bins nor the memory may change until it is done; the figures are
     // there then.
@@ -73,9 +75,11 @@ class SlicedFit {
         memory_ = &memory;
         level_ = level;
         target_.begin(bins);
+        searched_ = false;
         // Answers that have seen far less lead nowhere.
         if (bins.ordinates() > kMuchMore * memory.fitted_ordinates_) {
             for (Answer& one : memory.answers_) one.known = false;
+            searched_ = true;
             memory.fitted_ordinates_ = bins.ordinates();
         }
         evaluations_ = 0;
@@ -313,7 +317,7 @@ class SlicedFit {
     NullLevel level_;
     Which which_;
     int grid_, starts_, evaluations_;
-    bool busy_, on_grid_, searching_, possible_, again_;
+    bool busy_, on_grid_, searching_, possible_, again_, searched_;
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -65,6 +65,9 @@ class WelchLevel {
         return outputs;
     }
 
+    // Before the first value; as in the constructor.
+    void begin(Memory memory, std::uint64_t step) { cells_ = Cells(memory, step * kHop); }
+
     Sums& sums() { return sums_; }
     const Sums& sums() const { return sums_; }
     const Cells& cells() const { return cells_; }
@@ -87,12 +90,13 @@ class WelchLevel {
     }
 
   private:
-    void end_block(std::uint64_t step, Memory memory) {
+    // Not inlined, or its room would be on the stack while the filter's is, too.
+    __attribute__((noinline)) void end_block(std::uint64_t step, Memory memory) {
         if (made_up_ < 0) {
-            typename Fft::Power power[kLines];
-            const int places = Fft::power(x_, kLowest, kLines, power) - base_.shift();
-            sums_.add(power, places, memory.generation(begin_ + kBlock * step));
-            cells_.note(begin_, power, int(kLines), Fft::scale());
+            typename Fft::Work work;
+            const typename Fft::Powers found = Fft::powers(x_, kLowest, kLines, work);
+            sums_.add(found.power, found.places - base_.shift(), memory.generation(begin_ + kBlock * step));
+            cells_.note(begin_, found.power, int(kLines), Fft::scale());
         }
         std::memmove(x_, x_ + kHop, kHop * sizeof x_[0]);
         fill_ = kHop;

@@ -16,8 +16,8 @@ from struct import Struct
 from typing import ClassVar, Final, NamedTuple, Self, TypeAlias
 
 PROTOCOL_MAJOR: Final = 1
-PROTOCOL_MINOR: Final = 3
-SCHEMA_HASH: Final = 0x043F5E95
+PROTOCOL_MINOR: Final = 4
+SCHEMA_HASH: Final = 0xF7595F9C
 
 BAUD: Final = 250000
 MAX_PAYLOAD: Final = 240
@@ -129,6 +129,17 @@ class EstimatorGuard(IntEnum):
     """The same, and the variance of the state is counted."""
 
 
+class FitVerdict(IntEnum):
+    """Fit verdict."""
+
+    WHITE = 1
+    """White noise is not rejected at 5 %."""
+    FRACTIONAL = 2
+    """White noise is rejected, and a relaxation is worse by more than 6 in 2 log L."""
+    RELAXATION = 3
+    """White noise is rejected, and a relaxation describes it as well."""
+
+
 class SampleFlags(IntFlag):
     """Sample flags."""
 
@@ -153,6 +164,17 @@ class EstimateFlags(IntFlag):
     """The last step had no measurement."""
     SKIPPED = 1 << 3
     """Since the start-up window samples were skipped: no host can give the same estimate."""
+
+
+class FitFlags(IntFlag):
+    """Fit flags."""
+
+    ALPHA_DEFINED = 1 << 0
+    """The interval of the order is shorter than nearly all that is possible."""
+    SEARCHED = 1 << 1
+    """On a grid, since there was no answer before, or one of far fewer samples."""
+    BINS_LEFT_OUT = 1 << 2
+    """There were more bins than room for them: the highest are missing."""
 
 
 class _HelloFields(NamedTuple):
@@ -420,12 +442,16 @@ class _EstimatorFields(NamedTuple):
     """Samples until the start-up window is full."""
     begun: int
     """Times since boot that estimation began, with a start-up window."""
+    fit_every: int
+    """Samples from one round of FITs to the next; 0: the device makes none."""
     queue: int
     """Samples that wait to be taken."""
     skipped: int
     """Samples since boot that the estimator could not take, because it had fallen behind."""
     longest_axis: int
     """Longest step of one axis since boot [us]."""
+    longest_slice: int
+    """Longest slice of a fit since boot [us]."""
     restarts_x: int
     """Times since the window that x had to begin anew."""
     restarts_y: int
@@ -474,7 +500,7 @@ class _EstimatorFields(NamedTuple):
 
 
 class Estimator(_EstimatorFields):
-    """Message ESTIMATOR: type 6, 100 bytes of payload.
+    """Message ESTIMATOR: type 6, 106 bytes of payload.
 
     With what the device estimates, and how it gets on; before the first sample, when the start-up window is
     full, and every second. A device that does not estimate never sends it.
@@ -482,9 +508,9 @@ class Estimator(_EstimatorFields):
 
     __slots__ = ()
     TYPE: ClassVar[int] = 6
-    SIZE: ClassVar[int] = 100
+    SIZE: ClassVar[int] = 106
     SCALE: ClassVar[dict[str, float]] = {}
-    _STRUCT: ClassVar[Struct] = Struct("<BBHHHHHHIIHHHffffffffffffffffff")
+    _STRUCT: ClassVar[Struct] = Struct("<BBHHHHHHHIIIHHHffffffffffffffffff")
 
     def pack(self) -> bytes:
         return self._STRUCT.pack(*self)
@@ -494,7 +520,123 @@ class Estimator(_EstimatorFields):
         return cls._make(cls._STRUCT.unpack(payload))
 
 
-Message: TypeAlias = Hello | Sample | Status | Fault | Estimate | Estimator
+class _FitFields(NamedTuple):
+    axis: int
+    """Whose noise this is; a Axis."""
+    verdict: int
+    """What the noise is; a FitVerdict."""
+    flags: int
+    """What is to be known about it; a FitFlags."""
+    number: int
+    """Fits of this axis since its start-up window, this one included."""
+    age: int
+    """Samples since the start-up window, lost ones included, that had come when its spectrum was read."""
+    used: int
+    """Samples that are in the spectrum; others were lost, or are of knocks and steps."""
+    evaluations: int
+    """Of the likelihood; far more when it was searched on a grid than from the last answer."""
+    ordinates: float
+    """Effective independent ordinates of the spectrum."""
+    alpha: float
+    """Order."""
+    alpha_std: float
+    """Its standard deviation, by the curvature of the likelihood."""
+    f: float
+    """Parameter [s^-alpha]."""
+    s2: float
+    """Variance of the state's innovations, Q of the filters [(deg/s)^2]."""
+    r: float
+    """Variance of the white noise, R of the filters [(deg/s)^2]."""
+    ratio_white: float
+    """2 log L of orders up to 1 above white noise."""
+    ratio_relaxation: float
+    """2 log L of the fractional model above a relaxation, AR(1)."""
+
+
+class Fit(_FitFields):
+    """Message FIT: type 7, 47 bytes of payload.
+
+    The maximum-likelihood fit of the fractional model in white noise to the running spectrum of one axis,
+    every few seconds. Of the spectrum that ended `age` samples after the start-up window; the fit itself
+    takes its time.
+    """
+
+    __slots__ = ()
+    TYPE: ClassVar[int] = 7
+    SIZE: ClassVar[int] = 47
+    SCALE: ClassVar[dict[str, float]] = {}
+    _STRUCT: ClassVar[Struct] = Struct("<BBBHIIHffffffff")
+
+    def pack(self) -> bytes:
+        return self._STRUCT.pack(*self)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        return cls._make(cls._STRUCT.unpack(payload))
+
+
+class _SpectrumFields(NamedTuple):
+    axis: int
+    """Whose noise this is; a Axis."""
+    number: int
+    """That of the FIT."""
+    first: int
+    """Number of the first bin of this message, from 0."""
+    total: int
+    """Bins of the spectrum; those of this message beyond it are 0."""
+    frequency_0: float
+    """Of bin first + 0 [Hz]."""
+    ordinates_0: float
+    """Effective independent ordinates in it."""
+    density_0: float
+    """Power density there, one-sided [(deg/s)^2/Hz]."""
+    frequency_1: float
+    """Of bin first + 1 [Hz]."""
+    ordinates_1: float
+    """Effective independent ordinates in it."""
+    density_1: float
+    """Power density there, one-sided [(deg/s)^2/Hz]."""
+    frequency_2: float
+    """Of bin first + 2 [Hz]."""
+    ordinates_2: float
+    """Effective independent ordinates in it."""
+    density_2: float
+    """Power density there, one-sided [(deg/s)^2/Hz]."""
+    frequency_3: float
+    """Of bin first + 3 [Hz]."""
+    ordinates_3: float
+    """Effective independent ordinates in it."""
+    density_3: float
+    """Power density there, one-sided [(deg/s)^2/Hz]."""
+    frequency_4: float
+    """Of bin first + 4 [Hz]."""
+    ordinates_4: float
+    """Effective independent ordinates in it."""
+    density_4: float
+    """Power density there, one-sided [(deg/s)^2/Hz]."""
+
+
+class Spectrum(_SpectrumFields):
+    """Message SPECTRUM: type 8, 65 bytes of payload.
+
+    Some bins of the spectrum that a FIT is of, after it; with every tenth fit of an axis, in order.
+    """
+
+    __slots__ = ()
+    TYPE: ClassVar[int] = 8
+    SIZE: ClassVar[int] = 65
+    SCALE: ClassVar[dict[str, float]] = {}
+    _STRUCT: ClassVar[Struct] = Struct("<BHBBfffffffffffffff")
+
+    def pack(self) -> bytes:
+        return self._STRUCT.pack(*self)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        return cls._make(cls._STRUCT.unpack(payload))
+
+
+Message: TypeAlias = Hello | Sample | Status | Fault | Estimate | Estimator | Fit | Spectrum
 
 MESSAGES: Final[dict[int, type[Message]]] = {
     Hello.TYPE: Hello,
@@ -503,5 +645,7 @@ MESSAGES: Final[dict[int, type[Message]]] = {
     Fault.TYPE: Fault,
     Estimate.TYPE: Estimate,
     Estimator.TYPE: Estimator,
+    Fit.TYPE: Fit,
+    Spectrum.TYPE: Spectrum,
 }
 """Type byte -> class."""

@@ -1,0 +1,84 @@
+// The noise of each axis by maximum likelihood: a running spectrum of its counts, and every few seconds the
+// fit of a model to it. All in slices of at most a millisecond or so, of which none waits for another, so
+// that sampling never waits for a fit. Its work is in noise_fit.cpp.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "engine/count_spectrum.hpp"
+#include "engine/fit_bins.hpp"
+#include "engine/sliced_fit.hpp"
+#include "messages.h"
+#include "settings.h"
+
+namespace fltea {
+
+class NoiseFit {
+  public:
+    static constexpr size_t kAxes = 3;
+
+    NoiseFit() = default;
+    NoiseFit(const NoiseFit&) = delete;
+    NoiseFit& operator=(const NoiseFit&) = delete;
+
+    // Forgets everything, until start().
+    void begin();
+
+    // The start-up window is full. variance: of the axis in it, in squared counts; 0: it never changed, and
+    // is left out.
+    void start(size_t axis, float variance);
+
+    // So many samples of all axes are missing before the next one.
+    void skip(uint16_t lost);
+    // A count of an axis, of each in turn. Not while passing().
+    void add(size_t axis, int16_t count);
+
+    // Counts are on their way down the octaves: a slice of it. Nothing else before it has come to its end.
+    bool passing() const { return passing_; }
+    void pass();
+
+    // A fit is due or on its way.
+    bool busy() const { return stage_ != Stage::idle || (started_ != 0 && age_ >= next_age_); }
+    // What a slice has led to: what is to be sent before the next one.
+    enum class Told { nothing, fit, spectrum };
+    Told work(Fit& fit, Spectrum& spectrum);
+
+  private:
+    typedef engine::CountOctaves<> Octaves;
+    typedef engine::FitBins<Octaves> Bins;
+    enum class Stage { idle, gathering, fitting, telling };
+
+    struct Axis {
+        explicit Axis(float variance) : octaves(variance) {}
+        Octaves octaves;
+        whittle::FitMemory memory;
+        uint16_t fits = 0;
+    };
+
+    Axis& axis(size_t i) { return *reinterpret_cast<Axis*>(storage_[i]); }
+    bool is_started(size_t i) const { return (started_ >> i & 1) != 0; }
+    void begin_axis(size_t first);
+    void begin_bins();
+    void tell(Fit& fit);
+    bool tell(Spectrum& spectrum);
+
+    alignas(8) unsigned char storage_[kAxes][sizeof(Axis)];
+    Octaves::Passage passage_;
+    Bins bins_;
+    whittle::SlicedFit<Bins> fit_;
+    Stage stage_ = Stage::idle;
+    size_t axis_ = 0;        // that is being fitted
+    uint32_t passages_ = 0;  // of all axes since begin()
+    uint32_t gathered_ = 0;  // those when the bins were begun
+    uint32_t age_ = 0;       // samples since the window, lost ones included
+    uint32_t next_age_ = 0;  // from which on a fit is due
+    uint32_t bins_age_ = 0;  // when the bins were begun
+    uint32_t bins_used_ = 0;
+    int told_ = 0;         // bins of a spectrum
+    uint8_t started_ = 0;  // a bit for each axis
+    bool passing_ = false;
+    size_t passing_axis_ = 0;
+};
+
+}  // namespace fltea
