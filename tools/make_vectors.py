@@ -16,21 +16,26 @@ from cobs import cobs
 from generated import update
 from vectors_schema import CODES, HASH, layouts
 
-HELLO, SAMPLE, STATUS, FAULT, ESTIMATE, ESTIMATOR, UNKNOWN = 1, 2, 3, 4, 5, 6, 200
+HELLO, SAMPLE, STATUS, FAULT, ESTIMATE, ESTIMATOR, FIT, SPECTRUM, UNKNOWN = 1, 2, 3, 4, 5, 6, 7, 8, 200
 LAYOUTS = layouts()
 
 DEVICE = bytes(range(0xA0, 0xB0))
-TYPICAL_HELLO = (1, 3, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
+TYPICAL_HELLO = (1, 4, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
 TYPICAL_SAMPLE = (12, -7, 3, -120, 85, 16390, -1042, 0)
 TYPICAL_STATUS = (2, 1, 0, 3, 5, 4, 1734, 8120)
+TYPICAL_FIT = (1, 2, 1, 31, 12000, 11904, 12, 5210.5, 0.4375, 0.031, -1.25, 0.0003, 0.0231, 91.5, 12.25)
+TYPICAL_SPECTRUM = (
+    *(1, 31, 5, 122),
+    *(0.125, 1.0, 0.0021, 0.25, 1.875, 0.0013, 0.5, 3.75, 0.00075, 1.0, 7.5, 0.0005, 2.0, 15.25, 0.00046),
+)
 TYPICAL_ESTIMATE = (
     *(1, 1, 3999, 3000, 0.4375, 0.031, -1.25, 0.18, -0.0123, 0.0042),
     *(0, 3, 0, 17, 1, 0, 29, 2, 0),
 )
 SETTINGS = (0.0, 0.01, 0.15, 0.5, 0.06, 0.0, 0.0, -0.1, 0.06, 0.0, 0.0, 3.0)
-FILLING = (1, 2, 1000, 200, 1, 1000, 1, 0, 0, 0, *(0,) * 3, *(0.0,) * 6, *SETTINGS)
+FILLING = (1, 2, 1000, 200, 1, 1000, 1, 300, 0, 0, 0, 0, *(0,) * 3, *(0.0,) * 6, *SETTINGS)
 BIAS_R = (-0.4713, 0.0625, 1.09, 0.0031, 0.0029, 0.0)
-ESTIMATING = (1, 2, 1000, 200, 1, 0, 2, 3, 4, 5120, 5, 1, 0, *BIAS_R, *SETTINGS)
+ESTIMATING = (1, 2, 1000, 200, 1, 0, 2, 300, 3, 4, 5120, 1230, 5, 1, 0, *BIAS_R, *SETTINGS)
 U16, U32 = 0xFFFF, 0xFFFFFFFF
 # The largest f32, the smallest normal one and the smallest of all.
 LARGEST, NORMAL, SMALLEST = 3.40282347e38, 1.17549435e-38, 1.4e-45
@@ -87,11 +92,39 @@ GOOD = [
         U16,
         U32,
         (
-            *(255, 255, *(U16,) * 6, U32, U32, *(U16,) * 3),
+            *(255, 255, *(U16,) * 7, *(U32,) * 3, *(U16,) * 3),
             *(LARGEST, SMALLEST, NORMAL, -LARGEST, -SMALLEST, -NORMAL, 0.0, -0.0, -1.25),
             *(1.00000012, 0.99999994, 16777216.0, -16777215.0, 0.333333343, 1e-38, -1e-44, 123456792.0, 0.1),
         ),
     ),
+    ("fit of fractional noise", FIT, 93, 125_000_300, TYPICAL_FIT),
+    ("fit of white noise, whose order is not defined", FIT, 0, 0, (0, 1, 0, 1, *(0,) * 3, *(0.0,) * 8)),
+    (
+        "fit, largest counts, f32 at the ends of its range, an axis and a verdict that no version names",
+        FIT,
+        U16,
+        U32,
+        (
+            *(255, 255, 255, U16, U32, U32, U16),
+            *(LARGEST, SMALLEST, NORMAL, -LARGEST, -SMALLEST, -NORMAL, 0.333333343, -0.0),
+        ),
+    ),
+    (
+        "fit with numbers that no device sends",
+        FIT,
+        1,
+        2,
+        (2, 3, 1, 4, 5, 6, 7, math.nan, math.inf, *(0.5,) * 6),
+    ),
+    ("some bins of a spectrum", SPECTRUM, 1202, 125_000_900, TYPICAL_SPECTRUM),
+    (
+        "the last bins of a spectrum, of which there are two",
+        SPECTRUM,
+        9,
+        1,
+        (0, 1, 60, 62, *(0.5,) * 6, *(0.0,) * 9),
+    ),
+    ("spectrum, largest values", SPECTRUM, U16, U32, (255, U16, 255, 255, *(LARGEST,) * 15)),
 ]
 
 RAW = [
@@ -179,6 +212,11 @@ def bad() -> str:
             "estimate without its last byte",
             "length",
             b"\x00" + frame(ESTIMATE, 1, 2, payload(ESTIMATE, TYPICAL_ESTIMATE)[:-1]),
+        ),
+        (
+            "fit without its last byte",
+            "length",
+            b"\x00" + frame(FIT, 1, 2, payload(FIT, TYPICAL_FIT)[:-1]),
         ),
         (
             "hello too short to state a version",

@@ -72,9 +72,11 @@ field max_gap u16
 field every u16
 field remaining u16
 field begun u16
+field fit_every u16
 field queue u16
 field skipped u32
 field longest_axis u32 unit us
+field longest_slice u32 unit us
 field restarts_x u16
 field restarts_y u16
 field restarts_z u16
@@ -96,6 +98,42 @@ field parameter_p0 f32
 field parameter_q0 f32
 field parameter_delta f32
 field gate f32
+message 7 FIT
+field axis u8 enum axis
+field verdict u8 enum fit_verdict
+field flags u8 flags fit_flags
+field number u16
+field age u32
+field used u32
+field evaluations u16
+field ordinates f32
+field alpha f32
+field alpha_std f32
+field f f32 unit s^-alpha
+field s2 f32 unit (deg/s)^2
+field r f32 unit (deg/s)^2
+field ratio_white f32
+field ratio_relaxation f32
+message 8 SPECTRUM
+field axis u8 enum axis
+field number u16
+field first u8
+field total u8
+field frequency_0 f32 unit Hz
+field ordinates_0 f32
+field density_0 f32 unit (deg/s)^2/Hz
+field frequency_1 f32 unit Hz
+field ordinates_1 f32
+field density_1 f32 unit (deg/s)^2/Hz
+field frequency_2 f32 unit Hz
+field ordinates_2 f32
+field density_2 f32 unit (deg/s)^2/Hz
+field frequency_3 f32 unit Hz
+field ordinates_3 f32
+field density_3 f32 unit (deg/s)^2/Hz
+field frequency_4 f32 unit Hz
+field ordinates_4 f32
+field density_4 f32 unit (deg/s)^2/Hz
 enum sampling_mode
 value 0 timer
 value 1 data_ready
@@ -127,6 +165,10 @@ enum estimator_guard
 value 0 off
 value 1 faithful
 value 2 consistent
+enum fit_verdict
+value 1 white
+value 2 fractional
+value 3 relaxation
 flags sample_flags
 bit 0 late
 bit 1 retried
@@ -137,6 +179,10 @@ bit 0 valid
 bit 1 constant
 bit 2 missing
 bit 3 skipped
+flags fit_flags
+bit 0 alpha_defined
+bit 1 searched
+bit 2 bins_left_out
 """
 HASH = zlib.crc32(SCHEMA.encode())
 

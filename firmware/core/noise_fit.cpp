@@ -71,8 +71,7 @@ void NoiseFit::begin_bins() {
 NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
     switch (stage_) {
         case Stage::idle:
-            next_age_ += settings::kFitEvery;
-            if (next_age_ <= age_) next_age_ = age_ + 1;
+            next_age_ = age_ + settings::kFitEvery;
             begin_axis(0);
             return Told::nothing;
         case Stage::gathering:

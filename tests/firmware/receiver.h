@@ -40,6 +40,12 @@ bool with_message(uint8_t type, Use& use) {
         case fltea::Estimator::type():
             use.template message<fltea::Estimator>();
             return true;
+        case fltea::Fit::type():
+            use.template message<fltea::Fit>();
+            return true;
+        case fltea::Spectrum::type():
+            use.template message<fltea::Spectrum>();
+            return true;
         default:
             return false;
     }

@@ -16,6 +16,10 @@ size_t estimate(const fltea::Estimate& message, uint8_t* out) {
 size_t estimator(const fltea::Estimator& message, uint8_t* out) {
     return fltea::encode_message(message, 1, 2, out);
 }
+size_t fit(const fltea::Fit& message, uint8_t* out) { return fltea::encode_message(message, 1, 2, out); }
+size_t spectrum(const fltea::Spectrum& message, uint8_t* out) {
+    return fltea::encode_message(message, 1, 2, out);
+}
 size_t raw(const uint8_t* payload, size_t n, uint8_t* out) {
     return fltea::encode_frame(9, 1, 2, payload, n, out) + fltea::cobs_encode(payload, n, out);
 }
@@ -31,4 +35,4 @@ fltea::ResetCause cause(uint32_t rsttyp) { return fltea::reset_cause_from_rsttyp
 uint32_t line() { return fltea::settings::kLineBaud + fltea::settings::kI2cHz; }
 
 // Pointers of this machine are twice as long as the Due's.
-static_assert(sizeof(fltea::Application) <= 2560, "the core's share of the RAM");
+static_assert(sizeof(fltea::Application) <= 43 * 1024, "the core's share of the RAM");

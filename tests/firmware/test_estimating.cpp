@@ -37,15 +37,18 @@ struct Estimating : Rig {
                 data[i + 1] = static_cast<uint8_t>(random_ >> 60);
             }
         };
-        before_axis = [this] {
-            const uint64_t end = clock.us() + axis_us;
-            while (clock.us() < end) {
-                clock.pass(50);
-                edges();
-            }
-        };
+        before_axis = [this] { pass(axis_us); };
     }
     ~Estimating() { before_axis = nullptr; }
+
+    // Work that takes so long.
+    void pass(uint64_t us) {
+        const uint64_t end = clock.us() + us;
+        while (clock.us() < end) {
+            clock.pass(50);
+            edges();
+        }
+    }
 
     std::vector<Frame> estimates() const { return sink.of<Estimate>(); }
     std::vector<Frame> estimators() const { return sink.of<Estimator>(); }

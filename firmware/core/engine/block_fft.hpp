@@ -18,7 +18,7 @@ class BlockFft {
     enum { kBlock = 256, kHalf = kBlock / 2 };
 
     // Sum of the squares of the window: white noise of variance R has so much times R in every line.
-    static constexpr double scale() { return 0.375 * kBlock; }
+    static constexpr double scale() { return 0.375 * double(kBlock); }
 
     // Room for the steps of the transform, and at last for the powers.
     class Work {

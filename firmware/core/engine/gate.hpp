@@ -265,7 +265,7 @@ class Gate {
                 return false;
             }
             knocks_ = 0;
-            if (whole && has_mean_ && is_step(mean - mean_, 2 * rounding / kChunk)) return false;
+            if (whole && has_mean_ && is_step(mean - mean_, 2 * rounding / Real(kChunk))) return false;
             if (largest > Real(kLimit) * level) limit(mean, Kind::root(Real(kLimit) * level));
         }
         if (!whole) return true;

@@ -1,0 +1,421 @@
+// The device's fits: what it says against the same spectrum and fit without slices, what it does with lost
+// samples, and that no sample waits for it.
+#include <doctest/doctest.h>
+
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "estimation.h"
+#include "mpu9250.h"
+#include "noise_fit.h"
+#include "rig.h"
+
+using fltea::Estimator;
+using fltea::Fit;
+using fltea::NoiseFit;
+using fltea::Spectrum;
+namespace settings = fltea::settings;
+namespace whittle = fltea::whittle;
+
+namespace {
+
+typedef fltea::engine::CountOctaves<> Octaves;
+typedef fltea::engine::FitBins<Octaves> Bins;
+
+constexpr float kCountsPerDps = static_cast<float>(fltea::kGyroLsbTenths) / 10.0f;
+constexpr float kVariance = 12.0f;
+
+// White noise and a slow state, in counts.
+class Counts {
+  public:
+    explicit Counts(unsigned seed) : random_(seed), white_(0, 3), slow_(0, 0.5) {}
+    int16_t operator()() {
+        state_ += 0.02 * (0 - state_) + slow_(random_);
+        return static_cast<int16_t>(std::floor(white_(random_) + state_ + 0.5));
+    }
+
+  private:
+    std::mt19937 random_;
+    std::normal_distribution<double> white_, slow_;
+    double state_ = 0;
+};
+
+// Three axes, and the same axes without slices.
+struct Fitting {
+    std::unique_ptr<NoiseFit> fit{new NoiseFit};
+    std::vector<std::unique_ptr<Octaves>> alone;
+    std::vector<whittle::FitMemory> memory{3};
+    std::vector<Counts> noise;
+    std::vector<Fit> fits;
+    std::vector<Spectrum> spectra;
+
+    Fitting() {
+        fit->begin();
+        for (unsigned i = 0; i < 3; ++i) {
+            noise.emplace_back(i + 1);
+            alone.emplace_back(new Octaves(kVariance));
+            fit->start(i, kVariance);
+        }
+    }
+    void add() {
+        for (size_t i = 0; i < 3; ++i) {
+            const int16_t count = noise[i]();
+            fit->add(i, count);
+            alone[i]->add(count);
+            while (fit->passing()) fit->pass();
+        }
+    }
+    void skip(uint16_t lost) {
+        fit->skip(lost);
+        for (auto& one : alone) one->skip(lost);
+    }
+    // Slices, up to so many, while there is anything to do.
+    void work(int most = 1000000) {
+        for (int n = 0; n < most && fit->busy(); ++n) {
+            Fit message = {};
+            Spectrum spectrum = {};
+            switch (fit->work(message, spectrum)) {
+                case NoiseFit::Told::fit:
+                    fits.push_back(message);
+                    break;
+                case NoiseFit::Told::spectrum:
+                    spectra.push_back(spectrum);
+                    break;
+                default:
+                    break;
+            }
+        }
+    }
+    // The same of one axis at once; its bins are in `bins`.
+    Bins bins;
+    whittle::FitFigures at_once(size_t axis) {
+        bins.begin();
+        while (!bins.step(*alone[axis])) {
+        }
+        whittle::SlicedFit<Bins> sliced;
+        sliced.begin(bins, whittle::kFivePercent, memory[axis]);
+        while (!sliced.work(bins)) {
+        }
+        return memory[axis].figures();
+    }
+};
+
+uint32_t first_fit(const Fitting& f) { return f.fits.front().age; }
+
+}  // namespace
+
+TEST_CASE("noise fit: what it says is what the spectrum and the fit say without slices") {
+    Fitting f;
+    size_t compared = 0;
+    for (int k = 0; k < 9000; ++k) {
+        f.add();
+        if (k == 1500) f.skip(3);
+        if (k == 4000) f.skip(700);
+        f.work();
+        for (; compared < f.fits.size(); ++compared) {
+            const Fit& said = f.fits[compared];
+            const size_t axis = static_cast<size_t>(said.axis);
+            REQUIRE(axis == compared % 3);
+            const whittle::FitFigures expected = f.at_once(axis);
+            CHECK(int(said.verdict) == int(expected.verdict));
+            CHECK(said.alpha == expected.alpha);
+            CHECK(said.alpha_std == expected.alpha_std);
+            CHECK(said.ratio_white == expected.ratio_white);
+            CHECK(said.ratio_relaxation == expected.ratio_ar1);
+            CHECK(said.ordinates == expected.ordinates);
+            CHECK(said.s2 == doctest::Approx(expected.s2 / (kCountsPerDps * kCountsPerDps)).epsilon(1e-6));
+            CHECK(said.r == doctest::Approx(expected.R / (kCountsPerDps * kCountsPerDps)).epsilon(1e-6));
+            // f = g h^-α
+            const double h = 1e-6 * settings::kSamplePeriodUs;
+            CHECK(static_cast<double>(said.f) ==
+                  doctest::Approx(static_cast<double>(expected.g) * std::pow(h, -said.alpha)).epsilon(1e-4));
+            CHECK(((said.flags & fltea::fit_flags::alpha_defined) != 0) == expected.alpha_defined);
+            CHECK(said.number == compared / 3 + 1);
+            CHECK(said.age == static_cast<uint32_t>(k + 1 + (k >= 1500 ? 3 : 0) + (k >= 4000 ? 700 : 0)));
+            CHECK(said.used == f.alone[axis]->counts().used);
+        }
+    }
+    // From the first on one round each kFitEvery samples.
+    REQUIRE(f.fits.size() >= 3 * 27);
+    CHECK(first_fit(f) == 1000);
+    for (size_t i = 3; i < f.fits.size(); ++i) {
+        const uint32_t apart = f.fits[i].age - f.fits[i - 3].age;
+        CHECK(apart >= settings::kFitEvery);
+        CHECK(apart <= settings::kFitEvery + 703u);
+    }
+    // Noise of this kind is not white.
+    CHECK(f.fits.back().verdict != fltea::FitVerdict::white);
+}
+
+TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
+    Fitting f;
+    for (int k = 0; k < 1000; ++k) f.add();
+    // A slice a sample: bins of 128 samples and more are never those of one time, unless they are begun
+    // again.
+    int k = 1000;
+    for (; f.fits.empty(); ++k) {
+        REQUIRE(k < 200000);
+        f.add();
+        f.work(40);
+    }
+    CHECK(f.fits[0].age > 1000);
+    // What it says is of the spectrum as it was then.
+    Fitting again;
+    for (uint32_t n = 0; n < f.fits[0].age; ++n) again.add();
+    const whittle::FitFigures expected = again.at_once(0);
+    CHECK(f.fits[0].alpha == expected.alpha);
+    CHECK(f.fits[0].ordinates == expected.ordinates);
+    CHECK(f.fits[0].used == again.alone[0]->counts().used);
+}
+
+TEST_CASE("noise fit: bins are sent with the first fit of an axis and every tenth, in order and all") {
+    Fitting f;
+    for (int k = 0; k < 5000; ++k) {
+        f.add();
+        const size_t fits = f.fits.size(), spectra = f.spectra.size();
+        f.work();
+        if (f.fits.size() == fits) {
+            CHECK(f.spectra.size() == spectra);
+            continue;
+        }
+        REQUIRE(f.fits.size() == fits + 3);
+        size_t at = spectra;
+        for (size_t axis = 0; axis < 3; ++axis) {
+            const Fit& said = f.fits[fits + axis];
+            if (said.number % settings::kSpectrumEvery != 1) continue;
+            f.at_once(axis);
+            for (int bin = 0; bin < f.bins.size(); bin += 5, ++at) {
+                REQUIRE(at < f.spectra.size());
+                const Spectrum& one = f.spectra[at];
+                CHECK(static_cast<size_t>(one.axis) == axis);
+                CHECK(one.number == said.number);
+                CHECK(one.first == bin);
+                CHECK(one.total == f.bins.size());
+                const double rate = 1e6 / settings::kSamplePeriodUs, turn = 6.283185307179586;
+                CHECK(static_cast<double>(one.frequency_0) ==
+                      doctest::Approx(static_cast<double>(f.bins.lam(bin)) * rate / turn).epsilon(1e-5));
+                CHECK(one.ordinates_0 == f.bins.counts(bin));
+                const double density = 2 * static_cast<double>(f.bins.power(bin)) /
+                                       (rate * static_cast<double>(kCountsPerDps * kCountsPerDps));
+                CHECK(static_cast<double>(one.density_0) == doctest::Approx(density).epsilon(1e-5));
+                const bool last_there = bin + 4 < f.bins.size();
+                CHECK((one.ordinates_4 == (last_there ? f.bins.counts(bin + 4) : 0.0f)));
+                CHECK((one.frequency_4 > 0) == last_there);
+            }
+        }
+        CHECK(at == f.spectra.size());
+    }
+    CHECK(f.fits.back().number == 14);
+}
+
+TEST_CASE("noise fit: an axis that never changed is left out, and the others are fitted") {
+    for (size_t constant = 0; constant < 3; ++constant) {
+        std::unique_ptr<NoiseFit> fit(new NoiseFit);
+        fit->begin();
+        for (size_t i = 0; i < 3; ++i) fit->start(i, i == constant ? 0.0f : kVariance);
+        Counts noise(1);
+        std::vector<size_t> axes;
+        for (int k = 0; k < 1400; ++k) {
+            for (size_t i = 0; i < 3; ++i) {
+                fit->add(i, i == constant ? int16_t(7) : noise());
+                while (fit->passing()) fit->pass();
+            }
+            while (fit->busy()) {
+                Fit message = {};
+                Spectrum spectrum = {};
+                if (fit->work(message, spectrum) == NoiseFit::Told::fit) {
+                    axes.push_back(static_cast<size_t>(message.axis));
+                }
+            }
+        }
+        REQUIRE(axes.size() == 4);
+        for (size_t i = 0; i < axes.size(); ++i) {
+            CHECK(axes[i] != constant);
+            CHECK(axes[i] == axes[i % 2]);
+        }
+    }
+}
+
+TEST_CASE("noise fit: begun again it knows nothing of before") {
+    Fitting f;
+    for (int k = 0; k < 2500; ++k) {
+        f.add();
+        f.work();
+    }
+    f.add();
+    f.fit->begin();
+    CHECK(!f.fit->busy());
+    CHECK(!f.fit->passing());
+    f.fits.clear();
+    Fitting fresh;
+    for (size_t i = 0; i < 3; ++i) {
+        f.noise[i] = Counts(static_cast<unsigned>(i + 1));
+        f.fit->start(i, kVariance);
+    }
+    for (int k = 0; k < 1500; ++k) {
+        for (Fitting* one : {&f, &fresh}) {
+            one->add();
+            one->work();
+        }
+    }
+    REQUIRE(f.fits.size() == fresh.fits.size());
+    REQUIRE(!f.fits.empty());
+    for (size_t i = 0; i < f.fits.size(); ++i) {
+        CHECK(f.fits[i].alpha == fresh.fits[i].alpha);
+        CHECK(f.fits[i].number == fresh.fits[i].number);
+        CHECK(f.fits[i].age == fresh.fits[i].age);
+    }
+}
+
+TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum, and counted by it") {
+    std::unique_ptr<fltea::Estimation> estimation(new fltea::Estimation);
+    estimation->begin();
+    Counts noise(9);
+    std::vector<Octaves> alone(1, Octaves(1.0f));
+    fltea::engine::Baseline<int16_t> window;
+    uint32_t instant = 0;
+    fltea::Estimate estimate = {};
+    std::vector<int16_t> counts;
+    uint32_t taken = 0;
+    auto add = [&] {
+        fltea::Sample sample = {};
+        counts.push_back(noise());
+        sample.gyro_x = sample.gyro_y = sample.gyro_z = counts.back();
+        estimation->add(sample, instant++);
+    };
+    auto work = [&] {
+        while (estimation->busy()) estimation->work(estimate);
+    };
+    for (uint32_t k = 0; k < settings::kStartup; ++k) {
+        add();
+        window.add(counts.back());
+        work();
+    }
+    alone[0] = Octaves(window.variance());
+    auto both = [&](uint32_t n) {
+        for (uint32_t k = 0; k < n; ++k, ++taken) {
+            add();
+            alone[0].add(counts.back());
+            work();
+        }
+    };
+    both(700);
+    // 32 wait; seven more are skipped; after them one that is not.
+    for (int k = 0; k < 32; ++k, ++taken) {
+        add();
+        alone[0].add(counts.back());
+    }
+    for (int k = 0; k < 7; ++k) add();
+    work();
+    alone[0].skip(7);
+    both(900);
+    // Five lost on the bus.
+    instant += 5;
+    alone[0].skip(5);
+    both(400);
+    Fit fit = {};
+    Spectrum spectrum = {};
+    REQUIRE(estimation->noise().busy());
+    while (estimation->noise().work(fit, spectrum) != NoiseFit::Told::fit) {
+    }
+    CHECK(fit.age == taken + 7 + 5);
+    CHECK(fit.used == alone[0].counts().used);
+    Bins bins;
+    bins.begin();
+    while (!bins.step(alone[0])) {
+    }
+    CHECK(fit.ordinates == bins.ordinates());
+    Estimator report;
+    estimation->report(report);
+    CHECK(report.skipped == 7);
+    CHECK(report.fit_every == settings::kFitEvery);
+}
+
+// --- within the device ---
+
+namespace {
+
+// Called before every slice of a fit, or null.
+std::function<void()> before_slice;
+
+}  // namespace
+
+// The linker puts this in the place of NoiseFit::work (Makefile).
+extern "C" NoiseFit::Told __real__ZN5fltea8NoiseFit4workERNS_3FitERNS_8SpectrumE(NoiseFit*, Fit&, Spectrum&);
+extern "C" NoiseFit::Told __wrap__ZN5fltea8NoiseFit4workERNS_3FitERNS_8SpectrumE(NoiseFit* fit, Fit& message,
+                                                                                 Spectrum& spectrum) {
+    if (before_slice) before_slice();
+    return __real__ZN5fltea8NoiseFit4workERNS_3FitERNS_8SpectrumE(fit, message, spectrum);
+}
+
+TEST_CASE("noise fit: slices stay within their share of the time, and no sample waits for one") {
+    for (SamplingMode mode : {SamplingMode::timer, SamplingMode::data_ready}) {
+        for (size_t ring : {127u, 511u}) {
+            for (uint64_t slice_us : {300u, 1500u}) {
+                CAPTURE(ring);
+                CAPTURE(slice_us);
+                Estimating rig(mode);
+                rig.axis_us = 400;
+                rig.sink.size = ring;
+                std::vector<uint64_t> begun_us;
+                before_slice = [&] {
+                    begun_us.push_back(rig.clock.us());
+                    rig.pass(slice_us);
+                };
+                rig.start();
+                rig.run((slice_us == 300 ? 40 : 25) * kS);
+                before_slice = nullptr;
+                check_every_sample(rig);
+                REQUIRE(begun_us.size() > 100);
+                // In any four seconds, with what was kept from before them and what the last one owes.
+                for (size_t first = 0, last = 0; last < begun_us.size(); ++last) {
+                    while (begun_us[last] - begun_us[first] > 4 * kS) ++first;
+                    const double took = static_cast<double>((last - first + 1) * slice_us);
+                    REQUIRE(took <= 0.07 * 5 * kS + 2.0 * static_cast<double>(slice_us));
+                }
+                const Estimator said = rig.estimator();
+                CHECK(said.longest_slice >= slice_us);
+                CHECK(said.longest_slice < slice_us + 100);
+                CHECK(said.skipped == 0);
+                CHECK(said.fit_every == settings::kFitEvery);
+                const std::vector<Frame> fits = rig.sink.of<Fit>();
+                if (slice_us > 300) continue;
+                REQUIRE(!fits.empty());
+                for (size_t i = 0; i < fits.size(); ++i) {
+                    CHECK(fits[i].sequence == i);
+                    CHECK(static_cast<size_t>(message_of<Fit>(fits[i]).axis) == i % 3);
+                }
+                // Its bins come behind it, each at its place.
+                const std::vector<Frame> spectra = rig.sink.of<Spectrum>();
+                REQUIRE(!spectra.empty());
+                CHECK(message_of<Spectrum>(spectra[0]).first == 0);
+                CHECK(message_of<Spectrum>(spectra[1]).first == 5);
+            }
+        }
+    }
+}
+
+TEST_CASE("noise fit: a sensor that was set up again is fitted anew") {
+    Estimating rig;
+    rig.axis_us = 100;
+    rig.sink.size = 511;
+    rig.start();
+    rig.run(18 * kS);
+    const std::vector<Frame> before = rig.sink.of<Fit>();
+    REQUIRE(!before.empty());
+    CHECK(message_of<Fit>(before.front()).number == 1);
+    rig.bus.plugged = false;
+    rig.run(100 * kMs);
+    rig.bus.plugged = true;
+    rig.run(12 * kS);
+    CHECK(rig.sink.of<Fit>().size() == before.size());
+    rig.run(6 * kS);
+    const std::vector<Frame> after = rig.sink.of<Fit>();
+    REQUIRE(after.size() > before.size());
+    const Fit first = message_of<Fit>(after[before.size()]);
+    CHECK(first.number == 1);
+    CHECK(first.age >= 1000);
+    CHECK(first.age < 1300);
+    CHECK((first.flags & fltea::fit_flags::searched) != 0);
+}
