@@ -85,7 +85,9 @@ def module(protocol: Protocol) -> str:
     names = [camel(message.name) for message in protocol.messages]
     alias = "Message: TypeAlias = " + " | ".join(names)
     if len(alias) > WIDTH:
-        alias = "Message: TypeAlias = (\n    " + "\n    | ".join(names) + "\n)"
+        in_one = "    " + " | ".join(names)
+        inner = in_one if len(in_one) <= WIDTH else "    " + "\n    | ".join(names)
+        alias = f"Message: TypeAlias = (\n{inner}\n)"
     table = "".join(f"    {name}.TYPE: {name},\n" for name in names)
     tail = f"\n\n{alias}\n\nMESSAGES: Final[dict[int, type[Message]]] = {{\n{table}}}\n"
     tail += '"""Type byte -> class."""\n'

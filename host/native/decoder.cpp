@@ -70,6 +70,12 @@ bool payload_size(std::uint8_t type, std::size_t& size) {
         case Estimator::type():
             size = Estimator::size();
             return true;
+        case Fit::type():
+            size = Fit::size();
+            return true;
+        case Spectrum::type():
+            size = Spectrum::size();
+            return true;
         default:
             return false;
     }

@@ -111,6 +111,10 @@ nb::bytes encode_message(uint8_t type, uint16_t sequence, uint32_t device_us, nb
             return encode_struct<fltea::Estimate>(sequence, device_us, fields);
         case fltea::Estimator::type():
             return encode_struct<fltea::Estimator>(sequence, device_us, fields);
+        case fltea::Fit::type():
+            return encode_struct<fltea::Fit>(sequence, device_us, fields);
+        case fltea::Spectrum::type():
+            return encode_struct<fltea::Spectrum>(sequence, device_us, fields);
         default:
             throw nb::value_error("no message of this type");
     }

@@ -10,6 +10,7 @@ from fltea.records.records import (
     AXES,
     AnyRecord,
     DeviceEstimates,
+    DeviceFits,
     EpochReason,
     Estimate,
     Hello,
@@ -179,8 +180,8 @@ def test_real_run_emits_only_what_its_structs_say(tmp_path: Path) -> None:
         fltea("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", "--samples", *QUICK),
     ]
     found = [record for run in runs for record in strict_records(run.stdout)]
-    # What a device estimates by itself is in a run of test_device_estimates_outputs.py.
-    assert {type(record) for record in found} == set(KINDS.values()) - {DeviceEstimates}
+    # What a device makes by itself is in runs of test_device_estimates_outputs.py and test_device_fits.py.
+    assert {type(record) for record in found} == set(KINDS.values()) - {DeviceEstimates, DeviceFits}
     for run in runs:
         assert "NaN" not in run.stdout
         assert "Infinity" not in run.stdout

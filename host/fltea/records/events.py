@@ -149,9 +149,11 @@ class DeviceEstimator(NamedTuple):
     every: int
     remaining: int
     begun: int
+    fit_every: int
     queue: int
     skipped: int
     longest_axis_us: int
+    longest_slice_us: int
     restarts: tuple[int, ...]
     bias_dps: tuple[float, ...]
     R_dps2: tuple[float, ...]
@@ -167,6 +169,42 @@ class DeviceEstimator(NamedTuple):
     parameter_Q0: float
     parameter_delta: float
     gate: float
+
+
+class DeviceFit(NamedTuple):
+    """What the device's maximum-likelihood fit says of one axis, as it is: finite or not, of any verdict."""
+
+    host_ns: int
+    axis: str
+    verdict: str
+    alpha_defined: bool
+    searched: bool
+    bins_left_out: bool
+    number: int
+    age: int
+    samples: int
+    evaluations: int
+    ordinates: float
+    alpha: float
+    alpha_std: float
+    f: float
+    s2_dps2: float
+    R_dps2: float
+    ratio_white: float
+    ratio_relaxation: float
+
+
+class DeviceBins(NamedTuple):
+    """Some bins of the spectrum of fit `number`, from bin `first` of `total`; density in (deg/s)²/Hz."""
+
+    host_ns: int
+    axis: str
+    number: int
+    first: int
+    total: int
+    hz: tuple[float, ...]
+    ordinates: tuple[float, ...]
+    density_dps2_per_hz: tuple[float, ...]
 
 
 class Trouble(NamedTuple):
@@ -200,7 +238,10 @@ class Tick(NamedTuple):
     host_ns: int
 
 
-Event = Hello | RawBlock | DeviceStatus | DeviceAxis | DeviceEstimator | Trouble | LinkDown | Break | Tick
+DeviceSays = DeviceAxis | DeviceEstimator | DeviceFit | DeviceBins
+"""What a device that estimates by itself says of that."""
+
+Event = Hello | RawBlock | DeviceStatus | DeviceSays | Trouble | LinkDown | Break | Tick
 """What a source gives."""
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 
 import msgspec
 
+from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.fit import AxisFit
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
@@ -144,6 +145,20 @@ class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
     comparable: bool
 
 
+class DeviceFits(Record, frozen=True, tag="device_fit"):
+    """The device's own maximum-likelihood fit of one axis, beside `Fit`, which is this computer's.
+
+    The place is that of the newest sample when it came. A fit whose bins the device sends comes twice: at
+    once, and with `spectrum`.
+    """
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+    axes: dict[str, DeviceAxisFit]
+
+
 class Fit(Record, frozen=True, tag="fit"):
     """The maximum-likelihood fit of all axes after the sample `seq`; comes a few samples later.
 
@@ -243,10 +258,11 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the device's own estimator gets on.
 
-    begun, skipped and longest_axis_us are since its boot. estimates: those of an axis that came; lost: those
-    that did not; unplaced: those that came and fit no sample (before the epoch, or its sample was lost), both
-    since the start of the program. restarts are since the device's start-up window, interventions by cause
-    since the axis last began.
+    begun, skipped, longest_axis_us and longest_slice_us (of a fit) are since its boot. fit_every: samples
+    from one round of its fits to the next, 0 if it makes none. Since the start of the program: fits that
+    came; estimates of an axis that came; lost: those that did not; unplaced: estimates and fits that came and
+    fit no sample (before the epoch, or its sample was lost). restarts are since the device's start-up window,
+    interventions by cause since the axis last began.
     """
 
     begun: int
@@ -260,6 +276,9 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     unplaced: int
     restarts: dict[str, int]
     interventions: dict[str, dict[str, int]]
+    fit_every: int = 0
+    fits: int = 0
+    longest_slice_us: int = 0
 
 
 class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -301,4 +320,4 @@ class Error(Record, frozen=True, tag="error"):
     host_ns: int
 
 
-AnyRecord = Hello | Sample | Estimate | DeviceEstimates | Fit | Gap | Epoch | Stats | Error
+AnyRecord = Hello | Sample | Estimate | DeviceEstimates | DeviceFits | Fit | Gap | Epoch | Stats | Error

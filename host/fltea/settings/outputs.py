@@ -11,7 +11,10 @@ from fltea.settings.listen_address import is_loopback, listen_address
 LARGEST_EVERY = 1_000_000
 """Nearly three hours at 100 Hz."""
 
-RECORDED = ("hello", "epoch", "gap", "sample", "estimate", "device_estimate", "fit", "stats", "error")
+RECORDED = (
+    *("hello", "epoch", "gap", "sample", "estimate", "device_estimate", "fit", "device_fit", "stats"),
+    "error",
+)
 """Classes of the records that can ride along in a recording."""
 
 

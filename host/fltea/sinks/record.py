@@ -21,6 +21,7 @@ from fltea.records.ports import Item, Report, Sink
 from fltea.records.records import (
     AnyRecord,
     DeviceEstimates,
+    DeviceFits,
     Epoch,
     Error,
     Estimate,
@@ -54,6 +55,7 @@ KINDS: dict[str, type[AnyRecord]] = {
     "sample": Sample,
     "estimate": Estimate,
     "device_estimate": DeviceEstimates,
+    "device_fit": DeviceFits,
     "fit": Fit,
     "stats": Stats,
     "error": Error,

@@ -2,6 +2,7 @@
 
 import time
 from collections import deque
+from collections.abc import Mapping
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -9,12 +10,14 @@ from rich.table import Table
 from rich.text import Text
 
 from fltea.records.block import Block
+from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.events import Chunk, Failed, Opened
 from fltea.records.fit import AxisFit
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.records import (
     AnyRecord,
     DeviceEstimates,
+    DeviceFits,
     Epoch,
     Error,
     Estimate,
@@ -149,6 +152,7 @@ class DeviceView:
         self._estimate: Estimate | None = None
         self._fit: Fit | None = None
         self._of_device: DeviceEstimates | None = None
+        self._device_fits: dict[str, DeviceAxisFit] = {}
         self._stats: Stats | None = None
         self._events: deque[str] = deque(maxlen=4)
         self._trends: dict[str, tuple[Trend, Trend]] = {}
@@ -160,7 +164,7 @@ class DeviceView:
                 self._hello = record
             case Epoch():
                 self._epoch, self._estimate, self._of_device, self._fit = record, None, None, None
-                self._trends = {}
+                self._trends, self._device_fits = {}, {}
                 self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
             case Estimate():
                 self._estimate = record
@@ -171,6 +175,8 @@ class DeviceView:
                         f.add(axis.f, record.host_ns)
             case DeviceEstimates():
                 self._of_device = record
+            case DeviceFits():
+                self._device_fits |= record.axes
             case Fit():
                 self._fit = record
             case Gap():
@@ -192,6 +198,8 @@ class DeviceView:
             lines.append(self._rows_below(self._estimate))
         if self._of_device is not None:
             lines += [_device_rows(self._of_device), *_not_compared(self._of_device)]
+        if self._device_fits:
+            lines.append(_device_fit_rows(self._device_fits))
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
@@ -309,6 +317,20 @@ def _device_rows(record: DeviceEstimates) -> Table:
             continue
         alpha, f = (_difference(d) for d in (axis.alpha_difference, axis.f_difference))
         rows.add_row(name, _number(axis.alpha), alpha, _number(axis.f), f)
+    return rows
+
+
+def _device_fit_rows(fits: Mapping[str, DeviceAxisFit]) -> Table:
+    """The device's own fit, and how far its α is from that of the fit here."""
+    rows = Table.grid(padding=(0, 2))
+    rows.add_row("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
+    for name, fit in fits.items():
+        p = fit.alpha
+        known = p.value is not None and p.low is not None and p.high is not None
+        alpha = f"{p.value:.3f} ({p.low:.2f} to {p.high:.2f})" if known else "undefined"
+        halves = "" if fit.half_widths is None else f"{fit.half_widths:+.2f}"
+        apart = "" if fit.alpha_difference is None else f"{fit.alpha_difference:+.3f}"
+        rows.add_row(name, f"{fit.verdict}, {fit.samples:,} samples", alpha, apart, halves)
     return rows
 
 

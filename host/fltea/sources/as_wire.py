@@ -11,8 +11,7 @@ from fltea.records.events import (
     TIME_WRAP_US,
     Break,
     Chunk,
-    DeviceAxis,
-    DeviceEstimator,
+    DeviceSays,
     Event,
     Failed,
     LinkDown,
@@ -66,7 +65,7 @@ class AsWire:
             return found
         if isinstance(event, Break):
             raise _impossible("an epoch that a replay was told to begin cannot be stated in frames")
-        if isinstance(event, DeviceAxis | DeviceEstimator):
+        if isinstance(event, DeviceSays):
             raise _impossible("only a device on a wire estimates by itself")
         if not self._open:
             self._open = True

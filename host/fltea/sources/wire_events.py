@@ -27,7 +27,15 @@ from fltea.wire import layout as wire
 from fltea.wire.block_reader import BlockReader, SampleColumns
 from fltea.wire.faults import fault_text
 from fltea.wire.framing import BadFrame
-from fltea.wire.message_events import axis_event, estimator_event, hello_event, name_of, status_event
+from fltea.wire.message_events import (
+    axis_event,
+    bins_event,
+    estimator_event,
+    fit_event,
+    hello_event,
+    name_of,
+    status_event,
+)
 from fltea.wire.messages import Frame, Refused
 from fltea.wire.sensors import NO_SENSOR, RELATIVES, SENSORS, sensor_name
 
@@ -234,6 +242,10 @@ class WireEvents:
                 yield axis_event(e, frame.sequence, host_ns)
             case wire.Estimator() as e:
                 yield estimator_event(e, host_ns)
+            case wire.Fit() as fit:
+                yield fit_event(fit, host_ns)
+            case wire.Spectrum() as spectrum:
+                yield bins_event(spectrum, host_ns)
             case wire.Fault(code, detail):
                 if self._told_faults.is_due(code, host_ns):
                     text = f"the device reports {name_of(wire.FaultCode, code)}: {fault_text(code, detail)}"

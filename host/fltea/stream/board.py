@@ -11,7 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.records.block import Block
-from fltea.records.events import SEQUENCE_WRAP, DeviceAxis, DeviceEstimator, Event, Ints, LinkDown
+from fltea.records.events import (
+    SEQUENCE_WRAP,
+    DeviceAxis,
+    DeviceBins,
+    DeviceEstimator,
+    DeviceFit,
+    Event,
+    Ints,
+    LinkDown,
+)
 from fltea.records.records import (
     AXES,
     GYRO_UNIT,
@@ -24,6 +33,7 @@ from fltea.records.records import (
 )
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.settings.config import Config, EstimatorConfig
+from fltea.stream.board_fits import BoardFits, Place
 from fltea.stream.board_settings import host_settings, info_of, unused_settings
 from fltea.stream.comparable import why_not_comparable
 from fltea.stream.live import LiveFits, Said, said_by
@@ -43,10 +53,10 @@ class _Moment(NamedTuple):
     row: int
     age: int
 
-    def place(self) -> tuple[int, int, int, int]:
+    def place(self) -> Place:
         """Number, epoch, and the times of device and host."""
         block, row = self.block, self.row
-        return self.seq, block.epoch, int(block.device_us[row]), int(block.host_ns[row])
+        return Place(self.seq, block.epoch, int(block.device_us[row]), int(block.host_ns[row]))
 
     def host(self) -> dict[str, AxisEstimate]:
         """The host's estimates after it; empty in its start-up window, or if it makes none."""
@@ -64,6 +74,7 @@ class BoardEstimates:
 
     def __init__(self, config: Config, fits: LiveFits | None = None) -> None:
         self._said = said_by(fits)
+        self._fits = BoardFits(config.name, self._said)
         self.alone = config.estimator.estimate_on == "device"
         self.stated: DeviceEstimator | None = None
         self._config = config
@@ -99,6 +110,7 @@ class BoardEstimates:
     def forget(self) -> None:
         """Believe no estimate of samples until now."""
         self._unplaced += len(self._group)
+        self._fits.forget()
         self._moments.clear()
         self._group.clear()
         self._newest.clear()
@@ -136,6 +148,10 @@ class BoardEstimates:
             yield from self._on_axis(event)
         elif isinstance(event, DeviceEstimator):
             yield from self._on_estimator(event)
+        elif isinstance(event, DeviceFit):
+            yield from self._fits.on_fit(event, self._axes, self._newest_place())
+        elif isinstance(event, DeviceBins):
+            yield from self._fits.on_bins(event, self._newest_place())
 
     def standing(self) -> Standing:
         """How the board's estimator gets on."""
@@ -254,10 +270,16 @@ class BoardEstimates:
             longest_axis_us=s.longest_axis_us,
             estimates=self._estimates,
             lost=self._lost,
-            unplaced=self._unplaced,
+            unplaced=self._unplaced + self._fits.unplaced,
             restarts=dict(zip(AXES, s.restarts, strict=True)),
             interventions={axis: e.interventions for axis, e in self._newest.items()},
+            fit_every=s.fit_every,
+            fits=self._fits.came,
+            longest_slice_us=s.longest_slice_us,
         )
+
+    def _newest_place(self) -> Place | None:
+        return self._moments[next(reversed(self._moments))].place() if self._moments else None
 
     def _find(self, number: int) -> _Moment | None:
         """The sample of a sequence that wraps."""

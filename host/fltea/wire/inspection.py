@@ -66,6 +66,7 @@ def _value(field: str, value: object, flags: type[IntFlag]) -> str:
         "axis": wire.Axis,
         "variant": wire.EstimatorVariant,
         "guard": wire.EstimatorGuard,
+        "verdict": wire.FitVerdict,
     }.get(field)
     if enum is not None and value in enum._value2member_map_:
         return f"{value} ({enum._value2member_map_[value].name.lower()})"

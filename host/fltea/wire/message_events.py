@@ -2,13 +2,16 @@
 
 from enum import IntEnum
 
-from fltea.records.events import DeviceAxis, DeviceEstimator
+from fltea.records.events import DeviceAxis, DeviceBins, DeviceEstimator, DeviceFit
 from fltea.records.records import DeviceStatus, Hello
 from fltea.wire import layout as wire
 from fltea.wire.sensors import sensor_name
 
 CAUSES = wire.Estimate._fields[wire.Estimate._fields.index("order_box") :]
 """Fields of ESTIMATE that count what the guard did; the host's engine has the same names."""
+
+BINS = sum(field.startswith("frequency_") for field in wire.Spectrum._fields)
+"""Of one SPECTRUM."""
 
 
 def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
@@ -82,9 +85,11 @@ def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
         every=e.every,
         remaining=e.remaining,
         begun=e.begun,
+        fit_every=e.fit_every,
         queue=e.queue,
         skipped=e.skipped,
         longest_axis_us=e.longest_axis,
+        longest_slice_us=e.longest_slice,
         restarts=(e.restarts_x, e.restarts_y, e.restarts_z),
         bias_dps=(e.bias_x, e.bias_y, e.bias_z),
         R_dps2=(e.r_x, e.r_y, e.r_z),
@@ -101,6 +106,40 @@ def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
         parameter_delta=e.parameter_delta,
         gate=e.gate,
     )
+
+
+def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
+    """FIT's counts in their units."""
+    flags = wire.FitFlags
+    return DeviceFit(
+        host_ns=host_ns,
+        axis=name_of(wire.Axis, fit.axis),
+        verdict=name_of(wire.FitVerdict, fit.verdict),
+        alpha_defined=bool(fit.flags & flags.ALPHA_DEFINED),
+        searched=bool(fit.flags & flags.SEARCHED),
+        bins_left_out=bool(fit.flags & flags.BINS_LEFT_OUT),
+        number=fit.number,
+        age=fit.age,
+        samples=fit.used,
+        evaluations=fit.evaluations,
+        ordinates=fit.ordinates,
+        alpha=fit.alpha,
+        alpha_std=fit.alpha_std,
+        f=fit.f,
+        s2_dps2=fit.s2,
+        R_dps2=fit.r,
+        ratio_white=fit.ratio_white,
+        ratio_relaxation=fit.ratio_relaxation,
+    )
+
+
+def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
+    """SPECTRUM's bins, those beyond the last one left out."""
+    n = max(0, min(BINS, s.total - s.first))
+    hz, ordinates, density = (
+        tuple(getattr(s, f"{name}_{i}") for i in range(n)) for name in ("frequency", "ordinates", "density")
+    )
+    return DeviceBins(host_ns, name_of(wire.Axis, s.axis), s.number, s.first, s.total, hz, ordinates, density)
 
 
 def name_of(enum: type[IntEnum], value: int) -> str:

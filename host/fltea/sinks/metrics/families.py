@@ -4,7 +4,7 @@ What is not known or not valid has no sample: a gap in a graph, rather than a nu
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from prometheus_client.core import (
     HistogramMetricFamily,
@@ -16,6 +16,7 @@ from prometheus_client.registry import Collector
 from fltea import __version__
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
+from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.ports import LATENCY_BOUNDS_MS, OutputView
 from fltea.records.records import (
     DeviceAxisEstimate,
@@ -49,6 +50,7 @@ class Newest:
     estimate_ns: int = 0
     device_estimate: DeviceEstimates | None = None
     device_estimate_ns: int = 0
+    device_fits: dict[str, DeviceAxisFit] = field(default_factory=dict)
     fit: Fit | None = None
 
     def take(self, block: Block) -> None:
@@ -108,6 +110,7 @@ class Families(Collector):
                 if d.device_estimate and d.device_estimate_ns >= oldest_ns
             ]
         )
+        yield from _device_fits([(name, d.device_fits) for name, d in devices])
         yield from fit_families([(name, d.fit) for name, d in devices if d.fit is not None])
         errors: Rows = [(labels, n) for labels, n in self._errors.copy().items()]
         yield counter_family("fltea_errors", "Errors told, by kind.", ("device", "kind"), errors)
@@ -257,6 +260,24 @@ def _device_estimates(estimates: Sequence[tuple[str, DeviceEstimates]]) -> Itera
     ):
         rows: Rows = [(names, getattr(one, key)) for names, one in axes]
         yield gauge_family(f"fltea_device_axis_{key}", text, labels, rows)
+
+
+def _device_fits(fits: Sequence[tuple[str, dict[str, DeviceAxisFit]]]) -> Iterator[Metric]:
+    axes = [((device, axis), one) for device, found in fits for axis, one in found.items()]
+    labels = ("device", "axis")
+    verdicts: Rows = [((*names, one.verdict), 1.0) for names, one in axes]
+    text = "What the device's own maximum-likelihood fit says of the noise."
+    yield gauge_family("fltea_device_fit_verdict", text, (*labels, "verdict"), verdicts)
+    for name, key, text in (
+        ("alpha", "value", "Order by the device's own maximum-likelihood fit."),
+        ("alpha_low", "low", "Lower end of its 95 % interval."),
+        ("alpha_high", "high", "Upper end of its 95 % interval."),
+    ):
+        rows: Rows = [(names, getattr(one.alpha, key)) for names, one in axes]
+        yield gauge_family(f"fltea_device_fit_{name}", text, labels, rows)
+    apart: Rows = [(names, one.alpha_difference) for names, one in axes]
+    text = "Order: the device's fit minus this computer's newest one."
+    yield gauge_family("fltea_device_fit_alpha_difference", text, labels, apart)
 
 
 def _scaled(value: float | None, factor: float) -> float | None:

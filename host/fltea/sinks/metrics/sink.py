@@ -16,7 +16,7 @@ from fltea.records.clock import host_ns
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Departed, Item, OutputView, Report, Sink
-from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Fit, Hello, Stats
+from fltea.records.records import DeviceEstimates, DeviceFits, Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.settings.listen_address import listen_address
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families, Newest
@@ -75,6 +75,9 @@ class MetricsSink(Sink):
         elif isinstance(item, DeviceEstimates):
             newest = self._of(item.device)
             newest.device_estimate, newest.device_estimate_ns = item, host_ns()
+        elif isinstance(item, DeviceFits):
+            newest = self._of(item.device)
+            newest.device_fits = newest.device_fits | item.axes
         elif isinstance(item, Stats):
             self._of(item.device).stats = item
         elif isinstance(item, Fit):
@@ -86,6 +89,7 @@ class MetricsSink(Sink):
             newest.estimate = newest.device_estimate = newest.fit = (
                 None  # what the epoch before it gave is no longer so
             )
+            newest.device_fits = {}
         elif isinstance(item, Error):
             key = item.device or "", item.kind
             self._errors[key] = self._errors.get(key, 0) + 1

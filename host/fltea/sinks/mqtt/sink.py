@@ -12,7 +12,7 @@ from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Item, Report, Sink
-from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, Fit, Hello, Record, Stats
+from fltea.records.records import AnyRecord, DeviceEstimates, DeviceFits, Estimate, Fit, Hello, Record, Stats
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up
@@ -136,6 +136,8 @@ class MqttSink(Sink):
         elif isinstance(item, DeviceEstimates):
             if self._is_due("device_estimate", item.seq, self._settings.estimate_every):
                 self._stream("device_estimate", item, self._settings.stream_qos)
+        elif isinstance(item, DeviceFits):
+            self._stream("device_fit", item, 1)
         elif isinstance(item, Stats):
             self._stream("stats", item, 1)
         elif isinstance(item, Fit):
@@ -247,7 +249,7 @@ class MqttSink(Sink):
 
     def _keep_early(self, record: AnyRecord) -> None:
         """Keep what is worth it until the first HELLO says whose it is."""
-        if isinstance(record, Estimate | DeviceEstimates | Fit | Stats):
+        if isinstance(record, Estimate | DeviceEstimates | DeviceFits | Fit | Stats):
             return
         self._early.append(record)
         if len(self._early) > BACKLOG:

@@ -102,6 +102,12 @@ def _defined(p: Interval) -> bool:
     return all(v is not None and math.isfinite(v) for v in (p.value, p.low, p.high))
 
 
+def interval_words(p: Interval) -> list[Any] | None:
+    """α as a card shows it: value, interval, whether it may be shown large; None where it is undefined."""
+    found = _figure(p, 2, 0.3) if _defined(p) else None
+    return None if found is None else list(found)
+
+
 def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
     """With as many digits as the interval is worth; digits: at least; widest: half of what may be large."""
     if p is None or p.value is None or p.low is None or p.high is None:

@@ -8,6 +8,7 @@ from bokeh.models import ColumnDataSource, CustomJSTickFormatter, FixedTicker, H
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
+from fltea.records.device_fit import DeviceSpectrum
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum
 from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, MARK, SAMPLE, STATE
 
@@ -29,6 +30,7 @@ class CurveFigures:
 
     def __init__(self) -> None:
         self.density = _source("hz", "density", "model")
+        self.of_board = _source("hz", "density")
         self.left_out = _source("low", "high")
         self.deviation = _source("tau", "low", "adev", "high", "model")
         self.marks = _source("xs", "ys", "at", "level", "name", "colour")
@@ -41,10 +43,15 @@ class CurveFigures:
         """In the order of the page."""
         return [self.spectrum, self.allan]
 
-    def show(self, axis: str, unit: str, fit: AxisFit | None) -> None:
-        """Draw the curves of a fit; what it does not have is emptied. unit: as people write it."""
+    def show(self, axis: str, unit: str, fit: AxisFit | None, board: DeviceSpectrum | None = None) -> None:
+        """Draw the curves of a fit; what it does not have is emptied. unit: as people write it.
+
+        board: the bins that the device itself fitted.
+        """
         spectrum, allan = (fit.spectrum, fit.allan) if fit else (None, None)
         self.density.data, self.left_out.data = _density(spectrum), _left_out(fit, spectrum)
+        hz, density = (board.hz, board.density) if board else ([], [])
+        self.of_board.data = {"hz": _positive(hz, len(hz)), "density": _positive(density, len(hz))}
         if spectrum is not None:
             self._hz.show(spectrum.hz, NARROW)
             self._densities.show([*spectrum.density, *spectrum.model], ROOM)
@@ -63,6 +70,7 @@ class CurveFigures:
         plot = _log_log("spectrum", "frequency [Hz]", self._hz, self._densities)
         plot.vstrip("low", "high", source=self.left_out, fill_color=BAND, fill_alpha=0.35, line_color=None)
         points = plot.scatter("hz", "density", source=self.density, color=SAMPLE, size=4)
+        plot.scatter("hz", "density", source=self.of_board, marker="x", color=STATE, size=7, name="board")
         plot.line("hz", "model", source=self.density, color=FIT, line_width=2.5)
         tips = [("Hz", "@hz{0.000}"), ("density", "@density{0.000e+0}"), ("model", "@model{0.000e+0}")]
         plot.add_tools(HoverTool(renderers=[points], tooltips=tips))

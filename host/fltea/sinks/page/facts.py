@@ -68,7 +68,8 @@ def axes(history: DeviceHistory, window: int) -> list[dict[str, Any]]:
     stats = history.stats.axes if history.stats else {}
     beside = facts_of_device.beside(history, window)
     return [
-        _axis(history, name, history.newest.get(name), stats.get(name)) | {"beside": beside.get(name)}
+        _axis(history, name, history.newest.get(name), stats.get(name))
+        | {"beside": beside.get(name), "of_board": facts_of_device.fit(history, name)}
         for name in history.axes
     ]
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from fltea.records.records import AXES
 from fltea.records.why_not import not_comparable
+from fltea.sinks.page.answer import interval_words
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import apart, counted, figure, guard_words, quantity
 
@@ -80,6 +81,27 @@ def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) ->
         ],
         "guard": guard_words(stats.interventions.get(axis, {}) if stats else {}),
     }
+
+
+def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
+    """What the device's own maximum-likelihood fit of an axis says, in words; None without one."""
+    found = history.device_fits.get(axis)
+    if found is None:
+        return None
+    alpha = found.alpha
+    words = {
+        "white": "white noise is not rejected: order undefined",
+        "fractional": "fractional",
+        "relaxation": "fractional, or a relaxation",
+    }
+    order = interval_words(alpha)
+    text = f"{words[found.verdict]}; {found.samples:,} samples"
+    if found.half_widths is not None and found.alpha_difference is not None:
+        text += (
+            f"; board \u2212 host {apart(found.alpha_difference)}, "
+            f"{abs(found.half_widths):.2f} of the half-width of the host's interval"
+        )
+    return {"alpha": order, "text": text, "value": alpha.value, "low": alpha.low, "high": alpha.high}
 
 
 def _apart(newest: float | None, farthest: float) -> str:

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fltea.records import clock
+from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum
 from fltea.records.records import (
     ACCEL_AXES,
@@ -17,6 +18,7 @@ from fltea.records.records import (
     AxisStats,
     DeviceAxisEstimate,
     DeviceEstimates,
+    DeviceFits,
     Epoch,
     Error,
     Estimate,
@@ -57,8 +59,9 @@ class DeviceHistory:
     """Takes the records of one device in one thread, and is read in others, under `lock`.
 
     estimate_on: who estimates the gyroscope's axes. newest: of every axis, the last estimate of the epoch;
-    newest_beside: the device's. fit: the last fit, which goes on through epochs of the same sensor; fits: of
-    every axis; curves: likewise.
+    newest_beside: the device's. device_fits, device_spectra: its own fits of every axis, and their newest
+    bins. fit: the last fit, which goes on through epochs of the same sensor; fits: of every axis; curves:
+    likewise.
     """
 
     def __init__(self, name: str, estimate_on: EstimateOn) -> None:
@@ -71,6 +74,8 @@ class DeviceHistory:
         self.estimate: Estimate | None = None
         self.newest: dict[str, AxisEstimate] = {}
         self.newest_beside: dict[str, DeviceAxisEstimate] = {}
+        self.device_fits: dict[str, DeviceAxisFit] = {}
+        self.device_spectra: dict[str, DeviceSpectrum] = {}
         self.fit: Fit | None = None
         self.fits: dict[str, AxisFit] = {}
         self.curves: dict[str, Curves] = {}
@@ -99,6 +104,8 @@ class DeviceHistory:
                     self._on_estimate(record)
                 case DeviceEstimates():
                     self._on_device_estimates(record)
+                case DeviceFits():
+                    self._on_device_fits(record)
                 case Fit():
                     self._on_fit(record)
                 case Stats():
@@ -171,6 +178,7 @@ class DeviceHistory:
         self._commit(None)
         self.epoch, self.estimate = record, None
         self.newest, self.newest_beside, self._means = {}, {}, {}
+        self.device_fits, self.device_spectra = {}, {}
         self._lost = 0
         now_ms = record.host_ns * 1e-6
         if now_ms < self._last_ms:  # the date was set back
@@ -215,6 +223,12 @@ class DeviceHistory:
         for axis in self.axes:
             row += row_layout.beside(record.axes.get(axis))
         self._tables["beside"].append(np.array(row, dtype=np.float64))
+
+    def _on_device_fits(self, record: DeviceFits) -> None:
+        self.device_fits |= record.axes
+        for axis, found in record.axes.items():
+            if found.spectrum is not None:
+                self.device_spectra[axis] = found.spectrum
 
     def _on_fit(self, record: Fit) -> None:
         if self.fit is not None and record.samples < self.fit.samples:  # of another sensor

@@ -148,6 +148,8 @@ window.fltea = (() => {
       <dl class="order"><div><dt>α</dt><dd class="alpha"></dd></div>
         <div><dt>f</dt><dd class="f"></dd></div></dl>
       <p class="condition"></p><p class="text"></p><p class="until"></p><p class="left-out"></p>
+      <dl class="of-board"><div><dt>α, the board's fit</dt><dd class="board-alpha"></dd></div></dl>
+      <p class="board-text"></p>
       <p class="why-not"></p><p class="guard"></p><p class="guard guard-of-device"></p>
       <details><summary>FLTEA, the running filter</summary><dl class="rows"></dl></details>`
     made.querySelector(".pick").textContent = axis.name
@@ -170,6 +172,10 @@ window.fltea = (() => {
     made.querySelector(".order").hidden = !found.kind
     parameter(made.querySelector("dd.alpha"), found.alpha, [])
     parameter(made.querySelector("dd.f"), found.f, [" s", element("sup", {}, "−α")])
+    const board = axis.of_board
+    made.querySelector(".of-board").hidden = !board
+    parameter(made.querySelector("dd.board-alpha"), board ? board.alpha : null, [])
+    set(".board-text", board ? board.text : "")
     set(".guard", guard("FLTEA's guard", axis.guard))
     made.dataset.apart = beside ? beside.apart ?? "" : ""
     set(".why-not", beside ? beside.why_not : "")

@@ -13,6 +13,7 @@ from bokeh.models import ColumnDataSource, CustomJS
 from jinja2 import Environment
 
 from fltea.records import clock
+from fltea.records.device_fit import DeviceSpectrum
 from fltea.records.ports import Recorder
 from fltea.sinks.page import facts, facts_of_device, recording
 from fltea.sinks.page.areas import closed
@@ -53,7 +54,7 @@ class Page:
         self._cursors: dict[Table, Cursor] = {}
         self._middles: dict[tuple[Table, str], float] = {}
         self._figures, self._curves = Figures(), CurveFigures()
-        self._drawn: tuple[str, str, Curves | None] = "", "", None
+        self._drawn: tuple[str, str, Curves | None, DeviceSpectrum | None] = "", "", None, None
         self._facts = ColumnDataSource({"json": [""]}, name="facts")
         self._control = ColumnDataSource(_choice("", "", FIRST_WINDOW, 0), name="control")
         self._control.on_change("data", self._on_control)
@@ -119,15 +120,15 @@ class Page:
 
     def _show_curves(self, history: DeviceHistory) -> None:
         """Send the curves of the axis only if they are other ones."""
-        curves = history.curves.get(self._axis)
-        wanted = history.name, self._axis, curves
-        if wanted[:2] == self._drawn[:2] and curves is self._drawn[2]:
+        curves, board = history.curves.get(self._axis), history.device_spectra.get(self._axis)
+        wanted = history.name, self._axis, curves, board
+        if wanted[:2] == self._drawn[:2] and curves is self._drawn[2] and board is self._drawn[3]:
             return
         self._drawn = wanted
         fit = history.fits.get(self._axis)
         if fit is not None and curves is not None:
             fit = msgspec.structs.replace(fit, spectrum=curves.spectrum, allan=curves.allan)
-        self._curves.show(self._axis, facts.unit_of(self._axis), fit)
+        self._curves.show(self._axis, facts.unit_of(self._axis), fit, board)
 
     def _show_moment(self, history: DeviceHistory) -> None:
         if history.sample is not None:

@@ -1,0 +1,52 @@
+"""What a device's own maximum-likelihood fit says of one axis: a part of the record `device_fit`."""
+
+from typing import Literal
+
+import msgspec
+
+from fltea.records.fit import Interval, VerdictKind
+
+DeviceVerdict = Literal["white", "fractional", "relaxation"]
+"""White noise is not rejected; or it is, and the fractional model alone fits, or a relaxation as well."""
+
+
+class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The bins that were fitted.
+
+    density: of the noise, one-sided, in deg/s over √Hz; ordinates: effective ones that a bin is made of.
+    """
+
+    hz: list[float]
+    density: list[float]
+    ordinates: list[float]
+
+
+class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One axis, as the device fits it.
+
+    number: fits of this axis since the device's start-up window. age: samples since that window, lost ones
+    included, when the spectrum was read; samples: those of them that are in it. ordinates: effective
+    independent ordinates. evaluations: of the likelihood; searched: on a grid, since there was no answer
+    before, or one of far fewer samples. alpha: its interval is by the curvature of the likelihood; null where
+    the data do not define it. s2, R: (deg/s)². ratio_white, ratio_relaxation: 2 log L above these two.
+    alpha_difference: minus that of this computer's newest fit, and by how many half-widths of its interval;
+    null where one of them has no order. host_verdict: of that fit.
+    """
+
+    verdict: DeviceVerdict
+    number: int
+    age: int
+    samples: int
+    ordinates: float
+    evaluations: int
+    searched: bool
+    ratio_white: float
+    ratio_relaxation: float
+    alpha: Interval = Interval()
+    f: float | None = None
+    s2: float | None = None
+    R: float | None = None
+    alpha_difference: float | None = None
+    half_widths: float | None = None
+    host_verdict: VerdictKind | None = None
+    spectrum: DeviceSpectrum | None = None

@@ -1,0 +1,77 @@
+"""The emulated Due fits by maximum likelihood: a PC's bits, in its share of the time, at the cost of no sample."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from device_probe import STARTUP
+from due_support import NOISE, DueRun, build, image
+from fltea.records.records import DeviceFits
+from fltea.wire import layout as wire
+from spectrum_probe import BoardSpectrum
+
+# The probe is compiled first.
+pytestmark = pytest.mark.timeout(300)
+
+FIRST_FIT_S = 25.5
+
+
+def steps(run: DueRun) -> set[int]:
+    samples = [arrival.frame for arrival in run.of(wire.Sample)]
+    assert not any(frame.message.flags & wire.SampleFlags.LATE for frame in samples)
+    return {b.device_us - a.device_us for a, b in pairwise(samples)}
+
+
+def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
+    run = DueRun(image(), noise=NOISE, settings={"estimator.estimate_on": "both"}).run_until(FIRST_FIT_S)
+    assert run.check() is None
+    assert (run.stats.samples.lost, run.gaps, run.troubles) == (0, [], [])
+    assert steps(run) == {10_000}, "a sample has waited for a fit"
+    assert run.of(wire.Status)[-1].frame.message.dropped_frames == 0
+
+    (fit,) = (arrival.frame.message for arrival in run.of(wire.Fit))
+    counts = np.array([arrival.frame.message.gyro_x for arrival in run.of(wire.Sample)], dtype=np.int16)
+    window = counts[:STARTUP].astype(np.float64)
+    pc = BoardSpectrum(float(np.var(window, ddof=1)))
+    pc.add(counts[STARTUP : STARTUP + fit.age])
+    found = pc.fit()
+    assert fit.axis == wire.Axis.GYRO_X
+    assert (fit.verdict, fit.alpha, fit.alpha_std) == (found.verdict, found.alpha, found.alpha_std)
+    ratios = fit.ratio_white, fit.ratio_relaxation, fit.ordinates
+    assert ratios == (found.ratio_white, found.ratio_ar1, found.ordinates)
+
+    # Its bins follow, and the host puts them together.
+    once, again = (record for record in run.records if isinstance(record, DeviceFits))
+    assert once.axes["gyro_x"].host_verdict is not None
+    spectrum = again.axes["gyro_x"].spectrum
+    assert spectrum is not None
+    assert sum(spectrum.ordinates) == pytest.approx(fit.ordinates, rel=1e-6)
+    assert list(spectrum.hz) == sorted(spectrum.hz)
+    power = float(np.dot(spectrum.ordinates, np.square(spectrum.density))) / fit.ordinates * 100 / 2
+    variance = float(np.var(counts[STARTUP : STARTUP + fit.age] / 16.4))
+    assert power == pytest.approx(variance, rel=0.2)
+
+    # 7 % of the time for fits; an instruction takes a cycle here.
+    while_searching = [a.frame.message.cpu_share for a in run.of(wire.Status) if 17 < a.at_s < 24]
+    assert len(while_searching) == 7
+    assert all(2000 < share < 2400 for share in while_searching)
+    estimator = run.of(wire.Estimator)[-1].frame.message
+    assert estimator.skipped == 0
+    assert 300 < estimator.longest_slice < 1200
+
+
+def test_at_200_hz_it_fits_too_and_no_sample_waits(tmp_path: Path) -> None:
+    fast = build("timer", tmp_path, "FLTEA_RATE_HZ=200")
+    run = DueRun(fast, noise="rate_hz=200&alpha=0.5&f=-1&seed=7").run_until(9.0)
+    assert run.error is None
+    assert steps(run) == {5_000}
+    last = run.of(wire.Estimator)[-1].frame.message
+    assert last.skipped == 0
+    assert (last.fit_every, last.longest_slice > 300) == (600, True)
+
+
+def test_at_500_hz_it_makes_none_and_says_so(tmp_path: Path) -> None:
+    fast = build("data_ready", tmp_path, "FLTEA_RATE_HZ=500")
+    run = DueRun(fast, noise="rate_hz=500&alpha=0.5&f=-1&seed=7").run_until(1.2)
+    assert run.of(wire.Estimator)[-1].frame.message.fit_every == 0
