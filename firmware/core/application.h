@@ -90,7 +90,7 @@ class Application {
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
     // 192 bins of an axis, in rounds of kFitEvery samples.
     static constexpr size_t kMostSpectraPerS =
-        3 * 192 / 5 * kSamplesPerS / (settings::kFitEvery * settings::kSpectrumEvery) + 1;
+        kSamplesPerS * 3 * 192 / 5 / settings::kFitEvery / settings::kSpectrumEvery + 1;
     static constexpr size_t kBytesPerS =
         kSamplesPerS * wire_size<Sample>() + wire_size<Hello>() + wire_size<Status>() + wire_size<Fault>() +
         (settings::kEstimate
@@ -185,7 +185,12 @@ class Application {
         if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
         if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
         if (fit_due_ && link_.send(fit_, now_us, quiet_us)) fit_due_ = false;
-        if (spectrum_due_ && link_.send(spectrum_, now_us, quiet_us)) spectrum_due_ = false;
+        // One in a period: the line has to be free again when the next sample comes.
+        const uint16_t instant = sampler_.sequence();
+        if (spectrum_due_ && instant != spectrum_at_ && link_.send(spectrum_, now_us, quiet_us)) {
+            spectrum_due_ = false;
+            spectrum_at_ = instant;
+        }
     }
 
     Hello hello() const {
@@ -259,6 +264,7 @@ class Application {
     uint16_t announced_starts_ = 0;
     bool estimate_due_ = false;
     bool estimator_due_ = false;
+    uint16_t spectrum_at_ = 0;  // sample after which the last one was sent
     bool fit_due_ = false;
     bool spectrum_due_ = false;
 };

@@ -63,7 +63,8 @@ def test_its_loads() -> None:
     assert 0.05 < board.twi.load_ps / 1e12 / seconds < 0.07
     # 28 bytes a sample, 81 an ESTIMATE, and some 240 a second besides, at 25,000 bytes a second.
     assert 0.2 < board.uart.busy_ps / 1e12 / seconds < 0.23
-    assert board.machine.idle_ps / 1e12 / seconds > 0.83
+    # The estimates take 8 % and the fits 7 %, of which there are none for the first 15 s.
+    assert board.machine.idle_ps / 1e12 / seconds > 0.8
 
 
 def test_its_hellos_and_statuses_come_every_second() -> None:

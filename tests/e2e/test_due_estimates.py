@@ -85,7 +85,8 @@ def test_status_says_what_it_costs() -> None:
     assert all(500 < status.longest_step < 2_000 for status in estimating)
     estimator = run.of(wire.Estimator)[-1].frame.message
     assert estimator.skipped == 0
-    assert 150 < estimator.longest_axis < 500
+    # That which begins the spectra, once.
+    assert 150 < estimator.longest_axis < 1000
 
 
 def test_after_each_fault_it_begins_anew_or_goes_on_as_the_host_does() -> None:

@@ -1,4 +1,4 @@
-"""The emulated Due fits by maximum likelihood: a PC's bits, in its share of the time, at the cost of no sample."""
+"""The emulated Due fits by maximum likelihood: bits of a PC, in its share of the time, at the cost of no sample."""
 
 from itertools import pairwise
 from pathlib import Path

@@ -35,15 +35,17 @@ float use(CountOctaves<>& octaves) {
 }
 
 typedef FitBins<CountOctaves<>> DeviceBins;
-float use(const CountOctaves<>& octaves, DeviceBins& bins, whittle::SlicedFit<DeviceBins>& fit);
-float use(const CountOctaves<>& octaves, DeviceBins& bins, whittle::SlicedFit<DeviceBins>& fit) {
+float use(const CountOctaves<>& octaves, DeviceBins& bins, whittle::SlicedFit<DeviceBins>& fit,
+          whittle::FitMemory& memory);
+float use(const CountOctaves<>& octaves, DeviceBins& bins, whittle::SlicedFit<DeviceBins>& fit,
+          whittle::FitMemory& memory) {
     bins.begin();
     while (!bins.step(octaves)) {
     }
-    fit.begin(bins, whittle::kOnePercent);
+    fit.begin(bins, whittle::kOnePercent, memory);
     while (!fit.work(bins)) {
     }
-    return fit.figures().alpha;
+    return memory.figures().alpha;
 }
 
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -10,6 +10,7 @@
 
 #include "fit_bins.hpp"
 #include "noise.h"
+#include "real_spectrum.hpp"
 #include "sliced_fit.hpp"
 #include "whittle_fit.hpp"
 
@@ -177,6 +178,50 @@ TEST_CASE("sliced fit: bins of white noise have its variance, all its ordinates,
             CHECK(bins->ln_size(i) ==
                   doctest::Approx(std::log(2 * std::sin(bins->lam(i) / 2))).epsilon(1e-5));
         }
+    }
+}
+
+TEST_CASE("sliced fit: bins stand at their lines' frequencies, cleared of what the filters left of them") {
+    typedef fltea::engine::HalfBand<fltea::RealSpectrum<double>> Filter;
+    const double turn = 2 * 3.14159265358979323846;
+    // |H|² of a half-band filter.
+    const auto gain = [](double w) {
+        double h = Filter::middle();
+        for (int k = 0; k < Filter::kTaps; ++k) h += 2 * Filter::tap(k) * std::cos((15 - 2 * k) * w);
+        return h * h;
+    };
+    std::unique_ptr<Octaves> octaves(new Octaves(16.0f));
+    Counts next(3, 0.5, 4.0, 3);
+    for (int k = 0; k < 120000; ++k) octaves->add(next());
+    std::unique_ptr<Gathered> bins(new Gathered);
+    make_bins(*octaves, *bins);
+    REQUIRE(octaves->ladder().depth() >= 6);
+    for (int level = 0; level < octaves->ladder().depth(); ++level) {
+        float power[Octaves::Ladder::kTopLines], blocks, effective;
+        octaves->ladder().sums(level, 0, power, &blocks, &effective);
+        const double step = turn / 256 / std::exp2(level);
+        const int lines = octaves->ladder().lines(level);
+        double expected = 0, by_frequency = 0, found = 0, found_by_frequency = 0, weight = 0, counts = 0;
+        for (int i = 0; i < lines; ++i) {
+            const double w = turn * (45 + i) / 256;
+            double passed = 1;
+            for (int l = 1; l <= level; ++l) passed *= gain(w / std::exp2(l));
+            const double one = std::ldexp(static_cast<double>(power[i]), octaves->exponent(level) + level) /
+                               (96 * static_cast<double>(blocks) * passed);
+            expected += one;
+            by_frequency += step * (45 + i);
+            weight += 1;
+        }
+        for (int i = 0; i < bins->size(); ++i) {
+            const double l = static_cast<double>(bins->lam(i)), c = static_cast<double>(bins->counts(i));
+            if (l < step * 44.9 || l > step * (45 + lines - 0.9)) continue;
+            found += c * static_cast<double>(bins->power(i));
+            found_by_frequency += c * l;
+            counts += c;
+        }
+        CAPTURE(level);
+        CHECK(found / counts == doctest::Approx(expected / weight).epsilon(2e-4));
+        CHECK(found_by_frequency / counts == doctest::Approx(by_frequency / weight).epsilon(1e-5));
     }
 }
 

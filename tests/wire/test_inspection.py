@@ -149,10 +149,12 @@ def test_status_and_its_reset_cause(cause: int, text: str) -> None:
 def test_estimate_and_estimator_have_their_own_words() -> None:
     shown = line(wire.Estimate(1, 9, 7, 8, *[0.1] * 6, *[0] * 9))
     assert "  axis 1 (gyro_y)  flags 9 (valid|skipped)  sample 7  age 8  alpha 0.1  " in shown
-    shown = line(wire.Estimator(1, 2, *[3] * 11, *[f32(0.01)] * 18))
+    shown = line(wire.Estimator(1, 2, *[3] * 13, *[f32(0.01)] * 18))
     assert shown.startswith("ESTIMATOR seq")
     assert "  variant 1 (joint)  guard 2 (consistent)  startup 3  " in shown
     assert shown.endswith("  gate 0.01")
+    shown = line(wire.Fit(1, 2, 3, *[4] * 4, *[f32(0.01)] * 8))
+    assert "  axis 1 (gyro_y)  verdict 2 (fractional)  flags 3 (alpha_defined|searched)  number 4  " in shown
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 """Puts single bugs into the firmware, one at a time, and asks who notices (`make mutants`).
 
-Judges: the emulated Due (the strictness of its parts, and tools.mutants.trial), the C++ tests of the core,
-and the Arduino sketch on its stub. That the committed image has other bytes does not count. Everything
-happens in private copies.
+Judges: the emulated Due (the strictness of its parts, and tools.mutants.trial), the C++ tests of the core and
+of its spectrum, and the Arduino sketch on its stub. The first that notices a bug is enough; --everyone asks
+all. That the committed image has other bytes does not count. Everything happens in private copies.
 
 Exit codes: 0; 1 more than 2 mutants survive, a mutant does not build, or the present sources fail already.
 """
@@ -20,6 +20,9 @@ from tools.mutants.mutation import Mutant, read_mutants
 from tools.mutants.workshop import Invalid, Verdict, copy_parts, forget_build, judge
 
 MOST_SURVIVORS = 2
+
+EVERYWHERE = ("core/engine/", "arduino/")
+"""Files for which all judges together are asked."""
 
 
 class Result(NamedTuple):
@@ -57,14 +60,14 @@ class Result(NamedTuple):
         }
 
 
-def try_mutant(mutant: Mutant, base: Path) -> Result:
+def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
     """Judge one bug in a copy of `base`, which keeps what is built there already."""
     with tempfile.TemporaryDirectory(dir=base.parent) as folder:
         root = Path(folder) / "fltea"
         shutil.copytree(base, root)
         try:
             mutant.apply(root)
-            return Result(mutant, judge(root, mutant.file), None)
+            return Result(mutant, judge(root, mutant.file, everyone=everyone), None)
         except (Invalid, ValueError) as error:
             return Result(mutant, [], str(error))
 
@@ -78,6 +81,7 @@ def main() -> int:
     )
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="may be given again")
     parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--everyone", action="store_true", help="ask all judges of each bug")
     parser.add_argument("--jobs", type=int, default=2, help="so many at a time")
     options = parser.parse_args()
     mutants = [m for m in read_mutants() if not options.only or m.name in options.only]
@@ -87,7 +91,8 @@ def main() -> int:
         base = Path(folder) / "base"
         copy_parts(base)
         try:
-            failing = [verdict for verdict in judge(base, "core") if verdict.noticed]
+            present = [verdict for file in EVERYWHERE for verdict in judge(base, file, everyone=True)]
+            failing = [verdict for verdict in present if verdict.noticed]
         except Invalid as error:
             print(f"the present sources do not build:\n{error}", file=sys.stderr)
             return 1
@@ -98,7 +103,7 @@ def main() -> int:
         forget_build(base)
         results = []
         with ThreadPoolExecutor(options.jobs) as pool:
-            for result in pool.map(lambda mutant: try_mutant(mutant, base), mutants):
+            for result in pool.map(lambda m: try_mutant(m, base, everyone=options.everyone), mutants):
                 results.append(result)
                 print(result.describe(), file=sys.stderr if options.json else sys.stdout, flush=True)
     survivors = [result.mutant.name for result in results if result.survives]

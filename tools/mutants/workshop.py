@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +16,8 @@ from build_firmware import BuildError, build  # noqa: E402
 PARTS = (
     "firmware",
     "tests/firmware",
+    "tests/native",
+    "host/native",
     "tests/conftest.py",
     "tests/toolchain.py",
     "protocol/vectors",
@@ -23,7 +26,7 @@ PARTS = (
 PATIENCE_S = 300.0
 """Only keeps a mutant that never ends from holding up the others."""
 
-DOCTEST = "build/doctest"
+DOCTEST, NATIVE = "build/doctest", "build/native"
 # Neither sanitizers nor optimisation: a mutant is built in seconds. $(VECTORS) is make's.
 DOCTEST_FLAGS = "FLAGS=-std=gnu++11 -O0 -DVECTORS='\"$(VECTORS)\"'"
 ARDUINO = {"MAKEFLAGS": "SANITIZE="}
@@ -54,24 +57,35 @@ def copy_parts(to: Path) -> None:
 def forget_build(root: Path) -> None:
     """Leave of what is built in `root` only what make finds out of date by itself in a copy of it."""
     (root / DOCTEST / "tests").unlink()
+    shutil.rmtree(root / NATIVE)  # likewise with absolute paths
     shutil.rmtree(root / "build/tests-arduino")  # its dependencies are noted with absolute paths
 
 
-def judge(root: Path, file: str) -> list[Verdict]:
-    """Build the copy at `root` and ask everyone whom a change of firmware/`file` concerns.
+def judge(root: Path, file: str, *, everyone: bool = False) -> list[Verdict]:
+    """Build the copy at `root` and ask those whom a change of firmware/`file` concerns, the likeliest first.
+
+    everyone: also when one has noticed something; else the others are left out.
 
     Raises:
         Invalid: it does not build.
     """
-    port = file.split("/")[0]
     verdicts = []
-    if port in ("core", "due"):
-        verdicts.append(Verdict("emulator", on_the_emulator(root)))
-    if port == "core":
-        verdicts.append(Verdict("doctest", by_doctest(root)))
-    if port in ("core", "arduino"):
-        verdicts.append(Verdict("arduino", on_the_stub(root)))
+    for name, ask in _judges(file):
+        verdicts.append(Verdict(name, ask(root)))
+        if verdicts[-1].noticed and not everyone:
+            break
     return verdicts
+
+
+def _judges(file: str) -> list[tuple[str, Callable[[Path], str | None]]]:
+    """Names and functions of those who can notice a bug in firmware/`file`."""
+    emulator, doctest = ("emulator", on_the_emulator), ("doctest", by_doctest)
+    arduino, spectrum = ("arduino", on_the_stub), ("spectrum", by_spectrum)
+    if file.startswith("core/engine/"):
+        return [spectrum, doctest, emulator]
+    if file.startswith("core/"):
+        return [doctest, emulator, arduino]
+    return [emulator] if file.startswith("due/") else [arduino]
 
 
 def on_the_emulator(root: Path) -> str | None:
@@ -94,6 +108,18 @@ def by_doctest(root: Path) -> str | None:
     goal = os.path.relpath(program, here)
     command = ["make", f"BUILD={Path(goal).parent}", DOCTEST_FLAGS, goal]
     code, output = _run(command, here)
+    if code:
+        raise Invalid(output)
+    code, output = _run([str(program), "--abort-after=1", "--no-colors=true"], here)
+    return _first(output, "TEST CASE:", f"exit code {code}") if code else None
+
+
+def by_spectrum(root: Path) -> str | None:
+    """Build and run the C++ tests of the device's spectrum and fit; the first case that fails."""
+    program = root / NATIVE / "board_tests"
+    flags = "FLAGS=-std=gnu++11 -O1 -ffp-contract=off"
+    here = root / "tests/native"
+    code, output = _run(["make", f"BUILD={program.parent}", flags, str(program)], here)
     if code:
         raise Invalid(output)
     code, output = _run([str(program), "--abort-after=1", "--no-colors=true"], here)

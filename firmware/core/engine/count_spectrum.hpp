@@ -70,7 +70,7 @@ struct CountSpectrum {
             for (int i = 0; i < n; ++i) {
                 const std::int32_t one = x[i];
                 sum += one;
-                squares += one * one;
+                squares += static_cast<std::int64_t>(one) * one;
                 if (one < low) low = one;
                 if (one > high) high = one;
             }

@@ -19,7 +19,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <limits>
 
 #include "instruction_set.hpp"
 
@@ -183,7 +182,8 @@ class Gate {
 
     static std::uint64_t* fields(GateCounts& counts) { return &counts.taken; }
     static int least(int a, int b) { return a < b ? a : b; }
-    static Real infinity() { return std::numeric_limits<Real>::infinity(); }
+    // Not of <limits>, whose names the Arduino core's macros min and max take away.
+    static Real infinity() { return Real(__builtin_inff()); }
 
     void note_change(const Input* y, int n) {
         if (changed_) return;

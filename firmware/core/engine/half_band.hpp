@@ -4,6 +4,8 @@
 // (count_spectrum.hpp in integers, host/native/real_spectrum.hpp in floating point).
 #pragma once
 
+#include <cstddef>
+
 #include "instruction_set.hpp"
 
 namespace fltea {
@@ -41,8 +43,8 @@ struct HalfBand {
         Value even[kMost / 2 + kReach / 2 + 1];
         Sum sum[kMost / 2];
         const Stored* const oldest = x + first - kReach;
-        for (int i = 0; i < outputs + kReach / 2; ++i) even[i] = Value(oldest[2 * i]);
-        for (int i = 0; i < outputs; ++i) sum[i] = middle() * Sum(oldest[2 * i + kDelay]);
+        for (int i = 0; i < outputs + kReach / 2; ++i) even[i] = Value(oldest[std::ptrdiff_t(2) * i]);
+        for (int i = 0; i < outputs; ++i) sum[i] = middle() * Sum(oldest[std::ptrdiff_t(2) * i + kDelay]);
         for (int k = 0; k < kTaps; ++k) {
             const Coefficient c = tap(k);
             const Value* const left = even + k;

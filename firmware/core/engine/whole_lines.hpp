@@ -88,7 +88,7 @@ class WholeLines {
             sum += y_[i];
             by_t += along;
             by_square += along * t;
-            by_cube += along * (t * t);
+            by_cube += along * (static_cast<std::int64_t>(t) * t);
         }
         // Mean squares of 1, t, ... over the places: n² - 1 over 3, and so on.
         const float n = static_cast<float>(n_), nn = n * n, level = (nn - 1) / 3;

@@ -10,6 +10,10 @@ from fltea.wire.messages import REASONS, Frame, FrameReader, Refused
 HEX_BYTES_SHOWN = 24
 
 
+FLAGS: dict[type[wire.Message], type[IntFlag]] = {wire.Estimate: wire.EstimateFlags, wire.Fit: wire.FitFlags}
+"""Names of the bits of a message's `flags`, if they are not those of SAMPLE."""
+
+
 def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
     """Yield a line for every block in a stream of bytes; `reader` counts them.
 
@@ -36,7 +40,7 @@ def describe(item: Frame | Refused | BadFrame) -> str:
         case Frame():
             name = type(item.message).__name__.upper()
             fields = zip(item.message._fields, item.message, strict=True)
-            flags = wire.EstimateFlags if isinstance(item.message, wire.Estimate) else wire.SampleFlags
+            flags = FLAGS.get(type(item.message), wire.SampleFlags)
             text = "  ".join(f"{field} {_value(field, value, flags)}" for field, value in fields)
             return f"{name:8} seq {item.sequence:5}  t {item.device_us / 1e6:11.6f} s  {text}"
 

@@ -174,7 +174,7 @@ window.fltea = (() => {
     parameter(made.querySelector("dd.f"), found.f, [" s", element("sup", {}, "−α")])
     const board = axis.of_board
     made.querySelector(".of-board").hidden = !board
-    parameter(made.querySelector("dd.board-alpha"), board ? board.alpha : null, [])
+    if (board) parameter(made.querySelector("dd.board-alpha"), board.alpha, [])
     set(".board-text", board ? board.text : "")
     set(".guard", guard("FLTEA's guard", axis.guard))
     made.dataset.apart = beside ? beside.apart ?? "" : ""
