@@ -1,9 +1,5 @@
 """A Dask scheduler that is killed: what is told, what is kept, and a second run with another one."""
 
-import asyncio
-import subprocess
-import sys
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import closing
@@ -20,50 +16,10 @@ from fltea.records.errors import FlteaError
 from identify_files import counts, npz
 from toolchain import missing
 
+from tools.faults.dask_stage import Cluster
+
 FILES, DONE = 8, 3
 QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100")
-SCHEDULER = """
-import asyncio
-from distributed import Scheduler
-
-async def main():
-    async with Scheduler(host="127.0.0.1", port=0, dashboard=False) as scheduler:
-        print(scheduler.address, flush=True)
-        await scheduler.finished()
-
-asyncio.run(main())
-"""
-
-
-class Cluster:
-    """A scheduler in a process of its own, and a worker with one thread in this one."""
-
-    def __init__(self) -> None:
-        self.scheduler = subprocess.Popen(
-            [sys.executable, "-c", SCHEDULER], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-        )
-        assert self.scheduler.stdout is not None
-        self.address = self.scheduler.stdout.readline().strip()
-        self._worker = threading.Thread(target=asyncio.run, args=(self._work(),))
-        self._worker.start()
-
-    async def _work(self) -> None:
-        from distributed import Worker
-
-        worker: Any = Worker
-        async with worker(self.address, nthreads=1, dashboard=False) as one:
-            await one.finished()  # ends with its scheduler
-
-    def kill(self) -> None:
-        """The scheduler, by `kill -9`."""
-        self.scheduler.kill()
-        self.scheduler.wait()
-
-    def close(self) -> None:
-        self.kill()
-        assert self.scheduler.stdout is not None
-        self.scheduler.stdout.close()
-        self._worker.join()
 
 
 def identify(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
