@@ -1,10 +1,10 @@
 """TWI0 and TWI1 as bus masters: whole bytes, at the times that they take on the wires.
 
 Sources: SAM3X datasheet, chapter 33 (33.8 master mode, 33.11 registers); that SCL waits on the last bit until
-RHR is read is told for the same controller in the SAM4CP datasheet, 34.7.3.5. A byte that was to be written to
-an address that nobody acknowledged stays in THR: the successors of this controller (SAMA5D2) have a command of
-their own, THRCLR, to throw it away, here only SWRST does. The next write sends it first. Not modelled, and refused:
-slave mode, quick command, transfers by PDC.
+RHR is read is told for the same controller in the SAM4CP datasheet, 34.7.3.5. A byte of a write that nobody
+acknowledged stays in THR, and the next write sends it first: later controllers of the family (SAMA5D2) have a
+command to throw it away, THRCLR; here only SWRST does. Not modelled, and refused: slave mode, quick command,
+transfers by PDC.
 """
 
 from collections.abc import Generator
