@@ -285,8 +285,10 @@ uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n, uint32_t reg, uint8_t r
     if (reg_size == 0) reg = 0;  // none is addressed; where the chip's own pointer is, nobody should rely on
     rx_index_ = rx_length_ = 0;
     if (n > BUFFER_LENGTH) n = BUFFER_LENGTH;
-    if (!stub::transfer(3 + 9u * (3u + n), 2)) return 0;
-    if (!stub::acknowledged(address)) return 0;
+    const bool complete = stub::transfer(3 + 9u * (3u + n), 2);
+    // What came before a line got stuck is handed on.
+    if (!complete) n = static_cast<uint8_t>(board.chip.stall_after < n ? board.chip.stall_after : n);
+    if (n == 0 || !stub::acknowledged(address)) return 0;
     stub::convert();
     const int length = n - board.chip.short_by;
     board.chip.short_by = 0;

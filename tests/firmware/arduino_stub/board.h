@@ -19,6 +19,7 @@ struct Chip {
     bool plugged_in = true;
     int nacks = 0;        // transfers yet to be refused
     int stalls = 0;       // transfers yet to hang until Wire gives up
+    int stall_after = 0;  // bytes of a read that come before it hangs
     int short_by = 0;     // bytes that the next read lacks
     int held_clocks = 0;  // SDA is low until so many clocks; kForEver
     bool scl_held = false;
