@@ -1,4 +1,4 @@
-# setup run test lint gen bench reproduce firmware flash emulate mutants docs man dist: each does first what it needs, and
+# setup run test lint gen bench reproduce firmware flash emulate mutants faults docs man dist: each does first what it needs, and
 # nothing twice on an unchanged tree.
 #   make run ARGS='--format ndjson'             arguments for 'fltea run'
 #   make test ARGS='-k timebase'                arguments for pytest
@@ -7,7 +7,7 @@
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
 .PHONY: setup run test test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench reproduce firmware flash \
-        emulate mutants docs man dist clean install-service install-udev uninstall-service
+        emulate mutants faults docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
 PY := .venv/bin/python
@@ -99,6 +99,10 @@ emulate: .venv/.run
 # Single bugs put into the firmware, one at a time, and what notices each.
 mutants: .venv/.dev
 	@$(PY) -m tools.mutants $(ARGS)
+
+# Every fault of board, daemon, fleet, ingest and cluster, in build/faults.md: four minutes.
+faults: .venv/.dev
+	@$(PY) -m tools.faults $(ARGS)
 
 bench: .venv/.dev
 	@$(PY) -m tools.bench $(ARGS)

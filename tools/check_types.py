@@ -21,6 +21,7 @@ BY_PACKAGE = (
     "tools.fault_report",
     "tools.fleet_faults",
     "tools.fleet_load",
+    "tools.frames_load",
     "tools.ndjson_summary",
 )
 """Modules of `tools` that are imported with its name, since they need its packages."""

@@ -33,7 +33,10 @@ DAY_NS = 86_400 * 10**9
 
 
 class Outcome(NamedTuple):
-    """What a fault led to. fits: that the broker acknowledged. wrong: what does not add up."""
+    """What a fault led to. fits: that the broker acknowledged. wrong: what does not add up.
+
+    of, due, where: what is counted, how many there were, and what became of how many.
+    """
 
     name: str
     told: list[str]
@@ -41,6 +44,9 @@ class Outcome(NamedTuple):
     taken: int
     account: str
     wrong: list[str]
+    of: str
+    due: int
+    where: dict[str, int]
 
 
 class Stage:
@@ -147,10 +153,22 @@ class Stage:
             process.kill()
             process.wait()
 
-    def outcome(self, name: str, account: str, *wrong: tuple[bool, str]) -> Outcome:
-        """What came of it; wrong: what must not be, and its name."""
+    def outcome(
+        self,
+        name: str,
+        account: str,
+        *wrong: tuple[bool, str],
+        of: str = "fits",
+        due: int | None = None,
+        where: dict[str, int] | None = None,
+    ) -> Outcome:
+        """What came of it; wrong: what must not be, and its name. where: of all `due`; else of the fits."""
         taken = self.summary()["fits"]
-        return Outcome(name, self.kinds(), self.fits, taken, account, [text for bad, text in wrong if bad])
+        texts = [text for bad, text in wrong if bad]
+        due = self.fits if due is None else due
+        return Outcome(
+            name, self.kinds(), self.fits, taken, account, texts, of, due, where or {"taken": taken}
+        )
 
 
 def _listens(port: int) -> bool:
@@ -223,6 +241,9 @@ def disk_full(folder: Path) -> Outcome:
                 "history's disk full, later room again",
                 f"{due} rows due = {rows} kept + {lost} counted as lost",
                 (rows + lost != due, f"{due} rows, {rows} kept, {lost} lost"),
+                of="rows of history",
+                due=due,
+                where={"kept": rows, "counted as lost": lost},
             )
 
 
@@ -237,6 +258,8 @@ def fleet_killed(folder: Path) -> Outcome:
     with contextlib.closing(Stage(folder, "--history", history, "--history-every", "1ms")) as stage:
         stage.publish(3)
         stage.until(stage.is_up_to_date, "the fits")
+        stage.until(lambda: _rows(history) > 0, "rows")
+        before = stage.summary()["fits"]
         stage.fleet.kill()
         stage.fleet.wait()
         stage.publish(2)
@@ -247,6 +270,11 @@ def fleet_killed(folder: Path) -> Outcome:
             "the fleet's program killed (`kill -9`) and started again",
             f"the newest fit of all {SENSORS * AXES} axes from the broker; {rows} rows in whole fits",
             (rows % AXES != 0, f"{rows} rows are no whole fits"),
+            where={
+                "taken before": before,
+                "replaced by a newer one meanwhile": SENSORS,
+                "taken afterwards": stage.summary()["fits"],
+            },
         )
 
 
@@ -304,13 +332,16 @@ def flood(folder: Path) -> Outcome:
             time.sleep(0.5)
         found = stage.summary()
         kept = found["sensors"] - SENSORS
+        dropped = 10_000 - kept - found["refused"]
         return stage.outcome(
             "10,000 messages, a new device each",
-            f"{kept} kept, {found['refused']} refused, "
-            f"{10_000 - kept - found['refused']} dropped by the broker; some are named",
+            f"{kept} kept, {found['refused']} refused, {dropped} dropped by the broker; some are named",
             (found["sensors"] != most, f"{found['sensors']} sensors"),
             (kept + found["refused"] > 10_000, "counts"),
             (not found["refused_names"], "names"),
+            of="status",
+            due=10_000,
+            where={"kept": kept, "refused": found["refused"], "dropped by the broker": dropped},
         )
 
 

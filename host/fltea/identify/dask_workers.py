@@ -75,15 +75,18 @@ class DaskWorkers:
     @property
     def slots(self) -> int:
         """Two a thread: the next one is there when one is done."""
-        threads: int = sum(self._client.nthreads().values())
-        return max(2, 2 * threads)
+        return max(2, 2 * self._threads())
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Hand a task to the scheduler."""
         with warnings.catch_warnings():
             # It would rather have large data scattered, but what is scattered is lost with its worker.
             warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
-            future: Future[T] = self._executor.submit(task, *arguments)
+            try:
+                future: Future[T] = self._executor.submit(task, *arguments)
+            except Exception as error:
+                self._check_scheduler(error)
+                raise
         return future
 
     def renew(self) -> None:
@@ -95,15 +98,34 @@ class DaskWorkers:
         Raises:
             FlteaError: then.
         """
-        if self._client.status != "running":
-            raise FlteaError(f"--dask {self._address}: the scheduler is gone; what it was doing is lost.")
-        if self._client.nthreads():
+        if self._threads():
             self._lonely_since = None
             return
         now = time.monotonic()
         self._lonely_since = self._lonely_since or now
         if now - self._lonely_since > LONELY_S:
             raise FlteaError(f"--dask {self._address}: there has been no worker for {LONELY_S:.0f} s.")
+
+    def _threads(self) -> int:
+        """Of all workers.
+
+        Raises:
+            FlteaError: the scheduler is gone.
+        """
+        self._check_scheduler()
+        try:
+            return sum(self._client.nthreads().values())
+        except Exception as error:
+            self._check_scheduler(error)
+            raise
+
+    def _check_scheduler(self, cause: Exception | None = None) -> None:
+        if self._client.status == "running" and not isinstance(cause, OSError):
+            return
+        raise FlteaError(
+            f"--dask {self._address}: the scheduler is gone, and what it was doing is lost. Start it and its "
+            "workers, and give the same command again; what is in the table of --out is not done again."
+        ) from cause
 
     def close(self) -> None:
         """Leave; the scheduler forgets what was asked for."""

@@ -220,7 +220,10 @@ class _Loop:
             result = future.result()
         except BrokenExecutor:
             return False
-        except (Exception, CancelledError) as error:
+        except CancelledError as error:  # Dask does so when it has lost its scheduler
+            self._workers.check()
+            result = error
+        except Exception as error:
             result = error
         del self._pending[future]
         self._settle(task, result)

@@ -1,0 +1,25 @@
+"""Faults of the ingest as `tools.faults` plays them: each sample is delivered, or counted as lost."""
+
+from pathlib import Path
+
+import pytest
+from mosquitto_support import tool
+from support import ROOT
+
+from tools.faults import ingest
+
+
+def test_the_server_away_for_longer_than_a_lease(tmp_path: Path) -> None:
+    """Boards that keep what they could not send lose nothing; workers go on by themselves."""
+    tool("nats-server")
+    row = ingest.server_away(tmp_path)
+    assert row.wrong == []
+    assert row.uncounted == 0
+    assert row.told[:2] == ["nats_lost", "nats_back"]
+    assert row.where["counted as lost"] == 0
+    assert row.where["before a sensor's second message"] == 100 * ingest.DEVICES
+
+
+@pytest.mark.parametrize("case", ingest.CASES)
+def test_every_fault_stands_in_the_documentation(case: object) -> None:
+    assert f"`{case.__name__}`" in (ROOT / "host/ingest.md").read_text(encoding="utf-8")  # type: ignore[attr-defined]

@@ -1,0 +1,1 @@
+"""Every fault of every part, in one report: `make faults`."""

@@ -1,0 +1,144 @@
+"""Faults of `fltea identify --dask --out`: a worker killed in mid-file, the scheduler killed."""
+
+import contextlib
+import os
+import signal
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fltea.cluster.listing import files_of
+from fltea.cluster.run import Progress, run
+from fltea.cluster.verdict_table import VerdictTable
+from fltea.cluster.whole import Ask
+from fltea.identify.axis import IdentifyOptions
+from fltea.identify.run import Settings
+from fltea.identify.workers import Here, Workers
+from fltea.records.errors import FlteaError
+from fltea.settings.how import How
+
+from tools.faults.dask_stage import Cluster
+from tools.faults.played import played
+from tools.faults.row import Row
+
+PART = "cluster"
+SAMPLES, PIECES, SMALL = 1 << 14, 4, 6
+ASK = Ask(
+    Settings(IdentifyOptions(shuffles=0)),
+    how=How(rate_hz=100.0, units="deg/s"),
+    block_bytes=8 * SAMPLES // PIECES + 256,
+)
+DONE = 3
+"""Files after which the scheduler is killed."""
+
+
+def worker_killed(folder: Path) -> Row:
+    """One of two, while a large file is summed in pieces."""
+    from distributed import LocalCluster
+    from fltea.identify.dask_workers import DaskWorkers
+
+    files = _make(folder)
+    killed: list[int] = []
+    start: Any = LocalCluster  # it has no types
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
+        with start(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
+            for nanny in cluster.workers.values():
+                nanny.close_gracefully()  # says that it shall not start another
+            workers = DaskWorkers(cluster.scheduler_address)
+            pids = list(workers._client.run(os.getpid).values())
+
+            def kill_one(progress: Progress) -> None:
+                if "piece" in progress.now and not killed:
+                    killed.append(pids[0])
+                    os.kill(pids[0], signal.SIGKILL)
+
+            _identify(files, folder / "v.parquet", workers, kill_one)
+    wrong = [] if killed else ["no worker was killed"]
+    return _row(
+        folder, "one of two workers killed (`kill -9`) in mid-file", [], "the other did its pieces too", wrong
+    )
+
+
+def scheduler_killed(folder: Path) -> Row:
+    """And the same again with another one."""
+    from fltea.identify.dask_workers import DaskWorkers
+
+    files, told, out = _make(folder), [], folder / "v.parquet"
+    with contextlib.closing(Cluster()) as cluster:
+
+        def kill(progress: Progress) -> None:
+            if progress.done == DONE:
+                cluster.kill()
+
+        try:
+            _identify(files, out, DaskWorkers(cluster.address), kill)
+        except FlteaError as error:
+            told.append(str(error).removeprefix(f"--dask {cluster.address}: ").partition(",")[0])
+    first = _verdicts(out)
+    with contextlib.closing(Cluster()) as cluster:
+        done = _identify(files, out, DaskWorkers(cluster.address))
+    wrong = (
+        [f"{done.skipped} files were not done again, of {len(first)}"] if done.skipped != len(first) else []
+    )
+    more = f"{len(first)} files before, {done.done} by another scheduler"
+    return _row(folder, "scheduler killed (`kill -9`), the command given again", told, more, wrong)
+
+
+CASES = (worker_killed, scheduler_killed)
+
+
+def _make(folder: Path) -> Path:
+    """A file that is summed in pieces, and small ones."""
+    files = folder / "in"
+    files.mkdir()
+    noise = np.random.default_rng(17).normal(0, 0.05, SAMPLES)
+    np.save(files / "large.npy", noise)
+    for number in range(SMALL):
+        np.save(files / f"{number}.npy", noise[: 1000 + 100 * number])
+    return files
+
+
+def _identify(
+    files: Path, out: Path, workers: Workers, tell: Callable[[Progress], None] = lambda progress: None
+) -> Progress:
+    table = VerdictTable(out, ASK.digest())
+    try:
+        return run(files_of([str(files)]), ASK, workers, table, tell)
+    finally:
+        table.close()
+        workers.close()
+
+
+def _verdicts(out: Path) -> dict[str, dict[str, Any]]:
+    from pyarrow import parquet
+
+    return {row["file"]: row for row in parquet.read_table(out).to_pylist()}
+
+
+def _row(folder: Path, name: str, told: list[str], more: str, wrong: list[str]) -> Row:
+    """Hold the table against one that was made without a cluster."""
+    from pyarrow import parquet
+
+    _identify(folder / "in", folder / "here.parquet", Here())
+    found, wanted = _verdicts(folder / "v.parquet"), _verdicts(folder / "here.parquet")
+    rows = parquet.read_table(folder / "v.parquet").num_rows
+    other = [
+        file
+        for file, row in found.items()
+        if row["error"] is None and row | {"seconds": 0} != wanted[file] | {"seconds": 0}
+    ]
+    if rows != len(found):
+        wrong = [*wrong, f"{rows} rows of {len(found)} files"]
+    if other:
+        wrong = [*wrong, f"verdicts that are others than without a cluster: {other}"]
+    failed = sum(row["error"] is not None for row in found.values())
+    where = {"with their verdict": len(found) - failed, "with the reason of a failure": failed}
+    return Row(PART, name, told, "files", SMALL + 1, where, more, wrong)
+
+
+def rows(words: list[str]) -> Iterator[Row]:
+    """One of each case."""
+    return played(PART, CASES, words)
