@@ -46,7 +46,7 @@ CASES = (
         "exchanged for an unknown chip for 1 s", ("clone at=1 who_am_i=0x12", "clone at=2 who_am_i=0x71"), 4.2
     ),
     Case("sensor's supply sags", ("brown_out at=1",), 3.2),
-    Case("board's supply sags in mid-frame", ("brown_out at=1.0048 part=board",), 3.2),
+    Case("board's supply sags in mid-frame", ("brown_out at=1.0055 part=board",), 3.2),
     Case("40 bytes lost on the UART", ("uart_loss at=1 count=40",), 2.2),
     Case("2 % of bytes lost for 1 s", ("uart_loss at=1 probability=0.02 for=1",), 3.2),
     Case("host does not read for 10 s", ("host_stops_reading at=1 for=10",), 12.2),

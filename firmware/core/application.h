@@ -88,9 +88,9 @@ class Application {
   private:
     // Bytes a second on the line, with HELLO, ESTIMATOR, STATUS, a FAULT and a FIT a second; a tenth is left.
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
-    // 192 bins of an axis, in rounds of kFitEvery samples.
+    // 176 bins of an axis, in rounds of kFitEvery samples.
     static constexpr size_t kMostSpectraPerS =
-        kSamplesPerS * 3 * 192 / 5 / settings::kFitEvery / settings::kSpectrumEvery + 1;
+        kSamplesPerS * 3 * 176 / 5 / settings::kFitEvery / settings::kSpectrumEvery + 1;
     static constexpr size_t kBytesPerS =
         kSamplesPerS * wire_size<Sample>() + wire_size<Hello>() + wire_size<Status>() + wire_size<Fault>() +
         (settings::kEstimate

@@ -123,7 +123,7 @@ namespace fit_flags {
 constexpr uint8_t alpha_defined = 1u << 0;
 // on a grid, since there was no answer before, or one of far fewer samples
 constexpr uint8_t searched = 1u << 1;
-// there were more bins than room for them: the highest are missing
+// there were more bins than room for them: some of the lowest are missing
 constexpr uint8_t bins_left_out = 1u << 2;
 }  // namespace fit_flags
 

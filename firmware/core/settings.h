@@ -16,7 +16,7 @@
 #endif
 
 // Samples a second, bandwidth and full scale: -DFLTEA_RATE_HZ=200 -DFLTEA_DLPF_HZ=92
-// -DFLTEA_GYRO_RANGE_DPS=250
+// -DFLTEA_GYRO_RANGE_DPS=250 -DFLTEA_ACCEL_RANGE_G=4
 #ifndef FLTEA_RATE_HZ
 #define FLTEA_RATE_HZ 100
 #endif
@@ -25,6 +25,9 @@
 #endif
 #ifndef FLTEA_GYRO_RANGE_DPS
 #define FLTEA_GYRO_RANGE_DPS 2000
+#endif
+#ifndef FLTEA_ACCEL_RANGE_G
+#define FLTEA_ACCEL_RANGE_G 2
 #endif
 // Of the line to the host: -DFLTEA_BAUD=400000, and the same for `fltea run --baud`
 #ifndef FLTEA_BAUD
@@ -49,7 +52,7 @@ static_assert(kSamplePeriodUs * FLTEA_RATE_HZ == 1000000,
 constexpr uint16_t kGyroRangeDps = FLTEA_GYRO_RANGE_DPS;
 
 // Full scale, plus and minus [g]: 2, 4, 8 or 16.
-constexpr uint16_t kAccelRangeG = 2;
+constexpr uint16_t kAccelRangeG = FLTEA_ACCEL_RANGE_G;
 
 // Bandwidth of the sensor's low-pass filters [Hz]: 184, 92, 41, 20, 10 or 5. The noise is the signal here,
 // and a narrow filter colours it: 0.01 deg/s/sqrt(Hz) over 184 Hz gives about 0.02 (deg/s)^2, over 41 Hz

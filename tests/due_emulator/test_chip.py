@@ -202,9 +202,7 @@ def test_other_addresses_get_no_answer():
 def test_reset_takes_its_time():
     chip = running(at_ms=1000)
     chip.write_register(0x6B, 0x80)
-    chip.advance(1010 * MS)
-    with pytest.raises(OSError, match="Remote"):
-        chip.read_block(0x75, 1)
+    assert chip.read_block(0x75, 1) == b"\x71"  # it answers
     chip.advance(1012 * MS)
     assert chip.read_block(0x6B, 1) == b"\x81"  # H_RESET is still on
     chip.write_register(0x1B, 0x18)  # too early: it will be lost
@@ -212,6 +210,20 @@ def test_reset_takes_its_time():
     assert chip.read_block(0x1B, 1) == b"\x18"
     chip.advance(1096 * MS)
     assert chip.read_block(0x6B, 1) == b"\x01"
+    assert chip.read_block(0x19, 5) == bytes(5)
+
+
+def test_power_up_takes_its_time():
+    chip = running(at_ms=1000)
+    chip.power_off()
+    chip.power_on()
+    chip.advance(1010 * MS)
+    with pytest.raises(OSError, match="Remote"):
+        chip.read_block(0x75, 1)
+    chip.advance(1012 * MS)
+    assert chip.read_block(0x6B, 1) == b"\x01"  # nobody has asked for a reset
+    chip.write_register(0x1B, 0x18)  # too early: it will be lost
+    chip.advance(1096 * MS)
     assert chip.read_block(0x19, 5) == bytes(5)
 
 

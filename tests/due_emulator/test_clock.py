@@ -191,7 +191,7 @@ def test_both_flash_controllers_need_wait_states_first(board, first, second):
 
 def test_wait_states_are_not_taken_back_at_full_speed(board):
     full_speed(board)
-    assert "FWS is 1, good for 50 MHz" in reason(board.flash_controllers[0].write, "FMR", 1 << 8)
+    assert "FWS is 1, good for 34 MHz" in reason(board.flash_controllers[0].write, "FMR", 1 << 8)
 
 
 def test_peripheral_clocks_are_switched_one_by_one(board):

@@ -142,6 +142,24 @@ def test_polling_a_timer_goes_on_in_time():
     assert bench.board.cpu.instructions < 100_000, "waiting is not played out turn by turn"
 
 
+def test_a_loop_that_counts_its_turns_takes_the_time_of_its_instructions():
+    # As the Arduino core's Wire waits for a flag that never comes: 20,000 turns.
+    waiting = """ldr r2, =0xE000E010
+  ldr r3, =20000
+1: ldr r1, [r2]
+  lsls r1, r1, #15
+  bmi 2f
+  subs r3, #1
+  bne 1b
+2: movs r4, #1
+  keep r4, 0
+  wait_forever"""
+    bench = run(waiting, 0.06)
+    assert bench.slot(0) == 1, "20,000 turns of 9 cycles are 45 ms at 4 MHz, not 200 ms"
+    early = run(waiting, 0.03)
+    assert early.slot(0) != 1
+
+
 def test_a_signal_ends_a_run_though_the_exception_was_lost():
     bench = Bench(program("1: nop\n b 1b"))
     bench.board.machine.schedule(10_000_000, lambda: setattr(bench.board.machine, "interrupted", True))

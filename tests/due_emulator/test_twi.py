@@ -103,6 +103,31 @@ def test_refused_byte_of_a_write(board):
     assert board.chip.read_block(0x1B, 1) == b"\x00"
 
 
+@pytest.mark.parametrize("reset", [False, True])
+def test_what_a_refused_write_leaves_is_sent_first_by_the_next_one(board, reset):
+    board.socket.nacks_left = 1
+    board.address(0x1B, False)
+    board.twi.write("THR", 0x18)
+    board.twi.write("CR", STOP)
+    assert board.wait_for(TXCOMP) & NACK
+    if reset:
+        board.set_up()
+    # A read is not concerned.
+    assert board.read_block(0x75, 1) == b"\x71"
+    board.address(0x1B, False)
+    board.twi.write("THR", 0x10)
+    board.twi.write("CR", STOP)
+    assert not board.wait_for(TXCOMP) & NACK
+    # The byte goes into the register, the next one into the one behind it.
+    assert board.chip.read_block(0x1B, 2) == (b"\x10\x00" if reset else b"\x18\x10")
+    # And it is gone.
+    board.address(0x1B, False)
+    board.twi.write("THR", 0x08)
+    board.twi.write("CR", STOP)
+    board.wait_for(TXCOMP)
+    assert board.chip.read_block(0x1B, 1) == b"\x08"
+
+
 def test_several_bytes_of_a_write(board):
     board.address(0x19, False)
     for value in (9, 1, 0x18):

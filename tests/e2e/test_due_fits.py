@@ -1,4 +1,4 @@
-"""The emulated Due fits by maximum likelihood: bits of a PC, in its share of the time, at the cost of no sample."""
+"""The emulated Due fits by maximum likelihood: with the bits of a PC, in its share of the time."""
 
 from itertools import pairwise
 from pathlib import Path

@@ -8,6 +8,7 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from due_support import DueRun, build
 from fltea.wire import layout as wire
@@ -125,3 +126,29 @@ def test_the_small_ring_of_arduino_bears_500_hz(tmp_path: Path) -> None:
     assert estimators[-1].skipped == 0
     assert len([f for f in frames if isinstance(f.message, wire.Estimate)]) > 3 * 25
     assert json.loads(done.stderr)["waited"] is False
+
+
+@pytest.mark.parametrize(
+    ("gyro_dps", "accel_g", "gyro_lsb", "accel_lsb"),
+    [(250, 4, 131.0, 8192.0), (500, 8, 65.5, 4096.0), (1000, 16, 32.8, 2048.0)],
+)
+def test_other_ranges_are_set_told_and_true(
+    gyro_dps: int, accel_g: int, gyro_lsb: float, accel_lsb: float, tmp_path: Path
+) -> None:
+    defines = (f"FLTEA_GYRO_RANGE_DPS={gyro_dps}", f"FLTEA_ACCEL_RANGE_G={accel_g}")
+    noise = "alpha=0.5&f=-1&offset_dps=20&seed=7"
+    run = DueRun(build("timer", tmp_path, *defines), noise=noise).run_until(0.5)
+    assert run.check() is None
+    assert run.troubles == []
+    chip = run.board.socket.chip
+    assert [chip.read_block(register, 1)[0] >> 3 for register in (0x1B, 0x1C)] == [
+        {250: 0, 500: 1, 1000: 2}[gyro_dps],
+        {4: 1, 8: 2, 16: 3}[accel_g],
+    ]
+    hello = run.hellos[-1]
+    assert (hello.gyro_range_dps, hello.gyro_lsb_per_dps) == (gyro_dps, gyro_lsb)
+    assert (hello.accel_range_g, hello.accel_lsb_per_g) == (accel_g, accel_lsb)
+    # At rest with an offset of 20 deg/s, 1 g along z.
+    assert len(run.samples) > 20
+    assert np.mean([s.gyro_dps for s in run.samples], axis=0) == pytest.approx([20.0] * 3, abs=0.3)
+    assert np.mean([s.accel_ms2 for s in run.samples], axis=0) == pytest.approx([0, 0, 9.80665], abs=0.3)

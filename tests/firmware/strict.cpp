@@ -35,4 +35,4 @@ fltea::ResetCause cause(uint32_t rsttyp) { return fltea::reset_cause_from_rsttyp
 uint32_t line() { return fltea::settings::kLineBaud + fltea::settings::kI2cHz; }
 
 // Pointers of this machine are twice as long as the Due's.
-static_assert(sizeof(fltea::Application) <= size_t(43) * 1024, "the core's share of the RAM");
+static_assert(sizeof(fltea::Application) <= size_t(45) * 1024, "the core's share of the RAM");

@@ -172,8 +172,10 @@ TEST_CASE("sliced fit: bins of white noise have its variance, all its ordinates,
         CHECK(static_cast<double>(bins->ordinates()) > 0.38 * n);
         CHECK(static_cast<double>(bins->ordinates()) < 0.55 * n);
         CHECK(bins->left_out() == 0);
-        // The whole level comes first, then octave by octave from the deepest up.
-        for (int i = 1; i < bins->size(); ++i) CHECK(bins->lam(i) > bins->lam(i - 1));
+        // Octave by octave from the highest down, then the whole level; each rises.
+        int falls = 0;
+        for (int i = 1; i < bins->size(); ++i) falls += bins->lam(i) < bins->lam(i - 1);
+        CHECK(falls == octaves->ladder().depth());
         for (int i = 0; i < bins->size(); ++i) {
             CHECK(bins->ln_size(i) ==
                   doctest::Approx(std::log(2 * std::sin(bins->lam(i) / 2))).epsilon(1e-5));

@@ -49,6 +49,7 @@ struct Block {
 };
 
 constexpr size_t kPollPcs = 8;
+constexpr int kRegisters = 13;
 constexpr size_t kCodeBytes = 4096;
 
 // Fields as in execution.py.
@@ -80,6 +81,10 @@ struct Execution {
     uint64_t recent_count;
     uint64_t recent_pcs[kPollPcs];
     uint64_t recent_values[kPollPcs];
+    uint64_t recent_changes[kPollPcs];
+    uint64_t recent_registers[kPollPcs];
+    uint64_t changes;  // reads whose value was another one than the last time
+    int32_t registers[kRegisters + 1];
     uint64_t access_cycles;
     uint64_t waiting_instructions;
     uint64_t poll_near_ps;
@@ -222,12 +227,34 @@ bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t 
     return false;
 }
 
-// Let time pass at a read that is a poll; see POLL_PCS in cpu.py.
+// r0 to r12 as one number.
+uint64_t hash_of_registers(const Execution& e) {
+    uint64_t hash = 14695981039346656037u;
+    for (int i = 0; i < kRegisters; ++i) {
+        uint32_t value = 0;
+        e.reg_read(e.exact, e.registers[i], &value);
+        hash = (hash ^ value) * 1099511628211u;
+    }
+    return hash;
+}
+
+// Whether a loop has come by without counting: what it read elsewhere has changed, or nothing has.
+bool only_waits(Execution& e, uint64_t i) {
+    if (e.recent_changes[i] != e.changes) return true;
+    const uint64_t hash = hash_of_registers(e);
+    const bool same = e.recent_registers[i] == hash;
+    e.recent_registers[i] = hash;
+    return same;
+}
+
+// Let time pass at a read that is a poll; see POLL_PCS in execution.py.
 void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
     uint64_t i = 0;
     while (i < e.recent_count && e.recent_pcs[i] != e.address) ++i;
     if (i < e.recent_count) {
-        if (e.recent_values[i] == value) {
+        if (e.recent_values[i] != value) {
+            ++e.changes;
+        } else if (only_waits(e, i)) {
             const uint64_t to_event_ps = e.next_event_ps > now_ps ? e.next_event_ps - now_ps : 0;
             e.charged_ps += to_event_ps <= e.poll_near_ps ? to_event_ps : e.poll_step_ps;
         }
@@ -235,8 +262,10 @@ void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
         if (e.recent_count >= kPollPcs) e.recent_count = i = 0;
         ++e.recent_count;
         e.recent_pcs[i] = e.address;
+        e.recent_registers[i] = 0;
     }
     e.recent_values[i] = value;
+    e.recent_changes[i] = e.changes;
 }
 
 // An access at its exact moment; the slice ends right after it if something has to happen then.

@@ -37,7 +37,12 @@ POLL_NEAR_PS = 25_000_000
 POLL_STEP_PS = 10_000_000
 """A read is a poll if the same instruction was among the last few that read, nothing was written since, and
 the value is the same as then. After a poll, time jumps to the next event if that is near, about a byte on a
-wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it."""
+wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it.
+
+A loop that counts its turns is no poll, or its count would take that much longer: its registers change from
+turn to turn, although nothing that it has read did."""
+REGISTERS = 13
+"""r0 to r12: what a loop may count in."""
 
 ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
 ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
@@ -89,6 +94,10 @@ class Execution(ctypes.Structure):
         *_numbers("may_be_fast may_be_quick _calm _go_fast _fast_block _code_begin _code_end _recent_count"),
         ("_recent_pcs", ctypes.c_uint64 * POLL_PCS),
         ("_recent_values", ctypes.c_uint64 * POLL_PCS),
+        ("_recent_changes", ctypes.c_uint64 * POLL_PCS),
+        ("_recent_registers", ctypes.c_uint64 * POLL_PCS),
+        *_numbers("_changes"),
+        ("_registers", ctypes.c_int32 * (REGISTERS + 1)),
         *_numbers(
             "_access_cycles _waiting_instructions _poll_near_ps _poll_step_ps _pc_register _flush_control"
         ),
@@ -129,6 +138,8 @@ class Execution(ctypes.Structure):
         self._access_cycles, self._waiting_instructions = ACCESS_CYCLES, WAITING_INSTRUCTIONS
         self._poll_near_ps, self._poll_step_ps = POLL_NEAR_PS, POLL_STEP_PS
         self._pc_register = arm_const.UC_ARM_REG_PC
+        for i in range(REGISTERS):
+            self._registers[i] = getattr(arm_const, f"UC_ARM_REG_R{i}")
         self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
             setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))

@@ -14,9 +14,10 @@ GET_DESCRIPTOR, GET_GPNVM, START_ID, STOP_ID = 0x00, 0x0D, 0x0E, 0x0F
 FRDY, FCMDE = 1, 2
 COMMAND_PS = 10 * PS_PER_US
 """How long a command takes; a round number."""
-FASTEST_HZ = (19_000_000, 50_000_000, 64_000_000, 80_000_000, 90_000_000)
-"""Highest master clock for each number of wait states, VDDCORE 1.8 V (datasheet 45.9; the vendor's header
-sam3x8e.h has the same numbers as CHIP_FREQ_FWS_0 to 4)."""
+FASTEST_HZ = (19_000_000, 34_000_000, 53_000_000, 78_000_000, 90_000_000)
+"""Highest master clock for each number of wait states: the lower of two sources. Datasheet 45.9 at VDDCORE
+1.8 V has 19, 50, 64, 80 and 90 MHz for 0 to 4; the vendor's header sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5,
+34, 53 and 78 MHz."""
 BOOT_FROM_FLASH = 0b010
 """GPNVM bit 1: without it the ROM would start (datasheet 11.2)."""
 DESCRIPTOR = (0x000F_0950, BANK_BYTES, 256, 1, BANK_BYTES, 16, *[BANK_BYTES // 16] * 16)

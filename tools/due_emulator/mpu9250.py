@@ -17,10 +17,13 @@ PS_PER_NS = 1000
 MS_NS = 1_000_000
 
 QUIET_NS = 11 * MS_NS
-"""No acknowledge after power-up or reset: the typical start-up time (PS-MPU-9250A-01, 3.4.2)."""
+"""No acknowledge after power-up: the typical start-up time (PS-MPU-9250A-01, 3.4.2)."""
 READY_NS = 95 * MS_NS
-"""Until then settings are lost. The limit in 3.4.2 is 100 ms; a little less, for a driver may count its
-100 ms from the moment at which it began to write the reset."""
+"""From power-up on, until then settings are lost. The limit in 3.4.2 is 100 ms; a little less, for a driver
+may count its 100 ms from an earlier moment."""
+RESET_NS = READY_NS
+"""The same after H_RESET, which no document gives a time for: the vendor's own driver waits 100 ms. The chip
+answers meanwhile, with H_RESET set."""
 PULSE_NS = 50_000
 """INT pulse without LATCH_INT_EN (PS-MPU-9250A-01, 3.4.2)."""
 
@@ -50,6 +53,7 @@ class Mpu9250:
         self._clock_ppm = clock_ppm
         self._now_ns = 0
         self._quiet_until_ns = 0
+        self._resetting = False
         self._ready_at_ns: int | None = None
         self._active = False
         self._level = False
@@ -129,7 +133,7 @@ class Mpu9250:
         if who_am_i is not None:
             self.variant = reg.variant_of(who_am_i)
         self.powered = True
-        self._begin_reset()
+        self._begin(QUIET_NS, READY_NS)
 
     def become(self, who_am_i: int) -> None:
         """Have been another chip all along: call it before anything else."""
@@ -241,13 +245,14 @@ class Mpu9250:
                 return self._count_latch & 0xFF
             case reg.FIFO_R_W:
                 return self.fifo.pop()
-            case reg.PWR_MGMT_1 if self._ready_at_ns is not None:
+            case reg.PWR_MGMT_1 if self._resetting:
                 return self._registers[register] | reg.H_RESET
         return self._registers[register]
 
     def _store(self, register: int, value: int) -> None:
         if register == reg.PWR_MGMT_1 and value & reg.H_RESET:
-            self._begin_reset()
+            self._begin(0, RESET_NS)
+            self._resetting = True
             return
         if register == reg.FIFO_R_W:
             self._push_fifo(bytes([value]))
@@ -266,15 +271,15 @@ class Mpu9250:
 
     # Reset
 
-    def _begin_reset(self) -> None:
+    def _begin(self, quiet_ns: int, ready_ns: int) -> None:
         self._restore()
-        self._quiet_until_ns = self._now_ns + QUIET_NS
-        self._ready_at_ns = self._now_ns + READY_NS
+        self._quiet_until_ns = self._now_ns + quiet_ns
+        self._ready_at_ns = self._now_ns + ready_ns
         self._start_clock()
 
     def _restore(self) -> None:
         """Reset values, and the clock started anew if they let it run."""
-        self._ready_at_ns, self._quiet_until_ns = None, 0
+        self._ready_at_ns, self._quiet_until_ns, self._resetting = None, 0, False
         self._registers = bytearray(128)
         for register, value in self.variant.reset.items():
             self._registers[register] = value

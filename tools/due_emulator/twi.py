@@ -1,8 +1,10 @@
 """TWI0 and TWI1 as bus masters: whole bytes, at the times that they take on the wires.
 
 Sources: SAM3X datasheet, chapter 33 (33.8 master mode, 33.11 registers); that SCL waits on the last bit until
-RHR is read is told for the same controller in the SAM4CP datasheet, 34.7.3.5. Not modelled, and refused:
-slave mode, quick command, transfers by PDC.
+RHR is read is told for the same controller in the SAM4CP datasheet, 34.7.3.5. A byte of a write that nobody
+acknowledged stays in THR, and the next write sends it first: later controllers of the family (SAMA5D2) have a
+command to throw it away, THRCLR; here only SWRST does. Not modelled, and refused: slave mode, quick command,
+transfers by PDC.
 """
 
 from collections.abc import Generator
@@ -51,6 +53,8 @@ class Twi(Peripheral):
         )
         self._event: Event | None = None
         self._thr: int | None = None
+        self._remains: int | None = None
+        """What a write that nobody acknowledged left in THR."""
         self._on_line: tuple[bool, int] | None = None
         """The byte on the wires, and whether the sensor sends it; None when there is none."""
         self._transfer: Transfer | None = None
@@ -146,7 +150,7 @@ class Twi(Peripheral):
             if self.field("MMR", "MREAD"):
                 self.machine.fault(f"{self.name}_THR is written, but MMR.MREAD says that this is a read")
             self._thr = byte
-            self._begin(self._send())
+            self._begin(self._send(self._remains))
             return
         if not self.registers["SR"] & TXRDY:
             self.machine.fault(f"{self.name}_THR is written while TXRDY is 0: the byte before it is lost")
@@ -233,14 +237,20 @@ class Twi(Peripheral):
         self.registers["RHR"] = IDLE_LINE
         self._flag(RXRDY, True)
 
-    def _send(self) -> Transfer:
+    def _send(self, remains: int | None) -> Transfer:
         if not (yield from self._open(read=False)):
+            self._remains, self._thr = self._thr, None
             yield from self._refused()
             return
+        self._remains = None
         while True:
-            byte, self._thr = self._thr, None
-            assert byte is not None
-            self._flag(TXRDY, True)
+            if remains is not None:
+                byte, remains = remains, None
+            else:
+                taken, self._thr = self._thr, None
+                assert taken is not None
+                byte = taken
+                self._flag(TXRDY, True)
             self._on_line = (False, byte)
             yield 9
             if not self._lines.write(byte):
@@ -328,7 +338,7 @@ class Twi(Peripheral):
 
     def _idle(self) -> None:
         self._master = self._slave = self._stop_wanted = self._stale = False
-        self._thr = None
+        self._thr = self._remains = None
         self._on_line = None
         self._bits_before = 0.0
 

@@ -19,7 +19,7 @@ PARTS = (
     "tests/native",
     "host/native",
     "tests/conftest.py",
-    "tests/toolchain.py",
+    "tests/rig",
     "protocol/vectors",
     "pyproject.toml",
 )

@@ -29,6 +29,7 @@ void setup() {
     Serial.begin(fltea::settings::kLineBaud);
     bus.recover();
     device().start();
+    pinMode(kDataReadyPin, INPUT_PULLUP);  // a broken wire must not float: the core switches pull-ups off
     if (fltea::settings::kSamplingMode == fltea::SamplingMode::data_ready)
         attachInterrupt(kDataReadyPin, on_data_ready, RISING);
 }

@@ -26,7 +26,9 @@ class WireBus final : public I2cBus {
                                              static_cast<uint8_t>(1), static_cast<uint8_t>(true));
         for (size_t i = 0; i < got && i < n; ++i) data[i] = static_cast<uint8_t>(wire_.read());
         if (got == n) return I2cResult::ok;
-        if (too_long(began_us)) return I2cResult::timeout;
+        const bool late = too_long(began_us);
+        start();
+        if (late) return I2cResult::timeout;
         return got == 0 ? I2cResult::nack : I2cResult::short_read;
     }
 
@@ -37,7 +39,9 @@ class WireBus final : public I2cBus {
         wire_.write(reg);
         wire_.write(value);
         if (wire_.endTransmission() == 0) return I2cResult::ok;
-        return too_long(began_us) ? I2cResult::timeout : I2cResult::nack;
+        const bool late = too_long(began_us);
+        start();
+        return late ? I2cResult::timeout : I2cResult::nack;
     }
 
     // About 0.15 ms.
@@ -58,14 +62,19 @@ class WireBus final : public I2cBus {
         // pin has the mode asked for: so it must not be left at the one that release() asks for.
         pinMode(PIN_WIRE_SDA, INPUT);
         pinMode(PIN_WIRE_SCL, INPUT);
-        wire_.begin();
-        wire_.setClock(settings::kI2cHz);
+        start();
         return static_cast<HeldLines>(held);
     }
 
   private:
     static constexpr int kRecoveryClocks = 9;
     static constexpr uint32_t kHalfClockUs = 5;
+
+    // Resets the controller, in which a byte of a refused write would stay, and go out with the next one.
+    void start() {
+        wire_.begin();
+        wire_.setClock(settings::kI2cHz);
+    }
 
     static bool low(uint32_t pin) { return digitalRead(pin) == LOW; }
 

@@ -22,9 +22,9 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// kLevels: 11 with a capacity of 512 are an hour and a half at 100 Hz; after that the oldest samples of the
+// kLevels: 12 with a capacity of 496 are nearly three hours at 100 Hz; after that the oldest samples of the
 // last level go, and of the sums nothing.
-template <int kMostLevels = 11, int kMostKept = 512>
+template <int kMostLevels = 12, int kMostKept = 496>
 struct CountSpectrum {
     typedef std::int16_t Input;
     typedef float Real;

@@ -16,7 +16,7 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Averages of neighbouring lines, of at least two where they are Welch's, in squared counts: some 6 % wide.
-template <class Spectrum, int kMost = 192>
+template <class Spectrum, int kMost = 176>
 class FitBins {
     typedef typename Spectrum::Ladder Ladder;
     typedef typename Ladder::Whole Whole;
@@ -41,14 +41,15 @@ class FitBins {
     void begin() {
         size_ = left_out_ = 0;
         ordinates_ = sum_ = 0;
-        stage_ = kWhole;
+        stage_ = kWelch;
         stretch_ = 0;
         line_ = 0;
         open_ = Open();
     }
 
-    // True when all bins are there. A step is a whole stretch's preparation, one ordinate of it, or an
-    // octave.
+    // True when all bins are there. A step is an octave, from the highest down, then a whole stretch's
+    // preparation, or one ordinate of it: where there are many stretches and no room for all, the lowest
+    // frequencies of the last ones are left out.
     bool step(const Spectrum& spectrum) {
         const Ladder& ladder = spectrum.ladder();
         const int depth = ladder.depth();
@@ -57,10 +58,11 @@ class FitBins {
                 whole_step(spectrum, depth);
                 break;
             case kWelch:
-                if (stretch_ < 0) {
-                    stage_ = kDone;
+                if (stretch_ == depth) {
+                    stage_ = kWhole;
+                    stretch_ = 0;
                 } else {
-                    welch_level(spectrum, stretch_--);
+                    welch_level(spectrum, stretch_++);
                 }
                 break;
             default:
@@ -85,8 +87,7 @@ class FitBins {
     void whole_step(const Spectrum& spectrum, int depth) {
         const Whole& whole = spectrum.ladder().whole();
         if (stretch_ == whole.stretches()) {
-            stage_ = kWelch;
-            stretch_ = depth - 1;
+            stage_ = kDone;
             return;
         }
         const int n = whole.stretch(stretch_).length;
@@ -162,7 +163,7 @@ class FitBins {
     int size_, left_out_ = 0;
     float ordinates_, sum_ = 0;
     Stage stage_;
-    int stretch_, line_;  // of the whole level; then stretch_ is the octave
+    int stretch_, line_;  // of the whole level; before it stretch_ is the octave
     Open open_;
     WholeLines<kCapacity> lines_;
 };

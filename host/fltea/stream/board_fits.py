@@ -87,7 +87,8 @@ def _spectrum(parts: Sequence[DeviceBins]) -> DeviceSpectrum | None:
         return None
     if min((*hz, *density, *ordinates), default=-1.0) < 0:
         return None
-    return DeviceSpectrum(hz, [math.sqrt(one) for one in density], ordinates)
+    rising = sorted(zip(hz, map(math.sqrt, density), ordinates, strict=True))
+    return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
 
 
 def _with(fit: DeviceAxisFit, spectrum: DeviceSpectrum) -> DeviceAxisFit:

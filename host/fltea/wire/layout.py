@@ -174,7 +174,7 @@ class FitFlags(IntFlag):
     SEARCHED = 1 << 1
     """On a grid, since there was no answer before, or one of far fewer samples."""
     BINS_LEFT_OUT = 1 << 2
-    """There were more bins than room for them: the highest are missing."""
+    """There were more bins than room for them: some of the lowest are missing."""
 
 
 class _HelloFields(NamedTuple):

@@ -17,8 +17,9 @@ Board board;
 namespace {
 
 constexpr uint64_t kUs = 1000;
-constexpr uint64_t kBitNs = 2500;          // 400 kHz
-constexpr uint64_t kSpinNs = 25000 * kUs;  // Wire's 100,000 turns, about 20 cycles each
+constexpr uint64_t kBitNs = 2500;  // 400 kHz
+constexpr uint64_t kSpinNs =
+    45000 * kUs;  // Wire's 100,000 turns, of 30 to 45 cycles each by its instructions
 constexpr int kRing = 128;
 constexpr uint8_t kAddress = 0x68;
 
@@ -32,10 +33,16 @@ uint64_t byte_ns() { return 10000000000ull / (board.baud ? board.baud : 250000);
 
 uint64_t edge_period_ns() { return (board.chip.registers[kSmplrtDiv] + 1u) * 1000 * kUs; }
 
+// A pin that nothing holds picks up edges from whatever is near.
+bool floats() {
+    const Pin& pin = board.pins[board.edge_pin];
+    return !board.int_wire && !(pin.owner == Pin::port && pin.mode == INPUT_PULLUP);
+}
+
 bool edges_run() {
     const Chip& chip = board.chip;
-    return board.on_edge != nullptr && board.int_wire && chip.plugged_in &&
-           (chip.registers[kIntEnable] & 1) != 0;
+    if (board.on_edge == nullptr) return false;
+    return floats() || (board.int_wire && chip.plugged_in && (chip.registers[kIntEnable] & 1) != 0);
 }
 
 // Time on the bus; false if a line is held, after the time that Wire waits, `waits` times over.
@@ -166,7 +173,10 @@ uint32_t pmc_disable_periph_clk(uint32_t id) {
 
 uint32_t micros(void) {
     board.advance(2 * stub::kUs);
-    return static_cast<uint32_t>(board.now_ns / stub::kUs);
+    // The milliseconds are counted by a handler: with interrupts masked only one more can be pending.
+    const uint64_t most_ns = board.masked_ns + 1999999;
+    const uint64_t at_ns = board.interrupts_on || board.now_ns < most_ns ? board.now_ns : most_ns;
+    return static_cast<uint32_t>((at_ns - board.lost_ns) / stub::kUs);
 }
 uint32_t millis(void) { return micros() / 1000; }
 void delayMicroseconds(uint32_t usec) { board.advance(usec * stub::kUs); }
@@ -190,8 +200,17 @@ void attachInterrupt(uint32_t pin, void (*callback)(void), uint32_t mode) {
 }
 }
 
-void __disable_irq() { board.interrupts_on = false; }
-void __enable_irq() { board.interrupts_on = true; }
+void __disable_irq() {
+    if (board.interrupts_on) board.masked_ns = board.now_ns;
+    board.interrupts_on = false;
+}
+void __enable_irq() {
+    if (!board.interrupts_on) {
+        const uint64_t masked_ms = (board.now_ns - board.masked_ns) / 1000000;
+        if (masked_ms > 1) board.lost_ns += (masked_ms - 1) * 1000000;
+    }
+    board.interrupts_on = true;
+}
 
 void watchdogEnable(uint32_t timeout) {
     board.watchdog_ns = timeout * 1000000ull;
@@ -225,6 +244,7 @@ size_t UARTClass::write(const uint8_t value) {
 void TwoWire::begin() {
     ++board.wire_begins;
     board.controller_hangs = board.byte_left = false;
+    board.remains = -1;
     board.pins[PIN_WIRE_SDA].owner = board.pins[PIN_WIRE_SCL].owner = stub::Pin::wire;
 }
 void TwoWire::begin(uint8_t) {}
@@ -249,16 +269,26 @@ size_t TwoWire::write(const uint8_t* data, size_t n) {
 uint8_t TwoWire::endTransmission(void) { return endTransmission(static_cast<uint8_t>(true)); }
 uint8_t TwoWire::endTransmission(uint8_t) {
     if (!stub::transfer(2 + 9u * (1u + tx_length_), 1)) return 2;
-    if (!stub::acknowledged(tx_address_)) return 2;
-    if (tx_length_ == 2) stub::write_register(tx_[0], tx_[1]);
+    if (!stub::acknowledged(tx_address_)) {
+        board.remains = tx_[0];
+        return 2;
+    }
+    if (board.remains >= 0) {
+        stub::write_register(static_cast<uint8_t>(board.remains), tx_[0]);
+        board.remains = -1;
+    } else if (tx_length_ == 2) {
+        stub::write_register(tx_[0], tx_[1]);
+    }
     return 0;
 }
 uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n, uint32_t reg, uint8_t reg_size, uint8_t) {
     if (reg_size == 0) reg = 0;  // none is addressed; where the chip's own pointer is, nobody should rely on
     rx_index_ = rx_length_ = 0;
     if (n > BUFFER_LENGTH) n = BUFFER_LENGTH;
-    if (!stub::transfer(3 + 9u * (3u + n), 2)) return 0;
-    if (!stub::acknowledged(address)) return 0;
+    const bool complete = stub::transfer(3 + 9u * (3u + n), 2);
+    // What came before a line got stuck is handed on.
+    if (!complete) n = static_cast<uint8_t>(board.chip.stall_after < n ? board.chip.stall_after : n);
+    if (n == 0 || !stub::acknowledged(address)) return 0;
     stub::convert();
     const int length = n - board.chip.short_by;
     board.chip.short_by = 0;

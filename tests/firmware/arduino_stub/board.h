@@ -19,6 +19,7 @@ struct Chip {
     bool plugged_in = true;
     int nacks = 0;        // transfers yet to be refused
     int stalls = 0;       // transfers yet to hang until Wire gives up
+    int stall_after = 0;  // bytes of a read that come before it hangs
     int short_by = 0;     // bytes that the next read lacks
     int held_clocks = 0;  // SDA is low until so many clocks; kForEver
     bool scl_held = false;
@@ -37,6 +38,7 @@ struct Board {
     Chip chip;
     Pin pins[80];
     bool interrupts_on = true;
+    uint64_t masked_ns = 0, lost_ns = 0;  // since when they are masked; what micros() has lost by it
 
     // Bus
     uint32_t wire_hz = 0;
@@ -45,6 +47,7 @@ struct Board {
     int clocks = 0;          // rising edges of SCL made by hand
     int stops = 0;           // STOP conditions made by hand
     int drives = 0;          // times that a line was driven high
+    int remains = -1;        // byte of a refused write that stays in the controller and goes out first
     int stale_reads = 0;     // complete reads yet to come that leave a byte in the controller
     bool byte_left = false;  // there is one, and the next read takes it for its first
     int spins = 0;           // transfers that ran into Wire's time-out

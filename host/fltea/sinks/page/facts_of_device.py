@@ -7,7 +7,7 @@ from fltea.records.records import AXES
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import interval_words
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.words import apart, counted, figure, guard_words, quantity
+from fltea.sinks.page.words import apart, counted, figure, guard_words, quantity, signed
 
 NOTHING_YET = "no estimate of the device yet"
 
@@ -98,7 +98,7 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
     text = f"{words[found.verdict]}; {found.samples:,} samples"
     if found.half_widths is not None and found.alpha_difference is not None:
         text += (
-            f"; board \u2212 host {apart(found.alpha_difference)}, "
+            f"; board \u2212 host {signed(found.alpha_difference)}, "
             f"{abs(found.half_widths):.2f} of the half-width of the host's interval"
         )
     return {"alpha": order, "text": text, "value": alpha.value, "low": alpha.low, "high": alpha.high}

@@ -37,6 +37,11 @@ def with_std(value: float | None, std: float | None) -> str:
     return figure(value, 3) + ("" if std is None else f" ± {figure(std, 3)}")
 
 
+def signed(value: float) -> str:
+    """To three places, with its sign, a true minus."""
+    return f"{value:+.3f}".replace("-", "\u2212")
+
+
 def apart(value: float) -> str:
     """A small difference, with its sign and a power of ten."""
     if not value:
