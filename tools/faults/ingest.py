@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import chain
 from pathlib import Path
 
@@ -79,8 +80,8 @@ def _row(stage: Stage, name: str, more: str) -> Row:
     living = [worker for worker in stage.workers if worker.code is None]
     last = {(name, due - 1) for name in stage.boards.names}
     stage.until(lambda: last <= _samples(living), "the last samples")
-    for worker in living:
-        worker.end()
+    with ThreadPoolExecutor() as pool:  # at the same time: else the last one takes what the others give back
+        list(pool.map(lambda worker: worker.end(), living))
     wrong = [worker.stderr[-500:] for worker in living if worker.code != 0]
     delivered = _samples(stage.workers)
     lost = _lost(stage) - delivered

@@ -34,6 +34,9 @@ from fltea.settings.config import Config
 
 USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
 LOOK_S = 0.5
+GRACE_S = 2 * RENEW_S
+"""After an outage of the server: who comes back first would else take all, and give it back at once."""
+
 PULL, PULL_S = 64, 0.5
 ROOM_BYTES = 4_000_000
 """What may wait here; the rest waits in the stream."""
@@ -74,6 +77,7 @@ class NatsFrames:
         self._stop = threading.Event()
         self._puts: set[concurrent.futures.Future[None]] = set()
         self._told_down = False
+        self._takes_from_s = 0.0
         self._thread = threading.Thread(target=self._run, name="nats", daemon=True)
         self._nc: Client
         self._js: JetStreamContext
@@ -146,6 +150,7 @@ class NatsFrames:
             self.connected = True
             if self._told_down:
                 self._told_down = False
+                self._takes_from_s = time.monotonic() + GRACE_S
                 self._report("nats_back", f"{self.url} is back; devices go on from their snapshots.")
             renewed_s = -RENEW_S
             while not self._stop.is_set():
@@ -214,6 +219,8 @@ class NatsFrames:
         partitions = self._settings.partitions
         for partition in surplus(self._held, partitions, workers):
             await self._give_back(partition)
+        if now_s < self._takes_from_s:
+            return
         for partition in range(partitions):
             if len(self._held) >= share(partitions, workers):
                 break
