@@ -6,7 +6,7 @@ import pytest
 from fltea.records.block import Block
 from fltea.records.clock import unix_offset_ns
 from fltea.records.ports import Departed, Sink
-from fltea.records.records import Epoch, Hello
+from fltea.records.records import Epoch, Gap, Hello, Stats
 from fltea.service.hub import Hub
 from fltea.service.ingest.inbox import Inbox, Left, Served
 from fltea.service.ingest.kept import Kept, pack, unpack
@@ -119,6 +119,24 @@ def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
     for second in range(seconds):
         worker.say("a", second, second + 1)
     return worker.end().estimates()
+
+
+def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() -> None:
+    """Messages 7 to 9 never came to the stream, such as while the server was away."""
+    first, second = Worker(), Worker()
+    for k in range(6):
+        first.say("a", k, k + 1)
+    kept = first.keep()
+    first.end()
+    second.ingest.inbox.post(Served(0, {"a": kept}, 6))
+    for k in range(9, 12):
+        second.say("a", k, k - 2)
+    second.ingest._on_partition(Left(0))
+    items = second.end().sink.items
+    assert [one.reason for one in items if isinstance(one, Epoch)] == ["resumed"]
+    assert [(one.seq, one.missing, one.epoch) for one in items if isinstance(one, Gap)] == [(600, 300, 1)]
+    last = [one for one in items if isinstance(one, Stats)][-1].samples
+    assert (last.delivered, last.lost, last.gaps) == (300, 300, 1)
 
 
 def test_another_worker_goes_on_with_the_very_same_estimates() -> None:

@@ -31,12 +31,20 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.settings.config import BY_DEVICE, Config
+from fltea.settings.ingest import is_partitioned
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
 from fltea.stream.fit_times import FitLoad
 from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
-from fltea.stream.snapshot import DeviceState, LastSample, missing_since, sensor_of, why_unused
+from fltea.stream.snapshot import (
+    DeviceState,
+    LastSample,
+    missing_by_number,
+    missing_since,
+    sensor_of,
+    why_unused,
+)
 from fltea.stream.stages import Beginning, Item, Notice, SavedFits, Stage, Standing
 
 Output = AnyRecord | Block
@@ -162,11 +170,11 @@ class Pipeline:
 
     def _on_samples(self, decoded: Decoded) -> Iterator[Output]:
         block, raw, hello, missing, reason = decoded
-        name, resumed_after_s = self._config.name, None
+        name, resumed_after_s, between = self._config.name, None, 0
         self._now_ns = int(raw.host_ns[0])
         if reason is not None:
             self._offset_ns = self._source.unix_offset_ns
-            notices, reason, resumed_after_s = self._begin(decoded, reason)
+            notices, reason, resumed_after_s, between = self._begin(decoded, reason)
             yield from self._records(notices)
         first = int(block.seq[0])
         if missing:
@@ -187,6 +195,10 @@ class Pipeline:
                 device=name,
             )
             missing = 0
+            if between:
+                place = self._decoder.place
+                place.lost, place.gaps = place.lost + between, place.gaps + 1
+                yield Gap(first - between, between, block.epoch, int(block.host_ns[0]), device=name)
         items: Iterable[Item] = [block]
         for stage in self._stages:
             items = _through(stage, items, raw, missing)
@@ -244,10 +256,13 @@ class Pipeline:
             )
         return whole
 
-    def _begin(self, decoded: Decoded, reason: EpochReason) -> tuple[list[Item], EpochReason, float | None]:
+    def _begin(
+        self, decoded: Decoded, reason: EpochReason
+    ) -> tuple[list[Item], EpochReason, float | None, int]:
         """Begin an epoch, from the snapshot if there is one that fits.
 
-        Returns what there is to tell, why the epoch begins, and how old the snapshot is.
+        Returns what there is to tell, why the epoch begins, how old the snapshot is, and how many samples
+        since then are lost: of devices that another process had before, which nobody else would count.
         """
         notices: list[Item] = []
         raw, hello = decoded.raw, decoded.hello
@@ -272,7 +287,9 @@ class Pipeline:
                     missing = missing_since(state, hello, *first, age_s)
                     for stage in self._stages:
                         stage.bridge(missing)
-                    return notices, "resumed", age_s
+                    handed_over = is_partitioned(self._config.source)
+                    lost = missing_by_number(state, hello, *first, age_s) if handed_over else None
+                    return notices, "resumed", age_s, lost or 0
             text = f"the snapshot is not used, so the start-up window begins: {problem}."
             notices.append(Notice("state_unused", text, self._now_ns))
         try:
@@ -280,7 +297,7 @@ class Pipeline:
                 stage.begin(beginning)
         except ValueError as error:
             raise UsageError(f"estimator: {error}.") from error
-        return notices, reason, None
+        return notices, reason, None, 0
 
     def _absent(self, beginning: Beginning) -> str | None:
         """Tell once which of the channels asked for the source does not have."""

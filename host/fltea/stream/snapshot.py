@@ -54,16 +54,23 @@ def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: in
 
     By its numbers, if it is the same boot and its number and time agree; else by the time that has passed.
     """
-    by_time = max(0, round(age_s * hello.rate_hz) - 1)
+    known = missing_by_number(state, hello, sequence, device_us, age_s)
+    return max(0, round(age_s * hello.rate_hz) - 1) if known is None else known
+
+
+def missing_by_number(
+    state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float
+) -> int | None:
+    """The same, where the numbers tell; else None."""
     last = state.last
     if last is None or last.boot_id != hello.boot_id or age_s > LONGEST_WRAP_S:
-        return by_time
+        return None
     period_us = 1e6 / hello.rate_hz
     step_us = (device_us - last.device_us) % TIME_WRAP_US
     step = (sequence - last.sequence) % SEQUENCE_WRAP
     step += round((step_us / period_us - step) / SEQUENCE_WRAP) * SEQUENCE_WRAP
     agrees = step >= 1 and abs(step_us - step * period_us) <= CLOCK_TOLERANCE * step * period_us + period_us
-    return step - 1 if agrees else by_time
+    return step - 1 if agrees else None
 
 
 def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
