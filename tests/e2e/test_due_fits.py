@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from device_probe import STARTUP
 from due_support import NOISE, DueRun, build, image
-from fltea.records.records import DeviceFits
+from fltea.records.records import DeviceEstimates, DeviceFits
 from fltea.wire import layout as wire
 from spectrum_probe import BoardSpectrum
 
@@ -75,3 +75,21 @@ def test_at_500_hz_it_makes_none_and_says_so(tmp_path: Path) -> None:
     fast = build("data_ready", tmp_path, "FLTEA_RATE_HZ=500")
     run = DueRun(fast, noise="rate_hz=500&alpha=0.5&f=-1&seed=7").run_until(1.2)
     assert run.of(wire.Estimator)[-1].frame.message.fit_every == 0
+
+
+def test_a_build_that_tunes_hands_its_fit_to_its_filters(tmp_path: Path) -> None:
+    tuned = build("timer", tmp_path, "FLTEA_TUNED=true")
+    noise = "alpha=0.8&f=-1&R=0.0001&seed=7"
+    run = DueRun(tuned, noise=noise, settings={"estimator.estimate_on": "both"}).run_until(25.5)
+    assert run.error is None
+    fits = run.of(wire.Fit)
+    assert [arrival.frame.message.flags & wire.FitFlags.TUNED > 0 for arrival in fits] == [True]
+    fit = fits[0].frame.message
+    for arrival in run.of(wire.Estimate):
+        message = arrival.frame.message
+        is_tuned = message.axis == fit.axis and arrival.at_s > fits[0].at_s + 0.3
+        if arrival.at_s < fits[0].at_s - 0.3 or message.axis != fit.axis or is_tuned:
+            assert (message.flags & wire.EstimateFlags.TUNED > 0) == is_tuned
+    assert run.of(wire.Estimator)[-1].frame.message.r_x == fit.r
+    newest = [record for record in run.records if isinstance(record, DeviceEstimates)][-1].axes
+    assert (newest["gyro_x"].why_not, newest["gyro_y"].why_not) == ("other_settings", None)

@@ -339,7 +339,7 @@ def _compare(
         device_age=e.age,
         host_age=host_age,
         device_skipped=e.skipped,
-        same_settings=same_settings,
+        same_settings=same_settings and not e.tuned,
     )
     if why_not is not None or host is None or host.alpha is None or host.f is None or host.state is None:
         return DeviceAxisEstimate(*numbers, valid, age=e.age, why_not=why_not or "host_not_valid")

@@ -128,6 +128,7 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
         ordinates=fit.ordinates,
         evaluations=fit.evaluations,
         searched=fit.searched,
+        tuned=fit.tuned,
         ratio_white=fit.ratio_white,
         ratio_relaxation=fit.ratio_relaxation,
         alpha=alpha,
