@@ -22,6 +22,7 @@ BY_PACKAGE = (
     "tools.fleet_faults",
     "tools.fleet_load",
     "tools.frames_load",
+    "tools.nats_server",
     "tools.ndjson_summary",
 )
 """Modules of `tools` that are imported with its name, since they need its packages."""

@@ -3,7 +3,7 @@
 Each publishes a second of white noise a message on `fltea/NAME/frames`, spread evenly over the second. It is
 bounded in time, devices and rate, and for this machine's own broker only. It prints one JSON object: what was
 published. `--made-up N`: N messages a second more, each under a name of its own. `--flood N`: N a second more
-of one device.
+of one device. `--mqtt-311`: in that version, which is what NATS speaks.
 """
 
 import argparse
@@ -55,18 +55,26 @@ def _samples(noise: "np.ndarray[Any, Any]", second: int) -> bytes:
     return b"".join(frames)
 
 
-def connected(host: str, port: int) -> Client:
+def connected(host: str, port: int, version: MQTTProtocolVersion = MQTTProtocolVersion.MQTTv5) -> Client:
     """A client of this machine's broker."""
-    client = Client(CallbackAPIVersion.VERSION2, "", protocol=MQTTProtocolVersion.MQTTv5)
+    client = Client(CallbackAPIVersion.VERSION2, "", protocol=version)
     client.max_inflight_messages_set(0)
     client.connect(host, port)
     client.loop_start()
     return client
 
 
-def run(host: str, port: int, devices: int, seconds: int, made_up: int = 0, flood: int = 0) -> dict[str, Any]:
+def run(
+    host: str,
+    port: int,
+    devices: int,
+    seconds: int,
+    made_up: int = 0,
+    flood: int = 0,
+    version: MQTTProtocolVersion = MQTTProtocolVersion.MQTTv5,
+) -> dict[str, Any]:
     """Publish in time for so many seconds; what was published, and how late the last message was."""
-    client, sensors = connected(host, port), Sensors(devices)
+    client, sensors = connected(host, port, version), Sensors(devices)
     begin_s, published, extra, late_s = time.monotonic(), 0, 0, 0.0
     slots = max(devices, 1)
     for second in range(seconds):
@@ -107,6 +115,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--made-up", type=int, default=0, help="messages a second under names of their own")
     parser.add_argument("--flood", type=int, default=0, help="messages a second of one device")
+    parser.add_argument("--mqtt-311", action="store_true", help="MQTT 3.1.1, for NATS")
     given = parser.parse_args()
     host, _, port = given.broker.removeprefix("mqtt://").partition(":")
     if host not in LOOPBACK:
@@ -116,7 +125,8 @@ def main() -> None:
             parser.error(f"--{name}: at most {most}")
     if not 0 <= given.made_up + given.flood <= MOST_A_SECOND:
         parser.error(f"--made-up and --flood: at most {MOST_A_SECOND} a second together")
-    found = run(host, int(port or 1883), given.devices, given.seconds, given.made_up, given.flood)
+    version = MQTTProtocolVersion.MQTTv311 if given.mqtt_311 else MQTTProtocolVersion.MQTTv5
+    found = run(host, int(port or 1883), given.devices, given.seconds, given.made_up, given.flood, version)
     print(json.dumps(found), file=sys.stdout)
 
 

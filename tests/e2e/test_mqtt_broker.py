@@ -107,7 +107,7 @@ def test_delivered_and_lost_are_what_was_sent_through_a_restart_of_the_broker(st
     driven.write(Gap(5, 1, 1, 0, device="due"))
     gaps = "fltea/a0/gap"
     driven.until(lambda: len(watcher.on(gaps)) >= 6, "gaps")
-    driven.until(lambda: not driven.sink._in_flight(), "acknowledgements")
+    driven.until(lambda: not driven.sink._flight, "acknowledgements")
 
     def samples() -> set[int]:
         return {json.loads(one.payload)["seq"] for one in watcher.on("fltea/a0/sample")}
@@ -131,7 +131,7 @@ def test_restarted_broker_without_a_memory_is_told_the_state_anew(stage: Stage, 
     broker = stage.broker()
     driven = stage.drive(broker.port)
     driven.write(HELLO, sample(0))
-    driven.until(lambda: driven.sink._up and not driven.sink._in_flight(), "the broker")
+    driven.until(lambda: driven.sink._up and not driven.sink._flight, "the broker")
     broker.stop(signal.SIGKILL)
     (tmp_path / "broker1/mosquitto.db").unlink(missing_ok=True)
     driven.until_told("broker_lost")
@@ -175,7 +175,7 @@ def test_frozen_broker_blocks_nobody_and_what_it_cannot_take_is_counted(stage: S
     broker.thaw()
     driven.write(Gap(0, 1, 1, 0, device="due"))
     driven.until(lambda: len(watcher.on("fltea/a0/gap")) == 1, "the broker")
-    driven.until(lambda: not driven.sink._in_flight(), "acknowledgements")
+    driven.until(lambda: not driven.sink._flight, "acknowledgements")
     assert len(watcher.on("fltea/a0/sample")) + driven.sink.lost == total
     driven.write(sample(total))
     driven.until(lambda: watcher.on("fltea/a0/sample")[-1].payload.count(b'"seq":%d,' % total) == 1, "flow")

@@ -159,10 +159,10 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                     b.wait(40)
                 case "full":
                     b.connection.full = not b.connection.full
-            assert b.sink._in_flight() <= 6 + 2  # the two states are never held back
+            assert len(b.sink._flight) <= 6 + 2  # the two states are never held back
             assert len(b.sink._backlog) <= 4
-            states = sum(m.retain for m, _ in b.sink._unacknowledged.values())
-            waiting = len(b.sink._backlog) + b.sink._in_flight() - states
+            states = sum(m.retain for m in b.sink._flight.messages)
+            waiting = len(b.sink._backlog) + len(b.sink._flight) - states
             assert acknowledged + waiting + b.sink.lost == written
 
 

@@ -10,6 +10,7 @@ from fltea.records import identities
 from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
 from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt.connection import Down, Up
+from fltea.sinks.mqtt.device_topics import LONGEST_NAME, device_level
 from fltea.sinks.mqtt.sink import BACKLOG
 from host_support import hello
 from hypothesis import given
@@ -93,10 +94,10 @@ def test_samples_and_quality_on_request(bench: Callable[..., Bench]) -> None:
 
 @given(st.text(min_size=1))
 def test_topic_of_any_device_is_one_level_and_no_pattern(name: str) -> None:
-    level = mqtt._device_id(hello(device_id=name), "due")
+    level = device_level(hello(device_id=name), "due")
     assert level
     assert not set("+#/\0\n") & set(level)
-    assert len(level) == min(len(name), mqtt.LONGEST_NAME)
+    assert len(level) == min(len(name), LONGEST_NAME)
 
 
 def test_device_without_an_identifier_has_its_name(bench: Callable[..., Bench]) -> None:

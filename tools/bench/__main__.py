@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from typing import Any
 
 from fltea.lab import bench as bench_estimator
 
@@ -37,6 +38,14 @@ def main() -> None:
     parser.add_argument(
         "--cluster", action="store_true", help="only `fltea identify --out` with one and two workers of Dask"
     )
+    parser.add_argument(
+        "--ingest", action="store_true", help="only many sensors through MQTT and NATS: two minutes"
+    )
+    parser.add_argument("--fleet", action="store_true", help="only `fltea fleet` under load: half a minute")
+    parser.add_argument(
+        "--devices", type=int, help="sensors of --ingest (default 200) and --fleet (default 500)"
+    )
+    parser.add_argument("--seconds", type=int, default=15, help="of --ingest")
     parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest of its tables")
     arguments = parser.parse_args()
     if arguments.identify:
@@ -72,6 +81,9 @@ def main() -> None:
         rates = bench_cluster.measure()
         print(json.dumps(rates) if arguments.json else bench_cluster.text(rates))
         return
+    if arguments.ingest or arguments.fleet:
+        _print_many(arguments)
+        return
     if arguments.live:
         from tools.bench import bench_live
 
@@ -101,6 +113,22 @@ def main() -> None:
     print("\n\n".join(part.text(found[name]) for name, part in parts.items()))
     if daemon:
         print("\n" + bench_daemon.text(daemon))
+
+
+def _print_many(arguments: argparse.Namespace) -> None:
+    """What is of many sensors; clients of MQTT and NATS are extras."""
+    from tools.bench import bench_fleet, bench_ingest
+
+    found: dict[str, Any] = {}
+    if arguments.ingest:
+        found["ingest"] = bench_ingest.measure(arguments.devices or bench_ingest.DEVICES, arguments.seconds)
+    if arguments.fleet:
+        found["fleet"] = bench_fleet.measure(arguments.devices or bench_fleet.SENSORS)
+    if arguments.json:
+        print(json.dumps(found, ensure_ascii=False))
+        return
+    parts = {"ingest": bench_ingest, "fleet": bench_fleet}
+    print("\n\n".join(parts[name].text(figures) for name, figures in found.items()))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ is named, and is no row.
 
 import argparse
 import json
-import logging
 import sys
 from pathlib import Path
 
@@ -55,7 +54,6 @@ def main() -> int:
     unknown = [part for part in given.parts if part not in PARTS]
     if unknown:
         parser.error(f"{unknown[0]}: no such part; there are {', '.join(PARTS)}")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # Dask says at length what was done to it
     rows: list[Row] = []
     left_out: list[str] = []
     for part in given.parts or PARTS:

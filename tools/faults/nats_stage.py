@@ -1,85 +1,21 @@
 """Where faults of the ingest are played: a NATS server, boards that publish by MQTT, and workers."""
 
-import asyncio
 import contextlib
-import shutil
-import socket
-import subprocess
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-import nats
-from nats.js.errors import NotFoundError
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from tools.fault_script.program import PATIENCE_S, Program, wait_until
-from tools.fault_script.stage import Skip
+from tools.fault_script.program import Program, wait_until
 from tools.frames_load import Sensors
+from tools.nats_server import Server
 
 DEVICES, PARTITIONS, SNAPSHOT_S = 8, 4, 2
 EVERY_S = 0.5
 """From message to message of a board. Each holds a second of samples: twice as fast as real boards."""
-
-
-def free_port() -> int:
-    """A port of this machine that nobody has."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-class Server:
-    """nats-server with JetStream, the mapping that makes partitions, and MQTT."""
-
-    def __init__(self, folder: Path, partitions: int = PARTITIONS) -> None:
-        program = shutil.which("nats-server", path="/usr/sbin:/usr/bin:/usr/local/bin")
-        if program is None:
-            raise Skip("nats-server is not installed: sudo apt-get install nats-server")
-        self.port, self.mqtt_port = free_port(), free_port()
-        settings = folder / "nats.conf"
-        mapping = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
-        settings.write_text(
-            f"listen: 127.0.0.1:{self.port}\nserver_name: one\nmax_payload: 2MB\n"
-            f'jetstream {{ store_dir: "{folder}/js" }}\nmqtt {{ listen: 127.0.0.1:{self.mqtt_port} }}\n'
-            f'mappings {{ "fltea.*.frames": "{mapping}" }}\n'
-        )
-        self._command = [program, "-c", str(settings)]
-        self.url = f"nats://127.0.0.1:{self.port}"
-        self.start()
-
-    def start(self) -> None:
-        """Start it, or start it again."""
-        self.process = subprocess.Popen(self._command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        wait_until(self._listens, "nats-server")
-
-    def _listens(self) -> bool:
-        for port in (self.port, self.mqtt_port):
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", port)) != 0:
-                    return False
-        return True
-
-    def has_stream(self) -> bool:
-        """Whether a worker has made it; what is published before goes nowhere."""
-
-        async def ask() -> bool:
-            client = await nats.connect(self.url, allow_reconnect=False)
-            try:
-                return bool(await client.jetstream().stream_info("FLTEA_FRAMES"))
-            except NotFoundError:
-                return False
-            finally:
-                await client.close()
-
-        return asyncio.run(ask())
-
-    def kill(self) -> None:
-        """By `kill -9`."""
-        self.process.kill()
-        self.process.wait(PATIENCE_S)
 
 
 class Boards:
@@ -133,7 +69,7 @@ class Stage:
     def __init__(self, folder: Path, qos: int = 1) -> None:
         self._stack = contextlib.ExitStack()
         with contextlib.ExitStack() as stack:
-            self.server = Server(folder)
+            self.server = Server(folder, PARTITIONS)
             stack.callback(lambda: self.server.kill())
             self.workers = [self._worker(stack, "first")]
             self.boards = Boards(self.server.mqtt_port, qos)

@@ -37,6 +37,13 @@ class Ranges:
         self._stream.seek(begin)
         return self._stream.read(max(0, min(end, self.size) - begin))
 
+    def are_there(self) -> bool:
+        """False of a web server that sends files from their beginning only."""
+        try:
+            return len(self.read(self.size - 1, self.size)) == 1
+        except ValueError:
+            return False
+
 
 def open_bytes(file: File) -> BinaryIO:
     """The file, for ranges; nothing is read ahead."""

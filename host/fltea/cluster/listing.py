@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
@@ -12,12 +13,15 @@ from fltea.settings.extras import how_to_install, load
 
 PROTOCOLS = ("file", "s3", "s3a", "gs", "gcs", "abfs", "az", "http", "https", "memory")
 """Chains (`zip::s3://…`) and protocols that run programs elsewhere are none of these."""
-LIKE_NAMES = ("file", "http", "https")
+WEB = ("http", "https")
+LIKE_NAMES = ("file", *WEB)
 """What they call a file is its address."""
 MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
 """Of patterns. Behind a question mark in a web address stands what the server is asked."""
-STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
+STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
 """What file systems call it when a file is no longer the same, the surest first."""
+PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
+"""What file systems need that no extra of fltea has."""
 JOURNAL = "_journal.ndjson"
 """Of a table of verdicts, which may lie among recordings. Readers of Parquet pass over underscores."""
 
@@ -57,9 +61,12 @@ def file_system(protocol: str) -> Any:
     try:
         return fsspec.filesystem(protocol, use_listings_cache=False)
     except ImportError as error:
+        package = PACKAGES.get(protocol)
+        install = how_to_install("cloud")
+        if package is not None:
+            install = f"{sys.executable} -m pip install {package}, here and on every worker"
         raise UsageError(
-            f"{protocol}:// needs a package that is not installed ({error}): {how_to_install('cloud')} for "
-            "s3://; gcsfs for gs://, adlfs for abfs://, aiohttp for http(s)://."
+            f"{protocol}:// needs {package or 'a package'}, which is not installed ({error}): {install}."
         ) from error
 
 
@@ -80,8 +87,10 @@ def files_of(patterns: Sequence[str]) -> Iterator[File]:
             for file in _matching(system, protocol, path):
                 found += 1
                 yield file
-        except FileNotFoundError:
-            pass
+        except FileNotFoundError as error:  # fsspec says so of web servers that say nothing, too
+            cause = error.__cause__
+            if cause is not None and getattr(cause, "status", 0) != 404:
+                raise FlteaError(f"{pattern}: cannot be read ({type(cause).__name__}: {cause}).") from error
         except (FlteaError, GeneratorExit):
             raise
         except Exception as error:  # every file system has its own: credentials, names, networks
@@ -101,12 +110,12 @@ def _split(pattern: str) -> tuple[str, str]:
         )
     if "::" in protocol:
         raise UsageError(f"{pattern}: chains of file systems are not read; name the file itself.")
-    return protocol.lower(), pattern if protocol.lower() in ("http", "https") else rest
+    return protocol.lower(), pattern if protocol.lower() in WEB else rest
 
 
 def _matching(system: Any, protocol: str, path: str) -> Iterator[File]:
     path = system._strip_protocol(path)
-    magic = (MAGIC if protocol not in ("http", "https") else MAGIC_OF_WEB).search(path)
+    magic = (MAGIC if protocol not in WEB else MAGIC_OF_WEB).search(path)
     if magic is None or system.isfile(path):  # a name may hold brackets
         about = system.info(path)
         if about["type"] != "directory":
@@ -155,12 +164,12 @@ def _below(system: Any, folder: str, depth: int | None) -> Iterator[dict[str, An
 def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
     name = str(about["name"])
     url = name if protocol in LIKE_NAMES else f"{protocol}://{name.lstrip('/')}"
-    if protocol in ("http", "https") and "?" in url:  # it may be a signature, and the table is for everybody
+    if protocol in WEB and "?" in url:  # it may be a signature, and the table is for everybody
         place, _, query = url.partition("?")
         url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
+    if about.get("size") is None:  # what a web server lists
+        about = system.info(name)
     stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
     size = about.get("size")
-    if size is None:  # what a web server lists
-        size = system.info(name).get("size")
     url = url.encode(errors="replace").decode()  # a name may hold bytes that are no text
     return File(url, protocol, name, -1 if size is None else int(size), stamp)

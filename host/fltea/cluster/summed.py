@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from fltea.cluster.cut import Cut, Ranges, kind_of, open_bytes, write_piece
-from fltea.cluster.listing import File
+from fltea.cluster.listing import WEB, File
 from fltea.cluster.rows import (
     Key,
     Row,
@@ -94,6 +94,8 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
         return []
     with open_bytes(file) as stream:
         source = Ranges(file, stream)
+        if file.protocol in WEB and not source.are_there():
+            return []
         found: list[Cut] = []
         # Each loads what its format needs; where that is not installed, reading the file whole tells it.
         try:

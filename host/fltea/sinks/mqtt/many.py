@@ -19,8 +19,9 @@ from fltea.records.repeat import OnceAMinute
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import Down, Up
+from fltea.sinks.mqtt.device_topics import Status
 from fltea.sinks.mqtt.shared import SharedConnection
-from fltea.sinks.mqtt.sink import MqttSink, Status
+from fltea.sinks.mqtt.sink import MqttSink
 
 LOOK_S = 0.5
 """All devices are looked after so often; those with something to say at once."""

@@ -1,6 +1,5 @@
 """Publishes the records of one device to an MQTT broker (host/README.md, MQTT)."""
 
-import re
 import secrets
 import time
 from collections import deque
@@ -16,6 +15,8 @@ from fltea.records.records import AnyRecord, DeviceEstimates, DeviceFits, Estima
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up
+from fltea.sinks.mqtt.device_topics import Status, device_level
+from fltea.sinks.mqtt.flight import Flight, Message
 from fltea.sinks.mqtt.shared import SharedConnection, View
 
 BACKLOG = 1000
@@ -34,34 +35,6 @@ SETTLED_NS = 10 * 10**9
 
 OPENING_NS = 45 * 10**9
 FAREWELL_S = 0.4
-LONGEST_NAME = 64
-"""Characters of a device's level in its topics; a recording may say an identifier of any length."""
-
-
-class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What `<prefix>/<device_id>/status` says, retained.
-
-    since_ns: Unix time since which it is so; null where the broker says it for us. reason, when offline:
-    `ended`, `connection_lost` (the broker lost sight of the program), or `replaced` (by another board on the
-    same port).
-    """
-
-    status: Literal["online", "stalled", "offline"]
-    since_ns: int | None
-    source: str
-    device_id: str | None
-    device: str
-    reason: Literal["ended", "connection_lost", "replaced"] | None = None
-
-
-class _Message(NamedTuple):
-    """retain: it is a state, said anew with each connection. again: sent again if its connection is lost."""
-
-    topic: str
-    payload: bytes
-    retain: bool = False
-    again: bool = False
-    qos: int = 1
 
 
 class _Outage(NamedTuple):
@@ -107,11 +80,11 @@ class MqttSink(Sink):
         self._connection: Connection | View | None = None
         self._began_ns = 0
         self._up = self._refusal_told = False
-        self._backlog: deque[_Message] = deque()
+        self._backlog: deque[Message] = deque()
         self._outage: _Outage | None = None
         self._failures = 0
         self._retry_ns = 0
-        self._forget_flight()
+        self._flight = Flight()
         if shared is None and self._broker.shows_password:
             report(
                 "broker_plain",
@@ -143,7 +116,7 @@ class MqttSink(Sink):
         elif isinstance(item, Fit):
             self._on_fit(item)
         else:
-            self._keep(_Message(self._topic(type(item).__name__.lower()), self._encode(item), again=True))
+            self._keep(Message(self._topic(type(item).__name__.lower()), self._encode(item), again=True))
             self._send_backlog()
 
     def _on_block(self, block: Block) -> None:
@@ -231,7 +204,7 @@ class MqttSink(Sink):
         """Say that the device was replaced, and end its connection."""
         if self._hello is None:
             return
-        self._keep(_Message(self._topic("status"), self._offline("replaced", host_ns()), True, again=True))
+        self._keep(Message(self._topic("status"), self._offline("replaced", host_ns()), True, again=True))
         self._leave(FAREWELL_S if self._shared is None else 0.0)
         self._hello = self._status = self._sample_ns = self._fit = None
 
@@ -266,7 +239,7 @@ class MqttSink(Sink):
 
     def _id(self, hello: Hello) -> str:
         """The device's level in the topics."""
-        return _device_id(hello, self._device) if self._shared is None else self._device
+        return device_level(hello, self._device) if self._shared is None else self._device
 
     # --- the status ---
 
@@ -301,8 +274,8 @@ class MqttSink(Sink):
         if self._turned_away:
             self.lost += 1
             return
-        message = _Message(self._topic(kind), self._encode(record), again=kind != "stats", qos=qos)
-        if self._up and not (self._in_flight() < IN_FLIGHT and self._publish(message)):
+        message = Message(self._topic(kind), self._encode(record), again=kind != "stats", qos=qos)
+        if self._up and not (len(self._flight) < IN_FLIGHT and self._publish(message)):
             self.lost += 1
         elif not self._up and self._outage is None and len(self._backlog) < BACKLOG:
             self._backlog.append(message)  # the first connection is being made: a matter of milliseconds
@@ -311,9 +284,9 @@ class MqttSink(Sink):
 
     def _publish_state(self, kind: str, payload: bytes) -> None:
         if self._up:
-            self._publish(_Message(self._topic(kind), payload, retain=True))
+            self._publish(Message(self._topic(kind), payload, retain=True))
 
-    def _keep(self, message: _Message) -> None:
+    def _keep(self, message: Message) -> None:
         if self._turned_away:
             self.lost += 1
             return
@@ -323,37 +296,24 @@ class MqttSink(Sink):
             self.lost += 1
 
     def _send_backlog(self) -> None:
-        while self._up and self._backlog and self._in_flight() < IN_FLIGHT:
+        while self._up and self._backlog and len(self._flight) < IN_FLIGHT:
             if not self._publish(self._backlog[0]):
                 return
             self._backlog.popleft()
 
-    def _publish(self, message: _Message) -> bool:
+    def _publish(self, message: Message) -> bool:
         assert self._connection is not None
         mid = self._connection.publish(message.topic, message.payload, message.qos, message.retain)
         if mid is None:
             return False
-        if message.qos:
-            self._unacknowledged[mid] = (message, self._unsure)
-        else:
-            self._unsure += 1
+        self._flight.began(mid, message)
         return True
-
-    # --- what is under way: with QoS 0 nobody says what arrived, but a later acknowledgement proves it ---
-
-    def _forget_flight(self) -> None:
-        self._unacknowledged: dict[int, tuple[_Message, int]] = {}
-        self._unsure = self._sure = 0
-
-    def _in_flight(self) -> int:
-        return self._unsure - self._sure + len(self._unacknowledged)
 
     def _take_back(self) -> None:
         """The connection is gone: count what nobody acknowledged, keep what is sent again."""
         self._connection, self._up = None, False
-        self.lost += self._unsure - self._sure
-        messages = [message for message, _ in self._unacknowledged.values()]
-        self._forget_flight()
+        unsure, messages = self._flight.end()
+        self.lost += unsure
         waiting, self._backlog = self._backlog, deque()
         for message in (*[m for m in messages if m.again], *waiting):
             self._keep(message)
@@ -373,7 +333,7 @@ class MqttSink(Sink):
         """Take leave of the broker, but not before it has acknowledged all: it may else publish the will."""
         deadline_s = time.monotonic() + farewell_s
         self._send_backlog()
-        while self._up and self._unacknowledged and time.monotonic() < deadline_s:
+        while self._up and self._flight.messages and time.monotonic() < deadline_s:
             time.sleep(0.002)
             self._on_events()
             self._send_backlog()
@@ -396,12 +356,8 @@ class MqttSink(Sink):
                 self._on_down(event)
 
     def _on_acknowledged(self, event: Acknowledged) -> None:
-        entry = self._unacknowledged.pop(event.mid, None)
-        if entry is None:  # QoS 0, which is acknowledged by the socket alone
-            return
-        message, before = entry
-        self._sure = max(self._sure, before)
-        if event.refusal is None:
+        message = self._flight.arrived(event.mid)
+        if message is None or event.refusal is None:
             return
         self.lost += not message.retain
         if not self._refusal_told:
@@ -440,9 +396,3 @@ class MqttSink(Sink):
         if event.kind not in self._outage.told:
             self._outage.told.add(event.kind)
             self._report(event.kind, event.message)
-
-
-def _device_id(hello: Hello, device: str) -> str:
-    """The board's own identifier, else the device's name, as one level of a topic."""
-    name = (hello.device_id or device)[:LONGEST_NAME]
-    return re.sub(r"[+#/\x00-\x1f\x7f-\x9f]", "_", name) or "_"
