@@ -32,8 +32,9 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     run = DueRun(image(), noise=NOISE, faults=faults, settings=settings).run_until(FIRST_FIT_S)
     assert run.check() is None
     assert (run.stats.samples.lost, run.gaps, run.troubles) == (0, [], [])
-    # Freeing the bus takes some milliseconds, for which that sample is late.
-    assert steps(run, but_at_s=19.3) == {10_000}, "a sample has waited for a fit"
+    # Freeing the bus takes some milliseconds, for which that sample is late; a second burst is 30 us later.
+    waits = {abs(step - 10_000) for step in steps(run, but_at_s=19.3)}
+    assert max(waits) <= 30, "a sample has waited for a fit"
     assert run.of(wire.Status)[-1].frame.message.dropped_frames == 0
 
     (fit,) = (arrival.frame.message for arrival in run.of(wire.Fit))
