@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 import msgspec
 import pytest
 from blocks import records_of
-from estimating_board import Board, Sent, events, noise
+from estimating_board import Board, Sent, WireSource, events, noise
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import AnyRecord, DeviceFits, Sample
 from fltea.settings.config import load_config
@@ -24,7 +24,6 @@ from fltea.wire.message_events import bins_event, fit_event
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, Group
-from test_device_estimates import WireSource
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 FIT = wire.Fit(
