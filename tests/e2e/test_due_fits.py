@@ -98,5 +98,10 @@ def test_a_build_that_tunes_hands_its_fit_to_its_filters(tmp_path: Path) -> None
         if arrival.at_s < fits[0].at_s - 0.3 or message.axis != fit.axis or is_tuned:
             assert (message.flags & wire.EstimateFlags.TUNED > 0) == is_tuned
     assert run.of(wire.Estimator)[-1].frame.message.r_x == fit.r
+    # Fitted here of the same bins, the order is the same.
+    whole = [record for record in run.records if isinstance(record, DeviceFits)][-1].axes["gyro_x"]
+    assert whole.spectrum is not None
+    assert whole.alpha_of_bins is not None
+    assert abs(whole.alpha_of_bins - fit.alpha) < 0.1 * 1.96 * fit.alpha_std
     newest = [record for record in run.records if isinstance(record, DeviceEstimates)][-1].axes
     assert (newest["gyro_x"].why_not, newest["gyro_y"].why_not) == ("other_settings", None)

@@ -31,7 +31,7 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     interval is by the curvature of the likelihood; null where the data do not define it. s2, R: (deg/s)².
     ratio_white, ratio_relaxation: 2 log L above these two. alpha_difference: minus that of this computer's
     newest fit, and by how many half-widths of its interval; null where one of them has no order.
-    host_verdict: of that fit.
+    host_verdict: of that fit. alpha_of_bins: order by this computer's fit of the bins in `spectrum`.
     """
 
     verdict: DeviceVerdict
@@ -52,3 +52,4 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     half_widths: float | None = None
     host_verdict: VerdictKind | None = None
     spectrum: DeviceSpectrum | None = None
+    alpha_of_bins: float | None = None

@@ -103,6 +103,7 @@ class BoardEstimates:
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch."""
         self.forget()
+        self._fits.begin(beginning.hello.rate_hz)
         gyro, _ = beginning.axes(self._config.channels)
         self._axes, self._places = tuple(gyro), list(gyro.values())
         self._told_constant.clear()
