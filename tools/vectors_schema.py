@@ -179,10 +179,12 @@ bit 0 valid
 bit 1 constant
 bit 2 missing
 bit 3 skipped
+bit 4 tuned
 flags fit_flags
 bit 0 alpha_defined
 bit 1 searched
 bit 2 bins_left_out
+bit 3 tuned
 """
 HASH = zlib.crc32(SCHEMA.encode())
 

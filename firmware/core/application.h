@@ -162,6 +162,7 @@ class Application {
         if (!may_fit(now_us)) return false;
         const NoiseFit::Told told = estimation_.noise().work(fit_, spectrum_);
         fit_due_ = told == NoiseFit::Told::fit;
+        if (settings::kTuned && fit_due_ && estimation_.retune(fit_)) fit_.flags |= fit_flags::tuned;
         spectrum_due_ = told == NoiseFit::Told::spectrum;
         const uint32_t took_us = clock_.now_us() - now_us;
         if (took_us > longest_slice_us_) longest_slice_us_ = took_us;

@@ -26,11 +26,11 @@ struct VariantOf<true> {
 };
 typedef engine::Lane<float, VariantOf<kJoint>::Type, engine::FixedMemory> Lane;
 
-engine::Tuning<float> tuning(float R) {
+engine::Tuning<float> tuning(float Q, float R) {
     namespace s = settings;
     engine::Tuning<float> t = {};
     t.log_h = static_cast<float>(__builtin_log(1e-6 * s::kSamplePeriodUs));
-    t.x0 = s::kStateX0, t.P0 = s::kStateP0, t.Q = s::kStateQ, t.R = R;
+    t.x0 = s::kStateX0, t.P0 = s::kStateP0, t.Q = Q, t.R = R;
     t.alpha0 = kJoint ? s::kJointAlpha0 : s::kOrderAlpha0;
     t.order_P0 = kJoint ? s::kJointP0 : s::kOrderP0;
     t.order_Q0 = kJoint ? s::kJointQ0 : s::kOrderQ0;
@@ -39,7 +39,7 @@ engine::Tuning<float> tuning(float R) {
     t.parameter_P0 = kJoint ? s::kJointP0 : s::kParameterP0;
     t.parameter_Q0 = kJoint ? s::kJointQ0 : s::kParameterQ0;
     t.parameter_delta = kJoint ? s::kJointDelta : s::kParameterDelta;
-    t.order_R = t.parameter_R = kJoint ? s::kStateQ + R : R;
+    t.order_R = t.parameter_R = kJoint ? Q + R : R;
     t.gate = s::kGate;
     return t;
 }
@@ -50,7 +50,9 @@ float root(float variance) { return variance > 0 ? engine::sqrt(variance) : 0.0f
 
 struct AxisEstimator::Filter {
     explicit Filter(float R)
-        : r_dps2(R), lane(engine::FixedMemory(R), tuning(R), static_cast<engine::Guard>(settings::kGuard)) {}
+        : r_dps2(R),
+          lane(engine::FixedMemory(R), tuning(settings::kStateQ, R),
+               static_cast<engine::Guard>(settings::kGuard)) {}
 
     float r_dps2;
     Lane lane;
@@ -63,6 +65,7 @@ void AxisEstimator::begin() {
     baseline_ = engine::Baseline<int16_t>();
     filter_ = nullptr;
     restarts_ = 0;
+    tuned_ = false;
     begin_watch();
 }
 
@@ -74,6 +77,13 @@ void AxisEstimator::begin_watch() {
 void AxisEstimator::start() {
     static_assert(sizeof(Filter) <= kFilterBytes && alignof(Filter) <= 8, "the filter fits its storage");
     if (!baseline_.constant()) filter_ = new (storage_) Filter(baseline_.variance() / (kLsb * kLsb));
+}
+
+void AxisEstimator::retune(float Q_dps2, float R_dps2) {
+    if (filter_ == nullptr || !(Q_dps2 > 0) || !(R_dps2 > 0)) return;
+    filter_->lane.retune(tuning(Q_dps2, R_dps2));
+    filter_->r_dps2 = R_dps2;
+    tuned_ = true;
 }
 
 void AxisEstimator::step(const int16_t* count) {
@@ -105,6 +115,7 @@ void AxisEstimator::report(Estimate& message) const {
         return;
     }
     if (missing_) message.flags |= estimate_flags::missing;
+    if (tuned_) message.flags |= estimate_flags::tuned;
     if (valid_) {
         const engine::Estimate<float>& estimate = filter_->estimate;
         message.flags |= estimate_flags::valid;
@@ -131,7 +142,7 @@ float AxisEstimator::bias_dps() const {
 float AxisEstimator::r_dps2() const { return filter_ == nullptr ? 0.0f : filter_->r_dps2; }
 
 void AxisEstimator::describe(Estimator& message) {
-    const engine::Tuning<float> t = tuning(0.0f);
+    const engine::Tuning<float> t = tuning(settings::kStateQ, 0.0f);
     message.state_x0 = t.x0;
     message.state_p0 = t.P0;
     message.state_q = t.Q;

@@ -27,6 +27,9 @@ class AxisEstimator {
     // The window is full.
     void start();
 
+    // The filters go on with these; all that they remember stays. Only once there are filters.
+    void retune(float Q_dps2, float R_dps2);
+
     // One sample after the window, or none (a lost one): a prediction.
     void step(const int16_t* count);
 
@@ -58,6 +61,7 @@ class AxisEstimator {
     uint16_t restarts_ = 0;
     bool valid_ = false;
     bool missing_ = false;
+    bool tuned_ = false;
     alignas(8) unsigned char storage_[kFilterBytes] = {};
 };
 

@@ -58,6 +58,13 @@ class Estimation {
         ++waiting_;
     }
 
+    // What a fit of an axis tells its filters: whether they go on with it.
+    bool retune(const Fit& fit) {
+        if (fit.verdict == FitVerdict::white || (fit.flags & fit_flags::alpha_defined) == 0) return false;
+        axes_[static_cast<size_t>(fit.axis)].retune(fit.s2, fit.r);
+        return true;
+    }
+
     bool busy() const { return waiting_ != 0 || noise_.passing(); }
 
     // What is fitted to the same samples, when nothing is busy().

@@ -10,7 +10,7 @@ namespace fltea {
 
 constexpr uint8_t kProtocolMajor = 1;
 constexpr uint8_t kProtocolMinor = 4;
-constexpr uint32_t kSchemaHash = 0xF7595F9C;
+constexpr uint32_t kSchemaHash = 0x848B8DEC;
 
 constexpr uint32_t kBaud = 250000;
 constexpr size_t kMaxPayload = 240;
@@ -116,6 +116,8 @@ constexpr uint8_t constant = 1u << 1;
 constexpr uint8_t missing = 1u << 2;
 // since the start-up window samples were skipped: no host can give the same estimate
 constexpr uint8_t skipped = 1u << 3;
+// Q and R are those of a FIT, no longer those that ESTIMATOR and the start-up window gave
+constexpr uint8_t tuned = 1u << 4;
 }  // namespace estimate_flags
 
 namespace fit_flags {
@@ -125,6 +127,8 @@ constexpr uint8_t alpha_defined = 1u << 0;
 constexpr uint8_t searched = 1u << 1;
 // there were more bins than room for them: some of the lowest are missing
 constexpr uint8_t bins_left_out = 1u << 2;
+// the filters of the axis go on with s2 as Q and r as R
+constexpr uint8_t tuned = 1u << 3;
 }  // namespace fit_flags
 
 // Who is speaking, and what its samples mean. At boot, before any sample, and every second.

@@ -79,6 +79,14 @@ constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 constexpr bool kFit = FLTEA_FIT;
 static_assert(!kFit || (kEstimate && kSamplePeriodUs >= 5000),
               "fits need the estimates' queue, and at most 200 samples a second");
+// Whether the filters go on with the fit's s2 and R in place of Q of filter_settings.h and R of the start-up
+// window, as soon as a fit rejects white noise and defines the order: -DFLTEA_TUNED=true. A host that
+// computes the same then has other settings than the board, so that nothing is compared.
+#ifndef FLTEA_TUNED
+#define FLTEA_TUNED false
+#endif
+constexpr bool kTuned = FLTEA_TUNED;
+static_assert(!kTuned || kFit, "only a fit tells what to tune to");
 // Samples from one round of fits, of all axes, to the next: 3 s; a board at 1 Hz waits for three samples.
 constexpr uint16_t kFitEvery = 3 * FLTEA_RATE_HZ;
 // Fits of an axis from one whose bins are sent to the next.

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from build_firmware import FLAGS
 from due_support import IMAGE, ROOT, image
 from toolchain import missing
 
-from tools.build_firmware import FLAGS
 from tools.mutants.mutation import Mutant, read_mutants
 from tools.mutants.trial import first_failure
 
@@ -32,8 +32,8 @@ def test_the_list_is_long_enough_and_names_each_bug_once() -> None:
 
 # --- each of them compiles ---
 
-STRICT = ("-std=gnu++11", "-fno-exceptions", "-fno-rtti", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic")
-STRICT = ("g++", *STRICT, "-Werror", "-fsyntax-only")
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
+STRICT = ("g++", "-std=gnu++11", "-fno-exceptions", "-fno-rtti", *WARNINGS, "-fsyntax-only")
 
 
 def together(mutants: Sequence[Mutant]) -> Iterator[tuple[list[Mutant], str]]:

@@ -141,6 +141,19 @@ def test_ten_quiet_seconds(build: Path, mode: str) -> None:
     assert (quiet.board["edge_pin"], quiet.board["edge_mode"]) == ((2, 4) if mode == "data_ready" else (0, 0))
 
 
+def test_the_sketch_fits_too_and_its_small_ring_bears_it(build: Path) -> None:
+    """The stub's sensor counts milliseconds on x; y and z never change, and are left out."""
+    fitting = run(build, "16.5")
+    assert [s.sequence for s in fitting.samples()] == list(range(len(fitting.samples())))
+    assert fitting.of(wire.Status)[-1].dropped_frames == 0
+    fits = fitting.of(wire.Fit)
+    assert len(fits) >= 1
+    assert {fit.axis for fit in fits} == {wire.Axis.GYRO_X}
+    bins = [s for s in fitting.of(wire.Spectrum) if s.number == 1]
+    assert [s.first for s in bins] == list(range(0, bins[0].total, 5))
+    assert fitting.of(wire.Estimator)[-1].fit_every == 300
+
+
 @pytest.mark.parametrize(
     ("trouble", "overruns", "errors", "retried"),
     [

@@ -1,6 +1,7 @@
 // The device's estimates without the rest of the device: window, order of work, queue and gaps.
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <vector>
 
 #include "estimation.h"
@@ -320,4 +321,64 @@ TEST_CASE("estimation: ESTIMATOR says what it works with") {
     CHECK(report.alpha_p0 == settings::kJointP0);
     CHECK(report.parameter_p0 == settings::kJointP0);
     CHECK(report.gate == settings::kGate);
+}
+
+TEST_CASE("estimation: a fit that rejects white noise tunes the filters of its axis, and of no other") {
+    Device device;
+    device.run(0, kStartup + 40);
+    fltea::Fit fit = {};
+    fit.axis = fltea::Axis::gyro_y;
+    fit.verdict = fltea::FitVerdict::white;
+    fit.flags = fltea::fit_flags::alpha_defined;
+    fit.s2 = 0.002f;
+    fit.r = 0.07f;
+    CHECK(!device.estimation.retune(fit));
+    fit.verdict = fltea::FitVerdict::fractional;
+    fit.flags = 0;
+    CHECK(!device.estimation.retune(fit));
+    fit.flags = fltea::fit_flags::alpha_defined;
+    Alone untuned(1, 0), tuned(1, 0);
+    const auto everything = [](uint32_t) { return true; };
+    untuned.after(kStartup + 39, everything);
+    tuned.after(kStartup + 39, everything);
+    CHECK(device.estimation.retune(fit));
+    tuned.estimator.retune(fit.s2, fit.r);
+    device.made.clear();
+    device.run(kStartup + 40, kStartup + 200);
+    size_t compared = 0;
+    for (const Estimate& made : device.made) {
+        CHECK(((made.flags & flags::tuned) != 0) == (made.axis == fltea::Axis::gyro_y));
+        if (made.axis != fltea::Axis::gyro_y) continue;
+        const Estimate expected = tuned.after(made.sample, everything);
+        CHECK(made.alpha == expected.alpha);
+        CHECK(made.f == expected.f);
+        CHECK(made.alpha != untuned.after(made.sample, everything).alpha);
+        ++compared;
+    }
+    CHECK(compared > 10);
+    CHECK(device.report().r_y == fit.r);
+    CHECK(device.report().r_x != fit.r);
+    // Not after the sensor was set up again.
+    device.estimation.begin();
+    device.made.clear();
+    device.run(1000, 1000 + kStartup + 20);
+    REQUIRE(!device.made.empty());
+    for (const Estimate& made : device.made) CHECK((made.flags & flags::tuned) == 0);
+}
+
+TEST_CASE("estimation: variances that none can be tune nothing") {
+    Device device;
+    device.run(0, kStartup + 10);
+    fltea::Fit fit = {};
+    fit.verdict = fltea::FitVerdict::relaxation;
+    fit.flags = fltea::fit_flags::alpha_defined;
+    fit.s2 = 0;
+    fit.r = 1;
+    device.estimation.retune(fit);
+    fit.s2 = 1;
+    fit.r = NAN;
+    device.estimation.retune(fit);
+    device.made.clear();
+    device.run(kStartup + 10, kStartup + 30);
+    for (const Estimate& made : device.made) CHECK((made.flags & flags::tuned) == 0);
 }

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.records.events import Chunk, Event, Opened
+from fltea.records.records import LinkStats
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
@@ -19,6 +20,21 @@ ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
 LSB_PER_DPS = 16.4
 PERIOD_US = 10_000
 START_NS = 10**9
+
+
+class WireSource:
+    """A source whose events a test feeds into the pipeline itself."""
+
+    live = prompt = False
+    unix_offset_ns = 0
+
+    def events(self) -> Iterator[Event]:
+        return iter(())
+
+    def link_stats(self) -> LinkStats:
+        return LinkStats()
+
+    def close(self) -> None: ...
 
 
 class Sent(NamedTuple):

@@ -5,6 +5,8 @@ few percent less of the lowest frequencies. So answers are near, not equal; that
 tested in tests/native.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from fltea.spectrum.likelihood_ratio import critical_values, null_fits
@@ -98,3 +100,24 @@ def test_white_noise_is_hardly_ever_called_anything_else() -> None:
     for one in found:
         rejected = one.ratio_white > critical_values(one.ordinates)[PROBABILITIES.index(0.05)] + 1e-3
         assert rejected == (one.verdict != WHITE)
+
+
+@pytest.mark.parametrize("name", ["mpu6050_sunsided_10min.npz", "mpu6050_tomisuarez_100s.npz"])
+@pytest.mark.parametrize("axis", range(3))
+def test_on_real_sensors_white_noise_is_judged_as_the_host_does(
+    recordings: Path, name: str, axis: int
+) -> None:
+    data = np.load(recordings / name)
+    counts, h = data["gyro_raw"][:, axis].astype(np.int16), 1 / float(data["fs_hz"])
+    board = on_board(counts, {})
+    whole = on_host(counts, {}).periodogram(0, h)
+    null = null_fits(binned(whole))
+    critical = critical_values(whole.ordinates)[PROBABILITIES.index(0.05)]
+    white = float(null.likelihood_ratio[0]) <= critical
+    assert (board.verdict == WHITE) == white
+    if not white:
+        full = fit(binned(whole), FULL, null.alternative.theta[np.newaxis])
+        alpha = fractional_fit(binned(whole), full, h).alpha
+        assert alpha.low is not None
+        assert alpha.high is not None
+        assert abs(board.alpha - alpha.value) < 0.1 * (alpha.high - alpha.low) / 2

@@ -7,7 +7,7 @@ from typing import TypeVar
 import msgspec
 import pytest
 from blocks import as_block, records_of
-from estimating_board import ESTIMATOR, Board, Sent, changed, events, noise
+from estimating_board import ESTIMATOR, Board, Sent, WireSource, changed, events, noise
 from fltea.records.events import Event, LinkDown, RawBlock, RawSample, host_ns_of
 from fltea.records.records import (
     AnyRecord,
@@ -16,7 +16,6 @@ from fltea.records.records import (
     Error,
     Estimate,
     EstimatorInfo,
-    LinkStats,
     Sample,
     Stats,
 )
@@ -32,19 +31,6 @@ AXES = ("gyro_x", "gyro_y", "gyro_z")
 STARTUP = ESTIMATOR.startup
 PRINTED = TRIPLE._replace(startup=STARTUP, remaining=STARTUP, guard=wire.EstimatorGuard.FAITHFUL)
 T = TypeVar("T")
-
-
-class WireSource:
-    live = prompt = False
-    unix_offset_ns = 0
-
-    def events(self) -> Iterator[Event]:
-        return iter(())
-
-    def link_stats(self) -> LinkStats:
-        return LinkStats()
-
-    def close(self) -> None: ...
 
 
 def pipeline(who: str, **settings: object) -> Pipeline:

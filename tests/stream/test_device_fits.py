@@ -6,9 +6,10 @@ import struct
 from collections.abc import Iterable, Iterator
 
 import msgspec
+import numpy as np
 import pytest
 from blocks import records_of
-from estimating_board import Board, Sent, events, noise
+from estimating_board import Board, Sent, WireSource, events, noise
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import AnyRecord, DeviceFits, Sample
 from fltea.settings.config import load_config
@@ -24,7 +25,6 @@ from fltea.wire.message_events import bins_event, fit_event
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, Group
-from test_device_estimates import WireSource
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 FIT = wire.Fit(
@@ -91,6 +91,28 @@ def test_a_fit_is_told_at_once_and_with_its_bins_again() -> None:
     assert spectrum.density == [0.5] * 12, "the root of a power"
     assert spectrum.ordinates == [2.0] * 12
     assert msgspec.structs.replace(again.axes["gyro_y"], spectrum=None) == fit
+
+
+def test_bins_are_fitted_here_too() -> None:
+    board = BoardFits("due", lambda _: Said())
+    board.begin(100.0)
+    # A relaxation: α 1, whatever its scale.
+    hz = np.geomspace(0.05, 49, 60)
+    power = 0.3 + 40 / (1.0 + (hz / 0.6) ** 2)
+    bins = np.column_stack([hz, np.maximum(2, hz * 40), power])
+    sent = [FIT]
+    for first in range(0, 60, 5):
+        sent.append(wire.Spectrum(wire.Axis.GYRO_Y, 1, first, 60, *bins[first : first + 5].ravel().tolist()))
+    _, again = told(sent, fits=board)
+    assert again.axes["gyro_y"].alpha_of_bins == pytest.approx(1.0, abs=0.15)
+    # Two bins of one frequency, as two stretches of samples have them, are fitted there only.
+    twice = [
+        message._replace(frequency_1=message.frequency_0) if i == 3 else message
+        for i, message in enumerate(sent)
+    ]
+    _, again = told(twice, fits=board)
+    assert again.axes["gyro_y"].spectrum is not None
+    assert again.axes["gyro_y"].alpha_of_bins is None
 
 
 @pytest.mark.parametrize("lost", [0, 1, 2])

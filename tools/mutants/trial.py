@@ -24,7 +24,7 @@ FAULTS = (
     # Each of three reads in a row leaves one in the controller.
     "stale_byte at=1.3 count=3",
     # From the middle of a step to after the next tick: its wake-up must not get lost.
-    "watchdog_starvation at=1.4035 for=0.0102",
+    "watchdog_starvation at=1.4042 for=0.0102",
     "brown_out at=1.6",
     "scl_stuck at=2.5 for=0.2",
     "unplug at=4.2 for=0.3",

@@ -27,10 +27,11 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     number: fits of this axis since the device's start-up window. age: samples since that window, lost ones
     included, when the spectrum was read; samples: those of them that are in it. ordinates: effective
     independent ordinates. evaluations: of the likelihood; searched: on a grid, since there was no answer
-    before, or one of far fewer samples. alpha: its interval is by the curvature of the likelihood; null where
-    the data do not define it. s2, R: (deg/s)². ratio_white, ratio_relaxation: 2 log L above these two.
-    alpha_difference: minus that of this computer's newest fit, and by how many half-widths of its interval;
-    null where one of them has no order. host_verdict: of that fit.
+    before, or one of far fewer samples. tuned: the filters there go on with s2 and R as Q and R. alpha: its
+    interval is by the curvature of the likelihood; null where the data do not define it. s2, R: (deg/s)².
+    ratio_white, ratio_relaxation: 2 log L above these two. alpha_difference: minus that of this computer's
+    newest fit, and by how many half-widths of its interval; null where one of them has no order.
+    host_verdict: of that fit. alpha_of_bins: order by this computer's fit of the bins in `spectrum`.
     """
 
     verdict: DeviceVerdict
@@ -40,6 +41,7 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ordinates: float
     evaluations: int
     searched: bool
+    tuned: bool
     ratio_white: float
     ratio_relaxation: float
     alpha: Interval = Interval()
@@ -50,3 +52,4 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     half_widths: float | None = None
     host_verdict: VerdictKind | None = None
     spectrum: DeviceSpectrum | None = None
+    alpha_of_bins: float | None = None

@@ -125,6 +125,7 @@ class DeviceAxis(NamedTuple):
     constant: bool
     missing: bool
     skipped: bool
+    tuned: bool
     alpha: float
     alpha_std: float
     f: float
@@ -180,6 +181,7 @@ class DeviceFit(NamedTuple):
     alpha_defined: bool
     searched: bool
     bins_left_out: bool
+    tuned: bool
     number: int
     age: int
     samples: int

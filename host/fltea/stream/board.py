@@ -103,6 +103,7 @@ class BoardEstimates:
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch."""
         self.forget()
+        self._fits.begin(beginning.hello.rate_hz)
         gyro, _ = beginning.axes(self._config.channels)
         self._axes, self._places = tuple(gyro), list(gyro.values())
         self._told_constant.clear()
@@ -339,7 +340,7 @@ def _compare(
         device_age=e.age,
         host_age=host_age,
         device_skipped=e.skipped,
-        same_settings=same_settings,
+        same_settings=same_settings and not e.tuned,
     )
     if why_not is not None or host is None or host.alpha is None or host.f is None or host.state is None:
         return DeviceAxisEstimate(*numbers, valid, age=e.age, why_not=why_not or "host_not_valid")

@@ -14,6 +14,7 @@ from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum, DeviceVerdic
 from fltea.records.events import DeviceBins, DeviceFit
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import DeviceFits
+from fltea.stream.board_check import order_of_bins
 from fltea.stream.live import Said
 
 NORMAL_95 = 1.96
@@ -45,7 +46,12 @@ class BoardFits:
         self._device, self._said = device, said
         self._newest: dict[str, DeviceAxisFit] = {}
         self._bins: dict[str, list[DeviceBins]] = {}
+        self._rate_hz = 0.0
         self.came = self.unplaced = 0
+
+    def begin(self, rate_hz: float) -> None:
+        """Begin an epoch of samples at a rate."""
+        self._rate_hz = rate_hz
 
     def forget(self) -> None:
         """Another epoch: bins that are still to come belong to no fit."""
@@ -74,7 +80,9 @@ class BoardFits:
         spectrum = _spectrum(parts)
         if spectrum is not None:
             self._bins.pop(bins.axis)
-            found = _with(fit, spectrum)
+            known = fit.alpha.value is not None and self._rate_hz > 0
+            checked = order_of_bins(spectrum, self._rate_hz) if known else None
+            found = msgspec.structs.replace(fit, spectrum=spectrum, alpha_of_bins=checked)
             yield DeviceFits(*place, {bins.axis: found}, device=self._device)
 
 
@@ -89,10 +97,6 @@ def _spectrum(parts: Sequence[DeviceBins]) -> DeviceSpectrum | None:
         return None
     rising = sorted(zip(hz, map(math.sqrt, density), ordinates, strict=True))
     return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
-
-
-def _with(fit: DeviceAxisFit, spectrum: DeviceSpectrum) -> DeviceAxisFit:
-    return msgspec.structs.replace(fit, spectrum=spectrum)
 
 
 def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
@@ -128,6 +132,7 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
         ordinates=fit.ordinates,
         evaluations=fit.evaluations,
         searched=fit.searched,
+        tuned=fit.tuned,
         ratio_white=fit.ratio_white,
         ratio_relaxation=fit.ratio_relaxation,
         alpha=alpha,

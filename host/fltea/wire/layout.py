@@ -17,7 +17,7 @@ from typing import ClassVar, Final, NamedTuple, Self, TypeAlias
 
 PROTOCOL_MAJOR: Final = 1
 PROTOCOL_MINOR: Final = 4
-SCHEMA_HASH: Final = 0xF7595F9C
+SCHEMA_HASH: Final = 0x848B8DEC
 
 BAUD: Final = 250000
 MAX_PAYLOAD: Final = 240
@@ -164,6 +164,8 @@ class EstimateFlags(IntFlag):
     """The last step had no measurement."""
     SKIPPED = 1 << 3
     """Since the start-up window samples were skipped: no host can give the same estimate."""
+    TUNED = 1 << 4
+    """Q and R are those of a FIT, no longer those that ESTIMATOR and the start-up window gave."""
 
 
 class FitFlags(IntFlag):
@@ -175,6 +177,8 @@ class FitFlags(IntFlag):
     """On a grid, since there was no answer before, or one of far fewer samples."""
     BINS_LEFT_OUT = 1 << 2
     """There were more bins than room for them: some of the lowest are missing."""
+    TUNED = 1 << 3
+    """The filters of the axis go on with s2 as Q and r as R."""
 
 
 class _HelloFields(NamedTuple):
