@@ -78,6 +78,9 @@ def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Pat
     assert len(numbers) >= 3 * 3
     assert [message.sample for message in run.messages(wire.Estimate)][: len(numbers)] == numbers
     assert {message.skipped for message in run.messages(wire.Estimator)} == {0}
+    assert {message.fit_every for message in run.messages(wire.Estimator)} == {0}, (
+        "it makes no fits, and says so"
+    )
 
 
 def test_what_the_line_cannot_take_does_not_compile() -> None:
