@@ -2,6 +2,9 @@
 
 #include <new>
 
+#include "engine/count_spectrum.hpp"
+#include "engine/fit_bins.hpp"
+#include "engine/sliced_fit.hpp"
 #include "mpu9250.h"
 
 namespace fltea {
@@ -15,10 +18,34 @@ constexpr float kTurn = 6.2831853f;
 constexpr uint32_t kFirstFit = 1000;
 static_assert(settings::kFitEvery > 0, "samples from one round of fits to the next");
 
+typedef engine::CountOctaves<> Octaves;
+typedef engine::FitBins<Octaves> Bins;
+
 }  // namespace
 
+struct NoiseFit::Axis {
+    explicit Axis(float variance) : octaves(variance) {}
+    Octaves octaves;
+    whittle::FitMemory memory;
+    uint16_t fits = 0;
+};
+
+struct NoiseFit::Parts {
+    alignas(8) unsigned char axes[kAxes][sizeof(Axis)];  // those that are started
+    Octaves::Passage passage;
+    Bins bins;
+    whittle::SlicedFit<Bins> fit;
+};
+
+NoiseFit::NoiseFit() {
+    static_assert(sizeof(Parts) <= kBytes && alignof(Parts) <= 8, "the parts fit their storage");
+    new (storage_) Parts;
+}
+
+NoiseFit::Axis& NoiseFit::axis(size_t i) { return *reinterpret_cast<Axis*>(parts().axes[i]); }
+
 void NoiseFit::begin() {
-    passage_ = Octaves::Passage();
+    parts().passage = Octaves::Passage();
     stage_ = Stage::idle;
     age_ = 0;
     next_age_ = kFirstFit;
@@ -28,7 +55,7 @@ void NoiseFit::begin() {
 
 void NoiseFit::start(size_t i, float variance) {
     if (!(variance > 0)) return;
-    new (storage_[i]) Axis(variance);
+    new (parts().axes[i]) Axis(variance);
     started_ = static_cast<uint8_t>(started_ | 1u << i);
 }
 
@@ -42,13 +69,14 @@ void NoiseFit::skip(uint16_t lost) {
 void NoiseFit::add(size_t i, int16_t count) {
     if (i == 0) ++age_;
     if (!is_started(i)) return;
-    axis(i).octaves.add(count, passage_);
-    passing_ = passage_.n > 0 || passage_.cut;
+    Octaves::Passage& passage = parts().passage;
+    axis(i).octaves.add(count, passage);
+    passing_ = passage.n > 0 || passage.cut;
     if (passing_) ++passages_;
     passing_axis_ = i;
 }
 
-void NoiseFit::pass() { passing_ = !axis(passing_axis_).octaves.pass(passage_); }
+void NoiseFit::pass() { passing_ = !axis(passing_axis_).octaves.pass(parts().passage); }
 
 void NoiseFit::begin_axis(size_t first) {
     for (size_t i = first; i < kAxes; ++i) {
@@ -65,10 +93,11 @@ void NoiseFit::begin_bins() {
     gathered_ = passages_;
     bins_age_ = age_;
     bins_used_ = static_cast<uint32_t>(axis(axis_).octaves.counts().used);
-    bins_.begin();
+    parts().bins.begin();
 }
 
 NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
+    Bins& bins = parts().bins;
     switch (stage_) {
         case Stage::idle:
             next_age_ = age_ + settings::kFitEvery;
@@ -77,14 +106,14 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
         case Stage::gathering:
             // The spectrum has gone on: what was read of it does not fit the rest.
             if (gathered_ != passages_) begin_bins();
-            if (!bins_.step(axis(axis_).octaves)) return Told::nothing;
-            fit_.begin(bins_, whittle::kFivePercent, axis(axis_).memory);
+            if (!bins.step(axis(axis_).octaves)) return Told::nothing;
+            parts().fit.begin(bins, whittle::kFivePercent, axis(axis_).memory);
             stage_ = Stage::fitting;
             return Told::nothing;
         case Stage::fitting:
-            if (!fit_.work(bins_)) return Told::nothing;
+            if (!parts().fit.work(bins)) return Told::nothing;
             tell(fit);
-            told_ = fit.number % settings::kSpectrumEvery == 1 ? 0 : bins_.size();
+            told_ = fit.number % settings::kSpectrumEvery == 1 ? 0 : bins.size();
             stage_ = Stage::telling;
             return Told::fit;
         default:
@@ -96,16 +125,17 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
 
 void NoiseFit::tell(Fit& fit) {
     const whittle::FitFigures& found = axis(axis_).memory.figures();
+    const Bins& bins = parts().bins;
     fit = Fit();
     fit.axis = static_cast<fltea::Axis>(axis_);
     fit.verdict = static_cast<FitVerdict>(found.verdict);
     if (found.alpha_defined) fit.flags |= fit_flags::alpha_defined;
-    if (fit_.searched()) fit.flags |= fit_flags::searched;
-    if (bins_.left_out() > 0) fit.flags |= fit_flags::bins_left_out;
+    if (parts().fit.searched()) fit.flags |= fit_flags::searched;
+    if (bins.left_out() > 0) fit.flags |= fit_flags::bins_left_out;
     fit.number = ++axis(axis_).fits;
     fit.age = bins_age_;
     fit.used = bins_used_;
-    fit.evaluations = static_cast<uint16_t>(fit_.evaluations());
+    fit.evaluations = static_cast<uint16_t>(parts().fit.evaluations());
     fit.ordinates = found.ordinates;
     fit.alpha = found.alpha;
     fit.alpha_std = found.alpha_std;
@@ -118,22 +148,23 @@ void NoiseFit::tell(Fit& fit) {
 
 // False when all has been told.
 bool NoiseFit::tell(Spectrum& spectrum) {
-    if (told_ >= bins_.size()) return false;
+    const Bins& bins = parts().bins;
+    if (told_ >= bins.size()) return false;
     spectrum = Spectrum();
     spectrum.axis = static_cast<fltea::Axis>(axis_);
     spectrum.number = axis(axis_).fits;
     spectrum.first = static_cast<uint8_t>(told_);
-    spectrum.total = static_cast<uint8_t>(bins_.size());
+    spectrum.total = static_cast<uint8_t>(bins.size());
     float* const frequency[] = {&spectrum.frequency_0, &spectrum.frequency_1, &spectrum.frequency_2,
                                 &spectrum.frequency_3, &spectrum.frequency_4};
     float* const ordinates[] = {&spectrum.ordinates_0, &spectrum.ordinates_1, &spectrum.ordinates_2,
                                 &spectrum.ordinates_3, &spectrum.ordinates_4};
     float* const density[] = {&spectrum.density_0, &spectrum.density_1, &spectrum.density_2,
                               &spectrum.density_3, &spectrum.density_4};
-    for (size_t k = 0; k < sizeof frequency / sizeof *frequency && told_ < bins_.size(); ++k, ++told_) {
-        *frequency[k] = bins_.lam(told_) * (kRateHz / kTurn);
-        *ordinates[k] = bins_.counts(told_);
-        *density[k] = bins_.power(told_) * (2.0f / (kRateHz * kLsb * kLsb));
+    for (size_t k = 0; k < sizeof frequency / sizeof *frequency && told_ < bins.size(); ++k, ++told_) {
+        *frequency[k] = bins.lam(told_) * (kRateHz / kTurn);
+        *ordinates[k] = bins.counts(told_);
+        *density[k] = bins.power(told_) * (2.0f / (kRateHz * kLsb * kLsb));
     }
     return true;
 }

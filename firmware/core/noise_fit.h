@@ -6,9 +6,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "engine/count_spectrum.hpp"
-#include "engine/fit_bins.hpp"
-#include "engine/sliced_fit.hpp"
 #include "messages.h"
 #include "settings.h"
 
@@ -18,7 +15,7 @@ class NoiseFit {
   public:
     static constexpr size_t kAxes = 3;
 
-    NoiseFit() = default;
+    NoiseFit();
     NoiseFit(const NoiseFit&) = delete;
     NoiseFit& operator=(const NoiseFit&) = delete;
 
@@ -45,28 +42,21 @@ class NoiseFit {
     Told work(Fit& fit, Spectrum& spectrum);
 
   private:
-    typedef engine::CountOctaves<> Octaves;
-    typedef engine::FitBins<Octaves> Bins;
+    // Spectra, bins and fit: of the engine, which is compiled once, in noise_fit.cpp.
+    struct Parts;
+    struct Axis;
     enum class Stage { idle, gathering, fitting, telling };
 
-    struct Axis {
-        explicit Axis(float variance) : octaves(variance) {}
-        Octaves octaves;
-        whittle::FitMemory memory;
-        uint16_t fits = 0;
-    };
-
-    Axis& axis(size_t i) { return *reinterpret_cast<Axis*>(storage_[i]); }
+    Parts& parts() { return *reinterpret_cast<Parts*>(storage_); }
+    Axis& axis(size_t i);
     bool is_started(size_t i) const { return (started_ >> i & 1) != 0; }
     void begin_axis(size_t first);
     void begin_bins();
     void tell(Fit& fit);
     bool tell(Spectrum& spectrum);
 
-    alignas(8) unsigned char storage_[kAxes][sizeof(Axis)];
-    Octaves::Passage passage_;
-    Bins bins_;
-    whittle::SlicedFit<Bins> fit_;
+    static constexpr size_t kBytes = 42048;
+    alignas(8) unsigned char storage_[kBytes];
     Stage stage_ = Stage::idle;
     size_t axis_ = 0;        // that is being fitted
     uint32_t passages_ = 0;  // of all axes since begin()
@@ -75,10 +65,10 @@ class NoiseFit {
     uint32_t next_age_ = 0;  // from which on a fit is due
     uint32_t bins_age_ = 0;  // when the bins were begun
     uint32_t bins_used_ = 0;
-    int told_ = 0;         // bins of a spectrum
-    uint8_t started_ = 0;  // a bit for each axis
+    int told_ = 0;             // bins of a spectrum
+    size_t passing_axis_ = 0;  // whose counts are on their way
+    uint8_t started_ = 0;      // a bit for each axis
     bool passing_ = false;
-    size_t passing_axis_ = 0;
 };
 
 }  // namespace fltea

@@ -6,6 +6,9 @@
 #include <random>
 #include <vector>
 
+#include "engine/count_spectrum.hpp"
+#include "engine/fit_bins.hpp"
+#include "engine/sliced_fit.hpp"
 #include "estimation.h"
 #include "mpu9250.h"
 #include "noise_fit.h"
