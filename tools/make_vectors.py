@@ -98,6 +98,7 @@ GOOD = [
         ),
     ),
     ("fit of fractional noise", FIT, 93, 125_000_300, TYPICAL_FIT),
+    ("fit of an axis without a spectrum", FIT, 7, 10, (2, 0, 0, 3, 2000, 0, 0, *(0.0,) * 8)),
     ("fit of white noise, whose order is not defined", FIT, 0, 0, (0, 1, 0, 1, *(0,) * 3, *(0.0,) * 8)),
     (
         "fit, largest counts, f32 at the ends of its range, an axis and a verdict that no version names",

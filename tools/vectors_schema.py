@@ -166,6 +166,7 @@ value 0 off
 value 1 faithful
 value 2 consistent
 enum fit_verdict
+value 0 none
 value 1 white
 value 2 fractional
 value 3 relaxation

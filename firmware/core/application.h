@@ -72,7 +72,7 @@ class Application {
             if (health_.set_up(now_us)) {
                 sampler_.sensor_runs(now_us);
                 estimation_.begin();
-                estimate_due_ = fit_due_ = spectrum_due_ = false;
+                forget_estimates();
             }
         }
         const bool worked = estimate(clock_.now_us()) || fit(clock_.now_us());
@@ -125,8 +125,11 @@ class Application {
         if (reading.burst_us - due_us > kLateUs) reading.sample.flags |= sample_flags::late;
         const uint32_t device_us = mode_ == SamplingMode::data_ready ? due_us : reading.burst_us;
         link_.send_sample(reading.sample, sampler_.sequence(), device_us);
-        if (settings::kEstimate) estimation_.add(reading.sample, sampler_.instant());
+        if (settings::kEstimate && estimation_.add(reading.sample, sampler_.instant())) forget_estimates();
     }
+
+    // What waits for the line is of a start-up window that has come to its end.
+    void forget_estimates() { estimate_due_ = fit_due_ = spectrum_due_ = false; }
 
     // Not before what it has to tell is on its way, and not if the next instant would have to wait for it;
     // half a period is left to it however slow it is.

@@ -32,8 +32,9 @@ class Estimation {
         ++begun_;
     }
 
-    // Takes a sample and the number of its instant.
-    void add(const Sample& sample, uint32_t instant) {
+    // Takes a sample and the number of its instant. True if it is the first of another start-up window.
+    bool add(const Sample& sample, uint32_t instant) {
+        const uint16_t begun = begun_;
         if (going_ && instant - instant_ - 1 > settings::kMaxGap) begin();
         if (waiting_ == kQueue) {
             if (skipped_in_row_ <= settings::kMaxGap) {
@@ -41,7 +42,7 @@ class Estimation {
                 ++skipped_;
                 skipped_since_ = true;
                 instant_ = instant;
-                return;
+                return false;
             }
             begin();
         }
@@ -56,6 +57,7 @@ class Estimation {
         instant_ = instant;
         going_ = true;
         ++waiting_;
+        return begun_ != begun;
     }
 
     // What a fit of an axis tells its filters: whether they go on with it.
@@ -153,7 +155,8 @@ class Estimation {
         if (++collected_ != settings::kStartup) return;
         for (size_t i = 0; i < kAxes; ++i) {
             axes_[i].start();
-            if (settings::kFit) noise_.start(i, axes_[i].variance());
+            // One that never changed is no gyroscope's.
+            if (settings::kFit && axes_[i].variance() > 0) noise_.start(i);
         }
     }
 

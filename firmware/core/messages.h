@@ -10,7 +10,7 @@ namespace fltea {
 
 constexpr uint8_t kProtocolMajor = 1;
 constexpr uint8_t kProtocolMinor = 4;
-constexpr uint32_t kSchemaHash = 0x848B8DEC;
+constexpr uint32_t kSchemaHash = 0x72FB870E;
 
 constexpr uint32_t kBaud = 250000;
 constexpr size_t kMaxPayload = 240;
@@ -88,6 +88,8 @@ enum class EstimatorGuard : uint8_t {
 };
 
 enum class FitVerdict : uint8_t {
+    // its spectrum is empty: constant, or with so many gaps that nothing is long enough; all figures are 0
+    none = 0,
     // white noise is not rejected at 5 %
     white = 1,
     // white noise is rejected, and a relaxation is worse by more than 6 in 2 log L
@@ -483,25 +485,26 @@ struct Fit {
     FitVerdict verdict;
     // what is to be known about it
     uint8_t flags;
-    // fits of this axis since its start-up window, this one included
+    // fits of this axis since its start-up window, this one included, modulo 65536
     uint16_t number;
-    // samples since the start-up window, lost ones included, that had come when its spectrum was read
+    // samples since the start-up window, lost ones included, that had come when its spectrum was read, modulo
+    // 2^32
     uint32_t age;
-    // samples that are in the spectrum; others were lost, or are of knocks and steps
+    // samples that went into the spectrum, modulo 2^32; others were lost, or are of knocks and steps
     uint32_t used;
     // of the likelihood; far more when it was searched on a grid than from the last answer
     uint16_t evaluations;
     // effective independent ordinates of the spectrum
     float ordinates;
-    // order
+    // order; of white noise it, alpha_std, f and s2 are 0
     float alpha;
-    // its standard deviation, by the curvature of the likelihood
+    // its standard deviation, by the curvature of the likelihood; 0 if not known
     float alpha_std;
     // parameter [s^-alpha]
     float f;
     // variance of the state's innovations, Q of the filters [(deg/s)^2]
     float s2;
-    // variance of the white noise, R of the filters [(deg/s)^2]
+    // variance of the white noise, R of the filters; of an axis that is white, its power [(deg/s)^2]
     float r;
     // 2 log L of orders up to 1 above white noise
     float ratio_white;

@@ -24,7 +24,8 @@ typedef engine::FitBins<Octaves> Bins;
 }  // namespace
 
 struct NoiseFit::Axis {
-    explicit Axis(float variance) : octaves(variance) {}
+    // Of four rounds one has an axis that looks around.
+    explicit Axis(size_t i) : memory(4 * static_cast<int>(i)) {}
     Octaves octaves;
     whittle::FitMemory memory;
     uint16_t fits = 0;
@@ -53,9 +54,8 @@ void NoiseFit::begin() {
     passing_ = false;
 }
 
-void NoiseFit::start(size_t i, float variance) {
-    if (!(variance > 0)) return;
-    new (parts().axes[i]) Axis(variance);
+void NoiseFit::start(size_t i) {
+    new (parts().axes[i]) Axis(i);
     started_ = static_cast<uint8_t>(started_ | 1u << i);
 }
 

@@ -22,9 +22,8 @@ class NoiseFit {
     // Forgets everything, until start().
     void begin();
 
-    // The start-up window is full. variance: of the axis in it, in squared counts; 0: it never changed, and
-    // is left out.
-    void start(size_t axis, float variance);
+    // The start-up window is full. An axis that is not started is left out.
+    void start(size_t axis);
 
     // So many samples of all axes are missing before the next one.
     void skip(uint16_t lost);
@@ -36,7 +35,7 @@ class NoiseFit {
     void pass();
 
     // A fit is due or on its way.
-    bool busy() const { return stage_ != Stage::idle || (started_ != 0 && age_ >= next_age_); }
+    bool busy() const { return stage_ != Stage::idle || (started_ != 0 && is_due()); }
     // What a slice has led to: what is to be sent before the next one.
     enum class Told { nothing, fit, spectrum };
     Told work(Fit& fit, Spectrum& spectrum);
@@ -49,13 +48,15 @@ class NoiseFit {
 
     Parts& parts() { return *reinterpret_cast<Parts*>(storage_); }
     Axis& axis(size_t i);
+    // Ages pass 2^32 in more than a year, or in a hundred days at 500 Hz.
+    bool is_due() const { return static_cast<int32_t>(age_ - next_age_) >= 0; }
     bool is_started(size_t i) const { return (started_ >> i & 1) != 0; }
     void begin_axis(size_t first);
     void begin_bins();
     void tell(Fit& fit);
     bool tell(Spectrum& spectrum);
 
-    static constexpr size_t kBytes = 42048;
+    static constexpr size_t kBytes = 39872;
     alignas(8) unsigned char storage_[kBytes];
     Stage stage_ = Stage::idle;
     size_t axis_ = 0;        // that is being fitted

@@ -91,9 +91,9 @@ static_assert(!kTuned || kFit, "only a fit tells what to tune to");
 constexpr uint16_t kFitEvery = 3 * FLTEA_RATE_HZ;
 // Fits of an axis from one whose bins are sent to the next.
 constexpr uint16_t kSpectrumEvery = 10;
-// Of the time, for the fits [%]: what is left of a quarter of the processor at 100 Hz. A round takes some 5 %
+// Of the time, for the fits [%]: what is left of a quarter of the processor at 100 Hz. A round takes 4 to 6 %
 // of three seconds; one that searches on a grid is late.
-constexpr uint32_t kFitShare = 7;
+constexpr uint32_t kFitShare = 6;
 
 // To the host [baud]. 250,000 is exact on the Due (84 MHz / 16 / 21) and on its USB chip; the usual 115200 is
 // not. 400,000 is exact on the USB chip, and 1 % more on the Due (84 MHz / 16 / 13).

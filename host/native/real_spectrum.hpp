@@ -99,13 +99,11 @@ struct RealSpectrum {
         return std::isinf(least) ? 0 : least;
     }
 
-    struct Unit {
-        // What no sensor says must not become infinite.
-        Number value(double y, double origin) const {
-            const double apart = y - origin, most = kLargest;
-            return Number(apart > most ? most : apart < -most ? -most : apart);
-        }
-    };
+    // What no sensor says must not become infinite.
+    static Number value(double y, double origin) {
+        const double apart = y - origin, most = kLargest;
+        return Number(apart > most ? most : apart < -most ? -most : apart);
+    }
 
     struct Base {
         void store(const Number* in, int n, float* x, int fill) {
@@ -113,6 +111,7 @@ struct RealSpectrum {
         }
         void lift(Number*, int, int) const {}
         int shift() const { return 0; }
+        void renew(float*, int) {}
     };
 
     // A block less its mean.

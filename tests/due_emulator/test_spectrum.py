@@ -6,7 +6,7 @@ import pytest
 from machine_support import COMPILER
 from toolchain import missing
 
-from tools.bench.spectrum_cost import on_due, on_pc
+from tools.bench.spectrum_cost import NOISES, on_due, on_pc
 
 SAMPLES = 9000
 
@@ -22,6 +22,13 @@ def test_the_board_has_the_bits_of_a_pc(due):
     pc = on_pc(SAMPLES)
     assert due.hash == pc.hash
     assert (due.alpha, due.alpha_std, due.bins) == (pc.alpha, pc.alpha_std, pc.bins)
+
+
+@pytest.mark.parametrize("noise", NOISES[1:])
+def test_the_board_has_the_bits_of_a_pc_of_any_noise(due, noise):
+    board, pc = on_due(4000, noise), on_pc(4000, noise)
+    assert board._replace(phases={}) == pc._replace(phases={}, bytes=board.bytes)
+    assert (board.alpha_std > 0) == (noise == "kFast")
 
 
 def test_costs_are_those_of_the_readme_or_less(due):

@@ -13,7 +13,6 @@ typedef fltea::engine::CountOctaves<> Octaves;
 typedef fltea::engine::FitBins<Octaves> Bins;
 
 struct Axis {
-    explicit Axis(float variance) : octaves(variance) {}
     Octaves octaves;
     Bins bins;
     fltea::whittle::SlicedFit<Bins> fit;
@@ -23,7 +22,7 @@ struct Axis {
 }  // namespace
 
 extern "C" {
-Axis* spectrum_make(double variance) { return new Axis(static_cast<float>(variance)); }
+Axis* spectrum_make() { return new Axis; }
 void spectrum_free(Axis* axis) { delete axis; }
 void spectrum_add(Axis* axis, std::size_t n, const std::int16_t* counts) {
     for (std::size_t k = 0; k < n; ++k) axis->octaves.add(counts[k]);

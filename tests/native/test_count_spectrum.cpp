@@ -21,7 +21,6 @@ typedef RealSpectrum<double, Counts::kLevels, Counts::kCapacity> Reals;
 
 // Both, of the same samples.
 struct Pair {
-    explicit Pair(float variance) : counted(variance), real_ladder() {}
     void add(std::int16_t y) {
         const double same = y;
         counted.add(y);
@@ -138,7 +137,7 @@ TEST_CASE("count spectrum: its lines are those of the same samples in double, to
         for (double deviation : {0.7, 1.6, 40.0}) {
             Noise random(static_cast<unsigned long long>(kind + 1));
             const float variance = static_cast<float>(deviation * deviation);
-            std::unique_ptr<Pair> pair(new Pair(variance));
+            std::unique_ptr<Pair> pair(new Pair);
             double walk = 0;
             for (int k = 0; k < 110000; ++k) {
                 const double white = deviation * random();
@@ -168,7 +167,7 @@ TEST_CASE("count spectrum: its lines are those of the same samples in double, to
 TEST_CASE("count spectrum: a block with values that nobody measured is left out") {
     for (int lost : {0, 3}) {
         Noise random(2);
-        std::unique_ptr<CountOctaves<>> octaves(new CountOctaves<>(9.0f));
+        std::unique_ptr<CountOctaves<>> octaves(new CountOctaves<>);
         for (int k = 0; k < 40000; ++k) {
             if (k == 20000 && lost > 0) octaves->skip(static_cast<std::uint64_t>(lost));
             octaves->add(counts_of(3 * random()));
@@ -182,7 +181,7 @@ TEST_CASE("count spectrum: a block with values that nobody measured is left out"
 
 TEST_CASE("count spectrum: knocks, steps and gaps are those that the gate finds in double") {
     Noise random(8);
-    std::unique_ptr<Pair> pair(new Pair(9.0f));
+    std::unique_ptr<Pair> pair(new Pair);
     double offset = 0;
     for (int k = 0; k < 120000; ++k) {
         if (k % 20000 == 19999) offset += 40;
@@ -205,7 +204,7 @@ TEST_CASE("count spectrum: knocks, steps and gaps are those that the gate finds 
 TEST_CASE("count spectrum: nothing overflows at the ends of the range") {
     for (int shape = 0; shape < 4; ++shape) {
         Noise random(4);
-        CountOctaves<> octaves(shape < 2 ? 1e-3f : 1e9f);
+        CountOctaves<> octaves;
         std::uint64_t k = 0;
         for (; k < 150000; ++k) {
             const bool up = shape == 0   ? k % 2 == 0
@@ -259,17 +258,47 @@ TEST_CASE("count spectrum: what a block has of a unit is not lost when sums are 
     CHECK(static_cast<double>(read[1]) == doctest::Approx(1e5 * static_cast<double>(rest[1])).epsilon(0.02));
 }
 
-TEST_CASE("count spectrum: the unit is fine enough, and no finer than it must be") {
-    for (float deviation : {0.3f, 0.5f, 0.99f, 1.6f, 7.0f, 63.0f, 64.0f, 2900.0f}) {
-        const Counts::Unit unit(deviation * deviation);
-        const float units = deviation * static_cast<float>(1 << unit.places());
-        CHECK(units >= 512);
-        if (unit.places() > 0) CHECK(units < 1024);
+TEST_CASE("count spectrum: values are the counts, to the ends of what a sensor says") {
+    for (int y : {-32768, -20000, -1, 0, 5, 32767}) {
+        for (int origin : {-32768, 0, 32767}) {
+            CHECK(Counts::value(static_cast<std::int16_t>(y), static_cast<std::int16_t>(origin)) ==
+                  (y - origin) * 1024);
+        }
     }
-    CHECK(Counts::Unit(0.0f).places() == 12);
-    CHECK(Counts::Unit(1e-3f).value(32767, -32768) == Counts::Unit::kLargest);
-    CHECK(Counts::Unit(1e-3f).value(-32768, 32767) == -Counts::Unit::kLargest);
-    CHECK(Counts::Unit(1.0f).value(5, 3) == 2 * 512);
+    for (int l = 0; l < 11; ++l) CHECK(Counts::halvings(l + 1) == Counts::halvings(l) + Counts::finer(l));
+}
+
+TEST_CASE("count spectrum: a board that was turned far leaves no coarse unit behind") {
+    // So slowly that the gate sees neither knock nor step; then it rests.
+    Noise random(11);
+    std::unique_ptr<Pair> pair(new Pair);
+    const int turned = 40000;
+    for (int k = 0; k < turned; ++k) {
+        pair->add(counts_of(25000 * std::sin(6.283185307179586 * k / turned) + 1.6 * random()));
+    }
+    CHECK(pair->counted.counts().gaps == 0);
+    CHECK(pair->counted.counts().knocks + pair->counted.counts().steps == 0);
+    std::unique_ptr<Pair> before(new Pair(*pair));
+    for (int k = 0; k < 110000; ++k) pair->add(counts_of(1.6 * random()));
+    // Lines of what came while it rested.
+    for (int l = 0; l < 4; ++l) {
+        float power[2][83], blocks[2], effective;
+        double expected[2][83], real_blocks, real_effective;
+        for (int i = 0; i < 2; ++i) {
+            const Pair& one = i == 0 ? *before : *pair;
+            one.counted.ladder().sums(l, 0, power[i], &blocks[i], &effective);
+            one.real_ladder.sums(l, 0, expected[i], &real_blocks, &real_effective);
+        }
+        const int lines = pair->counted.ladder().lines(l);
+        const double unit = std::ldexp(1.0, pair->counted.exponent(l));
+        double found = 0, wanted = 0;
+        for (int i = 0; i < lines; ++i) {
+            found += (static_cast<double>(power[1][i]) - static_cast<double>(power[0][i])) * unit;
+            wanted += expected[1][i] - expected[0][i];
+        }
+        CAPTURE(l);
+        CHECK(found / wanted == doctest::Approx(1).epsilon(2e-3));
+    }
 }
 
 TEST_CASE("count spectrum: an axis has a size that is known") { CHECK(sizeof(CountOctaves<>) <= 11800); }

@@ -88,6 +88,34 @@ Point<double> host_fit(const Any& bins, const Model<double>& model, std::vector<
     return best;
 }
 
+// Of α, by the curvature in double at what the device has found.
+template <class Any>
+double order_std_in_double(const Any& bins, const FitFigures& found) {
+    std::vector<double> lam, counts, power;
+    for (int i = 0; i < bins.size(); ++i) {
+        lam.push_back(static_cast<double>(bins.lam(i)));
+        counts.push_back(static_cast<double>(bins.counts(i)));
+        power.push_back(static_cast<double>(bins.power(i)));
+    }
+    const Spectra spectra(lam.data(), counts.data(), power.data(), lam.size(), 1);
+    const Target target = spectra.target(kernel_baseline, 0);
+    const Model<double> model = {kFractional, 2.0, kNothing, 0, 0, 0};
+    const double share = static_cast<double>(-found.g) * std::exp2(-static_cast<double>(found.alpha));
+    const double weight =
+        static_cast<double>(found.s2) / (static_cast<double>(found.s2) + static_cast<double>(found.R));
+    Point<double> at = Point<double>();
+    at.theta[0] = static_cast<double>(found.alpha);
+    at.theta[1] = std::log(share / (1 - share));
+    at.theta[2] = std::log(weight / (1 - weight));
+    evaluate(target, model, at);
+    REQUIRE(at.nll < kImpossible);
+    double column[3] = {0, 0, 0};
+    const bool given[3] = {false, false, false};
+    for (int i = 0; i < 3; ++i) at.gradient[i] = i == 0 ? -1.0 : 0.0;
+    solve(at, given, 3, 0.0, column);
+    return std::sqrt(column[0]);
+}
+
 template <class Any>
 int fit(const Any& bins, SlicedFit<Any>& sliced, FitMemory& memory) {
     sliced.begin(bins, kFivePercent, memory);
@@ -160,7 +188,7 @@ TEST_CASE("sliced fit: ordinates of a whole stretch are those of their definitio
 
 TEST_CASE("sliced fit: bins of white noise have its variance, all its ordinates, and rise") {
     for (int n : {400, 1000, 20000, 200000}) {
-        std::unique_ptr<Octaves> octaves(new Octaves(9.0f));
+        std::unique_ptr<Octaves> octaves(new Octaves);
         Counts next(0, 0, 3.0, 5);
         for (int k = 0; k < n; ++k) octaves->add(next());
         std::unique_ptr<Gathered> bins(new Gathered);
@@ -192,7 +220,7 @@ TEST_CASE("sliced fit: bins stand at their lines' frequencies, cleared of what t
         for (int k = 0; k < Filter::kTaps; ++k) h += 2 * Filter::tap(k) * std::cos((15 - 2 * k) * w);
         return h * h;
     };
-    std::unique_ptr<Octaves> octaves(new Octaves(16.0f));
+    std::unique_ptr<Octaves> octaves(new Octaves);
     Counts next(3, 0.5, 4.0, 3);
     for (int k = 0; k < 120000; ++k) octaves->add(next());
     std::unique_ptr<Gathered> bins(new Gathered);
@@ -231,7 +259,7 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
     int whites = 0, fractionals = 0, relaxations = 0;
     for (int kind = 0; kind < 5; ++kind) {
         for (int n : {3000, 60000, 150000}) {
-            std::unique_ptr<Octaves> octaves(new Octaves(16.0f));
+            std::unique_ptr<Octaves> octaves(new Octaves);
             const int parts[] = {0, 1, 4, 6, 1};
             const double shares[] = {0, 0.6, 0.5, 1.2, 3.0};
             Counts next(parts[kind], shares[kind], 4.0, static_cast<unsigned long long>(kind + 1));
@@ -287,6 +315,137 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
     CHECK(whites == 3);
     CHECK(fractionals >= 4);
     CHECK(relaxations >= 3);
+}
+
+TEST_CASE("sliced fit: from the last answer it finds what a search of the whole grid finds") {
+    int compared = 0, worse = 0, apart = 0, orders = 0;
+    for (int kind = 0; kind < 4; ++kind) {
+        for (unsigned long long seed = 1; seed <= 4; ++seed) {
+            // White; weak and strong sums of relaxations; one relaxation, which is of order 1.
+            const int parts[] = {0, 4, 4, 1};
+            const double shares[] = {0, 0.1, 0.5, 0.3};
+            Counts next(parts[kind], shares[kind], 3.0, seed);
+            std::unique_ptr<Octaves> octaves(new Octaves);
+            std::unique_ptr<Gathered> bins(new Gathered);
+            std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
+            FitMemory memory;
+            for (int k = 0; k < 16000; ++k) {
+                octaves->add(next());
+                if (k < 1000 || k % 300 != 0) continue;
+                make_bins(*octaves, *bins);
+                fit(*bins, *sliced, memory);
+                const FitFigures found = memory.figures();
+                // What each model holds is in the next one.
+                CHECK((found.verdict == Verdict::white || found.ratio_ar1 > -0.01f));
+                if (k % 1500 != 0 || k < 6000) continue;
+                FitMemory fresh;
+                fit(*bins, *sliced, fresh);
+                const FitFigures cold = fresh.figures();
+                ++compared;
+                worse += found.ratio_white < cold.ratio_white - 0.3f;
+                if (!cold.alpha_defined || cold.alpha_std > 0.2f) continue;
+                ++orders;
+                apart += !(std::fabs(found.alpha - cold.alpha) < 0.2f * cold.alpha_std);
+            }
+        }
+    }
+    CAPTURE(compared);
+    CAPTURE(orders);
+    CHECK(worse <= compared / 10);
+    CHECK(apart <= orders / 6);
+    CHECK(orders > 30);
+}
+
+TEST_CASE("sliced fit: the interval is that of double, however small the share of the white noise") {
+    int defined = 0, small = 0;
+    for (double phi : {0.3, 0.5, 0.9}) {
+        for (double deviation : {0.5, 4.0}) {
+            for (int n : {6000, 60000}) {
+                for (unsigned long long seed = 1; seed <= 6; ++seed) {
+                    Noise random(seed);
+                    std::unique_ptr<Octaves> octaves(new Octaves);
+                    double x = 0;
+                    for (int k = 0; k < n; ++k) {
+                        x = phi * x + 3 * deviation * std::sqrt(1 - phi * phi) * random();
+                        octaves->add(static_cast<std::int16_t>(std::floor(x + 3 * random() + 0.5)));
+                    }
+                    std::unique_ptr<Gathered> bins(new Gathered);
+                    make_bins(*octaves, *bins);
+                    std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
+                    FitMemory memory;
+                    fit(*bins, *sliced, memory);
+                    const FitFigures& found = memory.figures();
+                    CAPTURE(phi);
+                    CAPTURE(deviation);
+                    CAPTURE(n);
+                    CAPTURE(seed);
+                    REQUIRE(std::isfinite(found.alpha_std));
+                    CHECK((found.alpha_std > 0 || !found.alpha_defined));
+                    if (!found.alpha_defined) continue;
+                    ++defined;
+                    small += found.R < 0.05f * bins->mean_power();
+                    CHECK(static_cast<double>(found.alpha_std) ==
+                          doctest::Approx(order_std_in_double(*bins, found))
+                              .epsilon(found.alpha_std < 0.2f ? 0.02 : 0.3));
+                }
+            }
+        }
+    }
+    CHECK(defined > 40);
+    CHECK(small > 5);
+}
+
+TEST_CASE("sliced fit: R of white noise is its variance") {
+    for (unsigned long long seed = 1; seed <= 40; ++seed) {
+        std::unique_ptr<Octaves> octaves(new Octaves);
+        Counts next(0, 0, 3.0, seed);
+        for (int k = 0; k < 6000; ++k) octaves->add(next());
+        std::unique_ptr<Gathered> bins(new Gathered);
+        make_bins(*octaves, *bins);
+        std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
+        FitMemory memory;
+        fit(*bins, *sliced, memory);
+        const FitFigures& found = memory.figures();
+        if (found.verdict != Verdict::white) continue;
+        CHECK(static_cast<double>(found.R) == doctest::Approx(9 + 1.0 / 12).epsilon(0.08));
+        CHECK(found.alpha == 0);
+        CHECK(found.alpha_std == 0);
+        CHECK(found.g == 0);
+        CHECK(found.s2 == 0);
+        CHECK_FALSE(found.alpha_defined);
+    }
+}
+
+TEST_CASE("sliced fit: without ordinates, or without power in them, there is no fit") {
+    for (bool constant : {false, true}) {
+        std::unique_ptr<Octaves> octaves(new Octaves);
+        Counts next(0, 0, 3.0, 1);
+        for (int k = 0; k < 20000; ++k) {
+            // So many gaps that no stretch is long enough.
+            if (!constant && k % 50 == 0) octaves->skip(90);
+            octaves->add(constant ? std::int16_t(-32768) : next());
+        }
+        std::unique_ptr<Gathered> bins(new Gathered);
+        make_bins(*octaves, *bins);
+        std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
+        FitMemory memory;
+        CHECK(fit(*bins, *sliced, memory) == 0);
+        CHECK(sliced->evaluations() == 0);
+        CHECK_FALSE(sliced->searched());
+        const FitFigures& found = memory.figures();
+        CHECK(found.verdict == Verdict::none);
+        for (float one : {found.alpha, found.alpha_std, found.g, found.s2, found.R, found.ratio_white,
+                          found.ratio_ar1, found.ordinates}) {
+            CHECK(one == 0);
+        }
+        // As soon as there is something, it is fitted.
+        octaves->skip(1000);
+        for (int k = 0; k < 2000; ++k) octaves->add(next());
+        make_bins(*octaves, *bins);
+        fit(*bins, *sliced, memory);
+        CHECK(memory.figures().verdict != Verdict::none);
+        CHECK(sliced->searched());
+    }
 }
 
 namespace {

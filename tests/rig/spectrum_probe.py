@@ -40,7 +40,7 @@ def library() -> ctypes.CDLL:
     probe = ctypes.CDLL(goal)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     for name, result, *arguments in (
-        ("spectrum_make", pointer, ctypes.c_double),
+        ("spectrum_make", pointer),
         ("spectrum_free", None, pointer),
         ("spectrum_add", None, pointer, size, COUNTS),
         ("spectrum_skip", None, pointer, size),
@@ -52,12 +52,12 @@ def library() -> ctypes.CDLL:
 
 
 class BoardSpectrum:
-    """One axis; variance: of its noise in squared counts, roughly."""
+    """One axis."""
 
-    def __init__(self, variance: float) -> None:
+    def __init__(self) -> None:
         """Begin."""
         probe = library()
-        self._axis = probe.spectrum_make(variance)
+        self._axis = probe.spectrum_make()
         weakref.finalize(self, probe.spectrum_free, self._axis)
 
     def add(self, counts: NDArray[np.int16]) -> None:

@@ -1,6 +1,6 @@
 """The device's spectrum and fit against the host's of the same counts.
 
-The board keeps 512 samples whole where the host keeps 3,072, and its filters begin that much later: it sees a
+The board keeps 496 samples whole where the host keeps 3,072, and its filters begin that much later: it sees a
 few percent less of the lowest frequencies. So answers are near, not equal; that the arithmetic is the same is
 tested in tests/native.
 """
@@ -45,7 +45,7 @@ def drawn(n: int, alpha: float, g: float, weight: float, seed: int) -> NDArray[n
 
 
 def on_board(counts: NDArray[np.int16], gaps: dict[int, int]) -> BoardFit:
-    board, begin = BoardSpectrum(float(np.var(counts[:500]))), 0
+    board, begin = BoardSpectrum(), 0
     for at, lost in gaps.items():
         board.add(counts[begin:at])
         board.skip(lost)

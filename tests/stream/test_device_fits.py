@@ -4,6 +4,7 @@ import io
 import math
 import struct
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -17,6 +18,7 @@ from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.table import DeviceView
+from fltea.stream import board_fits
 from fltea.stream.board_fits import BoardFits, Place
 from fltea.stream.live import Said
 from fltea.stream.pipeline import Pipeline
@@ -130,6 +132,59 @@ def test_bins_of_another_fit_are_not_told() -> None:
     assert told(spectra(12)) == []
 
 
+def test_without_a_spectrum_there_is_no_figure() -> None:
+    numbers = dict.fromkeys(("alpha", "alpha_std", "f", "s2", "r", "ratio_white", "ratio_relaxation"), 0.0)
+    (record,) = told([FIT._replace(verdict=wire.FitVerdict.NONE, flags=0, ordinates=0.0, **numbers)], HOST)
+    fit = record.axes["gyro_y"]
+    assert fit.verdict == "none"
+    assert fit.alpha == Interval()
+    assert fit.f is fit.s2 is fit.R is fit.alpha_difference is None
+
+
+def test_bins_that_had_no_room_are_told() -> None:
+    (record,) = told([FIT._replace(flags=wire.FitFlags.BINS_LEFT_OUT)])
+    assert record.axes["gyro_y"].bins_left_out
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        *({"frequency_1": 0.0}, {"frequency_1": 51.0}, {"density_2": -1.0}, {"density_2": math.inf}),
+        *({"ordinates_0": 0.0}, {"ordinates_0": math.nan}),
+    ],
+)
+def test_bins_that_no_spectrum_has_are_counted_and_not_told(changed: dict[str, float]) -> None:
+    board = BoardFits("due", lambda _: Said())
+    board.begin(100.0)
+    sent = spectra(12)
+    assert len(told([FIT, sent[0], sent[1]._replace(**changed), sent[2]], fits=board)) == 1
+    assert board.refused == 1
+    later = FIT._replace(number=2)
+    assert len(told([later, *spectra(12, 2)], fits=board)) == 2
+
+
+def test_strangers_cannot_make_it_keep_or_calculate_more_and_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = BoardFits("due", lambda _: Said())
+    board.begin(100.0)
+    told([FIT], fits=board)
+    empty, part = wire.Spectrum(wire.Axis.GYRO_Y, 1, 0, 0, *(0.0,) * 15), spectra(12)[0]
+    for one in (empty, part._replace(total=255), part, part._replace(first=5)):
+        assert told([one] * 300, fits=board) == []
+        assert sum(map(len, board._bins.values())) <= 51
+        told([FIT], fits=board)
+    # Bins of fits that follow each other within a second are not fitted again.
+    asked: list[float] = []
+    monkeypatch.setattr(board_fits, "order_of_bins", lambda _, rate_hz: asked.append(rate_hz))
+    for number in range(50):
+        told([FIT._replace(number=number), *spectra(7, number)], fits=board)
+    assert asked == [100.0]
+    later = PLACE._replace(host_ns=PLACE.host_ns + 10**9)
+    list(board.on_fit(fit_event(FIT, 1), AXES, later))
+    for one in spectra(7):
+        list(board.on_bins(bins_event(one, 1), later))
+    assert asked == [100.0] * 2
+
+
 def test_white_noise_has_no_order() -> None:
     (record,) = told([FIT._replace(verdict=wire.FitVerdict.WHITE)], HOST)
     fit = record.axes["gyro_y"]
@@ -142,50 +197,99 @@ def test_white_noise_has_no_order() -> None:
 def test_an_order_that_the_data_do_not_define_has_no_ends() -> None:
     (record,) = told([FIT._replace(flags=0)], HOST)
     assert record.axes["gyro_y"].alpha == Interval(0.5, None, None)
+    # What is not known is no interval of no width.
+    (record,) = told([FIT._replace(alpha_std=0.0)], HOST)
+    assert record.axes["gyro_y"].alpha == Interval(0.5, None, None)
+    (record,) = told([FIT._replace(alpha_std=-1.0)], HOST)
+    assert record.axes["gyro_y"].alpha == Interval(0.5, None, None)
     # The interval ends where the model does.
     (record,) = told([FIT._replace(alpha_std=2.0)])
     assert record.axes["gyro_y"].alpha == Interval(0.5, 0.0, 2.0)
     assert record.axes["gyro_y"].alpha_difference is None
 
 
-@pytest.mark.parametrize("changed", [{"verdict": 9}, {"alpha": math.nan}, {"r": math.inf}, {"axis": 7}])
-def test_what_no_fit_can_be_is_counted_and_not_told(changed: dict[str, float]) -> None:
+ABSURD: list[dict[str, Any]] = [
+    *({"verdict": 9}, {"alpha": math.nan}, {"r": math.inf}, {"axis": 7}, {"alpha": 2.001}, {"alpha": -0.1}),
+    *(
+        {"s2": -1.0},
+        {"s2": 1e30},
+        {"r": -1.0},
+        {"r": 1e9},
+        {"ordinates": 0.0},
+        {"ordinates": -5.0},
+        {"f": 1.0},
+    ),
+]
+
+
+@pytest.mark.parametrize("changed", ABSURD)
+def test_what_no_fit_can_be_is_counted_and_not_told(changed: dict[str, Any]) -> None:
     board = BoardFits("due", lambda _: Said())
     assert told([FIT._replace(**changed)], fits=board) == []
     assert board.came == 1
-    assert board.unplaced == ("axis" not in changed)
+    assert board.refused == ("axis" not in changed)
 
 
-def number() -> st.SearchStrategy[float]:
-    return st.floats(width=32)
+def numbers(low: float, high: float) -> st.SearchStrategy[float]:
+    """Nearly always what a device may say, so that it is taken, and else anything."""
+    likely = st.floats(low, high, width=32)
+    return st.one_of(likely, likely, likely, likely, likely, likely, likely, st.floats(width=32))
 
 
-@given(
-    st.lists(
-        st.one_of(
-            st.builds(
-                wire.Fit,
-                *(st.integers(0, 3), st.integers(0, 4), st.integers(0, 7), st.integers(0, 3)),
-                *(st.integers(0, 9), st.integers(0, 9), st.integers(0, 9)),
-                *(number() for _ in range(8)),
-            ),
-            st.builds(
-                wire.Spectrum,
-                *(
-                    st.integers(0, 3),
-                    st.integers(0, 3),
-                    st.sampled_from([0, 5, 10, 255]),
-                    st.integers(0, 255),
-                ),
-                *(number() for _ in range(15)),
-            ),
+@st.composite
+def sets(draw: st.DrawFn) -> list[wire.Fit | wire.Spectrum]:
+    """A fit and its bins, of which some may be missing, twice there or not at all like bins."""
+    fit = wire.Fit(
+        *(
+            draw(st.integers(0, 3)),
+            draw(st.integers(0, 4)),
+            draw(st.integers(0, 15)),
+            draw(st.integers(0, 3)),
         ),
-        max_size=12,
+        *(draw(st.integers(0, 2**32 - 1)), draw(st.integers(0, 2**32 - 1)), draw(st.integers(0, 9))),
+        *(draw(numbers(0, 1e6)), draw(numbers(0, 2)), draw(numbers(0, 2)), draw(numbers(-9, 0))),
+        *(draw(numbers(0, 9)), draw(numbers(0, 9)), draw(numbers(0, 99)), draw(numbers(-99, 99))),
     )
-)
-def test_whatever_a_device_says_becomes_json_or_nothing(messages: list[wire.Fit | wire.Spectrum]) -> None:
-    for record in told(messages, HOST):
-        assert b"NaN" not in msgspec.json.encode(record)
+    total = draw(st.integers(0, 40))
+    power = draw(st.sampled_from([1e-30, 1e-6, 1.0, 1e19]))
+    sent: list[wire.Fit | wire.Spectrum] = [fit]
+    for first in range(0, total, 5):
+        bins = [
+            one
+            for k in range(first, first + 5)
+            for one in (49 * (k + 1) / 41, 2.0 + k, power * (1 + draw(st.integers(0, 9))))
+        ]
+        if draw(st.integers(0, 9)) == 0:
+            bins[draw(st.integers(0, 14))] = draw(st.floats(width=32))
+        message = wire.Spectrum(fit.axis, fit.number, first, total, *bins)
+        sent += [message] * draw(st.sampled_from([1, 1, 1, 1, 1, 1, 1, 1, 0, 2]))
+    return sent
+
+
+@given(st.lists(sets(), min_size=1, max_size=4))
+def test_whatever_a_device_says_becomes_figures_of_a_fit_or_nothing(
+    several: list[list[wire.Fit | wire.Spectrum]],
+) -> None:
+    board = BoardFits("due", lambda _: Said(fit=HOST))
+    board.begin(100.0)
+    for record in (one for sent in several for one in told(sent, fits=board)):
+        for fit in record.axes.values():
+            alpha = fit.alpha
+            assert alpha.value is None or 0 <= alpha.value <= 2
+            assert (alpha.low is None) == (alpha.high is None)
+            if alpha.value is not None and alpha.low is not None and alpha.high is not None:
+                assert 0 <= alpha.low <= alpha.value <= alpha.high <= 2
+                assert alpha.low < alpha.high
+            assert fit.alpha_of_bins is None or 0 <= fit.alpha_of_bins <= 2
+            for variance in (fit.s2, fit.R):
+                assert variance is None or 0 <= variance < math.inf
+            if fit.spectrum is not None:
+                assert min(fit.spectrum.hz) > 0
+                assert max(fit.spectrum.hz) < 50.01
+                assert min(fit.spectrum.density) >= 0
+                assert min(fit.spectrum.ordinates) > 0
+    assert sum(map(len, board._bins.values())) <= 51
+    assert board.refused <= board.came + sum(map(len, several))
 
 
 # --- in the pipeline ---
@@ -217,7 +321,7 @@ def test_the_pipeline_tells_them(who: str) -> None:
     assert fits[1].axes["gyro_y"].spectrum is not None
     stats = walk.stats().device_estimator
     assert stats is not None
-    assert (stats.fits, stats.unplaced, stats.fit_every, stats.longest_slice_us) == (1, 0, 300, 1200)
+    assert (stats.fits, stats.fits_refused, stats.fit_every, stats.longest_slice_us) == (1, 0, 300, 1200)
 
 
 def test_a_host_that_estimates_alone_says_nothing_of_them() -> None:

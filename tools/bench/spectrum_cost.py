@@ -29,6 +29,8 @@ MOST_S = 600
 """Of the emulated board's time, at its slow clock after reset."""
 PHASES = ("sample", "level", "bins", "first fit", "next fit")
 LAYOUT = struct.Struct("<2I4f9I" + 3 * f"{len(PHASES)}I")
+NOISES = ("kSlow", "kWhite", "kFast", "kFullScale", "kConstant")
+"""That the program makes; its Kind says what they are."""
 FIT_EVERY_S = 3.0
 """Assumed for the share of the processor."""
 
@@ -56,19 +58,19 @@ class Found(NamedTuple):
     phases: dict[str, Phase]
 
 
-def on_pc(samples: int) -> Found:
-    """Run on this machine; its phases count nothing.
+def on_pc(samples: int, noise: str = NOISES[0]) -> Found:
+    """Run on this machine, with a noise of NOISES; its phases count nothing.
 
     Raises:
         subprocess.CalledProcessError: it cannot be built.
     """
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "program"
-        _run("g++", "-O2", "-ffp-contract=off", *STRICT, f"-DSAMPLES={samples}", PROGRAM, "-o", program)
+        _run("g++", "-O2", "-ffp-contract=off", *STRICT, *_defines(samples, noise), PROGRAM, "-o", program)
         return _read(subprocess.run([program], capture_output=True, check=True).stdout)
 
 
-def on_due(samples: int) -> Found:
+def on_due(samples: int, noise: str = NOISES[0]) -> Found:
     """Run on the emulated Due.
 
     Raises:
@@ -79,7 +81,17 @@ def on_due(samples: int) -> Found:
     with tempfile.TemporaryDirectory() as name:
         elf, raw = Path(name) / "program.elf", Path(name) / "program.bin"
         script = ("-T", LINKER_SCRIPT)
-        _run("arm-none-eabi-g++", *DUE, *STRICT, f"-DSAMPLES={samples}", *script, PROGRAM, "-lgcc", "-o", elf)
+        _run(
+            "arm-none-eabi-g++",
+            *DUE,
+            *STRICT,
+            *_defines(samples, noise),
+            *script,
+            PROGRAM,
+            "-lgcc",
+            "-o",
+            elf,
+        )
         _run("arm-none-eabi-objcopy", "-O", "binary", elf, raw)
         symbols = _run("arm-none-eabi-nm", "--demangle", elf)
         (line,) = (line for line in symbols.splitlines() if line.endswith("::results"))
@@ -139,6 +151,10 @@ def _read(data: bytes) -> Found:
     n = len(PHASES)
     phases = {name: Phase(counts[i], counts[n + i], counts[2 * n + i]) for i, name in enumerate(PHASES)}
     return Found(hash_, alpha, alpha_std, bins, levels, (cold, warm), (spectrum, *of_fit), phases)
+
+
+def _defines(samples: int, noise: str) -> tuple[str, str]:
+    return f"-DSAMPLES={samples}", f"-DNOISE={noise}"
 
 
 def _run(*command: str | Path) -> str:

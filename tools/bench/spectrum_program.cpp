@@ -1,6 +1,6 @@
 // The device's running spectrum and fit of one axis on noise of its own making: on the emulated Due, where it
 // counts its instructions, and on a PC, where the same bits must come out (spectrum_cost.py, which defines
-// SAMPLES). All noise is in integers.
+// SAMPLES and NOISE, one of Kind). All noise is in integers.
 #include <stdint.h>
 
 #include <new>
@@ -65,12 +65,25 @@ void mix(float number) {
     mix(bits);
 }
 
-// White noise of some four counts and two slow relaxations.
+enum Kind { kSlow, kWhite, kFast, kFullScale, kConstant };
+
 class Noise {
   public:
     int16_t operator()() {
-        for (int k = 0; k < 2; ++k) slow_[k] += (white() * (k + 3) * 64 - slow_[k]) >> (3 + 3 * k);
-        return static_cast<int16_t>((white() * 64 + slow_[0] + slow_[1]) >> 12);
+        switch (NOISE) {
+            case kWhite:
+                return static_cast<int16_t>(white() >> 6);
+            case kFast:  // a relaxation within a few samples, and hardly any white noise
+                slow_[0] += (white() * 1024 - slow_[0]) >> 2;
+                return static_cast<int16_t>((white() * 16 + slow_[0]) >> 12);
+            case kFullScale:
+                return white() > 0 ? 32767 : -32768;
+            case kConstant:
+                return -7;
+            default:  // white noise of some four counts and two slow relaxations
+                for (int k = 0; k < 2; ++k) slow_[k] += (white() * (k + 3) * 64 - slow_[k]) >> (3 + 3 * k);
+                return static_cast<int16_t>((white() * 64 + slow_[0] + slow_[1]) >> 12);
+        }
     }
 
   private:
@@ -96,7 +109,7 @@ void fit_once(const Bins& bins, Fit& fit, Memory& memory, Phase phase) {
 }
 
 void run() {
-    Octaves& octaves = *new (octaves_storage) Octaves(16.0f);
+    Octaves& octaves = *new (octaves_storage) Octaves;
     Bins& bins = *new (bins_storage) Bins;
     Fit& fit = *new (fit_storage) Fit;
     Memory& memory = *new (memory_storage) Memory;

@@ -1,11 +1,11 @@
 // The running spectrum in integers, for a processor without floating point: counts of an axis in, sums of
 // powers out. The board's.
 //
-// Values are kept in units that are so much finer than a count that noise of the deviation that was told has
-// 512 to 1,024 of them; every second octave has half the unit of the one above, as its noise is less. A level
-// keeps 16 bits of each value, less a base that follows the stream, and fewer places where the stream runs
-// farther than that within a block. So a line of white noise is that of the same counts in double to 0.1 %,
-// even of a single block.
+// Values are kept in 1,024ths of a count, to which rounding adds far less than the counts' own rounding has
+// done; down to the sixth octave every second one has half the unit of the one above, as its noise is less. A
+// level keeps 16 bits of each value, less a base that follows the stream, and fewer places where the stream
+// runs farther than that within a block. So a bin of white noise is that of the same counts in double to
+// 0.1 %, as soon as it is made of eight blocks.
 #ifndef FLTEA_COUNT_SPECTRUM_HPP
 #define FLTEA_COUNT_SPECTRUM_HPP
 
@@ -37,7 +37,7 @@ struct CountSpectrum {
     typedef CosineTable<> Tables;
     template <int kLines>
     using Sums = CountSums<kLines>;
-    enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 16, kOne = 30 };
+    enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 16, kOne = 30, kMostHalvings = 3 };
 
     // To the nearest count.
     static Input input(float y) {
@@ -57,9 +57,11 @@ struct CountSpectrum {
     static Tables tables() { return Tables(); }
 
     // The unit of level + 1 is that of the level, or half of it.
-    static constexpr int finer(int level) { return level % 2 == 0 ? 1 : 0; }
+    static constexpr int finer(int level) { return level % 2 == 0 && level < 2 * kMostHalvings ? 1 : 0; }
     // Units of a level are 2^-n of those of level 0.
-    static constexpr int halvings(int level) { return (level + 1) / 2; }
+    static constexpr int halvings(int level) {
+        return (level + 1) / 2 < kMostHalvings ? (level + 1) / 2 : int(kMostHalvings);
+    }
 
     // Of samples: their mean, the power about it, and that of the sample that is farthest from it.
     class Moments {
@@ -109,38 +111,19 @@ struct CountSpectrum {
         static constexpr std::uint64_t oldest(std::uint64_t) { return 0; }
     };
 
-    // Of level 0: 2^-places of a count.
-    class Unit {
-      public:
-        enum { kMost = 12, kLargest = 1 << (29 - kLevels / 2) };
-
-        Unit() : places_(0) {}
-        // For noise of a variance, in squared counts.
-        explicit Unit(float variance) : places_(0) {
-            while (places_ < kMost && variance < 512.0f * 512.0f) {
-                variance *= 4.0f;
-                ++places_;
-            }
-        }
-        int places() const { return places_; }
-        Value value(Input y, Input origin) const {
-            const Value apart = (Value(y) - Value(origin)) * (1 << places_);
-            return apart > kLargest ? Value(kLargest) : apart < -kLargest ? -Value(kLargest) : apart;
-        }
-
-      private:
-        int places_;
-    };
+    // Units of level 0 are 2^-kPlaces of a count. All that a sensor says has room, at every level.
+    enum { kPlaces = 10 };
+    static Value value(Input y, Input origin) { return (Value(y) - Value(origin)) * (1 << kPlaces); }
 
     // What 16 bits of a value are less of, and in what unit: 2^shift of the level's. Both are chosen by all
-    // that is kept when a value would not fit.
+    // that is kept, when a value would not fit, and when a finer unit would do again.
     class Base {
       public:
         Base() : base_(0), shift_(0) {}
 
         void store(const Value* in, int n, Stored* x, int fill) {
             for (int i = 0; i < n; ++i) {
-                if (!fits(in[i] - base_)) choose(in[i], x, fill + i);
+                if (!fits(in[i] - base_)) choose(in[i], x, fill + i, kCoarsest);
                 x[fill + i] = stored(in[i]);
             }
         }
@@ -150,9 +133,13 @@ struct CountSpectrum {
             for (int i = 0; i < n; ++i) out[i] = out[i] * (1 << shift_) + base;
         }
         int shift() const { return shift_; }
+        // Fewer values are kept now.
+        void renew(Stored* x, int fill) {
+            if (shift_ > 0) choose(value(x[0]), x, fill, shift_ - 1);
+        }
 
       private:
-        enum { kReach = 32000, kChosen = 16000 };
+        enum { kReach = 32000, kChosen = 16000, kCoarsest = 31 };
 
         bool fits(Value apart) const { return within(apart, Value(kReach) << shift_); }
         static bool within(Value x, Value most) { return x <= most && x >= -most; }
@@ -161,7 +148,8 @@ struct CountSpectrum {
         }
         Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
 
-        void choose(Value newest, Stored* x, int fill) {
+        // No unit but one of up to 2^most.
+        void choose(Value newest, Stored* x, int fill, int most) {
             Value low = newest, high = newest;
             for (int i = 0; i < fill; ++i) {
                 const Value one = value(x[i]);
@@ -171,6 +159,7 @@ struct CountSpectrum {
             Base next;
             next.base_ = low + (high - low) / 2;
             while ((high - low) / 2 > Value(kChosen) << next.shift_) ++next.shift_;
+            if (next.shift_ > most) return;
             for (int i = 0; i < fill; ++i) x[i] = next.stored(value(x[i]));
             *this = next;
         }
@@ -229,9 +218,6 @@ class CountOctaves {
     typedef OctaveLadder<Kind> Ladder;
     typedef typename Ladder::Passage Passage;
 
-    // variance: of the noise in squared counts, roughly.
-    explicit CountOctaves(float variance) : ladder_(typename Kind::Memory(), typename Kind::Unit(variance)) {}
-
     void add(std::int16_t count) {
         Passage passage;
         add(count, passage);
@@ -254,7 +240,7 @@ class CountOctaves {
     std::uint64_t now() const { return gate_.number(); }
     const Ladder& ladder() const { return ladder_; }
     // Exponent of 2 of the unit of the powers of a level, in squared counts.
-    int exponent(int level) const { return -2 * (ladder_.unit().places() + Kind::halvings(level)); }
+    int exponent(int level) const { return -2 * (int(Kind::kPlaces) + Kind::halvings(level)); }
 
   private:
     // Where the gate hands on.

@@ -21,7 +21,6 @@ template <typename Kind>
 class OctaveLadder {
     typedef typename Kind::Value Value;
     typedef typename Kind::Memory Memory;
-    typedef typename Kind::Unit Unit;
     typedef typename Kind::Real Real;
 
   public:
@@ -31,16 +30,15 @@ class OctaveLadder {
     typedef WelchLevel<Kind, kLines> Deep;
     typedef WholeStream<Kind> Whole;
 
-    explicit OctaveLadder(Memory memory = Memory(), Unit unit = Unit())
-        : memory_(memory), unit_(unit), depth_(0), started_(0), origin_(0), top_(memory, 1) {
-        for (int l = 1; l < kLevels; ++l) deep_[l - 1].begin(memory, step(l));
+    explicit OctaveLadder(Memory memory = Memory())
+        : memory_(memory), depth_(0), started_(0), origin_(0), top_(memory, 1) {
+        for (int l = 1; l < kLevels - 1; ++l) deep_[l - 1].begin(memory, step(l));
     }
 
     // Of the level that is whole.
     int depth() const { return depth_; }
     const Whole& whole() const { return whole_; }
     static std::uint64_t step(int level) { return std::uint64_t(1) << level; }
-    Unit unit() const { return unit_; }
     const typename Kind::Cells& cells(int level) const {
         return level == 0 ? top_.cells() : deep_[level - 1].cells();
     }
@@ -93,7 +91,7 @@ class OctaveLadder {
         p.level = 0;
         p.last_made_up = -1;
         for (int i = 0; i < n; ++i) {
-            p.batch[i] = unit_.value(y[i], origin_);
+            p.batch[i] = Kind::value(y[i], origin_);
             if (made_up[i]) p.last_made_up = i;
         }
         if (depth_ > 0 || !fits(p)) return;
@@ -267,11 +265,10 @@ class OctaveLadder {
     }
 
     Memory memory_;
-    Unit unit_;
     int depth_, started_;
     Input origin_;
     Top top_;
-    Deep deep_[kLevels - 1];
+    Deep deep_[kLevels - 2];  // the last level is never but whole
     Whole whole_;
 };
 

@@ -14,7 +14,7 @@ inline namespace FLTEA_INSTRUCTION_SET {
 
 // What the fit says of the fractional model, and of the noise.
 enum class Verdict : int {
-    none,        // no fit yet
+    none,        // no fit yet, or nothing to fit
     white,       // white noise is not rejected
     fractional,  // and AR(1) is worse by more than 6 in 2 log L
     relaxation,  // AR(1) describes it as well
@@ -22,20 +22,26 @@ enum class Verdict : int {
 
 struct FitFigures {
     Verdict verdict;
-    float alpha, alpha_std;
-    float g;            // h^α f
-    float s2, R;        // in the squared unit of the bins' powers
-    float ratio_white;  // 2 log L of orders up to 1 above white noise
-    float ratio_ar1;    // 2 log L of the fractional model above AR(1)
+    // Of white noise all of them are 0, but R.
+    float alpha, alpha_std;  // alpha_std: 0 if it is not known
+    float g;                 // h^α f
+    float s2, R;             // in the squared unit of the bins' powers
+    float ratio_white;       // 2 log L of orders up to 1 above white noise
+    float ratio_ar1;         // 2 log L of the fractional model above AR(1)
     float ordinates;
     bool alpha_defined;  // the interval of α is not nearly all that is possible
 };
 
-// What is kept of an axis from fit to fit: the answers are where the next one begins.
+// What is kept of an axis from fit to fit: the answers are where the next one begins, and how far its looks
+// around have come on the grid.
 class FitMemory {
   public:
-    FitMemory() : figures_(), fitted_ordinates_(0) {
-        for (Answer& one : answers_) one.known = false;
+    // turn: which of twelve fits looks around, so that those of several axes need not be in the same round.
+    explicit FitMemory(int turn = 0) : figures_(), fitted_ordinates_(0), turn_(turn) {
+        for (Answer& one : answers_) {
+            one.known = false;
+            one.look = 0;
+        }
     }
     const FitFigures& figures() const { return figures_; }
 
@@ -48,10 +54,12 @@ class FitMemory {
         float theta[3];
         float nll, scale;
         bool known;
+        unsigned char look;  // the place on the grid to look at next
     };
     Answer answers_[kModels];
     FitFigures figures_;
     float fitted_ordinates_;
+    int turn_;
 };
 
 // A fit: begin(), then work() until it is done.
@@ -69,20 +77,26 @@ class SlicedFit {
     bool searched() const { return searched_; }
 
     // `level` of the null test. Neither the bins nor the memory may change until it is done; the figures are
-    // there then.
+    // there then. Without ordinates, or without power in them, there is nothing to fit.
     void begin(const Bins& bins, NullLevel level, FitMemory& memory) {
-        busy_ = true;
         memory_ = &memory;
         level_ = level;
-        target_.begin(bins);
         searched_ = false;
+        evaluations_ = 0;
+        busy_ = bins.ordinates() > 0 && bins.mean_power() > 0;
+        if (!busy_) {
+            memory.figures_ = FitFigures();
+            return;
+        }
+        target_.begin(bins);
         // Answers that have seen far less lead nowhere.
         if (bins.ordinates() > kMuchMore * memory.fitted_ordinates_) {
             for (Answer& one : memory.answers_) one.known = false;
             searched_ = true;
             memory.fitted_ordinates_ = bins.ordinates();
+        } else {
+            memory.turn_ = (memory.turn_ + 1) % kTurns;
         }
-        evaluations_ = 0;
         which_ = kWhiteNoise;
         begin_model();
     }
@@ -112,7 +126,7 @@ class SlicedFit {
     typedef FitMemory::Answer Answer;
     static constexpr Which kWhiteNoise = FitMemory::kWhiteNoise, kRelaxation = FitMemory::kRelaxation,
                            kUpToOne = FitMemory::kUpToOne, kFull = FitMemory::kFull;
-    enum { kKept = 3, kGridSteps = 40, kWarmSteps = 10, kTogether = 4 };
+    enum { kKept = 3, kGridSteps = 40, kWarmSteps = 10, kTogether = 4, kLooks = 5, kTurns = 12 };
 
     static Model<float> model_of(Which which) {
         const Model<float> model = {which == kWhiteNoise   ? kWhite
@@ -126,80 +140,132 @@ class SlicedFit {
         return model;
     }
 
+    // Without an answer from before a grid is looked at, roughly, of which the best are starts. With one the
+    // answer is the start; but every twelfth fit looks at some points of the grid, each time others, in case
+    // the maximum is elsewhere by now.
     void begin_model() {
         model_ = model_of(which_);
-        starts_ = 0;
-        // The best order up to 1 is a start of the full model.
-        grid_ = which_ == kFull ? kUpToOneGrid : 0;
+        cold_ = !memory_->answers_[which_].known;
+        starts_ = rough_ = 0;
+        as_before_ = -Room<float>::impossible();
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
-        on_grid_ = !memory_->answers_[which_].known && grid_size() > 0;
-        // Where the best order is below 1 orders above 1 add nothing until the grid is searched again.
-        if (which_ == kFull && !on_grid_ && memory_->answers_[kFull].theta[0] < 1.0f) {
-            best_ = up_to_one_;
-            end_model();
-            return;
-        }
+        // An order that was below 1, and is, is that of the model before.
+        from_before_ = which_ == kFull && !cold_ && memory_->answers_[kFull].theta[0] < 1.0f &&
+                       up_to_one_.theta[0] < kBelowOne;
         if (which_ == kWhiteNoise) {
             evaluate_next();
-        } else if (on_grid_) {
-            grid_point(next_);
+        } else if (rough_ < rough_size()) {
+            rough_point(next_);
             evaluate_next();
         } else {
             begin_search();
         }
     }
 
-    int grid_size() const { return which_ == kRelaxation ? 24 : which_ == kWhiteNoise ? 0 : kFractionalGrid; }
+    // Orders above 1 are on the grid of the full model only, and no others; the best order up to 1 is one of
+    // its starts.
+    int grid_size() const {
+        return which_ == kRelaxation ? kPoles * kWeights
+               : which_ == kUpToOne  ? kOrdersUpToOne * kShares * kWeights
+               : which_ == kFull     ? (kOrders - kOrdersUpToOne) * kShares * kWeights
+                                     : 0;
+    }
+    int rough_size() const {
+        return cold_ ? grid_size() : which_ == kFull || grid_size() == 0 || !looks_around() ? 0 : 1 + kLooks;
+    }
 
-    void grid_point(Point<float>& point) const {
-        static const float poles[] = {-2.2f, -0.5f, 0.5f, 1.4f, 2.6f, 3.7f, 5.0f, 7.6f};  // logits
-        static const float weights[] = {-6.9f, -2.9f, -0.4f};
-        static const float orders[] = {0.15f, 0.45f, 0.75f, 1.0f, 1.3f, 1.75f};
-        static const float shares[] = {-7.0f, -4.6f, -2.4f, -0.6f, 1.4f, 3.0f};
-        point.theta[2] = 0;
-        if (which_ == kRelaxation) {
-            point.theta[0] = poles[grid_ / 3];
-            point.theta[1] = weights[grid_ % 3];
+    void rough_point(Point<float>& point) const {
+        const Answer& answer = memory_->answers_[which_];
+        if (cold_) {
+            grid_point(rough_, point);
+        } else if (rough_ == 0) {
+            start_at(last_answer(), point);
         } else {
-            point.theta[0] = orders[grid_ / 18];
-            point.theta[1] = shares[grid_ / 3 % 6];
-            point.theta[2] = weights[grid_ % 3];
+            grid_point((answer.look + rough_ - 1) % grid_size(), point);
         }
         canonical(model_, point.theta);
+    }
+
+    void grid_point(int place, Point<float>& point) const {
+        static const float poles[kPoles] = {-2.2f, -0.5f, 0.5f, 1.4f, 2.6f, 3.7f, 5.0f, 7.6f};  // logits
+        static const float weights[kWeights] = {-6.9f, -2.9f, -0.4f};
+        static const float orders[kOrders] = {0.15f, 0.45f, 0.75f, 1.0f, 1.3f, 1.75f};
+        static const float shares[kShares] = {-7.0f, -4.6f, -2.4f, -0.6f, 1.4f, 3.0f};
+        point.theta[2] = 0;
+        if (which_ == kRelaxation) {
+            point.theta[0] = poles[place / kWeights];
+            point.theta[1] = weights[place % kWeights];
+            return;
+        }
+        const int lowest = which_ == kFull ? int(kOrdersUpToOne) : 0;
+        point.theta[0] = orders[lowest + place / (kShares * kWeights)];
+        point.theta[1] = shares[place / kWeights % kShares];
+        point.theta[2] = weights[place % kWeights];
+    }
+
+    const Answer& last_answer() const { return memory_->answers_[from_before_ ? kUpToOne : which_]; }
+
+    static void start_at(const Answer& answer, Point<float>& point) {
+        for (int i = 0; i < 3; ++i) point.theta[i] = answer.theta[i];
     }
 
     void evaluate_next() {
         next_.nll = Room<float>::impossible();
         next_.scale = 1.0f;
         possible_ = map(model_, next_.theta, at_);
-        target_.begin_sums(on_grid_ && grid_ < grid_size() ? int(kTogether) : 1);
+        target_.begin_sums(rough_ < rough_size() ? int(kTogether) : 1);
         again_ = false;
     }
 
-    // The start that comes now: of what the grid has kept, or the last answer; then what the models before
-    // say.
+    // The start that comes now: of what was looked at, and the last answer; then, if there is better there,
+    // what the models before say, since each of them is one of this one, too.
     bool next_start(Point<float>& point) {
-        const int own = on_grid_ ? int(kKept) : 1, number = starts_++;
-        if (number < own) {
-            if (on_grid_) {
-                point = kept_[number];
-                return point.nll < Room<float>::impossible() || next_start(point);
+        const int own = cold_ ? int(kKept) : 2;
+        while (starts_ < own) {
+            const int number = starts_++;
+            if (from_before_ && number == 0) {
+                best_ = up_to_one_;
+                continue;
             }
-            for (int i = 0; i < 3; ++i) point.theta[i] = memory_->answers_[which_].theta[i];
+            if (!cold_ && number == 0) {
+                start_at(last_answer(), point);
+                return true;
+            }
+            const Point<float>& kept = kept_[cold_ ? number : 0];
+            if (kept.nll < (cold_ ? Room<float>::impossible() : as_before_ + kWorthALook)) {
+                point = kept;
+                return true;
+            }
+        }
+        if (from_before_ && starts_++ == own && looks_around()) {
+            // Where a relaxation does nearly as well, orders on both sides of 1 may.
+            const Answer& relaxation = memory_->answers_[kRelaxation];
+            if (relaxation.nll > best_.nll + kNearly) return false;
+            start_at_relaxation(kAboveOne, point);
             return true;
         }
-        if (number > own || which_ == kRelaxation || !on_grid_) return false;
+        if (from_before_ || starts_++ > own || which_ == kRelaxation) return false;
+        const Answer& before = memory_->answers_[which_ - 1];
+        if (!before.known || (!cold_ && before.nll >= best_.nll - kTolerance)) return false;
         if (which_ == kFull) {
-            for (int i = 0; i < 3; ++i) point.theta[i] = memory_->answers_[kUpToOne].theta[i];
-        } else {  // AR(1) is the fractional model of order 1, with g = φ - 1
-            const Share<float> share(memory_->answers_[kRelaxation].theta[0]);
-            point.theta[0] = 1.0f;
-            point.theta[1] = logit(math::fmin(math::fmax(1.0f - share.value, 1e-6f), 1.0f - 1e-6f));
-            point.theta[2] = memory_->answers_[kRelaxation].theta[1];
+            start_at(before, point);
+        } else {
+            start_at_relaxation(1.0f, point);
         }
         return true;
     }
+
+    // AR(1) is the fractional model of order 1, with g = φ - 1.
+    void start_at_relaxation(float order, Point<float>& point) const {
+        const Answer& relaxation = memory_->answers_[kRelaxation];
+        const Share<float> share(relaxation.theta[0]);
+        point.theta[0] = order;
+        point.theta[1] = logit(math::fmin(math::fmax(1.0f - share.value, 1e-6f), 1.0f - 1e-6f));
+        point.theta[2] = relaxation.theta[1];
+    }
+
+    bool looks_around() const { return memory_->turn_ == 0; }
 
     void begin_search() {
         if (!next_start(next_)) {
@@ -219,13 +285,16 @@ class SlicedFit {
             end_model();
             return;
         }
-        if (grid_ < grid_size() && on_grid_) {
-            keep();
-            if (++grid_ < grid_size() && !beyond()) {
-                grid_point(next_);
+        if (rough_ < rough_size()) {
+            if (cold_ || rough_ > 0) {
+                keep();
+            } else {
+                as_before_ = next_.nll;
+            }
+            if (++rough_ < rough_size()) {
+                rough_point(next_);
                 evaluate_next();
             } else {
-                grid_ = grid_size();
                 begin_search();
             }
             return;
@@ -236,7 +305,7 @@ class SlicedFit {
         } else {
             search_.judge(next_, now_);
         }
-        const Patience<float> until = {on_grid_ ? kGridSteps : kWarmSteps, kTolerance,
+        const Patience<float> until = {cold_ ? kGridSteps : kWarmSteps, kTolerance,
                                        -Room<float>::impossible(), Room<float>::impossible()};
         if (search_.propose(model_, until, now_, next_)) {
             evaluate_next();
@@ -246,15 +315,12 @@ class SlicedFit {
         begin_search();
     }
 
-    // The scale is so far from the reference that the two parts of -log L take each other's digits away. On
-    // the grid that does not matter.
+    // The scale is so far from the reference that the two parts of -log L take each other's digits away.
+    // Where one looks roughly that does not matter.
     bool far() const {
         const float apart = next_.scale / target_.reference() - 1.0f;
-        return grid_ >= grid_size() || !on_grid_ ? apart > 0.1f || apart < -0.1f : false;
+        return rough_ >= rough_size() && (apart > 0.1f || apart < -0.1f);
     }
-
-    // Orders above 1 are on the grid of the full model only, and no others.
-    bool beyond() const { return which_ == kUpToOne && grid_ >= kUpToOneGrid; }
 
     void keep() {
         int place = kKept;
@@ -271,6 +337,9 @@ class SlicedFit {
         answer.nll = best_.nll;
         answer.scale = best_.scale;
         answer.known = best_.nll < Room<float>::impossible();
+        if (!cold_ && rough_size() > 0) {
+            answer.look = static_cast<unsigned char>((answer.look + kLooks) % grid_size());
+        }
         target_.refer_to(answer.known ? answer.scale : 1.0f);
         if (which_ == kFull) {
             report();
@@ -283,6 +352,17 @@ class SlicedFit {
 
     void report() {
         FitFigures& f = memory_->figures_;
+        f = FitFigures();
+        f.ordinates = target_.ordinates;
+        f.ratio_white = 2.0f * (memory_->answers_[kWhiteNoise].nll - memory_->answers_[kUpToOne].nll);
+        f.ratio_ar1 = 2.0f * (memory_->answers_[kRelaxation].nll - best_.nll);
+        // The best fractional model of white noise may give its power to the state.
+        if (f.ratio_white < null_quantile(level_, f.ordinates)) {
+            f.verdict = Verdict::white;
+            f.R = target_.unit();
+            return;
+        }
+        f.verdict = f.ratio_ar1 > kApart ? Verdict::fractional : Verdict::relaxation;
         Mapped<float> at;
         map(model_, best_.theta, at);
         const float power = best_.scale * target_.unit();
@@ -290,23 +370,23 @@ class SlicedFit {
         f.g = at.natural.shape[1];
         f.s2 = at.natural.variance[0] * power;
         f.R = at.natural.white * power;
-        f.ordinates = target_.ordinates;
-        f.ratio_white = 2.0f * (memory_->answers_[kWhiteNoise].nll - memory_->answers_[kUpToOne].nll);
-        f.ratio_ar1 = 2.0f * (memory_->answers_[kRelaxation].nll - best_.nll);
-        const bool white = f.ratio_white < null_quantile(level_, f.ordinates);
-        f.verdict = white ? Verdict::white : f.ratio_ar1 > kApart ? Verdict::fractional : Verdict::relaxation;
-        // Of α, by the information that the other coordinates leave.
+        f.alpha_std = order_std();
+        f.alpha_defined = f.alpha_std > 0 && 2.0f * 1.96f * f.alpha_std < 0.9f * 2.0f;
+    }
+
+    // Of α, by the information that the other coordinates leave.
+    float order_std() const {
         Point<float> unit = best_;
         float column[3] = {0, 0, 0};
         const bool given[3] = {false, false, false};
         for (int i = 0; i < 3; ++i) unit.gradient[i] = i == 0 ? -1.0f : 0.0f;
         solve(unit, given, 3, 0.0f, column);
-        f.alpha_std = math::sqrt(column[0]);
-        f.alpha_defined = !white && 2.0f * 1.96f * f.alpha_std < 0.9f * 2.0f;
+        return math::finite(column[0]) && column[0] > 0 ? math::sqrt(column[0]) : 0.0f;
     }
 
-    static constexpr float kTolerance = 3e-4f, kApart = 6.0f, kMuchMore = 4.0f;
-    enum { kFractionalGrid = 6 * 18, kUpToOneGrid = 4 * 18 };
+    static constexpr float kTolerance = 3e-4f, kApart = 6.0f, kMuchMore = 4.0f, kBelowOne = 0.99f,
+                           kNearly = 3.0f, kWorthALook = 20.0f, kAboveOne = 1.2f;
+    enum { kPoles = 8, kWeights = 3, kOrders = 6, kOrdersUpToOne = 4, kShares = 6 };
 
     SlicedTarget<Bins> target_;
     FitMemory* memory_;
@@ -316,8 +396,9 @@ class SlicedFit {
     Search<float> search_ = Search<float>(model_of(kUpToOne));
     NullLevel level_;
     Which which_;
-    int grid_, starts_, evaluations_;
-    bool busy_, on_grid_, searching_, possible_, again_, searched_;
+    float as_before_;  // -log L of the last answer, roughly
+    int rough_, starts_, evaluations_;
+    bool busy_, cold_, from_before_, searching_, possible_, again_, searched_;
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -66,26 +66,23 @@ class SlicedTarget {
                 return add(Fractional<float>(natural), bins, natural, most);
         }
     }
-    // Slopes of log S by the variance of the part and by R add up to 1, so that the sums with the last follow
-    // from the others.
+    // Slopes of log S by the variance of the part and by R add up to 1, but each has sums of its own: where
+    // one of them is a small share, float has none of its digits in the difference.
     void read(Family family, Sums<float>& sums) const {
-        const int part = shapes(family), white = part + parts(family);
+        const int numbers = shapes(family) + parts(family) + 1;
         sums.log_spectrum = sums_.excess;
         sums.ratio = sums_.ratio * reference_;
+        if (numbers == 1) {
+            sums.slope[0] = sums.square[0][0] = ordinates;
+            sums.weighted[0] = sums.ratio;
+            return;
+        }
         int square = 0;
-        for (int k = 0; k < white; ++k) {
+        for (int k = 0; k < numbers; ++k) {
             sums.slope[k] = sums_.slope[k];
             sums.weighted[k] = sums_.weighted[k] * reference_;
             for (int j = 0; j <= k; ++j) sums.square[k][j] = sums_.square[square++];
         }
-        sums.slope[white] = ordinates;
-        sums.weighted[white] = sums.ratio;
-        sums.square[white][white] = ordinates;
-        if (white == 0) return;
-        sums.slope[white] -= sums.slope[part];
-        sums.weighted[white] -= sums.weighted[part];
-        for (int j = 0; j < white; ++j) sums.square[white][j] = sums.slope[j] - sums.square[part][j];
-        sums.square[white][white] -= 2.0f * sums.slope[part] - sums.square[part][part];
     }
 
     // The excess of -log L at the best scale.
@@ -94,8 +91,8 @@ class SlicedTarget {
     }
 
   private:
-    enum { kMostNumbers = 3 };
-    // As Sums has them, without those of R.
+    enum { kMostNumbers = 4 };
+    // As Sums has them.
     struct PartSums {
         float excess, ratio, slope[kMostNumbers], weighted[kMostNumbers];
         float square[kMostNumbers * (kMostNumbers + 1) / 2];
@@ -113,7 +110,7 @@ class SlicedTarget {
 
     template <class Shape>
     bool add(const Shape& shape, const Bins& bins, const Natural<float>& natural, int most) {
-        enum { kPart = Shape::kShapes, kNumbers = Shape::kShapes + 1 };
+        enum { kPart = Shape::kShapes, kWhiteNoise = kPart + 1, kNumbers = kPart + 2 };
         const BinColumns<Bins> columns = {bins};
         const float unit = over_unit_ / reference_;
         for (int n = 0; n < most && at_ < bins.size(); ++n) {
@@ -136,6 +133,7 @@ class SlicedTarget {
             sums_.excess += count * excess_of(ratio);
             sums_.ratio += over;
             D[kPart] = part * inverse;
+            D[kWhiteNoise] = natural.white * inverse;
             for (int k = 0; k < kPart; ++k) D[k] = by[k] * D[kPart];
             int square = 0;
             for (int k = 0; k < kNumbers; ++k) {

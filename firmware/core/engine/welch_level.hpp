@@ -100,6 +100,7 @@ class WelchLevel {
         }
         std::memmove(x_, x_ + kHop, kHop * sizeof x_[0]);
         fill_ = kHop;
+        base_.renew(x_, fill_);
         begin_ += kHop * step;
         made_up_ = made_up_ < kHop ? -1 : made_up_ - kHop;
     }

@@ -69,7 +69,8 @@ void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     conclude(target, model, at, sums, point);
 }
 
-// Solves (A + damping diag A) x = -b for the coordinates that are not given; A is not negative.
+// Solves (A + damping diag A) x = -b for the coordinates that are not given; A is not negative but for
+// rounding, and where that is all there is of a coordinate, a step in it has no end.
 template <class R>
 void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) {
     R L[Room<R>::kFree][Room<R>::kFree];
@@ -82,7 +83,8 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
             if (i == j && !given[i]) a += damping * a + R(kLeastCurvature);
             const R whole = a;
             for (int k = 0; k < j; ++k) a -= L[i][k] * L[j][k];
-            L[i][j] = i == j ? math::sqrt(math::fmax(a, R(1e-12) * whole)) : a / L[j][j];
+            const R least = math::fmax(R(1e-12) * whole, R(kLeastCurvature));
+            L[i][j] = i == j ? math::sqrt(math::fmax(a, least)) : a / L[j][j];
         }
         step[i] = x;
     }

@@ -259,10 +259,11 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     """How the device's own estimator gets on.
 
     begun, skipped, longest_axis_us and longest_slice_us (of a fit) are since its boot. fit_every: samples
-    from one round of its fits to the next, 0 if it makes none. Since the start of the program: fits that
-    came; estimates of an axis that came; lost: those that did not; unplaced: estimates and fits that came and
-    fit no sample (before the epoch, or its sample was lost). restarts are since the device's start-up window,
-    interventions by cause since the axis last began.
+    from one round of its fits to the next, 0 if it makes none. Since the start of the program: estimates
+    of an axis that came; lost: those that did not; unplaced: those that came and fit no sample (before
+    the epoch, or its sample was lost); fits that came; fits_refused: those whose numbers or bins no fit
+    can have, or before the first sample. restarts are since the device's start-up window, interventions
+    by cause since the axis last began.
     """
 
     begun: int
@@ -278,6 +279,7 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     interventions: dict[str, dict[str, int]]
     fit_every: int = 0
     fits: int = 0
+    fits_refused: int = 0
     longest_slice_us: int = 0
 
 

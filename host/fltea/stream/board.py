@@ -271,11 +271,12 @@ class BoardEstimates:
             longest_axis_us=s.longest_axis_us,
             estimates=self._estimates,
             lost=self._lost,
-            unplaced=self._unplaced + self._fits.unplaced,
+            unplaced=self._unplaced,
             restarts=dict(zip(AXES, s.restarts, strict=True)),
             interventions={axis: e.interventions for axis, e in self._newest.items()},
             fit_every=s.fit_every,
             fits=self._fits.came,
+            fits_refused=self._fits.refused,
             longest_slice_us=s.longest_slice_us,
         )
 

@@ -23,6 +23,15 @@ NORMAL_95 = 1.96
 MOST_ORDER = 2.0
 """Of the model that the board fits."""
 
+ROUNDING = 1e-5
+"""Of a frequency in the device's float."""
+
+MOST_DPS2 = 1e8
+"""Of a variance: no gyroscope turns at 10,000 deg/s."""
+
+CHECK_EVERY_NS = 1_000_000_000
+"""From one fit of an axis's bins to the next: a device sends them every half a minute, a stranger at will."""
+
 VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
 
 
@@ -38,16 +47,17 @@ class Place(NamedTuple):
 class BoardFits:
     """Makes the records.
 
-    came: fits that came; unplaced: those of them for which there was no sample yet, or whose numbers no fit
-    can have.
+    came: fits that came; refused: those of them for which there was no sample yet, or whose numbers or bins
+    no fit can have.
     """
 
     def __init__(self, device: str | None, said: Callable[[str], Said]) -> None:
         self._device, self._said = device, said
         self._newest: dict[str, DeviceAxisFit] = {}
         self._bins: dict[str, list[DeviceBins]] = {}
+        self._checked_ns: dict[str, int] = {}
         self._rate_hz = 0.0
-        self.came = self.unplaced = 0
+        self.came = self.refused = 0
 
     def begin(self, rate_hz: float) -> None:
         """Begin an epoch of samples at a rate."""
@@ -63,7 +73,7 @@ class BoardFits:
         self.came += 1
         found = _axis_fit(fit, self._said(fit.axis).fit) if fit.axis in axes else None
         if place is None or found is None:
-            self.unplaced += fit.axis in axes
+            self.refused += fit.axis in axes
             return
         self._newest[fit.axis], self._bins[fit.axis] = found, []
         yield DeviceFits(*place, {fit.axis: found}, device=self._device)
@@ -73,30 +83,42 @@ class BoardFits:
         fit, parts = self._newest.get(bins.axis), self._bins.get(bins.axis)
         if fit is None or parts is None or place is None or bins.number != fit.number:
             return
-        if bins.first != sum(len(part.hz) for part in parts):  # some were lost
-            self._bins.pop(bins.axis)
+        total = parts[0].total if parts else bins.total
+        if not bins.hz or bins.total != total or bins.first != sum(len(part.hz) for part in parts):
+            self._bins.pop(bins.axis)  # some were lost
             return
         parts.append(bins)
-        spectrum = _spectrum(parts)
-        if spectrum is not None:
-            self._bins.pop(bins.axis)
-            known = fit.alpha.value is not None and self._rate_hz > 0
-            checked = order_of_bins(spectrum, self._rate_hz) if known else None
-            found = msgspec.structs.replace(fit, spectrum=spectrum, alpha_of_bins=checked)
-            yield DeviceFits(*place, {bins.axis: found}, device=self._device)
+        if bins.first + len(bins.hz) < total:
+            return
+        self._bins.pop(bins.axis)
+        spectrum = self._spectrum(parts)
+        if spectrum is None:
+            self.refused += 1
+            return
+        checked = self._check(spectrum, bins.axis, place) if fit.alpha.value is not None else None
+        found = msgspec.structs.replace(fit, spectrum=spectrum, alpha_of_bins=checked)
+        yield DeviceFits(*place, {bins.axis: found}, device=self._device)
 
+    def _spectrum(self, parts: Sequence[DeviceBins]) -> DeviceSpectrum | None:
+        """All bins; None if one is no bin."""
+        hz = [one for part in parts for one in part.hz]
+        density = [one for part in parts for one in part.density_dps2_per_hz]
+        ordinates = [one for part in parts for one in part.ordinates]
+        highest = self._rate_hz / 2 * (1 + ROUNDING) if self._rate_hz > 0 else math.inf
+        if not all(map(math.isfinite, (*hz, *density, *ordinates))):
+            return None
+        if min(*hz, *ordinates) <= 0 or max(hz) > highest or min(density) < 0:
+            return None
+        rising = sorted(zip(hz, map(math.sqrt, density), ordinates, strict=True))
+        return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
 
-def _spectrum(parts: Sequence[DeviceBins]) -> DeviceSpectrum | None:
-    """All bins, as soon as they are there; None too if one is no bin."""
-    hz = [one for part in parts for one in part.hz]
-    density = [one for part in parts for one in part.density_dps2_per_hz]
-    ordinates = [one for part in parts for one in part.ordinates]
-    if len(hz) != parts[-1].total or not all(map(math.isfinite, (*hz, *density, *ordinates))):
-        return None
-    if min((*hz, *density, *ordinates), default=-1.0) < 0:
-        return None
-    rising = sorted(zip(hz, map(math.sqrt, density), ordinates, strict=True))
-    return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
+    def _check(self, spectrum: DeviceSpectrum, axis: str, place: Place) -> float | None:
+        """Order by this computer's fit of the bins; None if it was asked too soon, or there is none."""
+        before_ns = self._checked_ns.get(axis)
+        if not self._rate_hz > 0 or (before_ns is not None and place.host_ns - before_ns < CHECK_EVERY_NS):
+            return None
+        self._checked_ns[axis] = place.host_ns
+        return order_of_bins(spectrum, self._rate_hz)
 
 
 def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
@@ -113,10 +135,15 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
     verdict = next((one for one in VERDICTS if one == fit.verdict), None)
     if verdict is None or not all(map(math.isfinite, numbers)):
         return None
+    some, ordered = verdict != "none", verdict in ("fractional", "relaxation")
+    if some and not (fit.ordinates > 0 and 0 <= fit.R_dps2 <= MOST_DPS2):
+        return None
+    if ordered and not (0 <= fit.alpha <= MOST_ORDER and 0 <= fit.s2_dps2 <= MOST_DPS2 and fit.f <= 0):
+        return None
     alpha = Interval()
-    if verdict != "white":
+    if ordered:
         reach = NORMAL_95 * fit.alpha_std
-        known = fit.alpha_defined and math.isfinite(reach)
+        known = fit.alpha_defined and math.isfinite(reach) and reach > 0
         low, high = max(0.0, fit.alpha - reach), min(MOST_ORDER, fit.alpha + reach)
         alpha = Interval(fit.alpha, *((low, high) if known else (None, None)))
     difference = half_widths = None
@@ -133,12 +160,13 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
         evaluations=fit.evaluations,
         searched=fit.searched,
         tuned=fit.tuned,
+        bins_left_out=fit.bins_left_out,
         ratio_white=fit.ratio_white,
         ratio_relaxation=fit.ratio_relaxation,
         alpha=alpha,
-        f=fit.f if alpha.value is not None else None,
-        s2=fit.s2_dps2 if alpha.value is not None else None,
-        R=fit.R_dps2,
+        f=fit.f if ordered else None,
+        s2=fit.s2_dps2 if ordered else None,
+        R=fit.R_dps2 if some else None,
         alpha_difference=difference,
         half_widths=half_widths,
         host_verdict=host.verdict if host is not None else None,

@@ -17,7 +17,7 @@ from typing import ClassVar, Final, NamedTuple, Self, TypeAlias
 
 PROTOCOL_MAJOR: Final = 1
 PROTOCOL_MINOR: Final = 4
-SCHEMA_HASH: Final = 0x848B8DEC
+SCHEMA_HASH: Final = 0x72FB870E
 
 BAUD: Final = 250000
 MAX_PAYLOAD: Final = 240
@@ -132,6 +132,9 @@ class EstimatorGuard(IntEnum):
 class FitVerdict(IntEnum):
     """Fit verdict."""
 
+    NONE = 0
+    """Its spectrum is empty: constant, or with so many gaps that nothing is long enough; all figures are
+    0."""
     WHITE = 1
     """White noise is not rejected at 5 %."""
     FRACTIONAL = 2
@@ -532,25 +535,26 @@ class _FitFields(NamedTuple):
     flags: int
     """What is to be known about it; a FitFlags."""
     number: int
-    """Fits of this axis since its start-up window, this one included."""
+    """Fits of this axis since its start-up window, this one included, modulo 65536."""
     age: int
-    """Samples since the start-up window, lost ones included, that had come when its spectrum was read."""
+    """Samples since the start-up window, lost ones included, that had come when its spectrum was read, modulo
+    2^32."""
     used: int
-    """Samples that are in the spectrum; others were lost, or are of knocks and steps."""
+    """Samples that went into the spectrum, modulo 2^32; others were lost, or are of knocks and steps."""
     evaluations: int
     """Of the likelihood; far more when it was searched on a grid than from the last answer."""
     ordinates: float
     """Effective independent ordinates of the spectrum."""
     alpha: float
-    """Order."""
+    """Order; of white noise it, alpha_std, f and s2 are 0."""
     alpha_std: float
-    """Its standard deviation, by the curvature of the likelihood."""
+    """Its standard deviation, by the curvature of the likelihood; 0 if not known."""
     f: float
     """Parameter [s^-alpha]."""
     s2: float
     """Variance of the state's innovations, Q of the filters [(deg/s)^2]."""
     r: float
-    """Variance of the white noise, R of the filters [(deg/s)^2]."""
+    """Variance of the white noise, R of the filters; of an axis that is white, its power [(deg/s)^2]."""
     ratio_white: float
     """2 log L of orders up to 1 above white noise."""
     ratio_relaxation: float

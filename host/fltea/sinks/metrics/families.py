@@ -231,6 +231,8 @@ def _device_estimator(stats: Sequence[tuple[str, DeviceEstimatorStats]]) -> Iter
         ("estimates", "estimates", "Estimates of an axis that came from the device."),
         ("estimates_lost", "lost", "Estimates of an axis that the device sent and that did not come."),
         ("estimates_unplaced", "unplaced", "Estimates of an axis that came and fit no sample."),
+        ("fits", "fits", "Fits of an axis that came from the device."),
+        ("fits_refused", "fits_refused", "Fits of an axis that came with numbers that no fit can have."),
     ):
         rows: Rows = [((device,), getattr(one, key)) for device, one in stats]
         yield counter_family(f"fltea_device_{name}", text, ("device",), rows)

@@ -51,6 +51,7 @@ def own(history: DeviceHistory) -> list[list[str]]:
         counted("skipped samples", s.skipped, "it had fallen behind" if s.skipped else ""),
         counted("lost estimates", s.lost),
         ["estimates of no sample", f"{s.unplaced:,}", "plain"],
+        counted("refused fits", s.fits_refused),
         ["began", f"{s.begun:,} times since its boot" if s.begun != 1 else "once since its boot", "plain"],
     ]
 
@@ -90,12 +91,15 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
         return None
     alpha = found.alpha
     words = {
+        "none": "no spectrum yet: the axis is constant, or has too many gaps",
         "white": "white noise is not rejected: order undefined",
         "fractional": "fractional",
         "relaxation": "fractional, or a relaxation",
     }
     order = interval_words(alpha)
     text = f"{words[found.verdict]}; {found.samples:,} samples"
+    if found.bins_left_out:
+        text += ", some of the lowest frequencies left out"
     if found.half_widths is not None and found.alpha_difference is not None:
         text += (
             f"; board \u2212 host {signed(found.alpha_difference)}, "
