@@ -385,8 +385,7 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
                     ++defined;
                     small += found.R < 0.05f * bins->mean_power();
                     CHECK(static_cast<double>(found.alpha_std) ==
-                          doctest::Approx(order_std_in_double(*bins, found))
-                              .epsilon(found.alpha_std < 0.2f ? 0.02 : 0.3));
+                          doctest::Approx(order_std_in_double(*bins, found)).epsilon(0.02));
                 }
             }
         }

@@ -15,7 +15,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Averages of neighbouring lines, of at least two where they are Welch's, in squared counts: some 6 % wide.
+// Averages of neighbouring lines, of at least two where they are Welch's, in squared counts: some 8 % wide.
 template <class Spectrum, int kMost = 176>
 class FitBins {
     typedef typename Spectrum::Ladder Ladder;
@@ -133,7 +133,7 @@ class FitBins {
     }
 
     void add(float lam, float weight, float power, int fewest) {
-        if (open_.lines >= fewest && lam > 1.06f * open_.begin) close();
+        if (open_.lines >= fewest && lam > 1.08f * open_.begin) close();
         if (open_.lines == 0) open_.begin = lam;
         open_.lam += weight * lam;
         open_.weight += weight;

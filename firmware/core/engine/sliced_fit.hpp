@@ -98,6 +98,7 @@ class SlicedFit {
             memory.turn_ = (memory.turn_ + 1) % kTurns;
         }
         which_ = kWhiteNoise;
+        settled_ = 0;
         begin_model();
     }
 
@@ -145,6 +146,7 @@ class SlicedFit {
     // the maximum is elsewhere by now.
     void begin_model() {
         model_ = model_of(which_);
+        target_.begin_model();
         cold_ = !memory_->answers_[which_].known;
         starts_ = rough_ = 0;
         as_before_ = -Room<float>::impossible();
@@ -280,7 +282,7 @@ class SlicedFit {
 
     // An evaluation is there.
     void judged() {
-        if (which_ == kWhiteNoise) {
+        if (which_ == kWhiteNoise || settled_ > 0) {
             best_ = next_;
             end_model();
             return;
@@ -341,6 +343,13 @@ class SlicedFit {
             answer.look = static_cast<unsigned char>((answer.look + kLooks) % grid_size());
         }
         target_.refer_to(answer.known ? answer.scale : 1.0f);
+        // The curvature is less the means of the evaluation before, which may have been far away.
+        if (which_ == kFull && answer.known && (cold_ || looks_around()) && settled_ < 2) {
+            ++settled_;
+            next_ = best_;
+            evaluate_next();
+            return;
+        }
         if (which_ == kFull) {
             report();
             busy_ = false;
@@ -397,7 +406,7 @@ class SlicedFit {
     NullLevel level_;
     Which which_;
     float as_before_;  // -log L of the last answer, roughly
-    int rough_, starts_, evaluations_;
+    int rough_, starts_, settled_, evaluations_;
     bool busy_, cold_, from_before_, searching_, possible_, again_, searched_;
 };
 

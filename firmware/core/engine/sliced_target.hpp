@@ -49,6 +49,10 @@ class SlicedTarget {
     float reference() const { return reference_; }
     float unit() const { return 1.0f / over_unit_; }
 
+    // Evaluations of another model follow.
+    void begin_model() {
+        for (float& one : mean_) one = 0;
+    }
     // An evaluation: begin it, then add bins from `at` on, up to so many, until none is left. together: so
     // many neighbours are one, at the frequency of the one in the middle: rough, and that much faster.
     void begin_sums(int together = 1) {
@@ -68,7 +72,9 @@ class SlicedTarget {
     }
     // Slopes of log S by the variance of the part and by R add up to 1, but each has sums of its own: where
     // one of them is a small share, float has none of its digits in the difference.
-    void read(Family family, Sums<float>& sums) const {
+    // They are less their means of the evaluation before: with the scale free a constant in them changes
+    // nothing, and float has the digits of what is left.
+    void read(Family family, Sums<float>& sums) {
         const int numbers = shapes(family) + parts(family) + 1;
         sums.log_spectrum = sums_.excess;
         sums.ratio = sums_.ratio * reference_;
@@ -80,6 +86,7 @@ class SlicedTarget {
         int square = 0;
         for (int k = 0; k < numbers; ++k) {
             sums.slope[k] = sums_.slope[k];
+            mean_[k] += sums_.slope[k] / ordinates;
             sums.weighted[k] = sums_.weighted[k] * reference_;
             for (int j = 0; j <= k; ++j) sums.square[k][j] = sums_.square[square++];
         }
@@ -135,6 +142,7 @@ class SlicedTarget {
             D[kPart] = part * inverse;
             D[kWhiteNoise] = natural.white * inverse;
             for (int k = 0; k < kPart; ++k) D[k] = by[k] * D[kPart];
+            for (int k = 0; k < kNumbers; ++k) D[k] -= mean_[k];
             int square = 0;
             for (int k = 0; k < kNumbers; ++k) {
                 const float counted = count * D[k];
@@ -151,6 +159,7 @@ class SlicedTarget {
 
     float over_unit_, reference_;
     int at_, together_;
+    float mean_[kMostNumbers];  // of the slopes
     PartSums sums_;
 };
 
