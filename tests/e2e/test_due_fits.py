@@ -14,7 +14,7 @@ from spectrum_probe import BoardSpectrum
 # The probe is compiled first.
 pytestmark = pytest.mark.timeout(300)
 
-FIRST_FIT_S = 27.0
+FIRST_FIT_S = 29.0
 
 
 def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:

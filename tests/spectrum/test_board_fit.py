@@ -20,6 +20,8 @@ from identify_support import H
 from numpy.typing import NDArray
 from spectrum_probe import BoardFit, BoardSpectrum
 
+from tools.bench import board_agreement
+
 # The first test compiles the probe.
 pytestmark = pytest.mark.timeout(300)
 
@@ -89,6 +91,16 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     assert board.ordinates == pytest.approx(whole.ordinates, rel=0.05)
     weight, scale = float(parameters(full.theta[0]).weight), float(full.scale[0])
     assert board.R / ((1 - weight) * scale) == pytest.approx(1, abs=0.25 if gaps else 0.1)
+
+
+def test_of_a_million_samples_it_says_what_the_host_says() -> None:
+    """All twenty noises of `make bench ARGS=--device`; the figures are in firmware/README.md."""
+    cases = board_agreement.measure((1_000_000,))["1000000"]
+    assert len(cases) == 20
+    assert all(one["same_verdict"] for one in cases)
+    apart = [one["half_widths"] for one in cases]
+    assert float(np.median(apart)) < 0.1
+    assert max(apart) < 0.3
 
 
 def test_white_noise_is_hardly_ever_called_anything_else() -> None:

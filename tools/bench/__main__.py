@@ -54,17 +54,19 @@ def main() -> None:
         return
     if arguments.device:
         from tools.bench import (
+            board_agreement,
             device_cost,
             device_difference,
             spectrum_cost,
         )  # they compile the device's code
 
         cost, differences = device_cost.measure(), device_difference.measure()
-        spectrum = spectrum_cost.measure()
+        spectrum, fits = spectrum_cost.measure(), board_agreement.measure()
         if arguments.json:
             print(
                 json.dumps(
-                    {"cost": cost, "spectrum": spectrum, "differences": differences}, ensure_ascii=False
+                    {"cost": cost, "spectrum": spectrum, "differences": differences, "fits": fits},
+                    ensure_ascii=False,
                 )
             )
         else:
@@ -72,6 +74,7 @@ def main() -> None:
                 device_cost.text(cost),
                 spectrum_cost.text(spectrum),
                 device_difference.text(differences),
+                board_agreement.text(fits),
                 sep="\n\n",
             )
         return
