@@ -5,6 +5,7 @@ import http.client
 import json
 import re
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 
 import msgspec
@@ -55,7 +56,7 @@ class Served:
         self.sink = DashboardSink(config, {"due": "host"}, lambda *a: None, self.fake)
         self.port = int(self.sink.url.rstrip("/").rpartition(":")[2])
 
-    @property
+    @cached_property
     def token(self) -> str:
         found = re.search(r'name="fltea-token" content="([^"]+)"', self.ask("GET", "/")[1])
         assert found is not None
