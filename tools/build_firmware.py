@@ -4,7 +4,7 @@ Writes firmware/due/image/fltea_due.bin and fltea_due.json (committed: timer mod
 both modes with JSON, ELF, map and stack use. Run tools/build_id.py first: the id is in the image.
 
 `--to FILE.bin --mode data_ready --define FLTEA_RATE_HZ=500` writes one image with other settings instead.
-`--check` writes nothing to the repository: it builds anew and compares. Exit codes: 0 the committed image is
+`--check` writes nothing to the repository: it builds again and compares. Exit codes: 0 the committed image is
 what the sources give; 1 it is not; 2 the build failed; 3 no compiler; 4 a compiler of another version than
 the image's.
 """

@@ -42,7 +42,7 @@ class AxisEstimator {
     // The same in squared counts.
     float variance() const { return filter_ == nullptr ? 0.0f : baseline_.variance(); }
 
-    // Times since the window that the supervisor had to begin anew.
+    // Times since the window that the supervisor had to begin again.
     uint16_t restarts() const { return restarts_; }
 
     // Fills in what the filters are told.

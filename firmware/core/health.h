@@ -239,7 +239,7 @@ class Health {
     }
 
     // The sensor answers, but not as it should. That may be the controller's doing: a byte left in it shifts
-    // all that is read, and only recover() sets it up anew.
+    // all that is read, and only recover() sets it up again.
     void doubt(FaultCode code, uint32_t detail) {
         stop(code, detail);
         doubtful_ = true;

@@ -25,7 +25,7 @@ class I2cBus {
     virtual I2cResult write(uint8_t address, uint8_t reg, uint8_t value) = 0;
 
     // Frees a bus that a sensor holds in mid-byte: up to nine clocks until SDA is high, then a STOP
-    // (NXP UM10204, 3.1.16), then the controller set up anew.
+    // (NXP UM10204, 3.1.16), then the controller set up again.
     virtual HeldLines recover() = 0;
 
   protected:

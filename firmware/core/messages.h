@@ -110,7 +110,7 @@ constexpr uint8_t repeated = 1u << 3;
 }  // namespace sample_flags
 
 namespace estimate_flags {
-// the estimate may be used; else the axis was constant, needs its guard too often, or begins anew
+// the estimate may be used; else the axis was constant, needs its guard too often, or begins again
 constexpr uint8_t valid = 1u << 0;
 // the axis did not change over the start-up window, so it has no R
 constexpr uint8_t constant = 1u << 1;
@@ -239,7 +239,7 @@ struct Status {
     // I2C transfers that failed, or gave a wrong byte and then the right one
     uint32_t i2c_errors;
     // times that the bus was freed after a time-out or a short read: clocks while SDA was low, STOP,
-    // controller set up anew
+    // controller set up again
     uint32_t bus_recoveries;
     // times that the sensor was set up again
     uint32_t sensor_reinits;
@@ -371,7 +371,7 @@ struct Estimator {
     EstimatorGuard guard;
     // samples of the start-up window
     uint16_t startup;
-    // longest gap in samples that is bridged by prediction; after a longer one all begins anew
+    // longest gap in samples that is bridged by prediction; after a longer one all begins again
     uint16_t max_gap;
     // ESTIMATEs belong to samples whose sequence is a multiple of this
     uint16_t every;
@@ -389,11 +389,11 @@ struct Estimator {
     uint32_t longest_axis;
     // longest slice of a fit since boot [us]
     uint32_t longest_slice;
-    // times since the window that x had to begin anew
+    // times since the window that x had to begin again
     uint16_t restarts_x;
-    // times since the window that y had to begin anew
+    // times since the window that y had to begin again
     uint16_t restarts_y;
-    // times since the window that z had to begin anew
+    // times since the window that z had to begin again
     uint16_t restarts_z;
     // mean of x in the start-up window, 0 while it fills [deg/s]
     float bias_x;

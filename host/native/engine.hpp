@@ -77,7 +77,7 @@ struct Backend {
     void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
     void (*run)(void* storage, const EngineShape& shape, const Block& block);
     void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
-    // Lanes whose mask is not 0 begin anew.
+    // Lanes whose mask is not 0 begin again.
     void (*reset)(void* storage, const EngineShape& shape, const std::uint8_t* mask);
     // (lanes, causes), row after row.
     void (*counts)(const void* storage, const EngineShape& shape, std::int32_t* out);

@@ -181,7 +181,7 @@ def test_counts_of_full_scale_from_one_end_to_the_other(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> None:
-    """The sensor is turned about for two seconds: distrusted, and begun anew once it lies still."""
+    """The sensor is turned about for two seconds: distrusted, and begun again once it lies still."""
     n = STARTUP + 3_000
     random = np.random.default_rng(3)
     rate = random.normal(0, 0.15, n)

@@ -151,7 +151,7 @@ TEST_CASE_FIXTURE(Bench,
     CHECK(micros() - begun_us < 2200);
 }
 
-TEST_CASE_FIXTURE(Bench, "a free bus gets no clocks, one STOP, and Wire anew") {
+TEST_CASE_FIXTURE(Bench, "a free bus gets no clocks, one STOP, and Wire again") {
     CHECK(bus.recover() == HeldLines::none);
     CHECK(board.clocks == 1);  // that of the STOP
     CHECK(board.stops == 1);

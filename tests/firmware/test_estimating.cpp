@@ -177,7 +177,7 @@ TEST_CASE(
     CHECK(!rig.estimates().empty());
 }
 
-TEST_CASE("estimating: a sensor that has to be set up again is estimated anew") {
+TEST_CASE("estimating: a sensor that has to be set up again is estimated again") {
     Estimating rig;
     rig.start();
     rig.run(7 * kS);

@@ -168,7 +168,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "estimation: a gap is bridged by prediction up to the longest, which age counts; then all begins anew") {
+    "estimation: a gap is bridged by prediction up to the longest, which age counts; then all begins again") {
     for (uint32_t gap : {1u, 2u, 50u, kMaxGap, kMaxGap + 1, 3000u}) {
         CAPTURE(gap);
         Device device;
@@ -239,7 +239,7 @@ TEST_CASE(
     CHECK(device.report().skipped == skipped);
 }
 
-TEST_CASE("estimation: a queue that stays full for longer than the longest gap begins anew") {
+TEST_CASE("estimation: a queue that stays full for longer than the longest gap begins again") {
     Device device;
     device.run(0, kStartup + 5);
     uint32_t instant = kStartup + 5;

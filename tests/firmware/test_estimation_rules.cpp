@@ -91,7 +91,7 @@ TEST_CASE(
     CHECK(baseline_of(counts).variance() > 1.0f / 12.0f);
 }
 
-TEST_CASE("supervisor: more than 50 of the last 200 held withdraw an axis, 25 or less bring it back anew") {
+TEST_CASE("supervisor: more than 50 of the last 200 held withdraw an axis, 25 or less bring it back again") {
     Random random;
     int restarts = 0, withdrawn = 0;
     for (int run = 0; run < 40; ++run) {

@@ -109,7 +109,7 @@ TEST_CASE("recovery: a second guard that fails costs the sample, or the sensor i
 }
 
 TEST_CASE(
-    "recovery: a byte left in the controller shifts every read: the bus is made anew before the set-up") {
+    "recovery: a byte left in the controller shifts every read: the bus is made again before the set-up") {
     enum class Begins { before_boot, in_set_up, in_samples };
     for (Begins begins : {Begins::before_boot, Begins::in_set_up, Begins::in_samples}) {
         CAPTURE(int(begins));
@@ -145,7 +145,7 @@ TEST_CASE(
     }
 }
 
-TEST_CASE("recovery: the bus is made anew once for each doubt, and not for a sensor that was lost") {
+TEST_CASE("recovery: the bus is made again once for each doubt, and not for a sensor that was lost") {
     Rig rig;
     rig.start_and_settle();
     rig.chip.power_up();
@@ -196,7 +196,7 @@ TEST_CASE("recovery: nine equal bursts in a row are data, and a row ends with th
     CHECK(rig.status().overruns == 0);
 }
 
-TEST_CASE("recovery: equal bursts count on over instants that were lost, and anew after a set-up") {
+TEST_CASE("recovery: equal bursts count on over instants that were lost, and again after a set-up") {
     Rig rig;
     rig.calls = Rig::Calls::every_tick;
     rig.start_and_settle();

@@ -256,7 +256,7 @@ TEST_CASE("mpu9250: a sensor is missing from the second probe in a row on that n
     rig.run(20 * kMs);
     CHECK(rig.fault_count(FaultCode::sensor_missing) == 1);
     CHECK(rig.fault_detail(FaultCode::sensor_missing) == 0x68);
-    // An answer in between, and a row begins anew.
+    // An answer in between, and a row begins again.
     rig.bus.plugged = true;
     rig.run(1200 * kMs);
     REQUIRE(rig.hello().sensor_starts == 1);

@@ -493,7 +493,7 @@ TEST_CASE("noise fit: slices stay within their share of the time, and no sample 
     }
 }
 
-TEST_CASE("noise fit: a sensor that was set up again is fitted anew") {
+TEST_CASE("noise fit: a sensor that was set up again is fitted again") {
     Estimating rig;
     rig.axis_us = 100;
     rig.sink.size = 511;

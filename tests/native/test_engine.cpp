@@ -153,7 +153,7 @@ TEST_CASE("a state is its numbers and nothing else") {
     CHECK(sizeof(Tuning<float>) * 2 == sizeof(LaneSettings));
 }
 
-TEST_CASE("a lane begins anew while the memory of others goes on") {
+TEST_CASE("a lane begins again while the memory of others goes on") {
     std::vector<double> storage(Direct<double>::storage());
     typedef Lane<double, Triple<double>, DirectMemory<double>> OneLane;
     OneLane lane(Direct<double>::make(storage.data()), tuning_of<double>(kGyroscope), Guard::off);

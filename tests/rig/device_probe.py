@@ -23,7 +23,7 @@ DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
 
 
 class Baseline(NamedTuple):
-    """What the device found in its start-up window, and how often the axis had to begin anew."""
+    """What the device found in its start-up window, and how often the axis had to begin again."""
 
     bias_dps: float
     R: float

@@ -39,7 +39,7 @@ INVALID = AxisEstimate(*(math.nan,) * 7, False)
 class Verdict(NamedTuple):
     """What the supervisor says of a lane after a sample.
 
-    valid: the estimate may be published. restart: the lane has to begin anew with the next sample.
+    valid: the estimate may be published. restart: the lane has to begin again with the next sample.
     news: why the lane has just become invalid, else None.
     """
 

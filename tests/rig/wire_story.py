@@ -31,7 +31,7 @@ HAPPENINGS = (
     "pause",  # nothing comes for six seconds
     "jump",  # device time moves, as after a reset whose HELLO was lost
     "restart",
-    "sensor",  # set up anew
+    "sensor",  # set up again
     "other version",
     "clock set",  # the host's date
     "opened",  # the port was lost for a moment
@@ -41,7 +41,7 @@ HAPPENINGS = (
 
 
 class Moment(NamedTuple):
-    """What came together. data None: the port was opened anew."""
+    """What came together. data None: the port was opened again."""
 
     data: bytes | None
     host_ns: int

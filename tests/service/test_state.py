@@ -88,7 +88,7 @@ ALL = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_z"]
 def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
     channels: list[str] | None, missing: int
 ) -> None:
-    untuned = {"estimator.tuning": "startup", "accel.tuning": "startup"}  # the fit's seconds begin anew
+    untuned = {"estimator.tuning": "startup", "accel.tuning": "startup"}  # the fit's seconds begin again
     settings = config(channels=channels, **untuned)
     unbroken = Pipeline(NoSource(), settings)
     events = [hello(), *map(raw, range(200)), *map(raw, range(200 + missing, 400))]

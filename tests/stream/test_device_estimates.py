@@ -152,7 +152,7 @@ def test_both_over_the_wire_differ_by_single_precision() -> None:
 
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_the_sequence_wraps_and_estimates_come_late(who: str) -> None:
-    """Twenty samples behind, and the 16-bit numbers begin anew in between."""
+    """Twenty samples behind, and the 16-bit numbers begin again in between."""
     sent = list(Board(late=20, first=65_500).run(noise(200)))
     walk = pipeline(who)
     records = feed(walk, events(sent))

@@ -233,7 +233,7 @@ def test_only_a_wire_has_estimates_of_a_device(who: str, source: str) -> None:
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_a_state_file_cannot_keep_them(who: str, tmp_path: Path) -> None:
     config = load_config(None, {"estimator.estimate_on": who, "state.file": str(tmp_path / "state")})
-    with pytest.raises(UsageError, match=f"begins anew with its boot.*--estimate-on {who}"):
+    with pytest.raises(UsageError, match=f"begins again with its boot.*--estimate-on {who}"):
         _check_recordable(config, Live())
 
 

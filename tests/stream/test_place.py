@@ -204,7 +204,7 @@ def test_a_sensor_that_was_away_for_longer_than_can_be_counted():
 
 
 def after_lost_reset(k_before: int, k_after: int) -> tuple[Place, RawSample, Placed | None]:
-    """A reset whose HELLO was lost: the counters begin anew, the host's clock goes on."""
+    """A reset whose HELLO was lost: the counters begin again, the host's clock goes on."""
     place = heard(max_gap=100)
     deliver(place, Device(), [k_before - 1, k_before])
     now_ns = (k_before + 30) * PERIOD_US * 1000

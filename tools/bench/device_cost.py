@@ -1,6 +1,6 @@
 """What the device's own estimates cost: instructions an axis and step by phase, and memory.
 
-The sources are built anew for their symbols, and run on the emulated board. Instructions are counted;
+The sources are built again for their symbols, and run on the emulated board. Instructions are counted;
 cycles are not: their share of a real processor's time assumes `CYCLES` an instruction.
 """
 

@@ -112,7 +112,7 @@ class Cpu:
             self._hook_watcher()
 
     def restart(self, hold_ps: int = 0) -> None:
-        """Begin anew from the reset vector, once reset is released in `hold_ps`."""
+        """Begin again from the reset vector, once reset is released in `hold_ps`."""
         self._restart = True
         self._machine.asleep = False
         self._halted_until_ps = self._machine.now_ps + hold_ps

@@ -278,7 +278,7 @@ class Mpu9250:
         self._start_clock()
 
     def _restore(self) -> None:
-        """Reset values, and the clock started anew if they let it run."""
+        """Reset values, and the clock started again if they let it run."""
         self._ready_at_ns, self._quiet_until_ns, self._resetting = None, 0, False
         self._registers = bytearray(128)
         for register, value in self.variant.reset.items():

@@ -112,7 +112,7 @@ class Board:
         self._begin_ns = time.monotonic_ns()
 
     def boot(self, **how: int) -> None:
-        """Start anew in the middle of whatever is on the line.
+        """Start again in the middle of whatever is on the line.
 
         sequence, device_us: of the first sampling instant. protocol_major: what HELLO states.
         """

@@ -28,17 +28,17 @@ class Lane {
         restart(everywhere<T>(true));
     }
 
-    // The lanes of `mask` begin anew: initial estimates, empty memory, counters at zero.
+    // The lanes of `mask` begin again: initial estimates, empty memory, counters at zero.
     void reset(Mask mask) {
         memory_.clear(mask);
         restart(mask);
     }
 
-    // From the next sample on, and where a lane begins anew; all that it remembers stays.
+    // From the next sample on, and where a lane begins again; all that it remembers stays.
     void retune(const Tuning<T>& tuning) { tuning_ = tuning; }
 
     void step(const Sample<T>& sample, Estimate<T>& out) {
-        // The last posterior enters the memory only now, so that a lane can begin anew while others go on.
+        // The last posterior enters the memory only now, so that a lane can begin again while others go on.
         memory_.push(state_.filters.state.x, state_.filters.state.P);
         Guards<T> guards(guard_);
         state_.filters.step(memory_, sample, tuning_, guards, out);

@@ -1,8 +1,8 @@
 """A recording as a table: CSV, or arrays in an npz file, with the units in the names.
 
-Samples are decoded anew from the raw bytes, which are always there and lose nothing. Estimates are taken from
-their JSON channel as they were published, since they depend on the settings of that run; `fltea run` on the
-recording makes others.
+Samples are decoded again from the raw bytes, which are always there and lose nothing. Estimates are taken
+from their JSON channel as they were published, since they depend on the settings of that run;
+`fltea run` on the recording makes others.
 """
 
 import csv
@@ -135,7 +135,7 @@ def decode(
 
 
 class DeviceTime:
-    """Seconds since the first sample by the device's clock; where it began anew, the host's is the bridge."""
+    """Seconds since the first sample by the device's clock; where it began again, the host's bridges."""
 
     def __init__(self) -> None:
         self._origin_us: int | None = None

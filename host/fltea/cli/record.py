@@ -123,7 +123,7 @@ def info(
 ) -> None:
     """Sum recordings up: device, settings, duration, samples, gaps, resets, rate, and what is missing.
 
-    Everything is counted anew from the raw bytes, which takes some minutes for a day at 100 Hz.
+    Everything is counted again from the raw bytes, which takes some minutes for a day at 100 Hz.
 
     For example:
 
@@ -150,7 +150,7 @@ def export(
     what: Annotated[
         Literal["samples", "estimates", "device_estimates", "fits"],
         typer.Option(
-            help="`samples`, decoded anew; `estimates` as they were published; `device_estimates`: those "
+            help="`samples`, decoded again; `estimates` as they were published; `device_estimates`: those "
             "that the device made beside the host's; `fits` of the maximum-likelihood fit."
         ),
     ] = "samples",

@@ -156,7 +156,7 @@ class Engine:
         return counts
 
     def retune(self, settings: EngineSettings) -> None:
-        """Go on with other numbers from the next sample on, and where a lane begins anew.
+        """Go on with other numbers from the next sample on, and where a lane begins again.
 
         All that the lanes remember stays. Raises ValueError, and changes nothing, for settings that no filter
         can work with, or of another window, memory, accuracy, variant or guard.
@@ -168,7 +168,7 @@ class Engine:
         self.settings, self._table = settings, table
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Let the lanes of `mask` (lanes,), by default all, begin anew: initial estimates, empty memory."""
+        """Let the lanes of `mask` (lanes,), by default all, begin again: initial estimates, empty memory."""
         flags = np.ones(self.lanes, dtype=bool) if mask is None else np.ascontiguousarray(mask, dtype=bool)
         if flags.shape != (self.lanes,):
             raise ValueError(f"mask must have shape ({self.lanes},), got {flags.shape}")

@@ -18,7 +18,7 @@ from fltea.fleet.summary import Look, counts, look
 from fltea.settings.outputs import MqttConfig
 
 JUMP_S = 60.0
-"""The wall clock is taken as set anew if it differs from the steady one by more."""
+"""The wall clock is taken as set again if it differs from the steady one by more."""
 
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
 """So many sensors a turn; so often for one of which the broker retains nothing."""

@@ -1,6 +1,6 @@
 """An existing Dask cluster as `workers.Workers`.
 
-Dask itself does anew what a worker was doing when it died. Each task takes its samples along, so that no
+Dask itself does again what a worker was doing when it died. Each task takes its samples along, so that no
 worker needs the files or another worker; its result is counted when it arrives, which it does once.
 """
 

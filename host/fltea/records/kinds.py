@@ -167,7 +167,7 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "axis_runaway",
-        "The estimate of an axis ran away; the axis begins anew.",
+        "The estimate of an axis ran away; the axis begins again.",
         "Use a guard (`--guard consistent`), and check that the sensor is at rest and R fits it.",
     ),
     ErrorKind(

@@ -200,7 +200,7 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Epoch(Record, frozen=True, tag="epoch"):
-    """A new stretch of unbroken time: the estimator starts anew with the sample `seq`."""
+    """A new stretch of unbroken time: the estimator starts again with the sample `seq`."""
 
     epoch: int
     reason: EpochReason

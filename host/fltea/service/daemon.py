@@ -254,7 +254,7 @@ def _check_recordable(config: Config, source: Source) -> None:
         raise UsageError("--record and --state are for devices; a recording is one already.")
     if config.state.file and config.estimator.estimate_on in BY_DEVICE:
         raise UsageError(
-            "--state cannot keep what a device estimates, which begins anew with its boot; leave "
+            "--state cannot keep what a device estimates, which begins again with its boot; leave "
             f"--estimate-on {config.estimator.estimate_on} or --state away."
         )
 

@@ -21,7 +21,7 @@ class ServiceManager:
         self._say("READY=1")
 
     def alive(self) -> None:
-        """Every device's walk has moved of late. Without this systemd starts the service anew."""
+        """Every device's walk has moved of late. Without this systemd starts the service again."""
         if time.monotonic() - self._said_s >= PERIOD_S:
             self._said_s = time.monotonic()
             self._say("WATCHDOG=1")

@@ -299,7 +299,7 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
                 yield from block()
                 hello = record
                 yield record
-            case EpochMark(reason=reason) if reason != "gap":  # a gap is found anew, by the limit of now
+            case EpochMark(reason=reason) if reason != "gap":  # a gap is found again, by the limit of now
                 yield from block()
                 yield Break(record.reason, record.host_ns)
     yield from block()

@@ -271,7 +271,7 @@ class WireEvents:
             yield Trouble("sensor_unknown", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _forgive(self, now_ns: int) -> None:
-        """Begin all waiting anew: the port was just opened, or we ourselves were not listening."""
+        """Begin all waiting again: the port was just opened, or we ourselves were not listening."""
         self._opened_ns = self._byte_ns = now_ns
         self._unread_since_ns = None
 

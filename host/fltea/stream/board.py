@@ -220,8 +220,8 @@ class BoardEstimates:
                 "device_skipped",
                 f"the device's estimator skipped {stated.skipped - told} samples ({stated.skipped} since its "
                 "boot): it had fallen behind, so its estimates are of fewer samples than there were, and "
-                "nothing is compared until it begins anew. No sample itself is lost by this. A lower rate in "
-                "the firmware's settings helps.",
+                "nothing is compared until it begins again. No sample itself is lost by this. A lower rate "
+                "in the firmware's settings helps.",
                 stated.host_ns,
             )
 
@@ -298,7 +298,7 @@ class BoardEstimates:
             self._told_constant.add(e.axis)
             text = (
                 f"{e.axis} did not change over the device's start-up window, so R cannot be drawn from it, "
-                "and the axis stays invalid until the device begins anew. Is the sensor alive?"
+                "and the axis stays invalid until the device begins again. Is the sensor alive?"
             )
             yield Notice("constant_axis", text, e.host_ns)
         if before and before.valid and not e.valid and self._told_invalid.is_due(e.axis, e.host_ns):

@@ -323,7 +323,7 @@ def explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
     """Kind and text of the error that an axis has become invalid."""
     if reason == "runaway":
         return "axis_runaway", (
-            f"{axis} ran away (order or parameter beyond all bounds) and begins anew: an offset, a wrong R "
+            f"{axis} ran away (order or parameter beyond all bounds) and begins again: an offset, a wrong R "
             "or a moving sensor does this to the unguarded algorithm. --guard consistent holds it."
         )
     return "axis_bound", (

@@ -1,7 +1,7 @@
 """Sequence and device time unwrapped; gaps and epochs found (pure).
 
 The rules are those of protocol/README.md: SAMPLE's sequence numbers the sampling instants, so within a
-boot delivered + lost = due, also where the sensor was set up anew; where sequence and time disagree
+boot delivered + lost = due, also where the sensor was set up again; where sequence and time disagree
 the device was restarted or exchanged, and nothing is believed until its next HELLO.
 """
 

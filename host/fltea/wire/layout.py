@@ -160,7 +160,7 @@ class EstimateFlags(IntFlag):
     """Estimate flags."""
 
     VALID = 1 << 0
-    """The estimate may be used; else the axis was constant, needs its guard too often, or begins anew."""
+    """The estimate may be used; else the axis was constant, needs its guard too often, or begins again."""
     CONSTANT = 1 << 1
     """The axis did not change over the start-up window, so it has no R."""
     MISSING = 1 << 2
@@ -308,7 +308,7 @@ class _StatusFields(NamedTuple):
     """I2C transfers that failed, or gave a wrong byte and then the right one."""
     bus_recoveries: int
     """Times that the bus was freed after a time-out or a short read: clocks while SDA was low, STOP,
-    controller set up anew."""
+    controller set up again."""
     sensor_reinits: int
     """Times that the sensor was set up again."""
     overruns: int
@@ -442,7 +442,7 @@ class _EstimatorFields(NamedTuple):
     startup: int
     """Samples of the start-up window."""
     max_gap: int
-    """Longest gap in samples that is bridged by prediction; after a longer one all begins anew."""
+    """Longest gap in samples that is bridged by prediction; after a longer one all begins again."""
     every: int
     """ESTIMATEs belong to samples whose sequence is a multiple of this."""
     remaining: int
@@ -460,11 +460,11 @@ class _EstimatorFields(NamedTuple):
     longest_slice: int
     """Longest slice of a fit since boot [us]."""
     restarts_x: int
-    """Times since the window that x had to begin anew."""
+    """Times since the window that x had to begin again."""
     restarts_y: int
-    """Times since the window that y had to begin anew."""
+    """Times since the window that y had to begin again."""
     restarts_z: int
-    """Times since the window that z had to begin anew."""
+    """Times since the window that z had to begin again."""
     bias_x: float
     """Mean of x in the start-up window, 0 while it fills [deg/s]."""
     bias_y: float

@@ -158,7 +158,7 @@ class FrameReader:
         self._attaching = True
 
     def reset(self) -> None:
-        """Start anew on a reopened port: drop the unfinished block; the next one may be partial again."""
+        """Start again on a reopened port: drop the unfinished block; the next one may be partial again."""
         self._deframer.reset()
         self._attaching = True
 

@@ -26,7 +26,7 @@ class Reading(NamedTuple):
     f: Array
     f_std: Array
     valid: NDArray[np.bool_]
-    """False: the supervisor would not publish it, or has had to begin anew on the way"""
+    """False: the supervisor would not publish it, or has had to begin again on the way"""
 
 
 def read(

@@ -29,11 +29,11 @@ def check_program() -> Iterator[Finding]:
     try:
         from fltea import _native
     except ImportError as error:
-        remedy = "install fltea anew: make setup in a clone."
+        remedy = "install fltea again: make setup in a clone."
         yield problem("native", f"the estimator's native module cannot be loaded ({error}).", remedy)
         return
     if wire.SCHEMA_HASH != _native.SCHEMA_HASH:
-        remedy = "build it anew: make setup in a clone."
+        remedy = "build it again: make setup in a clone."
         yield problem("native", "the native module was built from another version of the protocol.", remedy)
         return
     yield ok("native", f"the estimator's native module uses {_native.instruction_sets()[0]}")

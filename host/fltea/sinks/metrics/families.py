@@ -34,7 +34,7 @@ from fltea.sinks.metrics.rows import Rows, counter_family, gauge_family
 from fltea.wire import layout as wire
 
 FRESH_NS = 5 * 10**9
-"""An estimate that is older, by its arrival, is no longer shown: the device is gone, or starts anew."""
+"""An estimate that is older, by its arrival, is no longer shown: the device is gone, or starts again."""
 
 _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
@@ -183,7 +183,7 @@ def _axes_stats(stats: Sequence[tuple[str, Stats]]) -> Iterator[Metric]:
     labels = ("device", "axis")
     restarts: Rows = [((device, axis), one.restarts) for device, axis, one in axes]
     yield counter_family(
-        "fltea_axis_restarts", "Times that the axis began anew in this epoch.", labels, restarts
+        "fltea_axis_restarts", "Times that the axis began again in this epoch.", labels, restarts
     )
     interventions: Rows = [
         ((device, axis, why), n) for device, axis, one in axes for why, n in one.interventions.items()

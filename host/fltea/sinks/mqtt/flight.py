@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Message(NamedTuple):
-    """retain: it is a state, said anew with each connection. again: sent again if its connection is lost."""
+    """retain: it is a state, said with each new connection. again: sent again if its connection is lost."""
 
     topic: str
     payload: bytes

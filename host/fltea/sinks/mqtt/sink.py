@@ -31,7 +31,7 @@ REPEAT_NS = 30 * 10**9
 
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 SETTLED_NS = 10 * 10**9
-"""A connection that lived this long was a good one, so the backoff begins anew."""
+"""A connection that lived this long was a good one, so the backoff begins again."""
 
 OPENING_NS = 45 * 10**9
 FAREWELL_S = 0.4

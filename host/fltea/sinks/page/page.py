@@ -185,7 +185,7 @@ class Page:
 
     def _lay_out(self, document: Document) -> None:
         document.title = "fltea"
-        document.config.reconnect_session = False  # the page's script loads it anew
+        document.config.reconnect_session = False  # the page's script loads it again
         document.config.notify_connection_status = False
         self._figures.noise.tags = [self._facts, self._control]  # so they belong to the document
         plots = [*self._curves.all, *self._figures.all]

@@ -26,7 +26,7 @@ from fltea.sinks.own_names import is_own, own_names
 from fltea.sinks.page.visitors import Full, OneTooMany
 
 UNUSED_SESSION_MS = 5_000
-"""What a closed page may still cost. A page that was cut off for longer loads itself anew."""
+"""What a closed page may still cost. A page that was cut off for longer loads itself again."""
 
 LARGEST_MESSAGE = 1 << 20
 JOIN_S = 0.4

@@ -30,8 +30,8 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
             return (
                 f"register 0x{register & 0xFF:02X}{bank} of the sensor at 0x{address:02X} on {path} holds "
                 f"0x{read:02X} in place of 0x{written:02X}, so it is set up again. Once: its 3.3 V supply "
-                "dipped, or it was plugged in anew. Again and again: a clone, another program that uses the "
-                "sensor, or wires too long for the bus's baud rate (keep them below 30 cm)."
+                "dipped, or it was plugged in again. If it keeps happening: a clone, another program that "
+                "uses the sensor, or wires too long for the bus's baud rate (keep them below 30 cm)."
             )
         case FaultCode.BUS_HELD:
             return (
