@@ -182,7 +182,7 @@ def test_the_page_is_for_those_who_know_the_password(stage: Stage, broker: Mosqu
     running = stage.fleet(tmp_path, broker.port, "--password-file", secret)
     good = "Basic " + base64.b64encode(b"me:hunter2:x").decode()
     assert running.ask("api/summary", Authorization=good)["sensors"] == 0
-    for bad in ("", "Basic", "Basic !!!", good[:-4], "Bearer x"):
+    for bad in ("", "Basic", "Basic !!!", "Basic \xe9", good[:-4], "Bearer x"):
         assert running.refused("api/summary", Authorization=bad) == 401
     assert running.refused("", Host="evil.example", Authorization=good) == 421
     assert running.refused("", Origin="http://evil.example", Authorization=good) == 403

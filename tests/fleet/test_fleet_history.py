@@ -210,3 +210,25 @@ def test_postgres_keeps_the_same_and_may_go_and_come_back(tmp_path: Path) -> Non
         server.stop()
     with pytest.raises(UsageError, match="Does the server run"):
         Postgres(server.url, TABLES)
+
+
+def test_after_a_number_that_no_database_keeps_the_next_rows_are_written(tmp_path: Path) -> None:
+    history = opened(tmp_path / "h.db", 0.0)
+    history.add(1000.0, "a", "gyro_x", Axis("white", "text", "deg/s", 10**30, {}, 0.0))
+    with pytest.raises(OverflowError):
+        history.flush()
+    history.add(1001.0, "a", "gyro_x", axis())
+    history.flush()
+    assert [row["unix_s"] for row in history.of_device("a")] == [1001.0]
+    history.close()
+
+
+@pytest.mark.parametrize(
+    ("out", "words"), [("gone/o.parquet", "cannot be written"), ("o.csv", "NAME.parquet")]
+)
+def test_an_export_that_cannot_be_written_is_a_message(tmp_path: Path, out: str, words: str) -> None:
+    opened(tmp_path / "h.db", 60.0).close()
+    done = fltea("fleet", "--history", tmp_path / "h.db", "--export", tmp_path / out)
+    assert done.returncode != 0
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr

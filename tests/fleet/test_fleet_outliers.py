@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from fltea.fleet.figures import figures_of
+from fltea.fleet.messages import AxisFit, Interval
 from fltea.fleet.outliers import FEWEST, judge, student_quantile, student_tail
 from hypothesis import given
 from hypothesis import strategies as st
@@ -74,3 +76,10 @@ def test_units_do_not_matter(sensors: list[tuple[float, float]], shift: float, f
     assert there[0].middle == pytest.approx(here[0].middle * factor + shift, abs=1e-6 * factor + 1e-6)
     near = min((abs(abs(one.p) - 1e-4) for one in here[1]), default=1.0)
     assert [one.place for one in here[1]] == [one.place for one in there[1]] or near < 1e-6
+
+
+@pytest.mark.parametrize(("R", "rate_hz"), [(1e308, 100.0), (1.0, 1e-308), (1e-320, 1e308)])
+def test_figures_that_are_no_numbers_are_left_out(R: float, rate_hz: float) -> None:
+    fit = AxisFit("drift", "text", "deg/s", R=Interval(R, R / 2, R * 1.5))
+    for figure in figures_of(fit, rate_hz, {}).values():
+        assert 0 <= figure.low < figure.high < float("inf")

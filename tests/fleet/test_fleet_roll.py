@@ -73,6 +73,8 @@ def test_any_message_at_all(topic: str, payload: bytes) -> None:
         ("fltea/a/fit", fit().replace(b"gyro_x", b"<script>"), "content"),
         ("fltea/a/fit", fit().replace(b'"white"', b'"<b>"'), "content"),
         ("fltea/a/hello", b'{"rate_hz":"fast"}', "content"),
+        ("fltea/a/fit", b'{"seq":0,"epoch":1,"samples":1' + b"0" * 30 + b',"axes":{}}', "content"),
+        ("fltea/a/fit", b'{"seq":0,"epoch":1,"samples":-1,"axes":{}}', "content"),
     ],
 )
 def test_bad_messages_are_counted_by_their_reason(topic: str, payload: bytes, reason: str) -> None:

@@ -132,6 +132,7 @@ def fleet(
         raise UsageError("which broker? Give --mqtt HOST, or broker in the table [mqtt] of --config.")
     load("paho.mqtt.client", "paho", "fleet", "fltea fleet needs")
     load("tornado.web", "tornado", "fleet", "fltea fleet needs")
+    load("prometheus_client", "prometheus_client", "fleet", "fltea fleet needs")
     from fltea.fleet.program import Fleet, Plan
 
     if most < 1:
@@ -234,8 +235,16 @@ def _export(history: Path | None, postgres: str | None, out: Path) -> None:
     from fltea.fleet.history import TABLES
     from fltea.fleet.history_table import write
 
+    if out.suffix != ".parquet":
+        raise UsageError(f"--export {out}: the table is Parquet; call it NAME.parquet.")
     database = Sqlite(str(history), TABLES) if postgres is None else Postgres(postgres, TABLES)
-    say(f"{out}: {write(database, out)} rows")
+    try:
+        say(f"{out}: {write(database, out)} rows")
+    except OSError as error:
+        raise FlteaError(
+            f"--export {out}: cannot be written ({error.strerror or error}). Is the folder there, may it be "
+            "written to, and is there room on the disk?"
+        ) from error
 
 
 def _seconds(flag: str, text: str) -> float:

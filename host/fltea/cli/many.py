@@ -48,10 +48,10 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
         UsageError: nothing to do, or it cannot be done so.
         FlteaError: some files failed, of which the table has the reasons; or the workers are gone.
     """
+    table_module = load("fltea.cluster.verdict_table", "pyarrow", "tables", "--out needs")
     from fltea.cluster.listing import files_of
     from fltea.cluster.run import run
 
-    table_module = load("fltea.cluster.verdict_table", "pyarrow", "tables", "--out needs")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     table = table_module.VerdictTable(out, ask.digest())
     begin = time.monotonic()

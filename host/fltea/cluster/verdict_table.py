@@ -127,6 +127,8 @@ class VerdictTable:
 
     def _read(self) -> None:
         for path in sorted(self._folder.glob("part-*.parquet")):
+            if not path.stem.removeprefix("part-").isdecimal():
+                raise UsageError(f"{path}: is no part of this table. Move it away, or take another table.")
             self._numbers.append(int(path.stem.removeprefix("part-")))
             self._read_part(path)
         # Left out: what a kill cut off, and what is in a Parquet file already, should it have come between.

@@ -74,7 +74,7 @@ class Sqlite:
             for command, rows in commands:
                 self.connection.executemany(command, rows)
             self.connection.execute("COMMIT")
-        except sqlite3.Error:
+        except BaseException:
             if self.connection.in_transaction:
                 self.connection.execute("ROLLBACK")
             raise

@@ -46,7 +46,9 @@ def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -
         found |= _of_allan(fit.allan)
     density = _figure(fit.R)
     if density is not None and rate_hz is not None and rate_hz > 0 and density.low > 0:
-        found["density"] = Figure(*(math.sqrt(2 * value / rate_hz) for value in density))
+        sound = _sound(*(math.sqrt(2 * value / rate_hz) for value in density))
+        if sound is not None:
+            found["density"] = sound
     if fit.verdict in WITH_ORDER:
         for name, interval in (("alpha", fit.alpha), ("f", fit.f)):
             figure = _figure(interval)

@@ -4,7 +4,7 @@ Whoever may write to the broker may write anything, so nothing here is believed 
 """
 
 import re
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 
@@ -16,6 +16,9 @@ LARGEST = 1 << 20
 
 MOST_AXES = 6
 LONGEST_TEXT = 2000
+
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+"""What a database can keep."""
 
 
 class Status(msgspec.Struct, frozen=True):
@@ -72,17 +75,17 @@ class AxisFit(msgspec.Struct, frozen=True):
 class Fit(msgspec.Struct, frozen=True):
     """Of `…/fit`."""
 
-    seq: int
-    epoch: int
-    samples: int
+    seq: Count
+    epoch: Count
+    samples: Count
     axes: dict[str, AxisFit]
 
 
 class Samples(msgspec.Struct, frozen=True):
     """A part of `stats`."""
 
-    delivered: int = 0
-    lost: int = 0
+    delivered: Count = 0
+    lost: Count = 0
 
 
 class Stats(msgspec.Struct, frozen=True):

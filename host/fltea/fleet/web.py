@@ -4,8 +4,8 @@ Tornado serves it: bokeh brings it already, and a table of 15,000 rows and some 
 page of our own. All that sensors say reaches the page as JSON and is put there as text, never as HTML.
 """
 
+import asyncio
 import base64
-import binascii
 import hmac
 import time
 from collections.abc import Callable, Collection
@@ -79,6 +79,7 @@ class _Handler(RequestHandler):
         if origin is not None and urlsplit(origin).netloc.lower() != self.request.host.lower():
             raise HTTPError(403)
         if self.shown.password is not None and not self._knows_password(self.shown.password):
+            await asyncio.sleep(WRONG_PASSWORD_S)
             self.set_header("WWW-Authenticate", 'Basic realm="fltea fleet", charset="UTF-8"')
             raise HTTPError(401)
 
@@ -86,7 +87,7 @@ class _Handler(RequestHandler):
         scheme, _, given = self.request.headers.get("Authorization", "").partition(" ")
         try:
             found = base64.b64decode(given, validate=True)
-        except binascii.Error:
+        except ValueError:  # no base64, or no ASCII
             return False
         return scheme.lower() == "basic" and hmac.compare_digest(found, password)
 

@@ -142,6 +142,7 @@ class NatsFrames:
             tls=self._tls,
             connect_timeout=5,
             allow_reconnect=False,
+            max_reconnect_attempts=1,  # at the first connection too, where the library tries 60 times
             error_cb=_ignore,
         )
         try:
