@@ -1,26 +1,44 @@
 """The history: what is kept, how it is pruned, and that nothing breaks it."""
 
+import math
 import os
 import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from fltea.fleet import databases
+from fltea.fleet import history as histories
+from fltea.fleet.clock import Clock
 from fltea.fleet.databases import Postgres, Sqlite
 from fltea.fleet.figures import Figure
 from fltea.fleet.history import COLUMNS, TABLES, History
 from fltea.fleet.history_table import write
-from fltea.fleet.program import Clock
 from fltea.fleet.roll import Axis
 from fltea.records.errors import UsageError
 from host_support import fltea
+from support import PATIENCE_S
 
 
-def opened(path: Path, every_s: float) -> History:
+def opened(path: Path | None, every_s: float) -> History:
     return History(Sqlite(path, TABLES), every_s)
+
+
+def write_out(history: History, before_unix_s: float = -math.inf) -> int:
+    """Let it write and prune; how many rows were pruned."""
+    before = history.pruned
+    history.work(before_unix_s)
+    history.settle()
+    return history.pruned - before
+
+
+def rows_of(history: History, device: str, most: int = 2000) -> list[dict[str, Any]]:
+    return history.of_device(device, most).result()
 
 
 def database(history: History) -> Sqlite:
@@ -35,36 +53,37 @@ def axis(verdict: str = "white", value: float = 1.0) -> Axis:
 def test_fits_are_kept_now_and_then_and_at_each_change(tmp_path: Path) -> None:
     history = opened(tmp_path / "h.db", 60.0)
     for second in range(200):
-        history.add(1000.0 + second, "a", "gyro_x", axis("drift" if second >= 130 else "white", second))
+        history.add(1000.0 + second, "a", {"gyro_x": axis("drift" if second >= 130 else "white", second)})
     history.add_alert(1100.0, "raised", "silent", "a", "text")
-    history.flush()
-    found = history.of_device("a")
+    write_out(history)
+    found = rows_of(history, "a")
     assert [(row["unix_s"], row["verdict"]) for row in found] == [
         (1000.0, "white"), (1060.0, "white"), (1120.0, "white"), (1130.0, "drift"), (1190.0, "drift"),
     ]  # fmt: skip
     assert (found[1]["N"], found[1]["N_low"], found[1]["K"]) == (60.0, 59.9, None)
-    assert [row["unix_s"] for row in history.of_device("a", most=2)] == [1130.0, 1190.0]
-    assert history.of_device("b") == []
-    assert history.prune(1125.0) == 4  # three fits and the alert
-    assert [row["unix_s"] for row in history.of_device("a")] == [1130.0, 1190.0]
-    assert history.alerts() == []
-    history.add(500.0, "a", "gyro_x", axis("drift"))  # the clock was set back
-    history.flush()
-    assert [row["unix_s"] for row in history.of_device("a")] == [500.0, 1130.0, 1190.0]
+    assert [row["unix_s"] for row in rows_of(history, "a", most=2)] == [1130.0, 1190.0]
+    assert rows_of(history, "b") == []
+    assert write_out(history, 1125.0) == 4  # three fits and the alert
+    assert [row["unix_s"] for row in rows_of(history, "a")] == [1130.0, 1190.0]
+    assert history.alerts().result() == []
+    history.add(500.0, "a", {"gyro_x": axis("drift")})  # the clock was set back
+    write_out(history)
+    assert [row["unix_s"] for row in rows_of(history, "a")] == [500.0, 1130.0, 1190.0]
     history.close()
 
 
 CHILD = """
 import sys
+import threading
 from pathlib import Path
 from fltea.fleet.databases import Sqlite
 from fltea.fleet.history import TABLES, History
 from fltea.fleet.roll import Axis
 history = History(Sqlite(Path(sys.argv[1]), TABLES), 0.0)
 for number in range(10**9):
-    for axis in "xyz":
-        history.add(float(number), "a", axis, Axis("white", "", "deg/s", number, {}, 0.0))
-    history.flush()
+    history.add(float(number), "a", {axis: Axis("white", "", "deg/s", number, {}, 0.0) for axis in "xyz"})
+    history.work()
+    history.settle()
     print(number, flush=True)
 """
 
@@ -79,26 +98,62 @@ def test_kill_9_leaves_whole_transactions(tmp_path: Path) -> None:
         child.send_signal(signal.SIGKILL)
         told = max([told, *(int(line) for line in child.stdout.read().splitlines())])
     history = opened(path, 0.0)
-    rows = list(history.rows())
+    rows = list(history._database.rows(f"SELECT {', '.join(COLUMNS)} FROM fit ORDER BY unix_s"))
     numbers = [row[COLUMNS.index("samples")] for row in rows]
     assert numbers == [number for number in range(len(rows) // 3) for _ in range(3)]
     assert len(rows) // 3 >= told + 1  # all that was told to be there is there
     history.close()
 
 
-def test_a_full_disk_is_counted_and_told_and_ends(tmp_path: Path) -> None:
+def test_rows_wait_for_room_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many as there is memory for; the rest is counted."""
+    monkeypatch.setattr(histories, "MOST_WAITING", 300)
     history = opened(tmp_path / "h.db", 0.0)
     pages = database(history).connection.execute("PRAGMA page_count").fetchone()[0]
     database(history).connection.execute(f"PRAGMA max_page_count = {pages}")
     for number in range(500):
-        history.add(float(number), "a", "gyro_x", axis())
-    history.flush()
-    assert history.lost == 500
+        history.add(float(number), "a", {"gyro_x": axis()})
+    write_out(history)
+    assert (history.lost, history.waiting, history.trouble_kind) == (200, 300, "disk_full")
     assert "is the disk full?" in history.trouble
     database(history).connection.execute("PRAGMA max_page_count = 100000")
-    history.add(1000.0, "a", "gyro_x", axis())
-    history.flush()
-    assert (history.trouble, len(history.of_device("a"))) == ("", 1)
+    write_out(history)
+    assert (history.trouble, history.trouble_kind, history.waiting) == ("", "", 0)
+    assert [row["unix_s"] for row in rows_of(history, "a")] == list(range(300))
+    history.close()
+
+
+def test_what_a_closed_history_could_not_write_is_lost(tmp_path: Path) -> None:
+    history = opened(tmp_path / "h.db", 0.0)
+    database(history).connection.execute("PRAGMA query_only = 1")
+    history.add(1.0, "a", {"gyro_x": axis()})
+    history.close()
+    assert (history.lost, history.trouble_kind) == (1, "history_lost")
+
+
+def test_a_device_that_alternates_or_renames_its_axes_fills_nothing(tmp_path: Path) -> None:
+    history = opened(tmp_path / "h.db", 600.0)
+    for second in range(1200):
+        history.add(1000.0 + second, "a", {"gyro_x": axis("white" if second % 2 else "drift")})
+    for number in range(100):
+        history.add(5000.0, "b", {f"axis{number}": axis()})
+    write_out(history)
+    assert len(rows_of(history, "a")) == 20  # one a minute
+    assert (len(rows_of(history, "b")), history.lost) == (6, 94)
+    history.forget(["b"])
+    history.add(5000.0, "b", {"gyro_x": axis()})
+    write_out(history)
+    assert len(rows_of(history, "b")) == 7
+    history.close()
+
+
+def test_in_memory_the_newest_rows_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(databases, "MEMORY_ROWS", 50)
+    history = opened(None, 0.0)
+    for number in range(120):
+        history.add(float(number), "a", {"gyro_x": axis()})
+    write_out(history)
+    assert [row["unix_s"] for row in rows_of(history, "a")] == list(range(70, 120))
     history.close()
 
 
@@ -111,14 +166,34 @@ def test_files_that_are_no_history(tmp_path: Path) -> None:
     other.close()
     with pytest.raises(UsageError, match="another version"):
         opened(tmp_path / "other", 1.0)
+    foreign = sqlite3.connect(tmp_path / "foreign")
+    foreign.execute("CREATE TABLE bookmarks (url TEXT)")
+    foreign.close()
+    before = (tmp_path / "foreign").read_bytes()
+    with pytest.raises(UsageError, match="another program"):
+        opened(tmp_path / "foreign", 1.0)
+    assert (tmp_path / "foreign").read_bytes() == before
+    marked = sqlite3.connect(tmp_path / "marked")
+    marked.execute("PRAGMA application_id = 252006674")  # a Fossil checkout
+    marked.close()
+    with pytest.raises(UsageError, match="another program"):
+        opened(tmp_path / "marked", 1.0)
     with pytest.raises(UsageError, match="cannot be used"):
         opened(tmp_path / "no/folder", 1.0)
+
+
+def test_a_history_of_before_the_mark_is_still_ours(tmp_path: Path) -> None:
+    opened(tmp_path / "h.db", 1.0).close()
+    old = sqlite3.connect(tmp_path / "h.db")
+    old.execute("PRAGMA application_id = 0")
+    old.close()
+    opened(tmp_path / "h.db", 1.0).close()
 
 
 def test_export(tmp_path: Path) -> None:
     history = opened(tmp_path / "h.db", 0.0)
     for number in range(10):
-        history.add(float(number), "ä|b", "gyro_x", axis(value=number))
+        history.add(float(number), "ä|b", {"gyro_x": axis(value=number)})
     history.close()
     done = fltea("fleet", "--history", tmp_path / "h.db", "--export", tmp_path / "out.parquet")
     assert (done.returncode, done.stderr) == (0, f"{tmp_path}/out.parquet: 10 rows\n")
@@ -171,40 +246,62 @@ class Server:
             "pg_ctl", "-D", self.folder / "data", "-l", self.folder / "log", "-o", options, "-w", "start"
         )
 
+    def signal(self, number: int) -> None:
+        """To all of its processes, each of which serves a connection."""
+        first = int((self.folder / "data/postmaster.pid").read_text().split()[0])
+        for pid in (first, *map(int, Path(f"/proc/{first}/task/{first}/children").read_text().split())):
+            os.kill(pid, number)
+
     def stop(self) -> None:
         self.call("pg_ctl", "-D", self.folder / "data", "-m", "immediate", "-w", "stop")
 
 
-def test_postgres_keeps_the_same_and_may_go_and_come_back(tmp_path: Path) -> None:
+def test_postgres_keeps_the_same_and_may_go_and_come_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Not installed by `make setup`: it is for those who have a server already."""
     pytest.importorskip("psycopg", reason="psycopg is not installed")
     if not BIN:
         pytest.skip("no PostgreSQL server: sudo apt-get install postgresql")
     server = Server(tmp_path / "pg")
     try:
-        history = History(Postgres(server.url, TABLES), 0.0)
+        database = Postgres(server.url, TABLES)
+        history = History(database, 0.0)
         for number in range(10):
-            history.add(1000.0 + number, "a", "gyro_x", axis(value=number))
+            history.add(1000.0 + number, "a", {"gyro_x": axis(value=number)})
         history.add_alert(1005.0, "raised", "silent", "a", "it's text")
-        history.flush()
-        found = history.of_device("a")
+        write_out(history)
+        found = rows_of(history, "a")
         assert [(row["unix_s"], row["N"], row["K"]) for row in found] == [
             (1000.0 + n, n, None) for n in range(10)
         ]
-        assert history.alerts()[0]["text"] == "it's text"
-        assert history.prune(1006.0) == 7
+        assert history.alerts().result()[0]["text"] == "it's text"
+        assert write_out(history, 1006.0) == 7
         server.stop()
-        history.add(2000.0, "a", "gyro_x", axis())
-        history.flush()
-        assert (history.lost, "cannot be written" in history.trouble) == (1, True)
-        assert history.of_device("a") == []
+        history.add(2000.0, "a", {"gyro_x": axis()})
+        write_out(history)
+        assert (history.lost, history.waiting, history.trouble_kind) == (0, 1, "history_lost")
+        assert rows_of(history, "a") == []
         server.start()
-        history.add(3000.0, "a", "gyro_x", axis())
-        history.flush()
-        assert (history.trouble, len(history.of_device("a"))) == ("", 5)
+        monkeypatch.setattr(databases, "AGAIN_S", 0.0)
+        database._again_s = 0.0
+        history.add(3000.0, "a", {"gyro_x": axis()})
+        history.add(3000.0, "nul\0", {"gyro_x": axis()})
+        write_out(history)
+        assert (history.trouble, history.waiting, history.lost) == ("", 0, 1)
+        assert len(rows_of(history, "a")) == 6
+        server.signal(signal.SIGSTOP)
+        monkeypatch.setattr(histories, "STUCK_S", 0.0)
+        history.add(4000.0, "a", {"gyro_x": axis()})
+        history.work()
+        history.work()
+        history.settle()
+        server.signal(signal.SIGCONT)
+        assert (history.trouble_kind, history.waiting) == ("history_lost", 1)
         history.close()
+        assert history.lost == 1
         again = History(Postgres(server.url, TABLES), 0.0)
-        assert len(list(again.rows())) == 5
+        assert len(rows_of(again, "a")) == 7
         again.close()
     finally:
         server.stop()
@@ -212,14 +309,30 @@ def test_postgres_keeps_the_same_and_may_go_and_come_back(tmp_path: Path) -> Non
         Postgres(server.url, TABLES)
 
 
-def test_after_a_number_that_no_database_keeps_the_next_rows_are_written(tmp_path: Path) -> None:
+def test_a_row_that_no_database_takes_is_lost_alone(tmp_path: Path) -> None:
     history = opened(tmp_path / "h.db", 0.0)
-    history.add(1000.0, "a", "gyro_x", Axis("white", "text", "deg/s", 10**30, {}, 0.0))
-    with pytest.raises(OverflowError):
-        history.flush()
-    history.add(1001.0, "a", "gyro_x", axis())
-    history.flush()
-    assert [row["unix_s"] for row in history.of_device("a")] == [1001.0]
+    history.add(1000.0, "a", {"gyro_x": axis()})
+    history.add(1001.0, "a", {"gyro_x": Axis("white", "text", "deg/s", 10**30, {}, 0.0)})
+    history.add(1002.0, "a", {"gyro_x": axis()})
+    write_out(history)
+    assert [row["unix_s"] for row in rows_of(history, "a")] == [1000.0, 1002.0]
+    assert (history.lost, history.trouble) == (1, "")
+    history.close()
+
+
+def test_a_database_that_hangs_holds_up_nobody(tmp_path: Path) -> None:
+    """The work goes on in its own thread; what is asked meanwhile waits there."""
+    history, go = opened(tmp_path / "h.db", 0.0), threading.Event()
+    write = database(history).write
+    database(history).write = lambda commands: (go.wait(PATIENCE_S), write(commands))  # type: ignore
+    history.add(1.0, "a", {"gyro_x": axis()})
+    history.work()
+    history.work()
+    asked = history.of_device("a")
+    history.add(2.0, "a", {"gyro_x": axis()})
+    assert not asked.done()
+    go.set()
+    assert len(asked.result(PATIENCE_S)) == 2
     history.close()
 
 

@@ -118,6 +118,10 @@ def fleet(
         fltea fleet --history fleet.db --export history.parquet
     """
     if export is not None:
+        if mqtt is not None or json or every is not None:
+            raise UsageError(
+                "--export reads a history and asks no broker: leave --mqtt, --json and --every out."
+            )
         _export(history, postgres, export)
         return
     from fltea.settings.config import load_config, parse_setting
@@ -237,7 +241,7 @@ def _export(history: Path | None, postgres: str | None, out: Path) -> None:
 
     if out.suffix != ".parquet":
         raise UsageError(f"--export {out}: the table is Parquet; call it NAME.parquet.")
-    database = Sqlite(str(history), TABLES) if postgres is None else Postgres(postgres, TABLES)
+    database = Sqlite(history, TABLES) if postgres is None else Postgres(postgres, TABLES)
     try:
         say(f"{out}: {write(database, out)} rows")
     except OSError as error:
@@ -248,11 +252,11 @@ def _export(history: Path | None, postgres: str | None, out: Path) -> None:
 
 
 def _seconds(flag: str, text: str) -> float:
-    try:
-        duration.check(flag, text, 1)
-        found = duration.in_samples(text, 1000.0, 1) / 1000
-    except (ValueError, TypeError) as error:
-        raise UsageError(f"{error}.") from error
-    if found <= 0:
+    seconds = duration.in_seconds(text)
+    if seconds is None:
+        raise UsageError(
+            f"{flag} {text}: give a time with its unit ({', '.join(duration.SECONDS)}), such as 30s."
+        )
+    if seconds <= 0:
         raise UsageError(f"{flag} {text}: has to be longer.")
-    return found
+    return seconds

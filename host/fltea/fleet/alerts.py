@@ -4,6 +4,7 @@ A look at a fleet comes every few seconds and its figures waver, so an alert beg
 it in a row, and ends after three that do not.
 """
 
+from collections import Counter
 from typing import Literal, NamedTuple
 
 import msgspec
@@ -14,6 +15,9 @@ from fltea.fleet.summary import Look
 LOOKS = 3
 MOST = 10_000
 """Alerts at a time; whatever is beyond them is counted in `dropped`."""
+
+LISTED = 1000
+"""Alerts in the list that is published: 200 kB; brokers may refuse messages of a megabyte."""
 
 Kind = Literal["outlier", "silent", "offline", "flood", "twins"]
 
@@ -33,6 +37,17 @@ class Alert(msgspec.Struct, frozen=True, tag_field="class", tag="alert"):
     unix_s: float
 
 
+class AlertList(msgspec.Struct, frozen=True):
+    """`<prefix>/fleet/alerts`, retained. count: how many are on; alerts: the newest, `LISTED` at most.
+
+    dropped: alerts for which there was no room among the `MOST`, since the program began.
+    """
+
+    count: int
+    dropped: int
+    alerts: list[dict[str, str]]
+
+
 Key = tuple[Kind, str, str, str]
 
 
@@ -44,26 +59,41 @@ class _Seen(NamedTuple):
 
 
 class Alerts:
-    """Keeps which alerts are raised."""
+    """Keeps which alerts are raised. dropped: alerts that began while there was no room for them."""
 
     def __init__(self, silent_s: float = SILENT_S) -> None:
         self._silent_s = silent_s
         self._seen: dict[Key, _Seen] = {}
+        self._no_room: set[Key] = set()
         self.dropped = 0
 
     def raised(self) -> list[tuple[Key, str]]:
         """Those that are on, with their texts."""
         return [(key, seen.text) for key, seen in self._seen.items() if seen.raised]
 
+    def counts(self) -> dict[str, int]:
+        """How many are on, by kind."""
+        return dict(Counter(key[0] for key, _ in self.raised()))
+
+    def listed(self) -> AlertList:
+        """Those that are on, the newest first, as they are published."""
+        raised = self.raised()
+        newest = raised[: -LISTED - 1 : -1]
+        names = "kind", "device_id", "axis", "quantity"
+        alerts = [dict(zip(names, key, strict=True)) | {"text": text} for key, text in newest]
+        return AlertList(len(raised), self.dropped, alerts)
+
     def update(self, roll: Roll, look: Look, now: float, unix_s: float) -> list[Alert]:
         """Take a look; what has begun or ended with it."""
         found = self._found(roll, look, now)
         told = []
+        no_room, self._no_room = self._no_room, set()
         for key, text in found.items():
             before = self._seen.get(key)
             if before is None:
                 if len(self._seen) >= MOST:
-                    self.dropped += 1
+                    self._no_room.add(key)
+                    self.dropped += key not in no_room
                     continue
                 before = _Seen(text, 0)
             seen = before._replace(text=text, looks=before.looks + 1, unseen=0)

@@ -1,7 +1,10 @@
 """Where the history is kept: a file of SQLite, or a PostgreSQL server that is there already."""
 
 import contextlib
+import os
+import socket
 import sqlite3
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -11,16 +14,37 @@ from fltea.records.errors import UsageError
 from fltea.settings.extras import load
 
 SCHEMA_VERSION = 1
+APPLICATION_ID = 0x464C5445
+"""Marks a file of SQLite as ours: "FLTE" (the pragma application_id)."""
+
+MEMORY_ROWS = 200_000
+"""Rows of a table that are kept where there is no file: some 100 MB."""
+
 CONNECT_S = 5
+AGAIN_S = 5.0
+"""A server that did not answer is not asked again for so long."""
+
+OPTIONS = "-c statement_timeout=10s -c lock_timeout=5s"
+"""For the server; and packets that nobody acknowledges end the connection after `SILENT_MS`."""
+
+SILENT_MS = 10_000
 
 Row = tuple[Any, ...]
 
 
 class Database(Protocol):
-    """What the history asks of a database. name: for messages, without secrets. failures: what it raises."""
+    """What the history asks of a database; by one thread at a time.
+
+    name: for messages, without secrets. failures: what it raises; away: those after which the same may work
+    later, as when the disk was full.
+    """
 
     name: str
     failures: type[Exception]
+    away: tuple[type[Exception], ...]
+
+    def cause(self, error: Exception) -> tuple[str, str]:
+        """Kind of a failure, and what the user may look for."""
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
         """Answers of a query, whose parameters are written as `?`."""
@@ -31,6 +55,9 @@ class Database(Protocol):
     def delete_older(self, table: str, before_unix_s: float, most: int) -> int:
         """Delete at most so many rows; how many went."""
 
+    def interrupt(self) -> None:
+        """End, from another thread, what is being done now: it fails as if the database were away."""
+
     def close(self) -> None:
         """Let it go."""
 
@@ -38,30 +65,56 @@ class Database(Protocol):
 class Sqlite:
     """A file; with its log ahead of the file (WAL) a transaction is there whole or not at all.
 
+    path: None keeps `MEMORY_ROWS` of each table in memory.
+
     Raises:
         UsageError: the file is no such database, or cannot be written.
     """
 
     failures: type[Exception] = sqlite3.Error
+    away: tuple[type[Exception], ...] = (sqlite3.OperationalError,)
 
-    def __init__(self, path: Path | str, tables: Sequence[str]) -> None:
-        self.name = str(path)
+    def __init__(self, path: Path | None, tables: Sequence[str]) -> None:
+        self.name = str(path or "in memory")
+        self._is_file = path is not None
         try:
             self.connection = sqlite3.connect(
-                path, isolation_level=None, check_same_thread=False, timeout=5.0
+                path or ":memory:", isolation_level=None, check_same_thread=False, timeout=5.0
             )
-            version = self.connection.execute("PRAGMA user_version").fetchone()[0]
-            _check_version(self.name, version)
+            self._check_owner()
             self.connection.execute("PRAGMA journal_mode = WAL")
             self.connection.execute("PRAGMA synchronous = NORMAL")
             for table in tables:
                 self.connection.execute(table)
             self.connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+            self.connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         except sqlite3.Error as error:
             raise UsageError(
                 f"{path}: cannot be used as a history ({error}). Is it a file of fltea fleet, in a folder "
                 "that may be written?"
             ) from error
+
+    def _check_owner(self) -> None:
+        """Refuse a database of another program before anything is written to it."""
+        version, owner = (
+            self.connection.execute(f"PRAGMA {name}").fetchone()[0]
+            for name in ("user_version", "application_id")
+        )
+        tables = {row[0] for row in self.connection.execute("SELECT name FROM sqlite_master")}
+        # Histories of earlier versions of this program have no application_id.
+        if (tables and not {"fit", "alert"} <= tables) or owner not in (0, APPLICATION_ID):
+            raise UsageError(
+                f"{self.name}: is a database of another program, and is left as it is. Is the name right? "
+                "A file that does not exist is made."
+            )
+        _check_version(self.name, version)
+
+    def cause(self, error: Exception) -> tuple[str, str]:
+        """See `Database`."""
+        name = getattr(error, "sqlite_errorname", "")
+        if name == "SQLITE_FULL" or name.startswith("SQLITE_IOERR"):
+            return "disk_full", "is the disk full?"
+        return "history_lost", "is the file still there, and does another program hold it?"
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
         """See `Database`."""
@@ -83,7 +136,17 @@ class Sqlite:
         """See `Database`."""
         chosen = f"SELECT rowid FROM {table} WHERE unix_s < ? LIMIT {most}"
         done = self.connection.execute(f"DELETE FROM {table} WHERE rowid IN ({chosen})", (before_unix_s,))
-        return done.rowcount
+        return done.rowcount + (0 if self._is_file else self._delete_beyond(table))
+
+    def _delete_beyond(self, table: str) -> int:
+        newest = f"(SELECT max(rowid) FROM {table})"
+        return self.connection.execute(
+            f"DELETE FROM {table} WHERE rowid <= {newest} - ?", (MEMORY_ROWS,)
+        ).rowcount
+
+    def interrupt(self) -> None:
+        """See `Database`."""
+        self.connection.interrupt()
 
     def close(self) -> None:
         """See `Database`."""
@@ -100,10 +163,17 @@ class Postgres:
     def __init__(self, url: str, tables: Sequence[str]) -> None:
         self._library: ModuleType = load("psycopg", "psycopg", "postgres", "--postgres needs")
         self.failures: type[Exception] = self._library.Error
+        self.away: tuple[type[Exception], ...] = (
+            self._library.OperationalError,
+            self._library.InterfaceError,
+        )
         self._url = url
         self._connection: Any = None
+        self._failure = ""
+        self._again_s = 0.0
         try:
             info = self._library.conninfo.conninfo_to_dict(url)
+            self._options = f"{info.get('options', '')} {OPTIONS}".strip()
             self.name = f"postgres {info.get('dbname', '')}@{info.get('host', 'local')}"
             connection = self._connected()
             with connection.transaction():
@@ -119,6 +189,12 @@ class Postgres:
                 f"--postgres: cannot be used ({_first_line(error)}). Does the server run, is there such a "
                 "database, and may this account make tables in it?"
             ) from error
+
+    def cause(self, error: Exception) -> tuple[str, str]:
+        """See `Database`."""
+        if isinstance(error, self.away):
+            return "history_lost", "is the server away? It is tried again."
+        return "history_lost", "may this account still write to its tables?"
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
         """See `Database`."""
@@ -141,6 +217,13 @@ class Postgres:
         )
         return int(done.rowcount)
 
+    def interrupt(self) -> None:
+        """See `Database`. A server that stands still reads no request to cancel, so the line is cut."""
+        with contextlib.suppress(OSError, self.failures):
+            if self._connection is not None:
+                with socket.socket(fileno=os.dup(self._connection.fileno())) as line:
+                    line.shutdown(socket.SHUT_RDWR)
+
     def close(self) -> None:
         """See `Database`."""
         with contextlib.suppress(self.failures):
@@ -148,8 +231,22 @@ class Postgres:
                 self._connection.close()
 
     def _connected(self) -> Any:
-        if self._connection is None or self._connection.closed:
-            self._connection = self._library.connect(self._url, autocommit=True, connect_timeout=CONNECT_S)
+        if self._connection is not None and not self._connection.closed:
+            return self._connection
+        if self._failure and time.monotonic() < self._again_s:
+            raise self.away[0](self._failure)
+        try:
+            self._connection = self._library.connect(
+                self._url,
+                autocommit=True,
+                connect_timeout=CONNECT_S,
+                tcp_user_timeout=SILENT_MS,
+                options=self._options,
+            )
+        except self.failures as error:
+            self._failure, self._again_s = str(error), time.monotonic() + AGAIN_S
+            raise
+        self._failure = ""
         return self._connection
 
 

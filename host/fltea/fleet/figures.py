@@ -3,13 +3,20 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from fltea.fleet.messages import Allan, AxisFit, Interval
+from fltea.spectrum.allan_coefficients import SPAN, TOLERANCE
+from fltea.spectrum.allan_curve import local_slopes
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 """Verdicts that leave room for an order."""
 
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """Floor of the Allan deviation over B (IEEE Std 952)."""
+
+SAME_N = 0.1
+"""As a ratio less one: lines through one stretch differ by less, those through two by more."""
 
 
 class Quantity(NamedTuple):
@@ -39,22 +46,43 @@ class Figure(NamedTuple):
     high: float
 
 
+class Point(NamedTuple):
+    """Of an Allan deviation."""
+
+    tau_s: float
+    adev: float
+    low: float
+    high: float
+
+
 def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -> dict[str, Figure]:
     """What a fit says; an Allan deviation does not come with each, so the last one counts."""
     found = {name: before[name] for name in "NBK" if name in before and fit.allan is None}
     if fit.allan is not None:
-        found |= _of_allan(fit.allan)
-    density = _figure(fit.R)
-    if density is not None and rate_hz is not None and rate_hz > 0 and density.low > 0:
-        sound = _sound(*(math.sqrt(2 * value / rate_hz) for value in density))
-        if sound is not None:
-            found["density"] = sound
+        found |= _of_allan(fit.allan, filtered=fit.verdict == "low-pass")
+    density = _density(fit, rate_hz, found.get("N"))
+    if density is not None:
+        found["density"] = density
     if fit.verdict in WITH_ORDER:
         for name, interval in (("alpha", fit.alpha), ("f", fit.f)):
             figure = _figure(interval)
             if figure is not None:
                 found[name] = figure
     return found
+
+
+def _density(fit: AxisFit, rate_hz: float | None, N: Figure | None) -> Figure | None:
+    """Of white noise, one-sided: √(2 R / rate) of the fit.
+
+    Where all of the noise is white the fit has no interval of R, as its state may be white too; but N is
+    √(R / rate), and its interval is known.
+    """
+    if fit.R.low is None:
+        return None if N is None else _sound(*(math.sqrt(2) * value for value in N))
+    R = _figure(fit.R)
+    if R is None or rate_hz is None or rate_hz <= 0 or R.low <= 0:
+        return None
+    return _sound(*(math.sqrt(2 * value / rate_hz) for value in R))
 
 
 def _figure(interval: Interval) -> Figure | None:
@@ -70,20 +98,44 @@ def _sound(value: float, low: float, high: float) -> Figure | None:
     return Figure(value, low, high)
 
 
-def _of_allan(allan: Allan) -> dict[str, Figure]:
-    """N, B and K with the relative interval of the point of the curve that they were read off."""
-    points = list(zip(allan.tau_s, allan.adev, allan.low, allan.high, strict=False))
-    points = [point for point in points if min(point) > 0 and all(map(math.isfinite, point))]
+def _of_allan(allan: Allan, *, filtered: bool) -> dict[str, Figure]:
+    """N, B and K, each with the relative interval of the point of the curve that says most about it.
+
+    That is the best known one of those whose intervals hold its line. filtered: N was not read off the curve,
+    which is bent there.
+    """
+    curve = zip(allan.tau_s, allan.adev, allan.low, allan.high, strict=False)
+    points = [Point(*one) for one in curve if min(one) > 0 and all(map(math.isfinite, one))]
     found = {}
     for name, value in (("N", allan.N), ("B", allan.B), ("K", allan.K)):
         if value is None or not points or not 0 < value < math.inf:
             continue
-        away = [abs(math.log(point[1] / (value * _slope(name, point[0])))) for point in points]
-        _, deviation, low, high = points[away.index(min(away))]
-        figure = _sound(value, value * low / deviation, value * high / deviation)
+        if name == "N" and not filtered and not _is_of_first_stretch(value, points):
+            continue
+        away = [abs(math.log(point.adev / (value * _slope(name, point.tau_s)))) for point in points]
+        near = [p for p in points if p.low <= value * _slope(name, p.tau_s) <= p.high]
+        best = min(near, key=lambda p: p.high / p.low) if near else points[away.index(min(away))]
+        figure = _sound(value, value * best.low / best.adev, value * best.high / best.adev)
         if figure is not None:
             found[name] = figure
     return found
+
+
+def _is_of_first_stretch(N: float, points: list[Point]) -> bool:
+    """Whether N was read off the first stretch of slope -1/2, if there is any.
+
+    A curve may have two of about the same length, with another N each. Chance tells then which of them is the
+    longer, so that sensors of one noise would be twice and more apart.
+    """
+    tau, adev = (np.array(column) for column in list(zip(*points, strict=True))[:2])
+    inside = np.abs(local_slopes(tau, adev) + 0.5) <= TOLERANCE
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
+    for start, stop in edges.reshape(-1, 2).tolist():
+        if tau[stop - 1] >= SPAN * tau[start]:
+            part = slice(start, stop)
+            first = np.average(np.log(adev[part] * np.sqrt(tau[part])), weights=1 / tau[part])
+            return abs(math.log(N) - float(first)) <= SAME_N
+    return True
 
 
 def _slope(name: str, tau_s: float) -> float:

@@ -1,19 +1,38 @@
-"""What sensors said earlier: pruned by age, whole after kill -9.
+"""What sensors said earlier: pruned by age, bounded for each of them, whole after kill -9.
 
 Usually in a file of SQLite, which is in Python; DuckDB reads it as it is: ATTACH 'fleet.db' (TYPE sqlite).
 """
 
-from collections.abc import Iterator
-from typing import Any
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from typing import Any, NamedTuple
 
 from fltea.fleet.databases import Database
 from fltea.fleet.figures import QUANTITIES
+from fltea.fleet.messages import MOST_AXES
 from fltea.fleet.roll import Axis
 
 FIGURES = [f"{quantity.name}{end}" for quantity in QUANTITIES for end in ("", "_low", "_high")]
 COLUMNS = ["unix_s", "device_id", "axis", "verdict", "samples", *FIGURES]
+ALERT_COLUMNS = ("unix_s", "state", "kind", "device_id", "text")
 AT_ONCE = 5_000
-"""Rows that one pruning deletes, so that the page does not wait for it."""
+"""Rows that one transaction writes, and one pruning deletes."""
+
+CHANGE_S = 60.0
+"""New verdicts of an axis are kept this often at most, so that one that alternates does not fill the disk."""
+
+MOST_WAITING = 50_000
+"""Rows that wait while the database cannot be written: 30 MB; an hour of 5,000 sensors."""
+
+STUCK_S = 30.0
+"""Longer than a server needs that is only busy."""
+
+LAST_S = 5.0
+"""The end of the program waits so long for the last rows."""
 
 TABLES = (
     "CREATE TABLE IF NOT EXISTS fit (unix_s REAL NOT NULL, device_id TEXT NOT NULL, axis TEXT NOT NULL, "
@@ -25,91 +44,183 @@ TABLES = (
     "CREATE INDEX IF NOT EXISTS alert_by_age ON alert (unix_s)",
 )
 
+INSERT_FIT = f"INSERT INTO fit ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"
+INSERT_ALERT = "INSERT INTO alert VALUES (?, ?, ?, ?, ?)"
+
+Row = tuple[Any, ...]
+
+
+class _Kept(NamedTuple):
+    """The last row of an axis. changed_s: when a row of a new verdict was kept."""
+
+    unix_s: float
+    verdict: str
+    changed_s: float
+
+
+_NOTHING = _Kept(-math.inf, "", -math.inf)
+
 
 class History:
-    """The fits and alerts of the past. every_s: how far apart fits of an axis are; new verdicts are all kept.
+    """The fits and alerts of the past. every_s: how far apart fits of an axis are; new verdicts are kept too.
 
-    lost: rows that could not be written, as on a full disk; trouble: why, "" when all is well.
+    All work on the database is done in a thread of its own, so that one that is slow or away holds up nobody:
+    what is due waits, `MOST_WAITING` rows at most. lost: rows that had no room there, or that the database
+    refused as such; pruned: rows that were deleted by age. trouble: why the database cannot be used, "" when
+    all is well; trouble_kind: of which kind that is.
     """
 
     def __init__(self, database: Database, every_s: float) -> None:
         self._database, self.every_s = database, every_s
-        self.lost = 0
-        self.trouble = ""
-        self._last: dict[tuple[str, str], tuple[float, str]] = {}
-        self._rows: list[tuple[Any, ...]] = []
-        self._alerts: list[tuple[Any, ...]] = []
+        self.lost = self.pruned = 0
+        self.trouble = self.trouble_kind = ""
+        self._last: dict[str, dict[str, _Kept]] = {}
+        self._waiting: deque[tuple[str, Row]] = deque()
+        self._lock = threading.Lock()
+        self._thread = ThreadPoolExecutor(1, "history")
+        self._work: Future[None] | None = None
+        self._began_s = 0.0
 
-    def add(self, unix_s: float, device_id: str, name: str, axis: Axis) -> None:
-        """Keep a fit, if it is due."""
-        key = device_id, name
-        at, verdict = self._last.get(key, (-1e18, ""))
-        if 0 <= unix_s - at < self.every_s and verdict == axis.verdict:  # below 0: the clock was set back
-            return
-        self._last[key] = unix_s, axis.verdict
-        figures = [axis.figures.get(quantity.name, (None, None, None)) for quantity in QUANTITIES]
-        numbers = [number for figure in figures for number in figure]
-        self._rows.append((unix_s, device_id, name, axis.verdict, axis.samples, *numbers))
+    @property
+    def waiting(self) -> int:
+        """Rows that are due and not written yet."""
+        return len(self._waiting)
+
+    def add(self, unix_s: float, device_id: str, axes: Mapping[str, Axis]) -> None:
+        """Keep the axes of a fit, those that are due."""
+        last = self._last.setdefault(device_id, {})
+        rows = []
+        for name, axis in axes.items():
+            kept = last.get(name, _NOTHING)
+            is_new = axis.verdict != kept.verdict and _is_past(kept.changed_s, unix_s, CHANGE_S)
+            if not is_new and not _is_past(kept.unix_s, unix_s, self.every_s):
+                continue
+            if name not in last and len(last) >= MOST_AXES:
+                self.lost += 1  # a device has so many axes, and does not rename them
+                continue
+            last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
+            figures = [axis.figures.get(quantity.name, (None, None, None)) for quantity in QUANTITIES]
+            numbers = [number for figure in figures for number in figure]
+            rows.append((INSERT_FIT, (unix_s, device_id, name, axis.verdict, axis.samples, *numbers)))
+        self._put(rows)
 
     def add_alert(self, unix_s: float, state: str, kind: str, device_id: str, text: str) -> None:
         """Keep an alert."""
-        self._alerts.append((unix_s, state, kind, device_id, text))
+        self._put([(INSERT_ALERT, (unix_s, state, kind, device_id, text))])
 
-    def flush(self) -> None:
-        """Write what waits, in one transaction. What cannot be written is counted, and told in `trouble`."""
-        if not self._rows and not self._alerts:
-            return
-        rows, self._rows = self._rows, []
-        alerts, self._alerts = self._alerts, []
-        places = ", ".join("?" * len(COLUMNS))
-        try:
-            self._database.write(
-                [
-                    (f"INSERT INTO fit ({', '.join(COLUMNS)}) VALUES ({places})", rows),
-                    ("INSERT INTO alert VALUES (?, ?, ?, ?, ?)", alerts),
-                ]
-            )
-            self.trouble = ""
-        except self._database.failures as error:
-            self.lost += len(rows) + len(alerts)
-            self.trouble = (
-                f"{self._database.name}: the history cannot be written ({error}); is the disk full?"
-            )
+    def forget(self, device_ids: Iterable[str]) -> None:
+        """Drop what is remembered of sensors that are there no more; their rows stay."""
+        for name in device_ids:
+            self._last.pop(name, None)
 
-    def prune(self, before_unix_s: float) -> int:
-        """Delete what is older, some at a time; how many rows went."""
-        try:
-            return sum(self._database.delete_older(name, before_unix_s, AT_ONCE) for name in ("fit", "alert"))
-        except self._database.failures as error:
-            self.trouble = f"{self._database.name}: the history cannot be pruned ({error}); is the disk full?"
-            return 0
+    def work(self, before_unix_s: float = -math.inf) -> None:
+        """Begin to write what waits, and to delete what is older; what takes too long is broken off."""
+        now_s = time.monotonic()
+        if self._work is None or self._work.done():
+            self.settle()
+            self._began_s = now_s
+            self._work = self._thread.submit(self._write_and_prune, before_unix_s)
+        elif now_s - self._began_s > STUCK_S:
+            self._began_s = now_s
+            self._database.interrupt()
 
-    def of_device(self, device_id: str, most: int = 2000) -> list[dict[str, Any]]:
+    def settle(self) -> None:
+        """Wait for the work that was begun."""
+        if self._work is not None:
+            self._work.result()
+
+    def of_device(self, device_id: str, most: int = 2000) -> "Future[list[dict[str, Any]]]":
         """The newest rows of a sensor, the oldest of them first."""
         query = f"SELECT {', '.join(COLUMNS)} FROM fit WHERE device_id = ? ORDER BY unix_s DESC LIMIT {most}"
-        found = self._answers(query, (device_id,))
-        return [dict(zip(COLUMNS, row, strict=True)) for row in reversed(found)]
+        return self._thread.submit(lambda: self._answers(COLUMNS, query, (device_id,))[::-1])
 
-    def alerts(self, most: int = 200) -> list[dict[str, Any]]:
+    def alerts(self, most: int = 200) -> "Future[list[dict[str, Any]]]":
         """The newest alerts, the newest first."""
-        names = ("unix_s", "state", "kind", "device_id", "text")
-        found = self._answers(f"SELECT * FROM alert ORDER BY unix_s DESC LIMIT {most}", ())
-        return [dict(zip(names, row, strict=True)) for row in found]
-
-    def rows(self) -> Iterator[tuple[Any, ...]]:
-        """All fits, in the order of `COLUMNS`, the oldest first."""
-        yield from self._database.rows(
-            f"SELECT {', '.join(COLUMNS)} FROM fit ORDER BY unix_s, device_id, axis"
-        )
-
-    def _answers(self, query: str, parameters: tuple[Any, ...]) -> list[tuple[Any, ...]]:
-        try:
-            return list(self._database.rows(query, parameters))
-        except self._database.failures as error:
-            self.trouble = f"{self._database.name}: the history cannot be read ({error})."
-            return []
+        query = f"SELECT * FROM alert ORDER BY unix_s DESC LIMIT {most}"
+        return self._thread.submit(self._answers, ALERT_COLUMNS, query, ())
 
     def close(self) -> None:
-        """Write what waits, and close the file."""
-        self.flush()
+        """Write what waits, and close the file. What a database that is away did not take is lost."""
+        last = self._thread.submit(self._write_and_prune, -math.inf)
+        while not last.done():
+            if wait([last], LAST_S).not_done:
+                self._database.interrupt()
+        self._thread.shutdown()
+        self.lost += len(self._waiting)
+        self._waiting.clear()
         self._database.close()
+
+    def _put(self, rows: list[tuple[str, Row]]) -> None:
+        with self._lock:
+            room = max(0, MOST_WAITING - len(self._waiting))
+            self._waiting.extend(rows[:room])
+            self.lost += len(rows[room:])
+
+    # --- in the thread of the database ---
+
+    def _write_and_prune(self, before_unix_s: float) -> None:
+        try:
+            while self._waiting:
+                self._write()
+            for table in ("fit", "alert"):
+                self.pruned += self._database.delete_older(table, before_unix_s, AT_ONCE)
+            self.trouble = self.trouble_kind = ""
+        except self._database.failures as error:
+            self._explain(error, "written")
+
+    def _write(self) -> None:
+        """A transaction; whole fits, since the rows of a fit are put there together."""
+        with self._lock:
+            rows = [self._waiting.popleft() for _ in range(min(AT_ONCE, len(self._waiting)))]
+            while self._waiting and self._waiting[0][1][:2] == rows[-1][1][:2]:
+                rows.append(self._waiting.popleft())
+        try:
+            self._database.write(_by_command(rows))
+        except self._database.away:
+            self._put_back(rows)
+            raise
+        except (
+            Exception
+        ):  # a row that no database takes, whatever the library calls it: the others have to go on
+            self._write_one_by_one(rows)
+
+    def _write_one_by_one(self, rows: list[tuple[str, Row]]) -> None:
+        for place, row in enumerate(rows):
+            try:
+                self._database.write(_by_command([row]))
+            except self._database.away:
+                self._put_back(rows[place:])
+                raise
+            except Exception:
+                self.lost += 1
+
+    def _put_back(self, rows: list[tuple[str, Row]]) -> None:
+        with self._lock:
+            room = max(0, MOST_WAITING - len(self._waiting))
+            self.lost += len(rows[room:])
+            self._waiting.extendleft(reversed(rows[:room]))
+
+    def _answers(self, names: Iterable[str], query: str, parameters: tuple[Any, ...]) -> list[dict[str, Any]]:
+        try:
+            return [dict(zip(names, row, strict=True)) for row in self._database.rows(query, parameters)]
+        except self._database.failures as error:
+            self._explain(error, "read")
+            return []
+
+    def _explain(self, error: Exception, what: str) -> None:
+        self.trouble_kind, question = self._database.cause(error)
+        reason = str(error).partition("\n")[0]
+        self.trouble = f"{self._database.name}: the history cannot be {what} ({reason}); {question}"
+
+
+def _is_past(then_s: float, now_s: float, period_s: float) -> bool:
+    """Whether a period is over; it is too when the clock was set back."""
+    return not 0 <= now_s - then_s < period_s
+
+
+def _by_command(rows: list[tuple[str, Row]]) -> list[tuple[str, list[Row]]]:
+    """The rows of each command."""
+    found: dict[str, list[Row]] = {}
+    for command, row in rows:
+        found.setdefault(command, []).append(row)
+    return list(found.items())

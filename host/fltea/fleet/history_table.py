@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fltea.fleet.databases import Database
-from fltea.fleet.history import COLUMNS, FIGURES, History
+from fltea.fleet.history import COLUMNS, FIGURES
 
 AT_ONCE = 50_000
 
@@ -25,12 +25,11 @@ SCHEMA = pa.schema(
 
 def write(database: Database, out: Path) -> int:
     """Write all rows; how many there were. The file appears whole or not at all."""
-    history = History(database, 0.0)
     part = out.with_name(f".{out.name}.part")
     count = 0
     try:
         with pq.ParquetWriter(part, SCHEMA) as writer:
-            rows = history.rows()
+            rows = database.rows(f"SELECT {', '.join(COLUMNS)} FROM fit ORDER BY unix_s, device_id, axis")
             while block := list(itertools.islice(rows, AT_ONCE)):
                 columns = zip(*block, strict=True)
                 arrays = [pa.array(c, field.type) for c, field in zip(columns, SCHEMA, strict=True)]
@@ -39,6 +38,6 @@ def write(database: Database, out: Path) -> int:
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)
-        history.close()
+        database.close()
     assert SCHEMA.names == COLUMNS
     return count

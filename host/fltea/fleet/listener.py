@@ -45,7 +45,7 @@ class Listener:
         self._broker = Broker(settings)
         self._prefix, self._take, self._tell, self._back = settings.prefix, take, tell, back
         self.is_up = threading.Event()
-        self.outages = 0
+        self.outages = self.connections = 0
         self._told = self._closed = False
         self._asked: list[str] = []
         self._client = client = Client(
@@ -114,6 +114,7 @@ class Listener:
         if self._told:
             self._back()
         self._told = False
+        self.connections += 1
         self.is_up.set()
 
     def _on_connect_fail(self, client: Client, userdata: object) -> None:

@@ -4,9 +4,12 @@ Whoever may write to the broker may write anything, so nothing here is believed 
 """
 
 import re
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_args
 
 import msgspec
+
+from fltea.records.fit import VerdictKind
+from fltea.records.visible import visible
 
 LONGEST_ID = 64
 """Characters; a daemon makes no longer level of its topics."""
@@ -16,6 +19,12 @@ LARGEST = 1 << 20
 
 MOST_AXES = 6
 LONGEST_TEXT = 2000
+LONGEST_WORD = 100
+"""Characters of a name, a state or a reason; what is longer is cut."""
+
+VERDICTS = frozenset(get_args(VerdictKind))
+OTHER = "other"
+"""In place of a verdict that this version does not know: a label of metrics must be one of a few."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """What a database can keep."""
@@ -144,15 +153,47 @@ def read(topic: str, payload: bytes, prefix: str) -> Message:
         content = _DECODERS[kind].decode(payload)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise Bad("content") from error
-    if isinstance(content, Fit):
-        _check(content)
-    return Message(device_id, content)
+    return Message(device_id, _clean(content))
 
 
-def _check(fit: Fit) -> None:
-    """Names become keys, labels and parts of pages: they have to look like ours."""
-    names = [*fit.axes, *(axis.verdict for axis in fit.axes.values()), *(a.unit for a in fit.axes.values())]
-    if len(fit.axes) > MOST_AXES or not all(map(_WORD.fullmatch, names)):
+def _clean(content: Content) -> Content:
+    """The same with texts of one printable line, and of bounded length: they go to pages and databases.
+
+    Raises:
+        Bad: names in a fit do not look like ours.
+    """
+    match content:
+        case Status(status, source, device, reason):
+            return Status(_short(status), _short(source), _short(device), reason and _short(reason))
+        case Hello():
+            return msgspec.structs.replace(
+                content,
+                sensor=content.sensor and _short(content.sensor),
+                firmware_version=content.firmware_version and _short(content.firmware_version),
+            )
+        case Error(kind, message):
+            return Error(_short(kind), visible(message[:LONGEST_TEXT]))
+        case Fit():
+            return _clean_fit(content)
+    return content
+
+
+def _clean_fit(fit: Fit) -> Fit:
+    """Names of axes and units become keys, labels and parts of pages: they have to look like ours."""
+    if len(fit.axes) > MOST_AXES or not all(
+        _WORD.fullmatch(word) for name, axis in fit.axes.items() for word in (name, axis.unit)
+    ):
         raise Bad("content")
-    if any(len(axis.text) > LONGEST_TEXT for axis in fit.axes.values()):
-        raise Bad("content")
+    axes = {
+        name: msgspec.structs.replace(
+            axis,
+            verdict=axis.verdict if axis.verdict in VERDICTS else OTHER,
+            text=visible(axis.text[:LONGEST_TEXT]),
+        )
+        for name, axis in fit.axes.items()
+    }
+    return msgspec.structs.replace(fit, axes=axes)
+
+
+def _short(text: str) -> str:
+    return visible(text[:LONGEST_WORD])

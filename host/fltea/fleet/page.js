@@ -43,8 +43,11 @@ function showSummary() {
   $("connection").textContent = summary.connected ? "connected to the broker" : "the broker is away; it is tried again";
   $("connection").className = summary.connected ? "good" : "bad";
   const tiles = [["sensors", summary.sensors, ""]];
-  for (const [state, count] of Object.entries(summary.states)) tiles.push([state, count, state]);
-  for (const [verdict, count] of Object.entries(summary.axes)) tiles.push([`${verdict} (axes)`, count, verdict]);
+  for (const [state, count] of Object.entries(summary.states)) tiles.push([state, count, `state:${state}`]);
+  for (const [verdict, count] of Object.entries(summary.sensors_by_verdict)) {
+    const axes = summary.axes[verdict];
+    tiles.push([axes ? `${verdict}, ${axes.toLocaleString("en")} axes` : verdict, count, `verdict:"${verdict}"`]);
+  }
   tiles.push(["odd figures", summary.odd_count, "odd"]);
   $("tiles").replaceChildren(...tiles.map(([name, count, words]) => {
     const tile = make("button", undefined, { class: "tile", type: "button" });
@@ -54,12 +57,14 @@ function showSummary() {
   }));
   const troubles = [];
   if (summary.refused) {
-    troubles.push(`${summary.refused} messages of sensors beyond the limit, such as ${summary.refused_names.join(", ")}`);
+    troubles.push(`${summary.refused} messages of names that are no sensors, or beyond the limit, such as ${summary.refused_names.join(", ")}`);
   }
+  if (summary.alerts_dropped) troubles.push(`${summary.alerts_dropped} alerts had no room`);
   for (const [reason, count] of Object.entries(summary.bad_messages)) troubles.push(`${count} messages of bad ${reason}`);
   if (summary.flooding.length) troubles.push(`too many messages from ${summary.flooding.join(", ")}`);
   if (summary.twins.length) troubles.push(`two programs under one name: ${summary.twins.join(", ")}`);
   if (summary.history.trouble) troubles.push(summary.history.trouble);
+  if (summary.history.lost) troubles.push(`${summary.history.lost} rows of history are lost`);
   $("troubles").textContent = troubles.join("; ");
   const odd = summary.odd.slice(0, 30).map((one) => {
     const item = make("li");

@@ -1,15 +1,19 @@
 """`fltea fleet` as a whole: messages in, a look every few seconds, history, alerts, and a summary."""
 
+import math
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 
-from fltea.fleet.alerts import Alerts
+from fltea.fleet.alerts import Alert, Alerts
+from fltea.fleet.clock import Clock
 from fltea.fleet.databases import Database, Postgres, Sqlite
 from fltea.fleet.history import TABLES, History
 from fltea.fleet.listener import Listener
@@ -17,15 +21,11 @@ from fltea.fleet.roll import MOST_SENSORS, SILENT_S, Roll
 from fltea.fleet.summary import Look, counts, look
 from fltea.settings.outputs import MqttConfig
 
-JUMP_S = 60.0
-"""The wall clock is taken as set again if it differs from the steady one by more."""
-
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
 """So many sensors a turn; so often for one of which the broker retains nothing."""
 
-LONG_JUMP_S = 86_400.0
-"""After such a jump nothing is pruned: nobody knows how old the rows are."""
-
+MOST_UNSENT = 10_000
+"""Alerts that wait while the broker is away; further ones are counted."""
 
 TURN_S = 0.2
 
@@ -43,31 +43,10 @@ class Plan(NamedTuple):
     most: int = MOST_SENSORS
 
 
-class Clock:
-    """Unix time that does not jump with the wall clock by itself, but follows it, and counts the jumps."""
-
-    def __init__(
-        self, wall: Callable[[], float] = time.time, steady: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._wall, self.steady = wall, steady
-        self._offset = wall() - steady()
-        self.jumps = 0
-        self.long_jump = False
-
-    def unix_s(self) -> float:
-        """Now."""
-        offset = self._wall() - self.steady()
-        if abs(offset - self._offset) > JUMP_S:
-            self.jumps += 1
-            self.long_jump |= abs(offset - self._offset) > LONG_JUMP_S
-            self._offset = offset
-        return self.steady() + self._offset
-
-
 def _database(plan: Plan) -> Database:
     if plan.postgres is not None:
         return Postgres(plan.postgres, TABLES)
-    return Sqlite(plan.history or ":memory:", TABLES)
+    return Sqlite(plan.history, TABLES)
 
 
 class Fleet:
@@ -85,12 +64,14 @@ class Fleet:
         self.seen = Look([], {})
         self.alerts = Alerts(plan.silent_s)
         self.history = History(_database(plan), plan.history_every_s)
-        self.pruned = 0
         self.look_s = 0.0
+        self.alerts_unsent = 0
         self._say = say or (lambda text: print(text, file=sys.stderr, flush=True))
         self._look_due = 0.0
         self._asked: dict[str, tuple[int, float]] = {}
         self._told = ""
+        self._unsent: deque[Alert] = deque()
+        self._list_sent = 0
         self.listener = Listener(plan.mqtt, self.take, self._tell, lambda: self._say("the broker is back."))
 
     def start(self) -> None:
@@ -100,40 +81,44 @@ class Fleet:
     def take(self, topic: str, payload: bytes) -> None:
         """One message, from the listener's thread."""
         with self.lock:
-            now = self.clock.steady()
             before = self.roll.fits
-            sensor = self.roll.take(topic, payload, now)
+            sensor = self.roll.take(topic, payload, self.clock.hearing())
             if sensor is not None and self.roll.fits > before:
-                unix_s = self.clock.unix_s()
-                for name, axis in sensor.axes.items():
-                    self.history.add(unix_s, sensor.device_id, name, axis)
+                self.history.add(self.clock.unix_s(), sensor.device_id, sensor.axes)
 
     def turn(self) -> None:
         """What is due: a look, alerts, history, and what the broker retains of sensors that are new."""
-        now = self.clock.steady()
-        if self.listener.is_up.is_set():
+        now, is_up = self.clock.steady(), self.listener.is_up.is_set()
+        with self.lock:
+            self.clock.hear(is_up)
+        if is_up:
             self.listener.fetch(self._lacking(now))
         if now < self._look_due:
             return
         self._look_due = now + self.plan.look_every_s
         self.look_now()
         with self.lock:
-            self.history.flush()
             unix_s = self.clock.unix_s()
-            if not self.clock.long_jump:
-                self.pruned += self.history.prune(unix_s - self.plan.keep_s)
-            for name in self.roll.forget(now - self.plan.keep_s):
+            gone = self.roll.forget(self.clock.hearing(), self.plan.keep_s)
+            self.history.forget(gone)
+            for name in gone:
                 self._asked.pop(name, None)
-            trouble = self.history.trouble
-        if trouble and trouble != self._told:
-            self._tell("disk_full", trouble)
-        self._told = trouble
+        self.history.work(-math.inf if self.clock.long_jump else unix_s - self.plan.keep_s)
+        self._tell_of_history()
+
+    def _tell_of_history(self) -> None:
+        kind, trouble = self.history.trouble_kind, self.history.trouble
+        if kind and kind != self._told:
+            self._tell(kind, f"{trouble} {self.history.waiting} rows wait, and {self.history.lost} are lost.")
+        elif self._told and not kind:
+            self._tell("history_back", f"the history is written again; {self.history.lost} rows were lost.")
+        self._told = kind
 
     def _lacking(self, now: float) -> list[str]:
         """Sensors of which no fit or no HELLO came yet, some of them."""
         found: list[str] = []
         with self.lock:
-            for name, sensor in self.roll.sensors.items():
+            for name, sensor in chain(self.roll.sensors.items(), self.roll.strangers.items()):
                 if sensor.axes and sensor.hello is not None:
                     continue
                 times, due = self._asked.get(name, (0, 0.0))
@@ -150,7 +135,7 @@ class Fleet:
         with self.lock:
             return all(
                 name in self._asked
-                for name, sensor in self.roll.sensors.items()
+                for name, sensor in chain(self.roll.sensors.items(), self.roll.strangers.items())
                 if not sensor.axes or sensor.hello is None
             )
 
@@ -158,31 +143,31 @@ class Fleet:
         """Compare all sensors, and publish what has begun or ended."""
         with self.lock:
             begin = time.perf_counter()
-            now, unix_s = self.clock.steady(), self.clock.unix_s()
+            now, unix_s = self.clock.hearing(), self.clock.unix_s()
             self.seen = look(self.roll, now, self.plan.silent_s)
             told = self.alerts.update(self.roll, self.seen, now, unix_s)
             for alert in told:
                 self.history.add_alert(unix_s, alert.state, alert.kind, alert.device_id, alert.text)
             self.look_s = time.perf_counter() - begin
-        encode = msgspec.json.encode
-        for alert in told:
-            self.listener.publish("fleet/alert", encode(alert), retain=False)
-        if told:
-            self.listener.publish("fleet/alerts", encode(self.raised()), retain=True)
-
-    def raised(self) -> list[dict[str, str]]:
-        """The alerts that are on."""
-        with self.lock:
-            return [
-                {"kind": kind, "device_id": device_id, "axis": axis, "quantity": quantity, "text": text}
-                for (kind, device_id, axis, quantity), text in self.alerts.raised()
-            ]
+            room = MOST_UNSENT - len(self._unsent)
+            self._unsent.extend(told[:room])
+            self.alerts_unsent += len(told[room:])
+            listed = msgspec.json.encode(self.alerts.listed())
+        if not self.listener.is_up.is_set():
+            return
+        # The list of an earlier run, or of before an outage, may be retained there.
+        if self._unsent or self._list_sent != self.listener.connections:
+            self._list_sent = self.listener.connections
+            self.listener.publish("fleet/alerts", listed, retain=True)
+        while self._unsent:
+            alert = self._unsent.popleft()
+            self.listener.publish("fleet/alert", msgspec.json.encode(alert), retain=False)
 
     def summary(self) -> dict[str, Any]:
         """The fleet in numbers, with its odd sensors and alerts."""
-        raised = self.raised()
         with self.lock:
-            found = counts(self.roll, self.clock.steady(), self.plan.silent_s)
+            listed = self.alerts.listed()
+            found = counts(self.roll, self.clock.hearing(), self.plan.silent_s)
             found |= {
                 "class": "fleet",
                 "unix_s": self.clock.unix_s(),
@@ -190,11 +175,14 @@ class Fleet:
                 "outages": self.listener.outages,
                 "odd": [msgspec.to_builtins(one) for one in self.seen.odd[:200]],
                 "odd_count": len(self.seen.odd),
-                "alerts": raised[:200],
-                "alert_count": len(raised),
+                "alerts": listed.alerts[:200],
+                "alert_count": listed.count,
+                "alerts_by_kind": self.alerts.counts(),
+                "alerts_dropped": listed.dropped + self.alerts_unsent,
                 "history": {
+                    "waiting": self.history.waiting,
                     "lost": self.history.lost,
-                    "pruned": self.pruned,
+                    "pruned": self.history.pruned,
                     "trouble": self.history.trouble,
                     "clock_jumps": self.clock.jumps,
                 },
@@ -205,8 +193,11 @@ class Fleet:
     def close(self) -> None:
         """Disconnect, and write what waits."""
         self.listener.close()
-        with self.lock:
-            self.history.close()
+        lost = self.history.lost
+        self.history.close()
+        if self.history.lost > lost:
+            rows = self.history.lost - lost
+            self._tell("history_lost", f"{rows} rows that waited are lost: {self.history.trouble}")
 
     def _tell(self, kind: str, text: str) -> None:
         self._say(f"{kind}: {text}")

@@ -1,6 +1,9 @@
-"""The roll of all sensors: what each said last, when, and what is wrong with it. Bounded."""
+"""The roll of all sensors: what each said last, when, and what is wrong with it. Bounded.
 
-from collections import Counter, deque
+All times are those of the fleet's hearing: seconds of a steady clock that stands while the broker is away.
+"""
+
+from collections import Counter, OrderedDict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -18,6 +21,12 @@ TWINS, TWINS_S = 3, 600.0
 
 SILENT_S = 90.0
 """A daemon says its status every 30 s."""
+
+STRANGER_S = 120.0
+"""A name of which one message came is given up after so long."""
+
+WITHOUT_FIT_S = 3600.0
+"""A sensor of which no fit ever came is given up when it has been silent for so long."""
 
 
 @dataclass(slots=True)
@@ -48,6 +57,8 @@ class Sensor:
     errors: deque[tuple[float, str, str]] = field(default_factory=lambda: deque(maxlen=ERRORS_KEPT))
     flooding: bool = False
     twins: deque[float] = field(default_factory=lambda: deque(maxlen=TWINS))
+    fits: int = 0
+    said: set[str] = field(default_factory=set)
     _seq: tuple[int, int] = (-1, -1)
     _window: tuple[float, int] = (0.0, 0)
 
@@ -67,6 +78,11 @@ class Sensor:
         if self.status is None:
             return "unknown"
         return self.status.status if self.status.status in ("online", "stalled") else "unknown"
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is believed to be a sensor: it said two things, a HELLO or a fit among them."""
+        return self.fits > 1 or (len(self.said) > 1 and (self.hello is not None or self.fits > 0))
 
     def has_twin(self, now: float) -> bool:
         """Whether two programs seem to publish under its name."""
@@ -92,6 +108,7 @@ class Sensor:
         if place < self._seq:
             self.twins.append(now)
         self._seq = place
+        self.fits += 1
         rate_hz = None if self.hello is None else self.hello.rate_hz
         self.axes = {
             name: Axis(
@@ -116,19 +133,22 @@ class Sensor:
 class Roll:
     """All sensors that were heard of.
 
-    most: so many at most; refused counts messages of further ones, and `refused_names` are some of them.
-    bad: messages that no daemon sends, by reason. fits: that were new; repeated: that came twice.
+    A name is a sensor once it has said two things; until then it is a stranger, and takes nobody's place.
+    Of both there are at most `most`. refused: messages of names that were no sensors, or came when there was
+    no room; `refused_names` are some of them. bad: messages that no daemon sends, by reason. fits: that were
+    new; repeated: that came twice.
     """
 
     def __init__(self, prefix: str = "fltea", most: int = MOST_SENSORS) -> None:
         self.prefix, self.most = prefix, most
         self.sensors: dict[str, Sensor] = {}
+        self.strangers: OrderedDict[str, Sensor] = OrderedDict()
         self.messages = self.bytes = self.refused = self.fits = self.repeated = 0
         self.refused_names: deque[str] = deque(maxlen=NAMES_KEPT)
         self.bad: Counter[str] = Counter()
 
     def take(self, topic: str, payload: bytes, now: float) -> Sensor | None:
-        """Take one message; whose it was, or None if it was nobody's."""
+        """Take one message; of which sensor it was, or None if it was nobody's, or a stranger's."""
         self.messages += 1
         self.bytes += len(payload)
         try:
@@ -136,32 +156,63 @@ class Roll:
         except Bad as bad:
             self.bad[str(bad)] += 1
             return None
-        sensor = self.sensors.get(message.device_id)
+        name = message.device_id
         if message.content is None:
-            return sensor
+            return self.sensors.get(name)
+        sensor = self.sensors.get(name) or self.strangers.get(name)
         if sensor is None:
-            if len(self.sensors) >= self.most:
-                self.refused += 1
-                if message.device_id not in self.refused_names:
-                    self.refused_names.append(message.device_id)
-                return None
-            sensor = self.sensors[message.device_id] = Sensor(message.device_id, now, now)
+            sensor = self.strangers[name] = Sensor(name, now, now)
+            if len(self.strangers) > self.most:
+                self._refuse(next(iter(self.strangers.values())))
         sensor.count(now)
+        sensor.said.add(type(message.content).__name__)
         self._take(sensor, message, now)
+        if name in self.strangers:
+            return self._meet(sensor)
         return sensor
 
-    def forget(self, before: float) -> list[str]:
-        """Drop sensors that have been offline or silent since then; their names."""
-        gone = [name for name, sensor in self.sensors.items() if sensor.heard < before]
+    def forget(self, now: float, keep_s: float) -> list[str]:
+        """Drop sensors that have been silent for `keep_s`, and who never became one; their names.
+
+        Where there is no room for others, those go first that have been silent longest.
+        """
+        gone = [
+            name
+            for name, sensor in self.sensors.items()
+            if sensor.heard < now - (keep_s if sensor.fits else min(keep_s, WITHOUT_FIT_S))
+        ]
+        if not gone and len(self.sensors) >= self.most:
+            silent = [one for one in self.sensors.values() if one.heard < now - WITHOUT_FIT_S]
+            silent.sort(key=lambda sensor: sensor.heard)
+            gone = [sensor.device_id for sensor in silent[: 1 + self.most // 100]]
         for name in gone:
             del self.sensors[name]
-        return gone
+        strangers = [one for one in self.strangers.values() if one.first < now - STRANGER_S]
+        for stranger in strangers:
+            self._refuse(stranger)
+        return gone + [stranger.device_id for stranger in strangers]
 
     def axes(self) -> Iterator[tuple[Sensor, str, Axis]]:
         """All axes of all sensors."""
         for sensor in self.sensors.values():
             for name, axis in sensor.axes.items():
                 yield sensor, name, axis
+
+    def _meet(self, stranger: Sensor) -> Sensor | None:
+        """Let a stranger in who is known by now, if there is room."""
+        if not stranger.is_known:
+            return None
+        if len(self.sensors) >= self.most:
+            self._refuse(stranger)
+            return None
+        self.sensors[stranger.device_id] = self.strangers.pop(stranger.device_id)
+        return stranger
+
+    def _refuse(self, stranger: Sensor) -> None:
+        del self.strangers[stranger.device_id]
+        self.refused += stranger.messages
+        if stranger.device_id not in self.refused_names:
+            self.refused_names.append(stranger.device_id)
 
     def _take(self, sensor: Sensor, message: Message, now: float) -> None:
         match message.content:
@@ -176,4 +227,4 @@ class Roll:
             case Stats(samples):
                 sensor.delivered, sensor.lost = samples.delivered, samples.lost
             case Error(kind, text):
-                sensor.errors.append((now, kind[:40], text[:500]))
+                sensor.errors.append((now, kind, text))

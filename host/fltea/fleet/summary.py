@@ -1,6 +1,7 @@
 """The fleet in numbers: how many of what, a table, distributions, and who is unlike the others."""
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any, Literal, NamedTuple
@@ -131,6 +132,7 @@ def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]
         "fits": roll.fits,
         "repeated": roll.repeated,
         "bad_messages": dict(roll.bad),
+        "strangers": len(roll.strangers),
         "refused": roll.refused,
         "refused_names": list(roll.refused_names),
     }
@@ -182,25 +184,38 @@ def rows(roll: Roll, seen: Look, now: float, silent_s: float = SILENT_S) -> list
     return found
 
 
+_TERM = re.compile(r'(device|kind|state|axis|verdict):(?:"([^"]*)"|(\S+))|(\S+)', re.IGNORECASE)
+
+
 def table(
     found: list[Row], sort: str, order: Literal["up", "down"], words: str, begin: int, count: int
 ) -> tuple[int, list[Row]]:
-    """A part of the rows that hold all `words`, sorted, and how many there are. Missing figures come last."""
-    wanted = words.lower().split()
+    """A part of the rows that `words` are about, sorted, and how many there are. Missing figures come last.
+
+    `state:online` and `verdict:"too few samples"` compare whole entries of a column; other words may stand
+    anywhere in a row.
+    """
+    exact, anywhere = [], []
+    for column, quoted, plain, word in _TERM.findall(words):
+        if column:
+            exact.append((column.lower(), (quoted or plain).lower()))
+        else:
+            anywhere.append(word.lower())
     chosen = [
         row
         for row in found
-        if all(
-            word
-            in f"{row['device']} {row['kind']} {row['state']} {row['axis']} {row['verdict']} "
-            f"{'odd ' + row['odd'] if row['odd'] else ''}".lower()
-            for word in wanted
-        )
+        if all(row[column].lower() == entry for column, entry in exact)
+        and all(word in _text_of(row) for word in anywhere)
     ]
     known = [row for row in chosen if row[sort] not in (None, "")]
     unknown = [row for row in chosen if row[sort] in (None, "")]
     known.sort(key=lambda row: row[sort], reverse=order == "down")
     return len(chosen), (known + unknown)[begin : begin + count]
+
+
+def _text_of(row: Row) -> str:
+    odd = f"odd {row['odd']}" if row["odd"] else ""
+    return f"{row['device']} {row['kind']} {row['state']} {row['axis']} {row['verdict']} {odd}".lower()
 
 
 def distribution(roll: Roll, seen: Look, group: Group) -> dict[str, Any]:

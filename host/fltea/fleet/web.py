@@ -9,6 +9,7 @@ import base64
 import hmac
 import time
 from collections.abc import Callable, Collection
+from concurrent.futures import Future
 from importlib import resources
 from typing import Any
 from urllib.parse import urlsplit
@@ -31,6 +32,9 @@ TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 MOST_ROWS = 500
 WRONG_PASSWORD_S = 0.5
 """How long a wrong password waits for its answer."""
+
+HISTORY_S = 2.0
+"""A page waits so long for the history."""
 
 ROWS_S = 2.0
 """The rows of the table are gathered this often at most, however many look at them."""
@@ -58,7 +62,7 @@ class Shown:
         if now - self._rows[0] >= ROWS_S:
             fleet = self.fleet
             with fleet.lock:
-                found = rows(fleet.roll, fleet.seen, fleet.clock.steady(), fleet.plan.silent_s)
+                found = rows(fleet.roll, fleet.seen, fleet.clock.hearing(), fleet.plan.silent_s)
             self._rows = now, found
         return self._rows[1]
 
@@ -98,6 +102,13 @@ class _Handler(RequestHandler):
     def answer(self, found: Any) -> None:
         self.set_header("Content-Type", "application/json")
         self.write(msgspec.json.encode(found))
+
+    async def rows_of(self, asked: "Future[list[dict[str, Any]]]") -> list[dict[str, Any]]:
+        """What the history answers; nothing if it takes too long, as while its server is away."""
+        try:
+            return await asyncio.wait_for(asyncio.wrap_future(asked), HISTORY_S)
+        except TimeoutError:
+            return []
 
     def number(self, name: str, usual: int, most: int) -> int:
         text = self.get_argument(name, str(usual))
@@ -147,14 +158,19 @@ class _Distribution(_Handler):
 
 
 class _Sensor(_Handler):
-    def get(self) -> None:
+    async def get(self) -> None:
+        found = self._found()
+        found["history"] = await self.rows_of(self.shown.fleet.history.of_device(found["device"]))
+        self.answer(found)
+
+    def _found(self) -> dict[str, Any]:
         fleet, name = self.shown.fleet, self.get_argument("device", strip=False)
         with fleet.lock:
             sensor = fleet.roll.sensors.get(name)
             if sensor is None:
                 raise HTTPError(404)
-            now = fleet.clock.steady()
-            self.answer(
+            now = fleet.clock.hearing()
+            return msgspec.to_builtins(  # type: ignore[no-any-return]
                 {
                     "device": name,
                     "kind": sensor.kind,
@@ -178,15 +194,13 @@ class _Sensor(_Handler):
                         for axis, one in sensor.axes.items()
                     },
                     "odd": [one for one in fleet.seen.odd if one.device_id == name],
-                    "history": fleet.history.of_device(name),
                 }
             )
 
 
 class _Alerts(_Handler):
-    def get(self) -> None:
-        with self.shown.fleet.lock:
-            self.answer(self.shown.fleet.history.alerts())
+    async def get(self) -> None:
+        self.answer(await self.rows_of(self.shown.fleet.history.alerts()))
 
 
 class _Metrics(_Handler):

@@ -16,7 +16,7 @@ def check(name: str, value: Duration, least: int) -> None:
         ValueError: fewer samples than `least`, or a text that is no time.
     """
     if isinstance(value, str):
-        if _seconds(value) is None:
+        if in_seconds(value) is None:
             raise ValueError(
                 f"{name} {value!r}: give a number of samples, or a time such as '30 s' ({', '.join(SECONDS)})"
             )
@@ -28,7 +28,7 @@ def in_samples(value: Duration, rate_hz: float, least: int) -> int:
     """The number of samples at a rate; of a time above 0 at least `least`."""
     if not isinstance(value, str):
         return value
-    seconds = _seconds(value)
+    seconds = in_seconds(value)
     assert seconds is not None, value  # `check` has seen it
     return max(least, round(seconds * rate_hz)) if seconds else 0
 
@@ -50,7 +50,8 @@ def parse(text: str | None) -> Duration | None:
         return text.strip()
 
 
-def _seconds(text: str) -> float | None:
+def in_seconds(text: str) -> float | None:
+    """Seconds of a time such as "30 s"; None for anything else."""
     found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", text)
     if found is None or found[2] not in SECONDS:
         return None
