@@ -14,6 +14,7 @@ import typer
 
 from fltea.cli import exports, how, many
 from fltea.cli.output import print_result, say
+from fltea.identify.dask_address import check_address
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible_lines
 from fltea.settings import duration
@@ -119,7 +120,10 @@ def identify(
         int | None, typer.Option("--jobs", "-j", metavar="N", min=1, help="Processes; default: all cores.")
     ] = None,
     dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="An existing Dask cluster instead, tcp://HOST:8786.")
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="An existing Dask cluster instead: tcp://HOST:8786 or tls://HOST:8786."
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -153,6 +157,10 @@ def identify(
         "--gauss-markov": gauss_markov,
     }
     many.check(files, out, [name for name, value in one_by_one.items() if value])
+    if dask is not None:
+        if jobs is not None:
+            raise UsageError("--jobs is for this machine, --dask for a cluster: give one of them.")
+        check_address(dask)
     from fltea.identify import findings, run
     from fltea.identify import load as reading
     from fltea.identify.axis import IdentifyOptions
@@ -288,8 +296,6 @@ def _workers(jobs: int | None, dask: str | None) -> "Workers":
         from fltea.identify.workers import open_local
 
         return open_local(jobs)
-    if jobs is not None:
-        raise UsageError("--jobs is for this machine, --dask for a cluster: give one of them.")
     from fltea.identify.dask_trust import trust_warning
 
     if warning := trust_warning(dask):

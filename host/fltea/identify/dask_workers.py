@@ -10,10 +10,12 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
+from dask import config
 from distributed import Client
 from distributed.security import Security
 
 from fltea import __version__
+from fltea.identify.dask_trust import ENCRYPTED
 from fltea.records.errors import FlteaError, UsageError
 
 T = TypeVar("T")
@@ -23,31 +25,20 @@ LONELY_S = 60.0
 """How long a cluster may be without any worker."""
 RETRIES = 3
 """Of a task that has failed; one whose worker died is not counted here, but by the scheduler."""
+SETTINGS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY"
 
 
 class DaskWorkers:
     """Connected to the scheduler at `address`, such as tcp://10.0.0.5:8786.
 
     Raises:
-        UsageError: there is no scheduler or no worker, or the workers have another version of fltea, or none.
+        UsageError: there is no scheduler or no worker, certificates are missing or wrong, or the workers have
+            another version of fltea, or none.
     """
 
     def __init__(self, address: str) -> None:
-        security: Any = Security
-        if address.startswith("tls://") and not security().get_connection_args("client")["ssl_context"]:
-            raise UsageError(
-                f"--dask {address}: no certificate to show there. Set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
-                "…__CLIENT__CERT and …__CLIENT__KEY (host/identify.md, A Dask cluster)."
-            )
-        connect: Any = Client
         self._address = address
-        try:
-            self._client: Any = connect(address, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
-            raise UsageError(
-                f"--dask {address}: no scheduler answers there ({error or type(error).__name__}); is it "
-                "running, and is the address that of its log (tcp://HOST:8786)?"
-            ) from error
+        self._client = _connected(address)
         try:
             self._client.wait_for_workers(1, timeout=CONNECT_S)
             versions = self._client.run(_version)
@@ -130,6 +121,56 @@ class DaskWorkers:
     def close(self) -> None:
         """Leave; the scheduler forgets what was asked for."""
         self._client.close()
+
+
+def _connected(address: str) -> Any:
+    """A client of the scheduler there.
+
+    Dask's client may take 20 s to go away if it fails as it is made, with a traceback: so all that can be
+    checked before that is.
+
+    Raises:
+        UsageError: nobody answers there, or certificates are missing or wrong.
+    """
+    encrypted = address.startswith(tuple(f"{scheme}://" for scheme in ENCRYPTED))
+    if encrypted:
+        _check_certificate(address)
+    elif config.get("distributed.comm.require-encryption", None):
+        raise UsageError(
+            f"--dask {address}: not encrypted, and DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION is set. "
+            f"Connect to tls://{address.rpartition('://')[2]}, or unset it."
+        )
+    connect: Any = Client
+    try:
+        return connect(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        cause = error or type(error).__name__
+        if encrypted:
+            raise UsageError(
+                f"--dask {address}: no scheduler answers there that takes our certificate ({cause}). Is it "
+                "running, with --protocol tls, and did one authority sign its certificate and that of "
+                "…__CLIENT__CERT (host/identify.md, A Dask cluster)?"
+            ) from error
+        raise UsageError(
+            f"--dask {address}: no scheduler answers there ({cause}); is it running, and is the address that "
+            "of its log (tcp://HOST:8786, with certificates tls://HOST:8786)?"
+        ) from error
+
+
+def _check_certificate(address: str) -> None:
+    security: Any = Security
+    try:
+        found = security().get_connection_args("client")["ssl_context"]
+    except (OSError, ValueError) as error:  # an SSLError is an OSError
+        raise UsageError(
+            f"--dask {address}: the certificates cannot be used ({error}). Do {SETTINGS} name files that are "
+            "there, and is the key that of the certificate (host/identify.md, A Dask cluster)?"
+        ) from error
+    if not found:
+        raise UsageError(
+            f"--dask {address}: no certificate to show there. Set {SETTINGS} (host/identify.md, A Dask "
+            "cluster)."
+        )
 
 
 def _version() -> str:

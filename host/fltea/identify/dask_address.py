@@ -1,0 +1,40 @@
+"""Where a Dask scheduler listens, as a user writes it. Loads nothing of Dask."""
+
+import re
+
+from fltea.records.errors import UsageError
+
+SCHEMES = ("tcp", "tls", "ws", "wss")
+HOST_AND_PORT = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%]+\]|[^\s\[\]@/?#:]*)(?::(?P<port>[^\s@/?#:]*))?")
+MOST_PORT = 65_535
+
+
+def check_address(address: str) -> None:
+    """Refuse what no scheduler can listen at. Without a scheme it is tcp://, as in Dask.
+
+    Raises:
+        UsageError: then.
+    """
+    reason = _wrong_with(address)
+    if reason:
+        raise UsageError(
+            f"--dask {address}: {reason}. Write the address that the scheduler's log gives: tcp://HOST:8786, "
+            "or with certificates tls://HOST:8786."
+        )
+
+
+def _wrong_with(address: str) -> str:
+    scheme, separator, place = address.rpartition("://")
+    if separator and scheme not in SCHEMES:
+        return f"{scheme}:// is not spoken by schedulers (known: {', '.join(SCHEMES)})"
+    if place.partition("]")[0].count(":") > 1 and not HOST_AND_PORT.fullmatch(place):
+        return "an IPv6 address stands in brackets, as in tcp://[::1]:8786"
+    found = HOST_AND_PORT.fullmatch(place)
+    if found is None:
+        return "is more than a host and a port"
+    if not found["host"]:
+        return "has no host"
+    port = found["port"] or ""
+    if not (port.isascii() and port.isdecimal() and 0 < int(port) <= MOST_PORT):
+        return f"has no port of 1 to {MOST_PORT}"
+    return ""
