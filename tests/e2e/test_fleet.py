@@ -155,10 +155,14 @@ def test_alerts_are_published_and_a_broker_that_went_comes_back(
     watcher.connect("127.0.0.1", broker.port)
     watcher.loop_start()
     running = stage.fleet(tmp_path, broker.port, "--look-every", "200ms")
-    wait_until(lambda: any(topic == "fltea/fleet/alerts" for topic, _ in heard), "alerts")
+    wait_until(lambda: sum(topic == "fltea/fleet/alert" for topic, _ in heard) == 4, "alerts")
+    wait_until(lambda: '"count": 4' in json.dumps(heard), "the list of alerts")
     told = [alert for topic, alert in heard if topic == "fltea/fleet/alert"]
     assert {(alert["state"], alert["kind"]) for alert in told} == {("raised", "outlier")}
     assert {int(alert["device_id"], 16) for alert in told} == {3, 31, 57}
+    lists = [content for topic, content in heard if topic == "fltea/fleet/alerts"]
+    assert (lists[0], lists[-1]["count"]) == ({"count": 0, "dropped": 0, "alerts": []}, 4)
+    assert {alert["kind"] for alert in lists[-1]["alerts"]} == {"outlier"}
     assert (
         'fltea_fleet_alerts{kind="outlier"} 4.0'
         in urllib.request.urlopen(running.url + "metrics").read().decode()
@@ -170,6 +174,9 @@ def test_alerts_are_published_and_a_broker_that_went_comes_back(
     load(broker.port, sensors=70, rounds=3)
     wait_until(lambda: running.ask("api/summary")["fits"] == 70 + 2 * 70, "new fits")
     assert running.ask("api/summary")["outages"] == 1
+    before = len(lists)
+    lists = [content for topic, content in heard if topic == "fltea/fleet/alerts"]
+    assert len(lists) > before  # a broker that has forgotten it is told again
     assert running.said().count("broker_lost") == 1
     watcher.disconnect()
     watcher.loop_stop()
@@ -199,6 +206,10 @@ def test_the_page_is_for_those_who_know_the_password(stage: Stage, broker: Mosqu
         (["--mqtt", "x", "--listen", "0.0.0.0:0"], "others could see the page without a password"),
         (["--mqtt", "x", "--listen", "x:y"], "--listen"),
         (["--mqtt", "x", "--keep", "soon"], "--keep"),
+        (["--mqtt", "x", "--keep", "30"], "--keep 30: give a time with its unit"),
+        (["--mqtt", "x", "--silent-after", "0s"], "has to be longer"),
+        (["--export", "o.parquet", "--history", "f.db", "--mqtt", "x"], "asks no broker"),
+        (["--export", "o.parquet", "--history", "f.db", "--json"], "asks no broker"),
         (["--mqtt", "x", "--every", "3s"], "--every goes with --json"),
         (["--mqtt", "x", "--password-file", "gone"], "cannot be read"),
         (["--mqtt", "x", "--set", "live.on=false"], "settings of [mqtt] only"),

@@ -6,6 +6,7 @@ import msgspec
 import pytest
 from fltea.fleet import roll as rolls
 from fltea.fleet.alerts import LOOKS, Alerts
+from fltea.fleet.clock import Clock
 from fltea.fleet.messages import KINDS
 from fltea.fleet.roll import Roll
 from fltea.fleet.summary import Look, counts, look, rows, table
@@ -71,7 +72,7 @@ def test_any_message_at_all(topic: str, payload: bytes) -> None:
         ("fltea/a/fit", b"[" * 10_000, "content"),
         ("fltea/a/fit", fit(verdict="white")[:-1], "content"),
         ("fltea/a/fit", fit().replace(b"gyro_x", b"<script>"), "content"),
-        ("fltea/a/fit", fit().replace(b'"white"', b'"<b>"'), "content"),
+        ("fltea/a/fit", fit().replace(b'"deg/s"', b'"<b>"'), "content"),
         ("fltea/a/hello", b'{"rate_hz":"fast"}', "content"),
         ("fltea/a/fit", b'{"seq":0,"epoch":1,"samples":1' + b"0" * 30 + b',"axes":{}}', "content"),
         ("fltea/a/fit", b'{"seq":0,"epoch":1,"samples":-1,"axes":{}}', "content"),
@@ -83,17 +84,79 @@ def test_bad_messages_are_counted_by_their_reason(topic: str, payload: bytes, re
     assert (roll.bad, roll.sensors) == ({reason: 1}, {})
 
 
-def test_a_flood_of_names_is_bounded_and_named() -> None:
+def known(roll: Roll, name: str, text: str = "online", reason: str | None = None, now: float = 0.0) -> None:
+    """Let a sensor say who it is, and how it is."""
+    roll.take(f"fltea/{name}/hello", HELLO, now)
+    roll.take(f"fltea/{name}/status", status(text, reason), now)
+
+
+def test_a_verdict_of_another_version_is_one_of_a_few() -> None:
+    roll = Roll()
+    known(roll, "a")
+    for number in range(100):
+        roll.take("fltea/a/fit", fit(1000 + number, verdict=f"made up {number}"), 1.0)
+    assert counts(roll, 1.0)["axes"] == {"other": 1}
+
+
+def test_texts_are_one_printable_line_and_bounded() -> None:
+    roll = Roll()
+    known(roll, "a", "offline", "\x1b[2J" + "x" * 10_000)
+    roll.take(
+        "fltea/a/error", json.dumps({"kind": "k" * 999, "message": "a\0b\n" + "c" * 9999}).encode(), 0.0
+    )
+    roll.take("fltea/a/fit", fit(text="t\n" + "u" * 9999), 0.0)
+    sensor = roll.sensors["a"]
+    assert sensor.status is not None
+    texts = [sensor.status.reason or "", *sensor.errors[0][1:], sensor.axes["gyro_x"].text]
+    assert all(text.isprintable() for text in texts)
+    assert [len(text) <= 110 for text in texts] == [True, True, False, False]
+    assert max(map(len, texts)) < 2100
+
+
+def test_a_flood_of_names_takes_nobodys_place_and_is_named() -> None:
     roll = Roll(most=10)
+    known(roll, "real")
     for number in range(10_000):
         roll.take(f"fltea/n{number}/status", status("online"), number * 1e-4)
-    assert (len(roll.sensors), roll.refused) == (10, 9_990)
-    assert list(roll.refused_names) == [f"n{number}" for number in range(9_995, 10_000)]
-    assert roll.take("fltea/n3/status", status("stalled"), 2.0) is not None
+    assert (list(roll.sensors), len(roll.strangers), roll.refused) == (["real"], 10, 9_990)
+    assert list(roll.refused_names) == [f"n{number}" for number in range(9_985, 9_990)]
+    assert roll.take("fltea/real/status", status("stalled"), 2.0) is not None
+    known(roll, "n9999")
+    assert list(roll.sensors) == ["real", "n9999"]
+    assert len(roll.forget(200.0, 1e6)) == 9
+    assert (roll.refused, len(roll.strangers)) == (9_999, 0)
+
+
+def test_one_thing_said_again_and_again_makes_no_sensor() -> None:
+    """The broker brings what it retains whenever it is asked."""
+    roll = Roll()
+    for _ in range(10):
+        roll.take("fltea/a/hello", HELLO, 0.0)
+        roll.take("fltea/b/status", status("online"), 0.0)
+        roll.take("fltea/b/stats", b"{}", 0.0)
+        roll.take("fltea/c/fit", fit(), 0.0)
+    assert roll.sensors == {}
+    roll.take("fltea/c/fit", fit(1001), 0.0)
+    assert list(roll.sensors) == ["c"]
+
+
+def test_a_full_roll_makes_room_by_those_who_are_silent_longest() -> None:
+    roll = Roll(most=3)
+    for number in range(3):
+        known(roll, f"n{number}", now=float(number))
+        roll.take(f"fltea/n{number}/fit", fit(), float(number))
+    known(roll, "late", now=10.0)
+    assert (roll.refused, "late" in roll.sensors) == (2, False)
+    assert roll.forget(1000.0, 1e6) == []  # nobody is silent for long
+    assert roll.forget(4000.0, 1e6) == ["n0"]
+    known(roll, "late", now=4000.0)
+    assert list(roll.sensors) == ["n1", "n2", "late"]
+    assert roll.forget(8000.0, 1e6) == ["late"]  # it never had a fit
 
 
 def test_a_sensor_that_floods_is_named_until_it_stops() -> None:
     roll = Roll()
+    known(roll, "a")
     for number in range(1000):
         roll.take("fltea/a/status", status("online"), number * 1e-3)
         roll.take("fltea/b/status", status("online"), float(number))
@@ -101,6 +164,12 @@ def test_a_sensor_that_floods_is_named_until_it_stops() -> None:
     roll.take("fltea/a/status", status("online"), 20.0)
     roll.take("fltea/a/status", status("online"), 40.0)
     assert counts(roll, 1000.0)["flooding"] == []
+    for number in range(1000):
+        roll.take("fltea/stranger/status", status("online"), 50 + number * 1e-3)
+    assert counts(roll, 1000.0)["flooding"] == ["stranger"]
+    alerts = Alerts()
+    told = [alerts.update(roll, NOBODY, 51.0, 0.0) for _ in range(LOOKS)][-1]
+    assert [(alert.kind, alert.device_id) for alert in told] == [("flood", "stranger")]
 
 
 def test_two_programs_under_one_name() -> None:
@@ -118,13 +187,14 @@ def test_two_programs_under_one_name() -> None:
 def test_states() -> None:
     roll = Roll()
     roll.take("fltea/a/hello", HELLO, 0.0)
+    roll.take("fltea/a/fit", fit(), 0.0)
     assert roll.sensors["a"].state(1.0) == "unknown"
     roll.take("fltea/a/status", status("online"), 0.0)
     assert [roll.sensors["a"].state(now) for now in (1.0, 89.0, 91.0)] == ["online", "online", "silent"]
     roll.take("fltea/a/status", status("offline", "ended"), 0.0)
     assert roll.sensors["a"].state(1000.0) == "offline"
-    assert roll.forget(-1.0) == []
-    assert roll.forget(1.0) == ["a"]
+    assert roll.forget(99.0, 100.0) == []
+    assert roll.forget(101.0, 100.0) == ["a"]
     assert roll.take("fltea/a/status", b"", 2.0) is None  # a retained one that was deleted
 
 
@@ -175,7 +245,7 @@ def test_silence_and_a_loss_are_alerts_and_an_orderly_end_is_none() -> None:
         ("b", "offline", "ended"),
         ("c", "offline", "connection_lost"),
     ):
-        roll.take(f"fltea/{name}/status", status(text, reason), 0.0)
+        known(roll, name, text, reason)
     for _ in range(LOOKS):
         told = alerts.update(roll, NOBODY, 100.0, 0.0)
     assert [(alert.kind, alert.device_id) for alert in told] == [("silent", "a"), ("offline", "c")]
@@ -183,9 +253,52 @@ def test_silence_and_a_loss_are_alerts_and_an_orderly_end_is_none() -> None:
 
 def test_alerts_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fltea.fleet.alerts.MOST", 5)
+    monkeypatch.setattr("fltea.fleet.alerts.LISTED", 2)
     roll, alerts = Roll(), Alerts()
     for number in range(8):
-        roll.take(f"fltea/{number}/status", status("online"), 0.0)
+        known(roll, str(number))
     for _ in range(LOOKS):
         told = alerts.update(roll, NOBODY, rolls.SILENT_S + 1, 0.0)
-    assert (len(told), alerts.dropped) == (5, 9)
+    assert (len(told), alerts.dropped) == (5, 3)
+    listed = alerts.listed()
+    assert (listed.count, listed.dropped, [one["device_id"] for one in listed.alerts]) == (5, 3, ["4", "3"])
+
+
+@pytest.mark.parametrize(
+    ("words", "count"),
+    [
+        ("line", 4),  # a part of "online" and of a verdict
+        ("state:online", 3),
+        ("state:line", 0),
+        ('verdict:"line or resonance"', 1),
+        ("verdict:line", 1),
+        ("verdict:line state:online", 1),
+        ("state:offline d", 1),
+        ('axis:"gyro_x" b', 1),
+    ],
+)
+def test_words_that_name_a_column_compare_the_whole_entry(words: str, count: int) -> None:
+    roll = Roll()
+    for name, verdict in (("a", "line"), ("b", "line or resonance"), ("c", "white"), ("d", "drift")):
+        known(roll, name, "offline" if name == "d" else "online")
+        roll.take(f"fltea/{name}/fit", fit(verdict=verdict), 0.0)
+    assert table(rows(roll, NOBODY, 1.0), "device", "up", words, 0, 50)[0] == count
+
+
+def test_nobody_is_silent_whom_nobody_could_hear() -> None:
+    times = {"steady": 0.0}
+    clock, roll = Clock(lambda: 0.0, lambda: times["steady"]), Roll()
+    times["steady"] = 50.0
+    assert clock.hearing() == 0.0  # the broker has not been there yet
+    clock.hear(True)
+    known(roll, "a", now=clock.hearing())
+    times["steady"] = 60.0
+    clock.hear(False)
+    times["steady"] = 1000.0
+    clock.hear(False)
+    assert (clock.hearing(), roll.sensors["a"].state(clock.hearing())) == (10.0, "online")
+    clock.hear(True)
+    times["steady"] = 1079.0
+    assert roll.sensors["a"].state(clock.hearing()) == "online"
+    times["steady"] = 1081.0
+    assert roll.sensors["a"].state(clock.hearing()) == "silent"

@@ -114,6 +114,8 @@ class Alerts:
 
     def _found(self, roll: Roll, look: Look, now: float) -> dict[Key, str]:
         found: dict[Key, str] = {("outlier", *one.key): one.text for one in look.odd}
+        for name in roll.flooding():
+            found["flood", name, "", ""] = f"{name}: sends more messages than any daemon does."
         for sensor in roll.sensors.values():
             name, state = sensor.device_id, sensor.state(now, self._silent_s)
             if state == "silent":
@@ -124,8 +126,6 @@ class Alerts:
                         :300
                     ]
                 )
-            if sensor.flooding:
-                found["flood", name, "", ""] = f"{name}: sends more messages than any daemon does."
             if sensor.has_twin(now):
                 found["twins", name, "", ""] = (
                     f"{name}: two programs publish under this name; their figures are mixed."

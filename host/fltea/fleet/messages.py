@@ -30,6 +30,10 @@ Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """What a database can keep."""
 
 
+Points = Annotated[list[float], msgspec.Meta(max_length=1000)]
+"""Of a curve; a daemon sends some dozens."""
+
+
 class Status(msgspec.Struct, frozen=True):
     """Of `<prefix>/<device_id>/status`."""
 
@@ -60,10 +64,10 @@ class Interval(msgspec.Struct, frozen=True):
 class Allan(msgspec.Struct, frozen=True):
     """The Allan deviation, and what is read off it."""
 
-    tau_s: list[float]
-    adev: list[float]
-    low: list[float]
-    high: list[float]
+    tau_s: Points
+    adev: Points
+    low: Points
+    high: Points
     N: float | None = None
     B: float | None = None
     K: float | None = None

@@ -109,9 +109,9 @@ class Fleet:
     def _tell_of_history(self) -> None:
         kind, trouble = self.history.trouble_kind, self.history.trouble
         if kind and kind != self._told:
-            self._tell(kind, f"{trouble} {self.history.waiting} rows wait, and {self.history.lost} are lost.")
+            self._tell(kind, f"{trouble} Rows that wait: {self.history.waiting}; lost: {self.history.lost}.")
         elif self._told and not kind:
-            self._tell("history_back", f"the history is written again; {self.history.lost} rows were lost.")
+            self._tell("history_back", f"the history is written again. Rows lost: {self.history.lost}.")
         self._told = kind
 
     def _lacking(self, now: float) -> list[str]:
@@ -197,7 +197,7 @@ class Fleet:
         self.history.close()
         if self.history.lost > lost:
             rows = self.history.lost - lost
-            self._tell("history_lost", f"{rows} rows that waited are lost: {self.history.trouble}")
+            self._tell("history_lost", f"{self.history.trouble} Rows that waited and are lost: {rows}.")
 
     def _tell(self, kind: str, text: str) -> None:
         self._say(f"{kind}: {text}")

@@ -6,6 +6,7 @@ All times are those of the fleet's hearing: seconds of a steady clock that stand
 from collections import Counter, OrderedDict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 
 from fltea.fleet.figures import Figure, figures_of
 from fltea.fleet.messages import Bad, Error, Fit, Hello, Message, Stats, Status, read
@@ -197,6 +198,11 @@ class Roll:
         for sensor in self.sensors.values():
             for name, axis in sensor.axes.items():
                 yield sensor, name, axis
+
+    def flooding(self) -> list[str]:
+        """Names under which more is published than by any daemon, strangers' among them."""
+        both = chain(self.sensors.values(), self.strangers.values())
+        return [sensor.device_id for sensor in both if sensor.flooding]
 
     def _meet(self, stranger: Sensor) -> Sensor | None:
         """Let a stranger in who is known by now, if there is room."""

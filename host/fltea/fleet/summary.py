@@ -3,7 +3,6 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -12,6 +11,9 @@ import numpy as np
 from fltea.fleet.figures import QUANTITIES, Figure, Quantity
 from fltea.fleet.outliers import LEVEL, Fleet, comparisons_of, judge
 from fltea.fleet.roll import SILENT_S, Axis, Roll, Sensor
+
+SOME = 20
+"""Names in a summary."""
 
 Group = tuple[str, str, str]
 """Kind of sensor, axis, and quantity."""
@@ -125,8 +127,8 @@ def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]
         "axes": dict(axes.most_common()),
         "sensors_by_verdict": dict(sensors.most_common()),
         "kinds": dict(kinds.most_common(50)),
-        "flooding": [s.device_id for s in _some(s for s in roll.sensors.values() if s.flooding)],
-        "twins": [s.device_id for s in _some(s for s in roll.sensors.values() if s.has_twin(now))],
+        "flooding": roll.flooding()[:SOME],
+        "twins": [s.device_id for s in roll.sensors.values() if s.has_twin(now)][:SOME],
         "messages": roll.messages,
         "bytes": roll.bytes,
         "fits": roll.fits,
@@ -136,10 +138,6 @@ def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]
         "refused": roll.refused,
         "refused_names": list(roll.refused_names),
     }
-
-
-def _some(sensors: Iterable[Sensor], most: int = 20) -> list[Sensor]:
-    return [sensor for sensor, _ in zip(sensors, range(most), strict=False)]
 
 
 COLUMNS = (

@@ -1,0 +1,128 @@
+"""The fleet's program with a broker that comes and goes."""
+
+import json
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from fltea.fleet import program
+from fltea.fleet.program import Fleet, Plan
+from fltea.settings.outputs import MqttConfig
+
+HELLO = b'{"rate_hz":100.0}'
+ONLINE = b'{"status":"online"}'
+OFFLINE = b'{"status":"offline","reason":"connection_lost"}'
+
+
+class Broker:
+    """In place of the listener. published: topic and content of what reached it."""
+
+    def __init__(
+        self,
+        settings: MqttConfig,
+        take: Callable[[str, bytes], None],
+        tell: Callable[[str, str], None],
+        back: Callable[[], None],
+    ) -> None:
+        self.is_up = threading.Event()
+        self.connections = self.outages = 0
+        self.published: list[tuple[str, Any]] = []
+
+    def come(self) -> None:
+        self.connections += 1
+        self.is_up.set()
+
+    def publish(self, topic: str, payload: bytes, *, retain: bool) -> None:
+        assert self.is_up.is_set()
+        self.published.append((topic, json.loads(payload)))
+
+    def fetch(self, device_ids: list[str]) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+class Stage:
+    """A fleet whose time is moved by hand. said: its lines."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(program, "Listener", Broker)
+        self.said: list[str] = []
+        self.fleet = Fleet(Plan(MqttConfig(broker="x"), look_every_s=1.0), self.said.append)
+        assert isinstance(self.fleet.listener, Broker)
+        self.broker = self.fleet.listener
+        self.now = 0.0
+        clock = self.fleet.clock
+        clock.steady = lambda: self.now  # type: ignore[method-assign]
+        clock._deaf_since = 0.0
+
+    def wait(self, seconds: int) -> None:
+        for _ in range(seconds):
+            self.now += 1.0
+            self.fleet.turn()
+
+    def kinds(self) -> list[tuple[str, str]]:
+        """What was published as alerts, and how many were listed."""
+        return [
+            (content["state"], content["kind"]) if topic == "fleet/alert" else ("list", content["count"])
+            for topic, content in self.broker.published
+        ]
+
+
+@pytest.fixture
+def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
+    return Stage(monkeypatch)
+
+
+def test_an_outage_of_the_broker_makes_nobody_silent(stage: Stage) -> None:
+    stage.broker.come()
+    stage.fleet.turn()
+    for payload, kind in ((HELLO, "hello"), (ONLINE, "status")):
+        stage.fleet.take(f"fltea/a/{kind}", payload)
+    stage.wait(30)
+    stage.broker.is_up.clear()
+    stage.wait(3600)
+    assert stage.fleet.summary()["states"] == {"online": 1}
+    stage.broker.come()
+    stage.wait(50)
+    assert stage.kinds() == [("list", 0), ("list", 0)]
+    stage.wait(60)
+    assert stage.kinds()[2:] == [("list", 1), ("raised", "silent")]
+    stage.fleet.close()
+
+
+def test_alerts_wait_for_the_broker_and_none_ends_that_never_began(stage: Stage) -> None:
+    stage.broker.come()
+    stage.fleet.turn()
+    stage.fleet.take("fltea/a/hello", HELLO)
+    stage.fleet.take("fltea/a/status", OFFLINE)
+    stage.broker.is_up.clear()
+    stage.wait(10)
+    stage.fleet.take("fltea/a/status", ONLINE)
+    stage.wait(10)
+    assert stage.kinds() == [("list", 0)]
+    stage.broker.come()
+    stage.wait(1)
+    assert stage.kinds()[1:] == [("list", 0), ("raised", "offline"), ("cleared", "offline")]
+    stage.fleet.close()
+
+
+def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: Stage) -> None:
+    stage.broker.come()
+    database: Any = stage.fleet.history._database
+    database.connection.execute("PRAGMA query_only = 1")
+    stage.fleet.take("fltea/a/hello", HELLO)
+    stage.fleet.take("fltea/a/status", OFFLINE)
+    for _ in range(10):
+        stage.wait(1)
+        stage.fleet.history.settle()
+    database.connection.execute("PRAGMA query_only = 0")
+    for _ in range(3):
+        stage.wait(1)
+        stage.fleet.history.settle()
+    assert [line.partition(":")[0] for line in stage.said] == ["history_lost", "history_back"]
+    assert "Rows that wait: 0; lost: 0." in stage.said[0]
+    assert stage.fleet.history.alerts().result()[0]["kind"] == "offline"
+    stage.fleet.close()
