@@ -42,16 +42,26 @@ class NatsServer:
         self.process.wait(PATIENCE_S)
 
 
-def single(folder: Path) -> NatsServer:
-    """A server without TLS and accounts, with the mapping that makes partitions, and with MQTT."""
+def mapping(partitions: int = PARTITIONS) -> str:
+    """The settings' line that makes partitions."""
+    mapped = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
+    return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
+
+
+def single(folder: Path, maps: str | None = None, store: str = "8GB", more: str = "") -> NatsServer:
+    """A server without TLS and accounts. maps: its mapping; store: size of JetStream's, "": it has none."""
     folder.mkdir()
     port = free_port()
     settings = folder / "nats.conf"
-    mapping = f"fltea.frames.{{{{partition({PARTITIONS},1)}}}}.{{{{wildcard(1)}}}}"
-    settings.write_text(
-        f"listen: 127.0.0.1:{port}\nserver_name: one\njetstream {{ store_dir: {folder}/js }}\n"
-        f'mappings {{ "fltea.*.frames": "{mapping}" }}\n'
+    jetstream = f"jetstream {{ store_dir: {folder}/js, max_file_store: {store} }}" if store else ""
+    lines = (
+        f"listen: 127.0.0.1:{port}",
+        "server_name: one",
+        jetstream,
+        mapping() if maps is None else maps,
+        more,
     )
+    settings.write_text("\n".join(lines))
     return NatsServer(folder, settings, port, {})
 
 

@@ -3,6 +3,7 @@
 from typing import Any
 
 from fltea.service.ingest.admission import CANDIDATES, Admission
+from fltea.service.ingest.floods import MESSAGE_BYTES
 from fltea.service.ingest.inbox import DEVICE_BYTES, Inbox
 from fltea.service.ingest.losses import Losses
 from fltea.service.ingest.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
@@ -68,7 +69,7 @@ def test_names_are_told_so_that_no_terminal_obeys_them() -> None:
 
 def test_a_device_that_floods_loses_its_own_and_is_named() -> None:
     inbox = Inbox(10, 4 * DEVICE_BYTES)
-    part = bytes(DEVICE_BYTES // 4)
+    part = bytes(DEVICE_BYTES // 4 - MESSAGE_BYTES)
     for name in ("flood", "quiet"):
         inbox.put(name, b"")
     for _ in range(20):
@@ -85,12 +86,24 @@ def test_a_device_that_floods_loses_its_own_and_is_named() -> None:
 
 
 def test_all_together_are_bounded_too() -> None:
-    inbox = Inbox(100, 2 * DEVICE_BYTES)
+    inbox, half = Inbox(100, 2 * DEVICE_BYTES), bytes(DEVICE_BYTES // 2 - MESSAGE_BYTES)
     for _ in range(2):
         for k in range(10):
-            inbox.put(f"d{k}", bytes(DEVICE_BYTES // 2))
-    assert sum(len(message.data) for message in inbox.take(0)) <= 2 * DEVICE_BYTES
-    assert sum(inbox.overflow().values()) == 6 * DEVICE_BYTES // 2
+            inbox.put(f"d{k}", half)
+    assert len(inbox.take(0)) == 4
+    assert sum(inbox.overflow().values()) == 6 * len(half)
+
+
+def test_messages_without_frames_are_bounded_too() -> None:
+    inbox = Inbox(10, 4 * DEVICE_BYTES)
+    for _ in range(DEVICE_BYTES // 50):
+        inbox.put("flood", b"")
+    waiting = 0
+    while taken := inbox.take(0):
+        waiting += len(taken)
+    assert waiting == DEVICE_BYTES // MESSAGE_BYTES
+    inbox.put("flood", b"")
+    assert len(inbox.take(0)) == 1, "all of it makes room again"
 
 
 def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm() -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from fltea.records.block import Block
-from fltea.records.clock import unix_offset_ns
+from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.ports import Departed, Sink
 from fltea.records.records import Epoch, Gap, Hello, Stats
 from fltea.service.hub import Hub
@@ -30,6 +30,7 @@ class FakeReceiver:
 
     def __init__(self) -> None:
         self.done: dict[int, int] = {}
+        self.unix_offset_ns = unix_offset_ns()
         self.kept: dict[str, bytes] = {}
         self.mine = {0, 1}
 
@@ -46,6 +47,9 @@ class FakeReceiver:
     def keep(self, partition: int, device: str, data: bytes) -> bool:
         self.kept[device] = data
         return True
+
+    def drop(self, partition: int, device: str) -> None:
+        del self.kept[device]
 
 
 class Collector(Sink):
@@ -78,8 +82,8 @@ class Worker:
         self.ingest = Ingest(config, self.hub, lambda inbox, report: self.receiver, lambda *_: None)  # type: ignore[arg-type, return-value]
 
     def say(self, device: str, second: int, mark: int, partition: int = 0) -> None:
-        data = second_of(0, second)
-        self.ingest.inbox.put(device, data, partition, mark, 1000 * S + second * S)
+        arrived_ns = 1000 * S + second * S - self.receiver.unix_offset_ns
+        self.ingest.inbox.put(device, second_of(0, second), partition, mark, arrived_ns)
         self.turn()
 
     def turn(self) -> None:
@@ -201,6 +205,42 @@ def test_a_silent_device_comes_as_far_as_its_partition() -> None:
         worker.say("b", k, k + 6)
     assert worker.keep("a").mark == 10
     worker.end()
+
+
+def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
+    """What a worker gave up is told by the store, not by the times in it."""
+    worker = Worker()
+    for k in range(4):
+        worker.say("a", k, 2 * k + 1)
+        worker.say("b", k, 2 * k + 2, partition=1)
+    for name in "ab":
+        worker.keep(name)
+    worker.ingest._on_partition(Left(1))
+    assert set(worker.receiver.kept) == {"a", "b"}, "who has it now goes on with it"
+    for line in worker.ingest._lines.values():
+        line.heard_ns = line.looked_ns = -(10**18)
+    worker.ingest._look(host_ns())
+    assert set(worker.receiver.kept) == {"b"}
+    worker.end()
+
+
+def test_times_are_the_streams_whatever_this_machines_clock_says() -> None:
+    """Two workers whose clocks differ from the server's, and from each other's, by hours."""
+    first, second = Worker(), Worker()
+    first.receiver.unix_offset_ns += 7200 * S
+    second.receiver.unix_offset_ns -= 3600 * S
+    for k in range(6):
+        first.say("a", k, k + 1)
+    kept = first.keep()
+    assert kept.state is not None
+    assert kept.state.unix_ns == pytest.approx(1006 * S, abs=S)
+    first.end()
+    second.ingest.inbox.post(Served(0, {"a": kept}, 6))
+    for k in range(6, 8):
+        second.say("a", k, k + 1)
+    items = second.end().sink.items
+    assert [one.reason for one in items if isinstance(one, Epoch)] == ["resumed"]
+    assert set(second.estimates()) == set(range(600, 800))
 
 
 @settings(max_examples=30)

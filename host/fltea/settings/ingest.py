@@ -8,6 +8,7 @@ SCHEMES = ("mqtt", "mqtts", "nats")
 """Beginnings of the URLs of sources behind which many devices stand."""
 
 MOST_DEVICES = 100_000
+MOST_KEPT_MB = 100_000_000
 
 
 def is_shared(url: str | None) -> bool:
@@ -28,8 +29,10 @@ class IngestConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Of NATS: stream, bucket: names of the JetStream stream and of the key-value bucket, which are made where
     they are missing. partitions: as many as the server's subject mapping has. snapshot_s: from one snapshot
-    of a device to the next. keep_s: how long a stream that is made here keeps frames. replicas: of both, when
-    they are made. ca: PEM file of the authority that signed the server's certificate; with it TLS is spoken.
+    of a device to the next. keep_s: how long a stream that is made here keeps frames. keep_mb, snapshots_mb:
+    most that frames and snapshots may have on the server, whose max_file_store has to be larger. replicas: of
+    all, when they are made. change_limits: stream and buckets that exist get these limits; else what differs
+    is told. ca: PEM file of the authority that signed the server's certificate; with it TLS is spoken.
     """
 
     devices: int = 2000
@@ -40,7 +43,10 @@ class IngestConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     partitions: int = 16
     snapshot_s: float = 60.0
     keep_s: float = 3600.0
+    keep_mb: float = 4000.0
+    snapshots_mb: float = 1000.0
     replicas: int = 1
+    change_limits: bool = False
     ca: str | None = None
 
     def __post_init__(self) -> None:
@@ -54,6 +60,9 @@ class IngestConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"replicas must be 1, 3 or 5, got {self.replicas}")
         if not 1 <= self.snapshot_s < self.keep_s <= 365 * 86400:
             raise ValueError("snapshot_s must be 1 s or more, and keep_s, at most a year, must be longer")
+        for key in ("keep_mb", "snapshots_mb"):
+            if not 1 <= getattr(self, key) <= MOST_KEPT_MB:
+                raise ValueError(f"{key} must be 1 to {MOST_KEPT_MB} MB")
         for key in ("stream", "bucket"):
             if not re.fullmatch(r"[A-Za-z0-9_-]{1,64}", getattr(self, key)):
                 raise ValueError(f"{key} must be a name of letters, digits, _ and -")

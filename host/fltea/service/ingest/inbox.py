@@ -4,9 +4,10 @@ import threading
 from collections import Counter, deque
 from typing import NamedTuple
 
-from fltea.records.clock import host_ns, unix_offset_ns
+from fltea.records.clock import host_ns
 from fltea.records.visible import visible
 from fltea.service.ingest.admission import Admission, Verdict
+from fltea.service.ingest.floods import MESSAGE_BYTES, Allowance
 from fltea.service.ingest.kept import Kept
 
 DEVICE_BYTES = 1 << 20
@@ -19,7 +20,7 @@ LONGEST_SHOWN = 64
 
 
 class Message(NamedTuple):
-    """Frames that a device has published together. arrived_ns: when, monotonic.
+    """Frames that a device has published together. arrived_ns: when broker or stream had them, monotonic.
 
     Of a stream: mark: the message's number in it; partition: of its device.
     """
@@ -51,7 +52,8 @@ Item = Message | Served | Left
 class Inbox:
     """A queue between who receives messages and who reads them.
 
-    `put` waits for nobody: what has no room is counted, by device. reserved: a name that none may have.
+    `put` waits for nobody: what has no room is counted, by device. A message counts with `MESSAGE_BYTES` more
+    than it has, so that empty ones have a bound too. reserved: a name that none may have.
     """
 
     def __init__(self, devices: int, queue_bytes: int, reserved: str = "") -> None:
@@ -59,6 +61,7 @@ class Inbox:
         self.overflow_bytes: Counter[str] = Counter()
         self.last_turned_away: dict[Verdict, str] = {}
         self._queue_bytes = queue_bytes
+        self._allowance = Allowance()
         self._bytes = 0
         self._waiting: Counter[str] = Counter()
         self._queue: deque[Item] = deque()
@@ -70,13 +73,14 @@ class Inbox:
         data: bytes,
         partition: int | None = None,
         mark: int = 0,
-        unix_ns: int | None = None,
+        arrived_ns: int | None = None,
     ) -> None:
         """Queue a message, unless its device is not believed or has no room left.
 
-        unix_ns: when a stream took it; None: now. A stream's messages wait there, so all have room here.
+        arrived_ns: when a stream took it, on the clock of `host_ns`; None: now. A stream's messages wait
+        there, so all have room here, but for those of a device that publishes more than any has to.
         """
-        size = len(data)
+        size = len(data) + MESSAGE_BYTES
         with self._changed:
             now_ns = host_ns()
             verdict = self.admission.judge(device, now_ns)
@@ -86,9 +90,14 @@ class Inbox:
                 )
                 return
             if mark:
-                now_ns = (unix_ns or now_ns) - unix_offset_ns()
-            elif self._waiting[device] + size > DEVICE_BYTES or self._bytes + size > self._queue_bytes:
-                self.overflow_bytes[device] += size
+                taken_ns = now_ns if arrived_ns is None else arrived_ns
+                has_room = self._allowance.takes(device, size, taken_ns)
+                now_ns = min(taken_ns, now_ns)  # by a clock that differs it may seem to come from the future
+            else:
+                room = min(DEVICE_BYTES - self._waiting[device], self._queue_bytes - self._bytes)
+                has_room = size <= room
+            if not has_room:
+                self.overflow_bytes[device] += len(data)
                 return
             self._waiting[device] += size
             self._bytes += size
@@ -117,8 +126,9 @@ class Inbox:
             for message in found:
                 if not isinstance(message, Message):
                     continue
-                self._waiting[message.device] -= len(message.data)
-                self._bytes -= len(message.data)
+                size = len(message.data) + MESSAGE_BYTES
+                self._waiting[message.device] -= size
+                self._bytes -= size
         return found
 
     def overflow(self) -> dict[str, int]:
@@ -143,3 +153,4 @@ class Inbox:
             if not self._waiting[device]:
                 del self._waiting[device]
             self.overflow_bytes.pop(device, None)
+            self._allowance.forget(device)

@@ -57,10 +57,12 @@ class Receiver(Protocol):
 class SharedReceiver(Receiver, Protocol):
     """One of several, each of which serves some partitions of the devices; it keeps their snapshots.
 
-    done: the last message of each partition that was walked.
+    done: the last message of each partition that was walked. unix_offset_ns: what to add to `host_ns` for the
+    time of the stream, which is the same for all workers, whatever their own clocks say.
     """
 
     done: dict[int, int]
+    unix_offset_ns: int
 
     def serves(self, partition: int) -> bool:
         """Whether messages of a partition may still be walked here."""
@@ -70,6 +72,9 @@ class SharedReceiver(Receiver, Protocol):
 
     def keep(self, partition: int, device: str, data: bytes) -> bool:
         """Store a snapshot, in the background; False if there is no room for it now."""
+
+    def drop(self, partition: int, device: str) -> None:
+        """Delete the snapshot of a device that is given up, in the background."""
 
 
 @dataclass
@@ -178,12 +183,16 @@ class Ingest:
                 return
             line = self._open(name, arrived_ns, partition)
             if partition is not None:
-                self._keep(name, line, Kept(mark - 1, arrived_ns + unix_offset_ns()))
+                self._keep(name, line, Kept(mark - 1, arrived_ns + self._offset_ns()))
         line.heard_ns = line.looked_ns = now_ns
         line.mark = mark
-        self._walk(name, line, Chunk(data, arrived_ns, unix_offset_ns()))
+        self._walk(name, line, Chunk(data, arrived_ns, self._offset_ns()))
         if partition is not None and self._shared is not None:
             self._shared.walked(partition, mark)
+
+    def _offset_ns(self) -> int:
+        """From `host_ns` to Unix time: of the stream if there is one."""
+        return self._shared.unix_offset_ns if self._shared is not None else unix_offset_ns()
 
     def _on_wait(self, partition: int | None, waited_ns: int) -> None:
         """A stream that is read behind its time shows no pressure until it has been caught up with."""
@@ -225,11 +234,11 @@ class Ingest:
         self._again[item.partition] = _Again(item.done)
         for name, kept in item.kept.items():
             now_ns = host_ns()
-            line = self._open(name, kept.unix_ns - unix_offset_ns(), item.partition, kept.state)
+            line = self._open(name, kept.unix_ns - self._offset_ns(), item.partition, kept.state)
             line.heard_ns = line.looked_ns = now_ns
             line.mark, line.kept_ns, line.is_whole = kept.mark, now_ns, kept.state is not None
             if kept.hello is not None:
-                line.walk.take(msgspec.structs.replace(kept.hello, host_ns=kept.unix_ns - unix_offset_ns()))
+                line.walk.take(msgspec.structs.replace(kept.hello, host_ns=kept.unix_ns - self._offset_ns()))
 
     def _open(
         self, name: str, now_ns: int, partition: int | None = None, saved: DeviceState | None = None
@@ -241,7 +250,7 @@ class Ingest:
         self._opened += 1
         line = self._lines[name] = _Line(walk, source, now_ns, now_ns, partition)
         self._load.devices = len(self._lines)
-        for event in source.open(now_ns, unix_offset_ns()):
+        for event in source.open(now_ns, self._offset_ns()):
             walk.take(event)
         return line
 
@@ -256,7 +265,9 @@ class Ingest:
             if state is None and young < period_ns:
                 continue  # the start-up window fills: who takes over begins with its first message
             line.is_whole = True
-            kept = Kept(max(line.mark, self._done(line)), time.time_ns(), line.walk.hello, state)
+            kept = Kept(
+                max(line.mark, self._done(line)), host_ns() + self._offset_ns(), line.walk.hello, state
+            )
             if not self._keep(name, line, kept):
                 return
 
@@ -292,7 +303,9 @@ class Ingest:
                 self._report("line_broken", text)
 
     def _give_up(self, name: str, *, moved: bool = False) -> None:
-        del self._lines[name]
+        line = self._lines.pop(name)
+        if not moved and line.partition is not None and self._shared is not None:
+            self._shared.drop(line.partition, name)  # else who takes over goes back to where it was then
         self._hub.depart(name, moved=moved)
         self._load.devices = max(1, len(self._lines))
         self.inbox.forget(name)

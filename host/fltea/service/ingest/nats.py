@@ -8,7 +8,6 @@ Who takes over goes on from there.
 
 import asyncio
 import concurrent.futures
-import contextlib
 import os
 import secrets
 import ssl
@@ -20,29 +19,35 @@ import msgspec
 import nats
 from nats.aio.client import Client
 from nats.errors import Error as NatsError
-from nats.js import JetStreamContext
-from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, KeyValueConfig, StreamConfig
-from nats.js.errors import KeyNotFoundError, KeyWrongLastSequenceError, NotFoundError
-from nats.js.kv import KeyValue
+from nats.js.errors import KeyWrongLastSequenceError
 
+from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.errors import UsageError
 from fltea.records.ports import Report
+from fltea.records.repeat import OnceAMinute
+from fltea.service.ingest import mapping
 from fltea.service.ingest.inbox import Inbox, Left, Served
-from fltea.service.ingest.kept import Kept, unpack
 from fltea.service.ingest.leases import RENEW_S, STOP_S, Lease, Sightings, is_free, lease_of, share, surplus
+from fltea.service.ingest.nats_texts import PASSWORD, USER, explain, explain_no_connection
+from fltea.service.ingest.pull import pull
+from fltea.service.ingest.store import Store, Unfit
 from fltea.settings.config import Config
 
-USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
 LOOK_S = 0.5
 GRACE_S = 2 * RENEW_S
 """After an outage of the server: who comes back first would else take all, and give it back at once."""
 
-PULL, PULL_S = 64, 0.5
-ROOM_BYTES = 4_000_000
-"""What may wait here; the rest waits in the stream."""
+PROBE_S = 60.0
+"""From one look at the server's mapping to the next: its settings may be loaded again at any time."""
 
 PUTS = 64
 """Snapshots on their way to the store; further ones wait for their next turn."""
+
+STEADY_NS = 50_000_000
+"""A change of the server's clock against ours that is smaller is how long the question took."""
+
+APART_NS = 5 * 10**9
+"""Clocks that differ by more are told."""
 
 
 @dataclass
@@ -71,6 +76,7 @@ class NatsFrames:
         self.worker = f"{config.name}-{secrets.token_hex(4)}"
         self.connected = False
         self.done: dict[int, int] = {}
+        self.unix_offset_ns = unix_offset_ns()
         self._held: dict[int, _Held] = {}
         self._sightings = Sightings()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -79,9 +85,11 @@ class NatsFrames:
         self._told_down = False
         self._takes_from_s = 0.0
         self._thread = threading.Thread(target=self._run, name="nats", daemon=True)
+        self._told = OnceAMinute()
+        self._told_settings: set[str] = set()
+        self._told_clock = self._reached = False
         self._nc: Client
-        self._js: JetStreamContext
-        self._kv: KeyValue
+        self._store: Store
 
     def start(self) -> None:
         """Begin to serve."""
@@ -104,18 +112,33 @@ class NatsFrames:
 
     def keep(self, partition: int, device: str, data: bytes) -> bool:
         """Store a snapshot, in the background; False if too many are on their way."""
+        return self.serves(partition) and self._in_background(f"{partition}.{device}", data)
+
+    def drop(self, partition: int, device: str) -> None:
+        """Delete a snapshot, in the background. If that fails, who is next finds the device silent."""
+        if self.serves(partition):
+            self._in_background(f"{partition}.{device}", None)
+
+    def _in_background(self, key: str, data: bytes | None) -> bool:
         self._puts = {one for one in self._puts if not one.done()}
-        if self._loop is None or len(self._puts) >= PUTS or not self.serves(partition):
+        loop = self._loop
+        if loop is None or len(self._puts) >= PUTS:
             return False
-        put = self._put(f"lanes.{partition}.{device}", data)
-        self._puts.add(asyncio.run_coroutine_threadsafe(put, self._loop))
+        put = self._put(key, data)
+        try:
+            self._puts.add(asyncio.run_coroutine_threadsafe(put, loop))
+        except RuntimeError:  # the connection has just ended
+            put.close()
+            return False
         return True
 
-    async def _put(self, key: str, data: bytes) -> None:
+    async def _put(self, key: str, data: bytes | None) -> None:
+        snapshots = self._store.snapshots
         try:
-            await self._kv.put(key, data)
+            await (snapshots.delete(key) if data is None else snapshots.put(key, data))
         except NatsError as error:
-            self._report("snapshot_failed", f"{self.url}: {key} cannot be kept ({error}).")
+            if data is not None and self._told.is_due("snapshot", host_ns()):
+                self._report("snapshot_failed", f"{self.url}: {key} cannot be kept: {explain(error)}")
 
     # --- the connection ---
 
@@ -127,13 +150,19 @@ class NatsFrames:
                 self.connected = False
                 if not self._stop.is_set() and not self._told_down:
                     self._told_down = True
-                    self._report("nats_lost", f"{self.url}: {_explain(error)} It is tried again.")
+                    kind = "nats_settings" if isinstance(error, Unfit) else "nats_lost"
+                    self._report(kind, f"{self.url}: {self._explain(error)} It is tried again.")
             for partition in list(self._held):
                 self._let_go(partition)
             self._stop.wait(1.0)
 
+    def _explain(self, error: Exception) -> str:
+        if isinstance(error, Unfit):
+            return str(error)
+        return explain(error) if self._reached else explain_no_connection(error)
+
     async def _serve(self) -> None:
-        self._loop = asyncio.get_running_loop()
+        self._loop, self._reached = asyncio.get_running_loop(), False
         self._nc = await nats.connect(
             servers=self._servers,
             name=f"fltea {self.worker}",
@@ -146,20 +175,27 @@ class NatsFrames:
             error_cb=_ignore,
         )
         try:
-            self._js = self._nc.jetstream(timeout=STOP_S / 2)
-            await self._prepare()
+            self._reached = True
+            self._store = Store(self._settings, self._nc.jetstream(timeout=STOP_S / 2))
+            await self._store.prepare()
+            self._tell_differences()
             self.connected = True
             if self._told_down:
                 self._told_down = False
                 self._takes_from_s = time.monotonic() + GRACE_S
                 self._report("nats_back", f"{self.url} is back; devices go on from their snapshots.")
-            renewed_s = -RENEW_S
+            renewed_s, probed_s = -RENEW_S, -PROBE_S
             while not self._stop.is_set():
                 if self._nc.is_closed:
                     raise ConnectionError("the connection was lost")
                 if time.monotonic() - renewed_s >= RENEW_S:
                     renewed_s = time.monotonic()
                     await self._renew()
+                if time.monotonic() - probed_s >= PROBE_S:
+                    probed_s = time.monotonic()
+                    wrong = await mapping.look(self._nc, self.worker, self._settings.partitions)
+                    if wrong:
+                        self._report("nats_mapping", f"{self.url}: {wrong}")
                 await self._share_out()
                 await asyncio.sleep(LOOK_S)
             await self._give_all_back()
@@ -169,35 +205,52 @@ class NatsFrames:
                 self._let_go(partition)
             await self._nc.close()
 
-    async def _prepare(self) -> None:
-        """Make stream and bucket where they are missing."""
-        s = self._settings
-        try:
-            await self._js.stream_info(s.stream)
-        except NotFoundError:
-            subjects = ["fltea.frames.*.*"]
-            await self._js.add_stream(
-                StreamConfig(name=s.stream, subjects=subjects, max_age=s.keep_s, num_replicas=s.replicas)
-            )
-        try:
-            self._kv = await self._js.key_value(s.bucket)
-        except NotFoundError:
-            made = KeyValueConfig(bucket=s.bucket, history=1, ttl=s.keep_s, replicas=s.replicas)
-            self._kv = await self._js.create_key_value(made)
+    def _tell_differences(self) -> None:
+        """Once: what exists on the server otherwise than the settings have it."""
+        new = set(self._store.differs) - self._told_settings
+        if not new:
+            return
+        self._told_settings |= new
+        text = (
+            f"{self.url}: {'; '.join(self._store.differs)}, as these settings would have it. It stays as it "
+            "is: start one worker with --set ingest.change_limits=true to change it (smaller limits throw "
+            "away what is beyond them)."
+        )
+        self._report("nats_settings", text)
 
     # --- leases ---
 
     async def _renew(self) -> None:
         """Say that we live, and that our partitions are served."""
         began_s = time.monotonic()
-        await self._kv.put(f"worker.{self.worker}", b"")
+        await self._look_at_clock()
         for partition, held in list(self._held.items()):
             lease = msgspec.json.encode(Lease(self.worker, self._done_of(partition, held)))
             try:
-                held.revision = await self._kv.update(f"lease.{partition}", lease, last=held.revision)
+                held.revision = await self._store.leases.update(
+                    f"lease.{partition}", lease, last=held.revision
+                )
                 held.renewed_s = began_s
             except KeyWrongLastSequenceError:
                 self._let_go(partition)
+
+    async def _look_at_clock(self) -> None:
+        """Write our own entry, and see what time the server gives it: our clock need not agree with it."""
+        key, before_ns = f"worker.{self.worker}", host_ns()
+        await self._store.leases.put(key, b"")
+        written_ns = (before_ns + host_ns()) // 2
+        offset_ns = await self._store.clock_ns(key) - written_ns
+        if abs(offset_ns - self.unix_offset_ns) > STEADY_NS:
+            self.unix_offset_ns = offset_ns
+        apart_ns = offset_ns - unix_offset_ns()
+        if abs(apart_ns) > APART_NS and not self._told_clock:
+            self._told_clock = True
+            side = "ahead of" if apart_ns > 0 else "behind"
+            text = (
+                f"{self.url}: the server's clock is {abs(apart_ns) * 1e-9:.0f} s {side} this machine's. "
+                "Times of records are the server's; set both by NTP."
+            )
+            self._report("nats_clock", text)
 
     def _done_of(self, partition: int, held: _Held) -> int:
         """The last message that anybody has walked."""
@@ -208,12 +261,12 @@ class NatsFrames:
         for partition, held in list(self._held.items()):
             failed = held.task.exception() if held.task is not None and held.task.done() else None
             if failed is not None:
-                text = f"{self.url}: partition {partition} is given back: {_explain(failed)}"
+                text = f"{self.url}: partition {partition} is given back: {explain(failed)}"
                 self._report("partition_left", text)
                 await self._give_back(partition)
             elif not self.serves(partition):
                 self._let_go(partition)
-        entries = await self._entries("lease.*") | await self._entries("worker.*")
+        entries = await self._store.held()
         now_s = time.monotonic()
         self._sightings.look(entries, now_s)
         workers = len(self._sightings.fresh("worker.", now_s))
@@ -231,139 +284,71 @@ class NatsFrames:
                     partition, lease_of(seen.value) if seen else Lease(""), seen and seen.revision
                 )
 
-    async def _entries(self, pattern: str) -> dict[str, tuple[int, bytes]]:
-        """All entries of the store below a pattern."""
-        found = {}
-        for key in await self._keys(pattern):
-            try:
-                entry = await self._kv.get(key)
-                found[key] = (entry.revision or 0, entry.value or b"")
-            except KeyNotFoundError:  # expired meanwhile
-                continue
-        return found
-
-    async def _keys(self, pattern: str) -> list[str]:
-        prefix = f"$KV.{self._settings.bucket}."
-        info = await self._js.stream_info(f"KV_{self._settings.bucket}", subjects_filter=prefix + pattern)
-        return [subject.removeprefix(prefix) for subject in info.state.subjects or {}]
-
     async def _take(self, partition: int, before: Lease, revision: int | None) -> None:
         """Take a lease, load the snapshots, and begin to pull behind the oldest of them."""
         began_s = time.monotonic()
         lease = msgspec.json.encode(Lease(self.worker, before.done))
         try:
-            new = await self._kv.update(f"lease.{partition}", lease, last=revision or 0)
+            new = await self._store.leases.update(f"lease.{partition}", lease, last=revision or 0)
         except KeyWrongLastSequenceError:  # another was first
             return
         held = self._held[partition] = _Held(new, began_s, before.done)
-        kept = await self._snapshots(partition)
-        held.revision = await self._kv.update(f"lease.{partition}", lease, last=held.revision)
+        kept, unreadable = await self._store.devices_of(partition)
+        held.revision = await self._store.leases.update(f"lease.{partition}", lease, last=held.revision)
         held.renewed_s = time.monotonic()
         marks = [one.mark for one in kept.values()]
-        info = await self._js.stream_info(self._settings.stream)
-        first, last = info.state.first_seq, info.state.last_seq
+        first, last = await self._store.ends()
         start = (min(marks) if marks else before.done) + 1
         if start > last + 1:  # another stream than that of the snapshots
             held.before = 0
             start, kept = 1, {name: msgspec.structs.replace(one, mark=0) for name, one in kept.items()}
         self.done[partition] = start - 1
         self._inbox.post(Served(partition, kept, before.done))
-        held.task = asyncio.create_task(self._pull(partition, start))
-        if before.owner or kept:
+        pulling = pull(self._store, self._inbox, partition, start, lambda: self.unix_offset_ns)
+        held.task = asyncio.create_task(pulling)
+        if before.owner or kept or unreadable:
             whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
             gone = max(0, first - start) if marks else 0
             lost = f" The stream has let go of {gone} messages before {first}." if gone else ""
+            if unreadable:
+                lost += f" Snapshots of {unreadable} more cannot be read: were they of another version?"
             text = (
                 f"{self.worker} serves partition {partition} {whose} from message {start}: {len(kept)} "
                 f"devices go on from snapshots; messages up to {before.done} had been walked before.{lost}"
             )
             self._report("partition_taken", text)
 
-    async def _snapshots(self, partition: int) -> dict[str, Kept]:
-        """Those of a partition's devices, but for devices that fell silent long before the others."""
-        prefix = f"lanes.{partition}."
-        found: dict[str, Kept] = {}
-        for key, (_, data) in (await self._entries(prefix + "*")).items():
-            if (kept := unpack(data)) is not None:
-                found[key.removeprefix(prefix)] = kept
-        newest_ns = max((one.unix_ns for one in found.values()), default=0)
-        oldest_ns = newest_ns - int(self._settings.forget_s * 1e9)
-        return {name: one for name, one in found.items() if one.unix_ns >= oldest_ns}
-
     async def _give_back(self, partition: int) -> None:
         held = self._held[partition]
         self._let_go(partition)
         lease = msgspec.json.encode(Lease("", self._done_of(partition, held)))
         try:
-            await self._kv.update(f"lease.{partition}", lease, last=held.revision)
+            await self._store.leases.update(f"lease.{partition}", lease, last=held.revision)
         except KeyWrongLastSequenceError:
             return
 
     async def _give_all_back(self) -> None:
         for partition in list(self._held):
             await self._give_back(partition)
-        await self._kv.delete(f"worker.{self.worker}")
+        await self._store.leases.delete(f"worker.{self.worker}")
 
     def _let_go(self, partition: int) -> None:
         """Serve a partition no more."""
         held = self._held.pop(partition)
         if held.task is not None:
             held.task.cancel()
+            held.task.add_done_callback(_look_at)
         self._inbox.post(Left(partition))
-
-    # --- messages ---
-
-    async def _consume(self, partition: int, start: int) -> None:
-        """A consumer of our own making in place of the one before: its owner then pulls in vain."""
-        name = f"fltea-{partition}"
-        with contextlib.suppress(NotFoundError):
-            await self._js.delete_consumer(self._settings.stream, name)
-        wanted = ConsumerConfig(
-            durable_name=name,
-            filter_subject=f"fltea.frames.{partition}.*",
-            deliver_policy=DeliverPolicy.BY_START_SEQUENCE,
-            opt_start_seq=start,
-            ack_policy=AckPolicy.NONE,
-        )
-        await self._js.add_consumer(self._settings.stream, wanted)
-
-    async def _pull(self, partition: int, start: int) -> None:
-        """Hand messages on, none left out: a pull that the library gave up may have taken some with it."""
-        while True:
-            await self._consume(partition, start)
-            pulling = await self._js.pull_subscribe_bind(f"fltea-{partition}", self._settings.stream)
-            expected, whole = 1, True
-            while whole:
-                while not self._inbox.has_room(ROOM_BYTES):
-                    await asyncio.sleep(0.01)
-                try:
-                    messages = await pulling.fetch(PULL, timeout=PULL_S)
-                except TimeoutError:
-                    continue
-                for message in messages:
-                    meta = message.metadata
-                    if meta.sequence.consumer != expected:
-                        whole = False
-                        break
-                    expected, start = expected + 1, meta.sequence.stream + 1
-                    name = message.subject.rpartition(".")[2]
-                    unix_ns = round(meta.timestamp.timestamp() * 1e9)
-                    self._inbox.put(name, message.data, partition, meta.sequence.stream, unix_ns)
-            await pulling.unsubscribe()
 
 
 async def _ignore(error: Exception) -> None:
     """What the library tells here, it raises as well."""
 
 
-def _explain(error: BaseException) -> str:
-    if isinstance(error, ConnectionRefusedError | nats.errors.NoServersError):
-        return "no server answers: is it running, and is the port right?"
-    if isinstance(error, ssl.SSLError):
-        return f"TLS could not be agreed on ({error.reason or error}); is ingest.ca the right authority?"
-    if isinstance(error, NatsError) and "authorization" in str(error).lower():
-        return f"the server refuses user or password; they come from {USER} and {PASSWORD}."
-    return f"{type(error).__name__}: {error}."
+def _look_at(task: "asyncio.Task[None]") -> None:
+    """How a task ended that nobody waits for; asyncio would write it to the log."""
+    if not task.cancelled():
+        task.exception()
 
 
 def _tls(config: Config) -> ssl.SSLContext | None:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from urllib.parse import urlsplit
 
 import msgspec
 
@@ -41,10 +42,10 @@ def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
 
 def _of_nats(config: Config) -> Callable[[Inbox, Report], Receiver]:
     for url in (config.source or "").split(","):
-        if not re.fullmatch(r"nats://[^@/?#,]+", url):  # the text repeats none: a password may be in it
+        if not _is_address(url):  # the text repeats none: a password may be in it
             raise UsageError(
-                "--source nats: give nats://HOST[:PORT], or several with commas between. User and password "
-                "come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
+                "--source nats: give nats://HOST[:PORT], PORT 1 to 65535, or several with commas between. "
+                "User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
             )
     module = load("fltea.service.ingest.nats", "nats", "nats", "a source of NATS needs")
 
@@ -53,3 +54,14 @@ def _of_nats(config: Config) -> Callable[[Inbox, Report], Receiver]:
         return found
 
     return make
+
+
+def _is_address(url: str) -> bool:
+    """Whether it is nats://HOST[:PORT], of an IPv6 address too, in brackets."""
+    if not re.fullmatch(r"nats://[^@/?#,\s]+", url):
+        return False
+    try:
+        parts = urlsplit(url)
+        return bool(parts.hostname) and not parts.netloc.endswith(":") and parts.port != 0
+    except ValueError:  # no number, too large a one, or a bracket that is not closed
+        return False

@@ -1,0 +1,83 @@
+"""Whether the NATS server maps devices to partitions as the settings have it.
+
+A server without the mapping, or with another number of partitions, takes all frames, and nobody walks them.
+So subjects of names that no device can have are published, and come back as the server has mapped them. They
+say that they are for a stream that there is not: no stream keeps them.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Mapping
+
+from nats.aio.client import Client
+from nats.aio.msg import Msg
+
+NAMES = 32
+"""Another number of partitions agrees for one name of two at most: of all these for none."""
+
+MOST = 4096
+"""Numbers of partitions that a wrong mapping is searched for."""
+
+ANSWER_S = 1.0
+
+
+def partition_of(name: str, partitions: int) -> int:
+    """Where `partition(partitions,1)` of a server puts a device: by FNV-1a of 32 bits."""
+    found = 0x811C9DC5
+    for byte in name.encode():
+        found = (found ^ byte) * 0x01000193 & 0xFFFFFFFF
+    return found % partitions
+
+
+def line(partitions: int) -> str:
+    """What a server's settings need."""
+    mapped = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
+    return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
+
+
+def judge(subjects: Mapping[str, str | None], partitions: int) -> str | None:
+    """What is wrong if messages of these names came under these subjects (None: nowhere); None: nothing."""
+    wanted = f"the server's settings need: {line(partitions)}"
+    if all(subjects[name] == f"fltea.frames.{partition_of(name, partitions)}.{name}" for name in subjects):
+        return None
+    if any(subjects[name] == f"fltea.{name}.frames" for name in subjects):
+        return (
+            f"this server maps no device to a partition, so no frame is kept and none arrives here; {wanted}"
+        )
+    if any(subject is None for subject in subjects.values()):
+        return (
+            "what is published under fltea.NAME.frames does not arrive: the server maps it to other "
+            f"subjects, or this account may not publish and read fltea.>; {wanted}"
+        )
+    for other in range(1, MOST + 1):
+        if all(subjects[name] == f"fltea.frames.{partition_of(name, other)}.{name}" for name in subjects):
+            text = f"the server maps devices to {other} partitions, and ingest.partitions is {partitions}"
+            return f"{text}, so frames are lost or not shared; set one of them: {wanted}"
+    return f"the server maps devices otherwise than these workers expect; {wanted}"
+
+
+async def look(client: Client, worker: str, partitions: int) -> str | None:
+    """What is wrong with the mapping of the server that `client` is connected to; None: nothing.
+
+    worker: a name that no other has; what it is made into begins with "-", which no device's name does.
+    """
+    names = [f"-{worker.replace('.', '-')}-{k}" for k in range(NAMES)]
+    subjects: dict[str, str | None] = dict.fromkeys(names)
+    all_heard = asyncio.Event()
+
+    async def hear(message: Msg) -> None:
+        subjects[message.data.decode()] = message.subject
+        if None not in subjects.values():
+            all_heard.set()
+
+    wanted = [subject for name in names for subject in (f"fltea.frames.*.{name}", f"fltea.{name}.frames")]
+    heard = [await client.subscribe(subject, cb=hear) for subject in wanted]
+    await client.flush()
+    for name in names:
+        nobody = {"Nats-Expected-Stream": f"none{name}"}
+        await client.publish(f"fltea.{name}.frames", name.encode(), headers=nobody)
+    with contextlib.suppress(TimeoutError):
+        await asyncio.wait_for(all_heard.wait(), ANSWER_S)
+    for one in heard:
+        await one.unsubscribe()
+    return judge(subjects, partitions)

@@ -1,0 +1,210 @@
+"""What a NATS server keeps for the workers: a stream of frames, a bucket of leases, and one of snapshots.
+
+Each has bounds, so that no account fills the server's store, and leases have a place of their own: full
+snapshots must not end the service.
+"""
+
+import contextlib
+from typing import NamedTuple
+
+from nats.errors import NoRespondersError
+from nats.js import JetStreamContext
+from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, DiscardPolicy, StreamConfig
+from nats.js.errors import APIError, NotFoundError, ServiceUnavailableError
+from nats.js.kv import KeyValue
+
+from fltea.service.ingest.floods import SECOND_BYTES
+from fltea.service.ingest.kept import Kept, unpack
+from fltea.settings.ingest import IngestConfig
+
+MOST_A_SECOND = 2
+"""Messages of a device that the stream keeps, for each second of `keep_s`: of who floods only its own go."""
+
+LEASES_BYTES = 16_000_000
+DUPLICATE_S = 120.0
+"""The server's own, which must not be longer than `keep_s`."""
+
+NO_ROOM = (10023, 10047)
+"""Codes of JetStream: no resources, for a message and for a new stream."""
+
+FULL = 10077
+"""Code of JetStream: the bucket has all that it may have."""
+
+
+COMPARED = (
+    "subjects",
+    "max_age",
+    "max_bytes",
+    "max_msgs_per_subject",
+    "max_msg_size",
+    "discard",
+    "num_replicas",
+)
+
+
+class Unfit(Exception):
+    """The server cannot keep what workers need; the text says what to do."""
+
+
+class Entry(NamedTuple):
+    """Of a bucket."""
+
+    revision: int
+    value: bytes
+
+
+class Store:
+    """Stream and buckets of a server, made where they are missing.
+
+    After `prepare`: leases, snapshots: the buckets. differs: what is otherwise than the settings.
+    """
+
+    leases: KeyValue
+    snapshots: KeyValue
+
+    def __init__(self, settings: IngestConfig, js: JetStreamContext) -> None:
+        self._settings, self._js = settings, js
+        self.differs: list[str] = []
+
+    async def prepare(self) -> None:
+        """Make what is missing, and compare the rest.
+
+        Raises:
+            Unfit: without JetStream, or without room.
+        """
+        s = self._settings
+        await self._need(
+            StreamConfig(
+                name=s.stream,
+                subjects=[f"fltea.frames.{partition}.*" for partition in range(s.partitions)],
+                max_bytes=int(s.keep_mb * 1e6),
+                max_msgs_per_subject=max(1000, round(MOST_A_SECOND * s.keep_s)),
+                max_msg_size=SECOND_BYTES,
+                discard=DiscardPolicy.OLD,
+            )
+        )
+        self.leases = await self._need_bucket(s.bucket, LEASES_BYTES)
+        self.snapshots = await self._need_bucket(f"{s.bucket}_snapshots", int(s.snapshots_mb * 1e6))
+
+    async def _need_bucket(self, name: str, most_bytes: int) -> KeyValue:
+        await self._need(
+            StreamConfig(
+                name=f"KV_{name}",
+                subjects=[f"$KV.{name}.>"],
+                max_bytes=most_bytes,
+                max_msgs_per_subject=1,
+                discard=DiscardPolicy.NEW,
+                allow_rollup_hdrs=True,
+                deny_delete=True,
+            )
+        )
+        return await self._js.key_value(name)
+
+    async def _need(self, wanted: StreamConfig) -> None:
+        s = self._settings
+        wanted = wanted.evolve(
+            max_age=s.keep_s, num_replicas=s.replicas, duplicate_window=min(DUPLICATE_S, s.keep_s)
+        )
+        name = wanted.name or ""
+        try:
+            there = (await self._js.stream_info(name)).config
+        except NotFoundError:
+            await self._change(wanted, make=True)
+            return
+        except (ServiceUnavailableError, NoRespondersError) as error:
+            if isinstance(error, APIError) and error.err_code:
+                raise
+            raise Unfit(
+                "JetStream does not answer: it is off, or its nodes have no leader yet. The server's "
+                'settings need: jetstream { store_dir: "…", max_file_store: … }'
+            ) from error
+        differs = [key for key in COMPARED if _of(there, key) != _of(wanted, key)]
+        if differs and s.change_limits:
+            changed = {key: getattr(wanted, key) for key in differs}
+            await self._change(there.evolve(**changed, duplicate_window=wanted.duplicate_window), make=False)
+            return
+        self.differs += [f"{name} has {key} {_of(there, key)}, not {_of(wanted, key)}" for key in differs]
+
+    async def _change(self, wanted: StreamConfig, *, make: bool) -> None:
+        try:
+            await (self._js.add_stream(wanted) if make else self._js.update_stream(wanted))
+        except APIError as error:
+            if error.err_code not in NO_ROOM:
+                raise Unfit(
+                    f"it refuses {wanted.name} ({error.description}): do ingest.replicas and the number of "
+                    "its nodes agree, and do subjects belong to another stream?"
+                ) from error
+            s = self._settings
+            raise Unfit(
+                f"it has no room for {(wanted.max_bytes or 0) / 1e6:g} MB of {wanted.name} "
+                f"({error.description}): its max_file_store has to be larger than ingest.keep_mb "
+                f"({s.keep_mb:g}), ingest.snapshots_mb ({s.snapshots_mb:g}) and {LEASES_BYTES / 1e6:g} MB "
+                "together, less what other streams have; without max_file_store it is a part of the disk. "
+                "Raise it, or set smaller ones."
+            ) from error
+
+    async def entries(self, bucket: KeyValue, name: str, pattern: str) -> dict[str, Entry]:
+        """All entries of a bucket below a pattern. name: of the bucket."""
+        prefix = f"$KV.{name}."
+        info = await self._js.stream_info(f"KV_{name}", subjects_filter=prefix + pattern)
+        found = {}
+        for subject in info.state.subjects or {}:
+            key = subject.removeprefix(prefix)
+            try:
+                entry = await bucket.get(key)
+                found[key] = Entry(entry.revision or 0, entry.value or b"")
+            except NotFoundError:  # deleted, or expired meanwhile
+                continue
+        return found
+
+    async def held(self) -> dict[str, Entry]:
+        """Leases and workers."""
+        name = self._settings.bucket
+        return await self.entries(self.leases, name, "lease.*") | await self.entries(
+            self.leases, name, "worker.*"
+        )
+
+    async def devices_of(self, partition: int) -> tuple[dict[str, Kept], int]:
+        """Snapshots of a partition's devices, and how many more cannot be read."""
+        name = f"{self._settings.bucket}_snapshots"
+        found: dict[str, Kept] = {}
+        entries = await self.entries(self.snapshots, name, f"{partition}.*")
+        for key, entry in entries.items():
+            if (kept := unpack(entry.value)) is not None:
+                found[key.partition(".")[2]] = kept
+        return found, len(entries) - len(found)
+
+    async def clock_ns(self, key: str) -> int:
+        """Unix time of the server, from a lease or worker that has just been written."""
+        name = self._settings.bucket
+        message = await self._js.get_last_msg(f"KV_{name}", f"$KV.{name}.{key}")
+        assert message.time is not None
+        return round(message.time.timestamp() * 1e9)
+
+    async def ends(self) -> tuple[int, int]:
+        """Numbers of the first and the last message in the stream."""
+        state = (await self._js.stream_info(self._settings.stream)).state
+        return state.first_seq, state.last_seq
+
+    async def consume(self, partition: int, start: int) -> JetStreamContext.PullSubscription:
+        """A consumer of our own making in place of the one before: its owner then pulls in vain."""
+        s, name = self._settings, f"fltea-{partition}"
+        with contextlib.suppress(NotFoundError):
+            await self._js.delete_consumer(s.stream, name)
+        wanted = ConsumerConfig(
+            durable_name=name,
+            filter_subject=f"fltea.frames.{partition}.*",
+            deliver_policy=DeliverPolicy.BY_START_SEQUENCE,
+            opt_start_seq=start,
+            ack_policy=AckPolicy.NONE,
+        )
+        await self._js.add_consumer(s.stream, wanted)
+        return await self._js.pull_subscribe_bind(name, s.stream)
+
+
+def _of(config: StreamConfig, key: str) -> object:
+    """A limit, alike for what is asked for and what a server tells."""
+    value = getattr(config, key)
+    if key == "subjects":
+        return " ".join(sorted(value or []))
+    return value.value if isinstance(value, DiscardPolicy) else value
