@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 from fltea.cluster.listing import File, file_system
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError
 
 COPY_BYTES = 1 << 22
 LEAST_FREE = 256_000_000
@@ -14,6 +14,8 @@ LEAST_FREE = 256_000_000
 def local_copy(file: File, folder: Path) -> Path:
     """The file itself if it is this machine's, else a copy in `folder`, whose name it cannot choose.
 
+    A server may send more than it told, or tell nothing: so both are looked at while it is copied.
+
     Raises:
         FlteaError: it is not the file that was listed any more, or there is no room.
         OSError: and whatever its file system raises.
@@ -21,26 +23,39 @@ def local_copy(file: File, folder: Path) -> Path:
     if file.protocol == "file":
         return Path(file.path)
     copy = folder / f"recording{file.suffix}"
-    check_room(file, file.size, folder)
+    known, copied = file.size >= 0, 0
+    check_room(file, max(file.size, 0), folder)
     with (
         file_system(file.protocol).open(file.path, "rb", cache_type="none") as source,
         copy.open("wb") as out,
     ):
-        shutil.copyfileobj(source, out, COPY_BYTES)
-    if file.size not in (-1, copy.stat().st_size):
-        raise FlteaError(f"{file.url}: has {copy.stat().st_size} bytes now, and had {file.size} when listed.")
+        while data := source.read(COPY_BYTES):
+            copied += len(data)
+            if known and copied > file.size:
+                raise FlteaError(
+                    f"{file.url}: has more than {file.size} bytes now, and had {file.size} when listed."
+                )
+            told = _mb(file.size) if known else f"of unknown size, and after {_mb(copied)}"
+            check_room(file, len(data), folder, told)  # others fill the same disk meanwhile
+            out.write(data)
+    if known and copied < file.size:
+        raise FlteaError(f"{file.url}: has {copied} bytes now, and had {file.size} when listed.")
     return copy
 
 
-def check_room(file: File, size: int, folder: Path) -> None:
-    """Check that the disk of a folder takes so many bytes of a file.
+def check_room(file: File, size: int, folder: Path, told: str = "") -> None:
+    """Check that the disk of a folder takes so many bytes of a file. told: what is said of its size instead.
 
     Raises:
-        UsageError: it does not.
+        FlteaError: it does not; another worker's disk may.
     """
     free = shutil.disk_usage(folder).free
     if size + LEAST_FREE > free:
-        raise UsageError(
-            f"{file.url}: {size / 1e6:.0f} MB, and the worker's disk for temporary files has "
-            f"{free / 1e6:.0f} MB left. Let TMPDIR of the workers name a larger one."
+        raise FlteaError(
+            f"{file.url}: {told or _mb(size)}, and the worker's disk for temporary files has "
+            f"{_mb(free)} left. Let TMPDIR of the workers name a larger one."
         )
+
+
+def _mb(size: int) -> str:
+    return f"{size / 1e6:,.0f} MB"

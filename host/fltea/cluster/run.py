@@ -15,6 +15,7 @@ from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask, identify_file
 from fltea.identify.workers import Workers
+from fltea.records.errors import FlteaError, UsageError
 
 CHECK_S = 5.0
 """Between two looks at whether the workers are still there."""
@@ -154,7 +155,9 @@ class _Loop:
         file, pieces = task.file, task.pieces
         if pieces is not None and pieces.failed:
             return
-        if isinstance(result, BaseException):
+        if isinstance(result, FlteaError):
+            self._fail(task, str(result), again=not isinstance(result, UsageError))
+        elif isinstance(result, BaseException):
             self._fail(task, f"{type(result).__name__}: {result}", again=True)
         elif task.do is cuts_of:
             self._cut(file, result)
