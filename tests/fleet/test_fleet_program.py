@@ -109,6 +109,18 @@ def test_alerts_wait_for_the_broker_and_none_ends_that_never_began(stage: Stage)
     stage.fleet.close()
 
 
+def test_what_made_up_names_leave_behind_is_bounded(stage: Stage) -> None:
+    stage.broker.come()
+    stage.fleet.roll.most = 50
+    for number in range(500):
+        stage.fleet.take(f"fltea/{number}/status", ONLINE)
+        stage.wait(1)
+    assert len(stage.fleet.roll.strangers) <= 50
+    assert len(stage.fleet._asked) <= 51
+    assert stage.fleet.summary()["sensors"] == 0
+    stage.fleet.close()
+
+
 def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: Stage) -> None:
     stage.broker.come()
     database: Any = stage.fleet.history._database

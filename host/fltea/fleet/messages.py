@@ -176,7 +176,7 @@ def _clean(content: Content) -> Content:
                 firmware_version=content.firmware_version and _short(content.firmware_version),
             )
         case Error(kind, message):
-            return Error(_short(kind), visible(message[:LONGEST_TEXT]))
+            return Error(_short(kind), _line(message, LONGEST_TEXT))
         case Fit():
             return _clean_fit(content)
     return content
@@ -192,7 +192,7 @@ def _clean_fit(fit: Fit) -> Fit:
         name: msgspec.structs.replace(
             axis,
             verdict=axis.verdict if axis.verdict in VERDICTS else OTHER,
-            text=visible(axis.text[:LONGEST_TEXT]),
+            text=_line(axis.text, LONGEST_TEXT),
         )
         for name, axis in fit.axes.items()
     }
@@ -200,4 +200,8 @@ def _clean_fit(fit: Fit) -> Fit:
 
 
 def _short(text: str) -> str:
-    return visible(text[:LONGEST_WORD])
+    return _line(text, LONGEST_WORD)
+
+
+def _line(text: str, most: int) -> str:
+    return visible(text[:most])[:most]

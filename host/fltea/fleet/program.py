@@ -101,8 +101,10 @@ class Fleet:
             unix_s = self.clock.unix_s()
             gone = self.roll.forget(self.clock.hearing(), self.plan.keep_s)
             self.history.forget(gone)
-            for name in gone:
-                self._asked.pop(name, None)
+            known = self.roll.sensors, self.roll.strangers
+            self._asked = {
+                name: asked for name, asked in self._asked.items() if any(name in k for k in known)
+            }
         self.history.work(-math.inf if self.clock.long_jump else unix_s - self.plan.keep_s)
         self._tell_of_history()
 
