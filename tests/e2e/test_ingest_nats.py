@@ -177,7 +177,20 @@ def test_three_nodes_with_tls_and_accounts(
     assert {record["device"] for record in daemon.of("estimate")} == {"s1"}
 
 
-@pytest.mark.parametrize("url", ["nats:", "nats://user:secret@host", "nats://host,mqtt://other"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        "nats:",
+        "nats://user:secret@host",
+        "nats://host,mqtt://other",
+        "nats://host:abc",
+        "nats://host:70000",
+        "nats://host:0",
+        "nats://host:",
+        "nats://:4222",
+        "nats://[::1",
+    ],
+)
 def test_an_address_that_is_none_is_refused_without_its_password(url: str) -> None:
     from fltea.records.errors import UsageError
     from fltea.service.ingest.receivers import receiver_of
@@ -186,3 +199,11 @@ def test_an_address_that_is_none_is_refused_without_its_password(url: str) -> No
     with pytest.raises(UsageError, match="nats://HOST") as caught:
         receiver_of(load_configs(None, {}, [url])[0])
     assert "secret" not in str(caught.value)
+
+
+@pytest.mark.parametrize("url", ["nats://host", "nats://host:4222,nats://10.0.0.1:1", "nats://[::1]:4222"])
+def test_an_address_with_and_without_port_is_taken(url: str) -> None:
+    from fltea.service.ingest.receivers import receiver_of
+    from fltea.settings.config import load_configs
+
+    assert receiver_of(load_configs(None, {}, [url])[0])

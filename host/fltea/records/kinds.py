@@ -227,7 +227,8 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "frames_overflow",
-        "Frames of devices behind a broker had no room in the queue; the text names the worst of them.",
+        "Frames of devices behind a broker had no room, or came faster than any device makes them; the text "
+        "names the worst of them.",
         "Stop the device that floods; else share the devices among several processes.",
     ),
     ErrorKind(
@@ -264,6 +265,21 @@ ERROR_KINDS = (
         "nats_back",
         "The NATS server is back; devices go on from their snapshots.",
         "Nothing has to be done.",
+    ),
+    ErrorKind(
+        "nats_mapping",
+        "The NATS server does not map devices to `ingest.partitions` partitions, so frames are lost.",
+        "Write the line that the text names into the server's settings, and load them again.",
+    ),
+    ErrorKind(
+        "nats_settings",
+        "The NATS server cannot keep frames (no JetStream, no room), or keeps them by other limits.",
+        "The text names them: change the server's settings, or start a worker with `ingest.change_limits`.",
+    ),
+    ErrorKind(
+        "nats_clock",
+        "The clock of the NATS server differs from this machine's by seconds.",
+        "Set both clocks by NTP; times of records are the server's, and no sample is lost.",
     ),
     ErrorKind(
         "line_broken",

@@ -16,7 +16,6 @@ import time
 from dataclasses import dataclass
 
 import msgspec
-import nats
 from nats.aio.client import Client
 from nats.errors import Error as NatsError
 from nats.js.errors import KeyWrongLastSequenceError
@@ -163,18 +162,19 @@ class NatsFrames:
 
     async def _serve(self) -> None:
         self._loop, self._reached = asyncio.get_running_loop(), False
-        self._nc = await nats.connect(
-            servers=self._servers,
-            name=f"fltea {self.worker}",
-            user=self._user,
-            password=self._password,
-            tls=self._tls,
-            connect_timeout=5,
-            allow_reconnect=False,
-            max_reconnect_attempts=1,  # at the first connection too, where the library tries 60 times
-            error_cb=_ignore,
-        )
+        self._nc = Client()
         try:
+            await self._nc.connect(
+                servers=self._servers,
+                name=f"fltea {self.worker}",
+                user=self._user,
+                password=self._password,
+                tls=self._tls,
+                connect_timeout=5,
+                allow_reconnect=False,
+                max_reconnect_attempts=1,  # at the first connection too, where the library tries 60 times
+                error_cb=_ignore,
+            )
             self._reached = True
             self._store = Store(self._settings, self._nc.jetstream(timeout=STOP_S / 2))
             await self._store.prepare()

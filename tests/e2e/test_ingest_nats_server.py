@@ -1,0 +1,275 @@
+"""What a NATS server keeps, refuses and maps, and what workers say of one that is not as they need it."""
+
+import asyncio
+import socket
+import threading
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any
+
+import nats
+import pytest
+from fltea.service.ingest.inbox import Inbox, Served
+from fltea.service.ingest.kept import Kept, pack
+from fltea.service.ingest.mapping import partition_of
+from fltea.service.ingest.nats import NatsFrames
+from fltea.service.ingest.nats_texts import explain_no_connection
+from fltea.settings.config import load_configs
+from mosquitto_support import free_port
+from nats_support import PARTITIONS, NatsServer, mapping, single
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from support import wait_until
+
+from tools.nats_users import render
+
+Start = Callable[..., "Worker"]
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Callable[..., NatsServer]]:
+    made: list[NatsServer] = []
+
+    def make(**options: Any) -> NatsServer:
+        made.append(single(tmp_path / f"nats{len(made)}", **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        if one.process.poll() is None:
+            one.stop()
+
+
+class Worker:
+    """The part of a worker that talks to the server."""
+
+    def __init__(self, url: str, **settings: Any) -> None:
+        flags = {"format": "none", "ingest.partitions": PARTITIONS}
+        flags |= {f"ingest.{key}": value for key, value in settings.items()}
+        (config,) = load_configs(None, flags, [url])
+        self.told: list[tuple[str, str]] = []
+        self.inbox = Inbox(100, 1 << 20)
+        self.frames = NatsFrames(config, self.inbox, lambda kind, text: self.told.append((kind, text)))
+        self.frames.start()
+
+    def texts(self, kind: str) -> str:
+        return " ".join(text for one, text in self.told if one == kind)
+
+    def serves_all(self) -> bool:
+        return all(self.frames.serves(number) for number in range(PARTITIONS))
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    made: list[Worker] = []
+
+    def make(server: NatsServer, **settings: Any) -> Worker:
+        made.append(Worker(f"nats://127.0.0.1:{server.port}", **settings))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.frames.close()
+
+
+def ask(server: NatsServer, what: Callable[[Any], Coroutine[Any, Any, Any]], **options: Any) -> Any:
+    """What a client of the server finds."""
+
+    async def connected() -> Any:
+        client = await nats.connect(f"nats://127.0.0.1:{server.port}", allow_reconnect=False, **options)
+        try:
+            return await what(client)
+        finally:
+            await client.close()
+
+    return asyncio.run(connected())
+
+
+async def subjects(client: Any) -> dict[str, int]:
+    found = await client.jetstream().stream_info("FLTEA_FRAMES", subjects_filter=">")
+    return dict(found.state.subjects or {})
+
+
+def test_a_server_that_maps_rightly_is_looked_at_without_a_trace(
+    server: Callable[..., NatsServer], start: Start
+) -> None:
+    one = server()
+    worker = start(one)
+    wait_until(worker.serves_all, "all partitions")
+    assert ask(one, subjects) == {}
+    assert worker.told == []
+
+
+@pytest.mark.parametrize(
+    ("maps", "text"),
+    [
+        ("", "maps no device to a partition"),
+        (mapping(16), f"to 16 partitions, and ingest.partitions is {PARTITIONS}"),
+        (mapping(2), f"to 2 partitions, and ingest.partitions is {PARTITIONS}"),
+        ('mappings { "fltea.*.frames": "elsewhere.{{wildcard(1)}}" }', "does not arrive"),
+    ],
+)
+def test_a_server_that_maps_otherwise_is_told_with_the_line_to_write(
+    maps: str, text: str, server: Callable[..., NatsServer], start: Start
+) -> None:
+    worker = start(server(maps=maps))
+    wait_until(lambda: bool(worker.texts("nats_mapping")), "word of it")
+    assert text in worker.texts("nats_mapping")
+    assert mapping() in worker.texts("nats_mapping")
+
+
+def test_limits_that_differ_are_told_and_changed_if_asked_for(
+    server: Callable[..., NatsServer], start: Start
+) -> None:
+    one = server()
+    wait_until(start(one).serves_all, "the first")
+    other = {"keep_s": 600, "keep_mb": 50, "snapshots_mb": 20}
+    second = start(one, **other)
+    wait_until(lambda: second.frames.connected, "the second")
+    text = second.texts("nats_settings")
+    for part in ("max_age 3600", "not 600", "max_bytes 4000000000, not 50000000", "change_limits"):
+        assert part in text
+    third = start(one, **other, change_limits=True)
+    wait_until(lambda: third.frames.connected, "the third")
+    fourth = start(one, **other)
+    wait_until(lambda: fourth.frames.connected, "the fourth")
+    assert third.told == fourth.told == []
+
+    async def limits(client: Any) -> Any:
+        config = (await client.jetstream().stream_info("FLTEA_FRAMES")).config
+        return config.max_age, config.max_bytes, config.max_msgs_per_subject
+
+    assert ask(one, limits) == (600, 50_000_000, 1200)
+
+
+@pytest.mark.parametrize(
+    ("store", "text"),
+    [
+        ("100MB", "max_file_store has to be larger than ingest.keep_mb (4000)"),
+        ("", "JetStream does not answer"),
+    ],
+)
+def test_a_server_that_cannot_keep_frames_is_told(
+    store: str, text: str, server: Callable[..., NatsServer], start: Start
+) -> None:
+    worker = start(server(store=store))
+    wait_until(lambda: bool(worker.told), "word of it")
+    assert text in worker.texts("nats_settings")
+
+
+def test_a_port_of_another_program_is_told() -> None:
+    assert "4222" in explain_no_connection(TimeoutError())
+    with socket.create_server(("127.0.0.1", 0)) as other:
+
+        def answer() -> None:
+            with other.accept()[0] as one:
+                one.sendall(b"SSH-2.0-x\r\n")
+                one.recv(1)
+
+        thread = threading.Thread(target=answer, daemon=True)
+        thread.start()
+        worker = Worker(f"nats://127.0.0.1:{other.getsockname()[1]}")
+        wait_until(lambda: bool(worker.told), "word of it")
+        worker.frames.close()
+    assert "does not talk like a NATS server" in worker.texts("nats_lost")
+
+
+def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(
+    server: Callable[..., NatsServer], start: Start
+) -> None:
+    one = server()
+    wait_until(start(one, keep_s=70).serves_all, "the stream")
+
+    async def flood(client: Any) -> Any:
+        for k in range(2500):
+            await client.publish("fltea.s1.frames", b"x" * 50)
+            if k < 100:
+                await client.publish("fltea.s2.frames", b"x")
+        await client.publish("fltea.s2.frames", bytes(300_000))
+        await client.flush()
+        return await subjects(client)
+
+    p1, p2 = (f"fltea.frames.{partition_of(name, PARTITIONS)}.{name}" for name in ("s1", "s2"))
+    assert ask(one, flood) == {p1: 1000, p2: 100}
+
+
+def test_leases_have_room_when_snapshots_have_none(server: Callable[..., NatsServer], start: Start) -> None:
+    worker = start(server(), snapshots_mb=1)
+    wait_until(worker.serves_all, "all partitions")
+    for k in range(3):
+        assert worker.frames.keep(0, f"d{k}", bytes(400_000))
+    wait_until(lambda: bool(worker.told), "word of it")
+    assert "raise ingest.snapshots_mb" in worker.texts("snapshot_failed")
+    renewed = {number: held.revision for number, held in worker.frames._held.items()}
+    wait_until(lambda: all(h.revision > renewed[n] for n, h in worker.frames._held.items()), "renewals")
+    assert worker.serves_all()
+
+
+def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
+    server: Callable[..., NatsServer], start: Start
+) -> None:
+    """One was kept by a worker whose clock is an hour ahead; another device was given up before."""
+    one = server()
+    first = start(one)
+    wait_until(first.serves_all, "all partitions")
+    for name, mark, unix_s in (("a", 3, 1000), ("b", 4, 4600), ("gone", 1, 4600)):
+        data = pack(Kept(mark, unix_s * 10**9))
+        assert data is not None
+        assert first.frames.keep(0, name, data)
+    assert first.frames.keep(0, "other_version", b"?")
+    first.frames.drop(0, "gone")
+
+    async def publish(client: Any) -> None:
+        for _ in range(9):
+            await client.publish("fltea.a.frames", b"x")
+        await client.flush()
+
+    ask(one, publish)
+    wait_until(lambda: all(put.done() for put in first.frames._puts), "the snapshots")
+    first.frames.close()
+    second = start(one)
+    wait_until(second.serves_all, "all partitions again")
+    found = [item for item in second.inbox.take(1) if isinstance(item, Served) and item.partition == 0]
+    assert {name: kept.mark for name, kept in found[0].kept.items()} == {"a": 3, "b": 4}
+    assert second.frames.done[0] == 3
+    assert "from message 4: 2 devices" in second.texts("partition_taken")
+    assert "Snapshots of 1 more cannot be read" in second.texts("partition_taken")
+    assert not second.texts("nats_lost"), "a worker that has left is no fault"
+
+
+def test_a_board_publishes_under_its_own_name_only(tmp_path: Path, server: Callable[..., NatsServer]) -> None:
+    """By NATS and by MQTT, with the accounts that the tool writes."""
+    names = ["s1", "s2", "board-7"]
+    accounts = render(names, PARTITIONS)
+    words = dict(zip(["worker", *names], accounts.split('password: "')[1:], strict=True))
+    secret = {name: rest.partition('"')[0] for name, rest in words.items()}
+    mqtt_port = free_port()
+    one = server(more=f"mqtt {{ listen: 127.0.0.1:{mqtt_port} }}\n{accounts}")
+    worker = {"user": "worker", "password": secret["worker"]}
+
+    async def make(client: Any) -> None:
+        wanted = ["fltea.frames.*.*"]  # wider than that of the workers
+        await client.jetstream().add_stream(name="FLTEA_FRAMES", subjects=wanted)
+
+    ask(one, make, **worker)
+
+    async def publish(client: Any) -> None:
+        for subject in ("fltea.s1.frames", "fltea.s2.frames", "fltea.frames.99.s1", "fltea.frames.1.s2"):
+            await client.publish(subject, b"x")
+        await client.flush()
+
+    async def ignore(_: Exception) -> None: ...
+
+    ask(one, publish, user="s1", password=secret["s1"], error_cb=ignore)
+    mine = {f"fltea.frames.{partition_of('s1', PARTITIONS)}.s1": 1}
+    assert ask(one, subjects, **worker) == mine
+    for topic in ("fltea/frames/99/board-7", "fltea/s2/frames", "fltea/board-7/frames"):
+        client = Client(CallbackAPIVersion.VERSION2, "b", protocol=MQTTProtocolVersion.MQTTv311)
+        client.username_pw_set("board-7", secret["board-7"])
+        client.connect("127.0.0.1", mqtt_port)
+        client.loop_start()
+        client.publish(topic, b"x", qos=1).wait_for_publish(5)
+        client.disconnect()
+        client.loop_stop()
+    theirs = {f"fltea.frames.{partition_of('board-7', PARTITIONS)}.board-7": 1}
+    wait_until(lambda: ask(one, subjects, **worker) == mine | theirs, "the board's own frames, and no others")
