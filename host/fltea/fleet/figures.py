@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.fleet.messages import Allan, AxisFit, Interval
+from fltea.noise.spectra import HIGHEST_ORDER
 from fltea.spectrum.allan_coefficients import SPAN, TOLERANCE
 from fltea.spectrum.allan_curve import local_slopes
 
@@ -15,8 +16,14 @@ WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """Floor of the Allan deviation over B (IEEE Std 952)."""
 
+HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
+"""Orders above are at the end of what is fitted."""
+
 SAME_N = 0.1
 """As a ratio less one: lines through one stretch differ by less, those through two by more."""
+
+MOST_POINTS = 200
+"""Of a curve; a daemon sends some forty."""
 
 
 class Quantity(NamedTuple):
@@ -64,10 +71,12 @@ def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -
     if density is not None:
         found["density"] = density
     if fit.verdict in WITH_ORDER:
-        for name, interval in (("alpha", fit.alpha), ("f", fit.f)):
-            figure = _figure(interval)
-            if figure is not None:
-                found[name] = figure
+        # An interval that ends where the parameter's range does is cut off there: its width says too little.
+        alpha, f = _figure(fit.alpha), _figure(fit.f)
+        if alpha is not None and alpha.low > 0 and alpha.high < HIGHEST_FITTED:
+            found["alpha"] = alpha
+        if f is not None and f.high < 0:
+            found["f"] = f
     return found
 
 
@@ -99,12 +108,13 @@ def _sound(value: float, low: float, high: float) -> Figure | None:
 
 
 def _of_allan(allan: Allan, *, filtered: bool) -> dict[str, Figure]:
-    """N, B and K, each with the relative interval of the point of the curve that says most about it.
+    """N, B and K with the relative interval of a point of the curve.
 
-    That is the best known one of those whose intervals hold its line. filtered: N was not read off the curve,
-    which is bent there.
+    N is a mean that is known about as well as the best known point of its line. B and K are not: the points
+    of long averaging times go up and down together. So theirs is of the point next to the line. filtered: N
+    was not read off the curve, which is bent.
     """
-    curve = zip(allan.tau_s, allan.adev, allan.low, allan.high, strict=False)
+    curve = zip(allan.tau_s[:MOST_POINTS], allan.adev, allan.low, allan.high, strict=False)
     points = [Point(*one) for one in curve if min(one) > 0 and all(map(math.isfinite, one))]
     found = {}
     for name, value in (("N", allan.N), ("B", allan.B), ("K", allan.K)):
@@ -112,10 +122,14 @@ def _of_allan(allan: Allan, *, filtered: bool) -> dict[str, Figure]:
             continue
         if name == "N" and not filtered and not _is_of_first_stretch(value, points):
             continue
-        away = [abs(math.log(point.adev / (value * _slope(name, point.tau_s)))) for point in points]
-        near = [p for p in points if p.low <= value * _slope(name, p.tau_s) <= p.high]
-        best = min(near, key=lambda p: p.high / p.low) if near else points[away.index(min(away))]
-        figure = _sound(value, value * best.low / best.adev, value * best.high / best.adev)
+        log_line = [math.log(value) + math.log(_slope(name, point.tau_s)) for point in points]
+        away = [abs(math.log(point.adev) - here) for point, here in zip(points, log_line, strict=True)]
+        point = points[away.index(min(away))]
+        if name == "N":
+            pairs = zip(points, log_line, strict=True)
+            on_line = [p for p, here in pairs if math.log(p.low) <= here <= math.log(p.high)]
+            point = min(on_line, key=lambda p: p.high / p.low, default=point)
+        figure = _sound(value, value * point.low / point.adev, value * point.high / point.adev)
         if figure is not None:
             found[name] = figure
     return found
@@ -127,14 +141,17 @@ def _is_of_first_stretch(N: float, points: list[Point]) -> bool:
     A curve may have two of about the same length, with another N each. Chance tells then which of them is the
     longer, so that sensors of one noise would be twice and more apart.
     """
+    if points[0].adev * math.sqrt(points[0].tau_s) * (1 + SAME_N) >= N:
+        return True  # as nearly all are, and cheaply told
     tau, adev = (np.array(column) for column in list(zip(*points, strict=True))[:2])
-    inside = np.abs(local_slopes(tau, adev) + 0.5) <= TOLERANCE
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
-    for start, stop in edges.reshape(-1, 2).tolist():
-        if tau[stop - 1] >= SPAN * tau[start]:
-            part = slice(start, stop)
-            first = np.average(np.log(adev[part] * np.sqrt(tau[part])), weights=1 / tau[part])
-            return abs(math.log(N) - float(first)) <= SAME_N
+    with np.errstate(all="ignore"):  # a point without neighbours has no slope; a stranger's may be any number
+        inside = np.abs(local_slopes(tau, adev) + 0.5) <= TOLERANCE
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
+        for start, stop in edges.reshape(-1, 2).tolist():
+            if tau[stop - 1] >= SPAN * tau[start]:
+                part = slice(start, stop)
+                first = np.average(np.log(adev[part]) + np.log(tau[part]) / 2, weights=1 / tau[part])
+                return bool(abs(math.log(N) - first) <= SAME_N)
     return True
 
 
