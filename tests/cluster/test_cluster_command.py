@@ -26,6 +26,8 @@ QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100", "--jobs", "1"
         (["a.npz", "s3://lab/a.npz"], None, [], r"s3://lab/a.npz: of files by URL .* --out verdicts.parquet"),
         (["a.npz"], "report", [], r"call it NAME\.parquet\. A page is --report DIR"),
         (["a.npz"], "v.parquet", ["--json"], "--json and --out do not go together"),
+        (["a.npz", ""], "v.parquet", [], r"an empty name, as a variable that is not set gives it"),
+        ([""], None, [], "an empty name"),
     ],
 )
 def test_what_does_not_go_together(files: list[str], out: str | None, others: list[str], text: str) -> None:
@@ -42,7 +44,7 @@ def test_a_summary() -> None:
 
 def here(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     """The command in this process, which has loaded everything; its exit code."""
-    monkeypatch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *QUICK])
+    monkeypatch.setattr("sys.argv", ["fltea", "identify", *QUICK, *map(str, arguments)])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return int(ended.value.code or 0)
@@ -87,6 +89,36 @@ def test_a_failure_is_told_and_ends_with_one(
     assert said.out == ""
     assert "1 files done, 1 of them with a failure" in said.err
     assert f"{tmp_path}/bad.npz: cannot be read as .npz" in said.err
+
+
+def test_a_failure_of_an_earlier_run_ends_with_one_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As long as the table has it for a file of the list, whichever run found it; for no other file."""
+    (tmp_path / "in").mkdir()
+    bad = tmp_path / "in" / "bad.npz"
+    bad.write_bytes(b"PK none")
+    npz(tmp_path / "in" / "good.npz", counts(1000, 1))
+    out = tmp_path / "v.parquet"
+    assert here(monkeypatch, tmp_path / "in", "--out", out) == 1
+    first = capsys.readouterr().err
+    assert here(monkeypatch, tmp_path / "in", "--out", out) == 1
+    second = capsys.readouterr().err
+    assert "0 files done, 2 were done before, 1 of them with a failure" in second
+    for said in (first, second):
+        assert (
+            f"error: 1 of 2 files have a failure in the table (column error). The first: {bad}: can" in said
+        )
+    assert here(monkeypatch, tmp_path / "in" / "good.npz", "--out", out) == 0
+    npz(bad, counts(1000, 1, seed=2))
+    assert here(monkeypatch, tmp_path / "in", "--out", out) == 0
+
+
+def test_a_file_that_is_named_twice_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also while it is under way."""
+    path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
+    assert here(monkeypatch, path, f"{tmp_path}/*.npz", "--out", out, "--jobs", "2") == 0
+    assert [row["axis"] for row in rows_in(out)] == ["gyro_x"]
 
 
 def test_nothing_there(

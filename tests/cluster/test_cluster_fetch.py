@@ -1,5 +1,6 @@
 """Copies of files whose size nobody knows, or is a lie: bounded by the worker's disk, and removed again."""
 
+import re
 import shutil
 import threading
 from collections.abc import Iterator
@@ -94,8 +95,7 @@ def test_a_size_nobody_knows(url: str, sent: list[int], disk: Path, tmp_path: Pa
     with open_table(tmp_path / "v.parquet") as table:
         assert run(files, ASK, Here(), table).failed == 1
     (row,) = rows_in(tmp_path / "v.parquet")
-    assert f"{url}: of unknown size, and after 7 MB" in row["error"]
-    assert "TMPDIR" in row["error"]
+    assert re.match(rf"{url}: of unknown size, and after [0-9]+ MB, .* TMPDIR", row["error"])
     assert row["again"]
     assert list(disk.iterdir()) == []
     assert sent[0] < MOST_CHUNKS * len(CHUNK)

@@ -28,6 +28,10 @@ def check(files: Sequence[str], out: Path | None, others: Sequence[str]) -> None
     Raises:
         UsageError: then.
     """
+    if "" in files:
+        raise UsageError(
+            "an empty name, as a variable that is not set gives it; the folder you are in has the name `.`."
+        )
     urls = [file for file in files if "://" in file]
     if out is None:
         if urls:
@@ -46,7 +50,7 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
 
     Raises:
         UsageError: nothing to do, or it cannot be done so.
-        FlteaError: some files failed, of which the table has the reasons; or the workers are gone.
+        FlteaError: some files have a failure in the table, whichever run found it; or the workers are gone.
     """
     table_module = load("fltea.cluster.verdict_table", "pyarrow", "tables", "--out needs")
     from fltea.cluster.listing import files_of
@@ -65,10 +69,10 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
     finally:
         table.close()
     say(f"fltea: {out}: {_line(done, time.monotonic() - begin)}")
-    if done.failed:
+    if failed := done.failed + done.failed_before:
         raise FlteaError(
-            f"{done.failed} of {done.done} files have a failure in the table (column error). The first: "
-            f"{done.first_failure}"
+            f"{failed} of {done.done + done.skipped} files have a failure in the table (column error). The "
+            f"first: {done.first_failure}"
         )
 
 
@@ -78,6 +82,8 @@ def _line(progress: "Progress", seconds: float) -> str:
         parts.append(f"{progress.failed:,} of them with a failure")
     if progress.skipped:
         parts.append(f"{progress.skipped:,} were done before")
+    if progress.failed_before:
+        parts.append(f"{progress.failed_before:,} of them with a failure")
     rate = progress.read / 1e6 / max(seconds, 1e-3)
     parts.append(f"{progress.read / 1e6:,.1f} MB in {seconds:,.0f} s ({rate:,.1f} MB/s)")
     return ", ".join(parts)

@@ -22,12 +22,17 @@ CHECK_S = 5.0
 
 
 class Progress(msgspec.Struct):
-    """What has been done so far. skipped: files that were in the table already. read: bytes of those done."""
+    """What has been done so far. read: bytes of those done.
+
+    skipped: files that were in the table already, or are named twice. failed_before: those of them that have
+    a failure there.
+    """
 
     listed: int = 0
     skipped: int = 0
     done: int = 0
     failed: int = 0
+    failed_before: int = 0
     read: int = 0
     first_failure: str = ""
     now: str = ""
@@ -86,6 +91,7 @@ class _Loop:
         self._next: deque[_Task] = deque()
         self._alone: deque[_Task] = deque()
         self._pending: dict[Future[Any], _Task] = {}
+        self._under_way: set[File] = set()
 
     def run(self) -> Progress:
         """Until nothing is left."""
@@ -101,9 +107,14 @@ class _Loop:
     def _new(self, files: Iterable[File], table: VerdictTable) -> Iterator[File]:
         for file in files:
             self._progress.listed += 1
-            if file in table:
+            if file in table or file in self._under_way:
                 self._progress.skipped += 1
+                failure = table.failure_of(file)
+                if failure is not None:
+                    self._progress.failed_before += 1
+                    self._name_failure(file, failure)
             else:
+                self._under_way.add(file)
                 yield file
 
     def _task(self) -> _Task | None:
@@ -188,16 +199,20 @@ class _Loop:
 
     def _finish(self, file: File, rows: list[Row]) -> None:
         self._table.add(rows)
+        self._under_way.discard(file)
         progress = self._progress
         progress.done += 1
         progress.read += max(file.size, 0)
         errors = [row.error for row in rows if row.error is not None]
         if errors:
             progress.failed += 1
-            named = errors[0] if errors[0].startswith(file.url) else f"{file.url}: {errors[0]}"
-            progress.first_failure = progress.first_failure or named
+            self._name_failure(file, errors[0])
         progress.now = file.url
         self._tell(progress)
+
+    def _name_failure(self, file: File, error: str) -> None:
+        named = error if error.startswith(file.url) else f"{file.url}: {error}"
+        self._progress.first_failure = self._progress.first_failure or named
 
     def _after_death(self) -> None:
         """One of those under way killed its process; each is tried alone: who dies then did it."""

@@ -8,7 +8,7 @@ import fcntl
 import hashlib
 import os
 import types
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -77,6 +77,7 @@ class VerdictTable:
         except OSError:  # a file system without locks
             pass
         self._done: set[bytes] = set()
+        self._failures: dict[bytes, str] = {}
         self._numbers = [0]
         self._bytes = 0
         try:
@@ -92,6 +93,10 @@ class VerdictTable:
     def __len__(self) -> int:
         """Files that are done, with any settings."""
         return len(self._done)
+
+    def failure_of(self, file: File) -> str | None:
+        """Why a file that is done has no verdict, or not on all axes; None if it has all."""
+        return self._failures.get(_digest(file.url, file.size, file.stamp, self._settings))
 
     def add(self, rows: list[Row]) -> None:
         """Take all rows of one file; they are with the operating system when this returns.
@@ -110,7 +115,7 @@ class VerdictTable:
             os.ftruncate(self._journal, before)  # no half of a line before the next one
             self._bytes = before
             raise FlteaError(f"{self._folder}: cannot be written ({error.strerror}).") from error
-        self._done.add(_key(rows[0]))
+        self._note(_key(rows[0]), (row.error for row in rows))
         if self._bytes > JOURNAL_BYTES:
             self._pack()
 
@@ -134,8 +139,16 @@ class VerdictTable:
         # Left out: what a kill cut off, and what is in a Parquet file already, should it have come between.
         found = {_key(rows[0]): rows for rows in self._lines() if not any(row.again for row in rows)}
         self._write_part([row for key, rows in found.items() if key not in self._done for row in rows])
-        self._done.update(found)
+        for key, rows in found.items():
+            self._note(key, (row.error for row in rows))
         os.ftruncate(self._journal, 0)
+
+    def _note(self, key: bytes, errors: Iterable[str | None]) -> None:
+        """A file is done; of its rows' errors the first is kept."""
+        self._done.add(key)
+        for one in errors:
+            if one is not None:
+                self._failures.setdefault(key, one)
 
     def _lines(self) -> Iterator[list[Row]]:
         """What is in the journal, as far as it is whole."""
@@ -149,15 +162,16 @@ class VerdictTable:
 
     def _read_part(self, path: Path) -> None:
         try:
-            table = parquet.read_table(path, columns=[*KEY, "again"])
+            table = parquet.read_table(path, columns=[*KEY, "again", "error"])
             if compute.any(table["again"]).as_py():
                 whole = parquet.read_table(path, schema=self._schema)
                 table = whole.filter(compute.invert(whole["again"]))
                 self._write(path, table)
         except (OSError, ValueError, KeyError, pa.ArrowException) as error:
             raise UsageError(f"{path}: is no part of a table of verdicts ({error}).") from error
-        columns = (table[name].to_pylist() for name in KEY)
-        self._done.update(_digest(*key) for key in zip(*columns, strict=True))
+        *columns, errors = (table[name].to_pylist() for name in (*KEY, "error"))
+        for key, one in zip(map(_digest, *columns), errors, strict=True):
+            self._note(key, [one])
 
     def _pack(self) -> None:
         """The journal as a Parquet file, after which it is empty."""
