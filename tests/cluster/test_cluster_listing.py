@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from fltea.cluster.listing import JOURNAL, File, files_of
+from fltea.cluster.listing import JOURNAL, File, Unlisted, files_of
 from fltea.records.errors import FlteaError, UsageError
 
 NAMES = (
@@ -65,6 +65,63 @@ def test_a_file_that_changes_has_another_stamp(lab: Path) -> None:
     (after,) = files_of([f"{lab}/a.mcap"])
     assert before._replace(stamp="") == after._replace(stamp="")
     assert before.stamp != after.stamp
+
+
+def test_a_link_changes_with_the_file_it_names(lab: Path) -> None:
+    import os
+
+    (lab / "x" / "link.csv").symlink_to(lab / "a.mcap")
+    before = next(file for file in files_of([f"{lab}/x"]) if file.url.endswith("link.csv"))
+    os.utime(lab / "a.mcap", (1, 1))
+    after = next(file for file in files_of([f"{lab}/x"]) if file.url.endswith("link.csv"))
+    assert (before.size, after.size) == (4, 4)
+    assert before.stamp != after.stamp
+
+
+@pytest.mark.parametrize("pattern", ["q", "q/*", "q/**"])
+def test_what_is_no_file_is_none(lab: Path, pattern: str) -> None:
+    """A pipe would be waited for without end. Links to folders may lead in circles."""
+    import os
+
+    (lab / "q").mkdir()
+    (lab / "q" / "a.csv").write_bytes(b"1234")
+    os.mkfifo(lab / "q" / "pipe.csv")
+    (lab / "q" / "folder.csv").symlink_to(lab / "x")
+    (lab / "q" / "circle").symlink_to(lab / "q")
+    assert [file.url for file in files_of([f"{lab}/{pattern}"])] == [f"{lab}/q/a.csv"]
+
+
+def test_a_folder_has_one_name(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However one comes there; also by a link, whose parent is that of what it names."""
+    (lab / "link").symlink_to(lab / "x" / "y")
+    monkeypatch.chdir(lab / "z")
+    for pattern in ("../x/y/d.mcap", f"{lab}/z/../x/y/*.mcap", "../link/../y"):
+        assert [file.url for file in files_of([pattern])] == [f"{lab}/x/y/d.mcap"]
+
+
+def test_a_folder_that_may_not_be_read_or_is_gone(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those behind it are listed all the same; if it is the one that was asked for it is an error."""
+    from fsspec.implementations.local import LocalFileSystem
+
+    ls = LocalFileSystem.ls
+
+    def some(system: LocalFileSystem, path: str, **options: object) -> object:
+        if path.endswith("/x"):
+            raise PermissionError(13, "Permission denied", path)
+        if path.endswith("/t.parquet"):
+            raise FileNotFoundError(2, "No such file or directory", path)
+        return ls(system, path, **options)
+
+    monkeypatch.setattr(LocalFileSystem, "ls", some)
+    found = list(files_of([str(lab)]))
+    assert [one.url for one in found if isinstance(one, File)] == [
+        f"{lab}/{name}" for name in ("a.mcap", "z/[f].csv", "z/f.csv")
+    ]
+    (closed,) = (one for one in found if isinstance(one, Unlisted))
+    assert closed.folder.url == f"{lab}/x"
+    assert closed.reason.startswith("cannot be listed (PermissionError: ")
+    with pytest.raises(FlteaError, match=r"x: cannot be listed \(PermissionError"):
+        list(files_of([f"{lab}/x"]))
 
 
 def test_memory_holds_no_more_than_a_folder(lab: Path) -> None:

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from cluster_support import ASK, identified, open_table, rows_in, s3_server, two_workers, values
-from fltea.cluster.listing import files_of
+from fltea.cluster.listing import File, Unlisted, files_of
 from fltea.cluster.run import Progress, run
 from fltea.cluster.whole import identify_file
 from fltea.identify.workers import Here
@@ -74,6 +74,38 @@ def test_a_file_that_changed_since_it_was_listed(s3: Any, tmp_path: Path) -> Non
     (row,) = identify_file(files[0], ASK)
     assert row.again
     assert "had 7 when listed" in (row.error or "")
+
+
+def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
+    """As when the shared disk is not there: when it is back, the next run identifies it."""
+    path, aside = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "aside"
+    files = list(files_of([str(path)]))
+    path.rename(aside)
+    with open_table(tmp_path / "v.parquet") as table:
+        assert run(files, ASK, Here(), table).failed == 1
+    (row,) = rows_in(tmp_path / "v.parquet")
+    assert row["again"]
+    assert row["error"].startswith(f"{path}: is not there, or may not be read, on ")
+    aside.rename(path)
+    done = go(str(path), tmp_path / "v.parquet")
+    assert (done.done, done.failed, done.skipped) == (1, 0, 0)
+    assert [row["error"] for row in rows_in(tmp_path / "v.parquet")] == [None]
+
+
+def test_a_folder_that_cannot_be_listed_is_a_row(tmp_path: Path) -> None:
+    """It is there until the folder can be."""
+    path, out = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "v.parquet"
+    closed = Unlisted(File("/closed", "file", "/closed", -1, ""), "cannot be listed (PermissionError)")
+    with open_table(out) as table:
+        done = run([closed, *files_of([str(path)])], ASK, Here(), table)
+    assert (done.done, done.failed, done.first_failure) == (
+        2,
+        1,
+        "/closed: cannot be listed (PermissionError)",
+    )
+    assert [(row["file"], row["again"]) for row in rows_in(out)] == [("/closed", True), (str(path), False)]
+    assert go(str(path), out).skipped == 1
+    assert [row["file"] for row in rows_in(out)] == [str(path)]
 
 
 def test_nothing_is_left_on_the_disk(s3: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,7 @@
 """A file, or a part of its bytes, where it is worked on: nobody sends samples to anybody."""
 
+import os
+import platform
 import shutil
 from pathlib import Path
 
@@ -21,6 +23,12 @@ def local_copy(file: File, folder: Path) -> Path:
         OSError: and whatever its file system raises.
     """
     if file.protocol == "file":
+        # On a disk that is not there, or with rights of its own, it is no fault of the file.
+        if not os.access(file.path, os.R_OK):
+            raise FlteaError(
+                f"{file.url}: is not there, or may not be read, on {platform.node()}. With --dask every "
+                "worker has to see it under this name."
+            )
         return Path(file.path)
     copy = folder / f"recording{file.suffix}"
     known, copied = file.size >= 0, 0

@@ -1,6 +1,7 @@
 """Which recordings there are, on any file system that fsspec reaches: their address, size and stamp."""
 
 import hashlib
+import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
@@ -42,9 +43,11 @@ class File(NamedTuple):
         return found if re.fullmatch(r"\.[a-z0-9]{1,16}", found) else ""
 
 
-def is_url(text: str) -> bool:
-    """Whether it names something on a file system other than this machine's."""
-    return "://" in text
+class Unlisted(NamedTuple):
+    """A folder below one that was asked for whose files are not known, and why."""
+
+    folder: File
+    reason: str
 
 
 def file_system(protocol: str) -> Any:
@@ -70,10 +73,11 @@ def file_system(protocol: str) -> Any:
         ) from error
 
 
-def files_of(patterns: Sequence[str]) -> Iterator[File]:
+def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
     """The files of paths, URLs, patterns (`**` is any number of folders) and folders, one folder at a time.
 
-    Of a folder all recordings in it and below it are taken, by their endings.
+    Of a folder all recordings in it and below it are taken, by their endings. Links to folders are not
+    followed there, and pipes, sockets and devices are passed over.
 
     Raises:
         UsageError: nothing there, or a URL that cannot be used.
@@ -113,17 +117,19 @@ def _split(pattern: str) -> tuple[str, str]:
     return protocol.lower(), pattern if protocol.lower() in WEB else rest
 
 
-def _matching(system: Any, protocol: str, path: str) -> Iterator[File]:
+def _matching(system: Any, protocol: str, path: str) -> Iterator[File | Unlisted]:
     path = system._strip_protocol(path)
+    if protocol == "file":
+        path = _one_name(path)
     magic = (MAGIC if protocol not in WEB else MAGIC_OF_WEB).search(path)
     if magic is None or system.isfile(path):  # a name may hold brackets
         about = system.info(path)
         if about["type"] != "directory":
             yield _file(system, protocol, about)
             return
-        for one in _below(system, path, None):
-            file = _file(system, protocol, one)
-            if file.suffix in KINDS:
+        for one in _below(system, protocol, path, None):
+            file = one if isinstance(one, Unlisted) else _file(system, protocol, one)
+            if isinstance(file, Unlisted) or file.suffix in KINDS:
                 yield file
         return
     from fsspec.utils import glob_translate
@@ -131,12 +137,20 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File]:
     fixed = path[: magic.start()].rpartition("/")[0]
     depth = None if "**" in path else path[len(fixed) :].strip("/").count("/")
     wanted = re.compile(glob_translate(path))
-    for one in _below(system, fixed or system.root_marker, depth):
-        if wanted.match(one["name"]):
+    for one in _below(system, protocol, fixed or system.root_marker, depth):
+        if isinstance(one, Unlisted):
+            yield one
+        elif wanted.match(one["name"]):
             yield _file(system, protocol, one)
 
 
-def _below(system: Any, folder: str, depth: int | None) -> Iterator[dict[str, Any]]:
+def _one_name(path: str) -> str:
+    """The same for a file however it is named; behind a link `..` is not what stands before."""
+    before, parent, after = f"{path}/".rpartition("/../")
+    return os.path.normpath(f"{os.path.realpath(before + parent)}/{after}" if parent else path)
+
+
+def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterator[dict[str, Any] | Unlisted]:
     """The files of a folder and of those in it, in the order of their names, but for tables of verdicts.
 
     depth: of folders, if limited.
@@ -148,28 +162,51 @@ def _below(system: Any, folder: str, depth: int | None) -> Iterator[dict[str, An
         if now in seen:
             continue
         seen.add(now)
-        inside = sorted(system.ls(now, detail=True), key=lambda one: str(one["name"]))
+        try:
+            inside = sorted(system.ls(now, detail=True), key=lambda one: str(one["name"]))
+        except (FileNotFoundError, PermissionError) as error:
+            if level == 0:
+                raise
+            if isinstance(error, PermissionError):  # not gone since the folder that it is in was listed
+                reason = f"cannot be listed ({type(error).__name__}: {error})"
+                yield Unlisted(File(_url(protocol, now), protocol, now, -1, ""), reason)
+            continue
         if any(str(one["name"]).endswith(f"/{JOURNAL}") for one in inside):
             continue
         below = []
         for one in inside:
-            if one["type"] == "directory":
-                if (depth is None or level < depth) and not one.get("islink"):
+            about = _of_its_target(system, one)
+            if about["type"] == "directory":
+                if (depth is None or level < depth) and not about.get("islink"):
                     below.append((one["name"], level + 1))
-            elif one["name"].rstrip("/") != now.rstrip("/"):
-                yield one
+            elif about["type"] != "other" and one["name"].rstrip("/") != now.rstrip("/"):
+                yield about
         folders += reversed(below)
+
+
+def _of_its_target(system: Any, about: dict[str, Any]) -> dict[str, Any]:
+    """Of a link what it leads to, else as it was listed."""
+    if not about.get("islink"):
+        return about
+    try:
+        found: dict[str, Any] = system.info(about["name"])
+    except OSError:  # it leads nowhere: told when it is read
+        return {**about, "type": "file"}
+    return found
 
 
 def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
     name = str(about["name"])
-    url = name if protocol in LIKE_NAMES else f"{protocol}://{name.lstrip('/')}"
-    if protocol in WEB and "?" in url:  # it may be a signature, and the table is for everybody
-        place, _, query = url.partition("?")
-        url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
     if about.get("size") is None:  # what a web server lists
         about = system.info(name)
     stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
     size = about.get("size")
-    url = url.encode(errors="replace").decode()  # a name may hold bytes that are no text
-    return File(url, protocol, name, -1 if size is None else int(size), stamp)
+    return File(_url(protocol, name), protocol, name, -1 if size is None else int(size), stamp)
+
+
+def _url(protocol: str, name: str) -> str:
+    url = name if protocol in LIKE_NAMES else f"{protocol}://{name.lstrip('/')}"
+    if protocol in WEB and "?" in url:  # it may be a signature, and the table is for everybody
+        place, _, query = url.partition("?")
+        url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
+    return url.encode(errors="replace").decode()  # a name may hold bytes that are no text

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from fltea.cluster.cut import Cut
-from fltea.cluster.listing import File
+from fltea.cluster.listing import File, Unlisted
 from fltea.cluster.rows import Key, Row, failed
 from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
 from fltea.cluster.verdict_table import VerdictTable
@@ -59,7 +59,7 @@ class _Task(NamedTuple):
 
 
 def run(
-    files: Iterable[File],
+    files: Iterable[File | Unlisted],
     ask: Ask,
     workers: Workers,
     table: VerdictTable,
@@ -78,7 +78,7 @@ def run(
 class _Loop:
     def __init__(
         self,
-        files: Iterable[File],
+        files: Iterable[File | Unlisted],
         ask: Ask,
         workers: Workers,
         table: VerdictTable,
@@ -104,8 +104,11 @@ class _Loop:
         self._tell(self._progress)
         return self._progress
 
-    def _new(self, files: Iterable[File], table: VerdictTable) -> Iterator[File]:
+    def _new(self, files: Iterable[File | Unlisted], table: VerdictTable) -> Iterator[File]:
         for file in files:
+            if isinstance(file, Unlisted):
+                self._finish(file.folder, failed(Key(file.folder, self._digest), file.reason, again=True))
+                continue
             self._progress.listed += 1
             if file in table or file in self._under_way:
                 self._progress.skipped += 1
