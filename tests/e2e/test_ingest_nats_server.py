@@ -1,6 +1,7 @@
 """What a NATS server keeps, refuses and maps, and what workers say of one that is not as they need it."""
 
 import asyncio
+import gc
 import socket
 import threading
 from collections.abc import Callable, Coroutine, Iterator
@@ -9,7 +10,7 @@ from typing import Any
 
 import nats
 import pytest
-from fltea.service.ingest.inbox import Inbox, Served
+from fltea.service.ingest.inbox import Inbox, Message, Served
 from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.mapping import partition_of
 from fltea.service.ingest.nats import NatsFrames
@@ -203,6 +204,32 @@ def test_leases_have_room_when_snapshots_have_none(server: Callable[..., NatsSer
     renewed = {number: held.revision for number, held in worker.frames._held.items()}
     wait_until(lambda: all(h.revision > renewed[n] for n, h in worker.frames._held.items()), "renewals")
     assert worker.serves_all()
+
+
+def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
+    server: Callable[..., NatsServer], start: Start, caplog: pytest.LogCaptureFixture
+) -> None:
+    one = server()
+    worker = start(one)
+    wait_until(worker.serves_all, "all partitions")
+    worker.inbox.admission.admit("s1")
+    stream, consumer = "FLTEA_FRAMES", f"fltea-{partition_of('s1', PARTITIONS)}"
+
+    def hears(word: bytes) -> bool:
+        async def publish(client: Any) -> None:
+            await client.publish("fltea.s1.frames", word)
+            await client.flush()
+
+        ask(one, publish)
+        return word in [item.data for item in worker.inbox.take(0.3) if isinstance(item, Message)]
+
+    wait_until(lambda: hears(b"at first"), "frames")
+    ask(one, lambda client: client.jetstream().delete_consumer(stream, consumer))
+    wait_until(lambda: hears(b"behind another consumer"), "frames")
+    ask(one, lambda client: client.jetstream().delete_stream(stream))
+    wait_until(lambda: hears(b"in another stream"), "frames")
+    gc.collect()
+    assert "never retrieved" not in caplog.text
 
 
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(

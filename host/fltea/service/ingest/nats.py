@@ -149,16 +149,14 @@ class NatsFrames:
                 self.connected = False
                 if not self._stop.is_set() and not self._told_down:
                     self._told_down = True
-                    kind = "nats_settings" if isinstance(error, Unfit) else "nats_lost"
-                    self._report(kind, f"{self.url}: {self._explain(error)} It is tried again.")
+                    text = explain(error) if self._reached else explain_no_connection(error)
+                    self._report(
+                        "nats_settings" if isinstance(error, Unfit) else "nats_lost",
+                        f"{self.url}: {text} It is tried again.",
+                    )
             for partition in list(self._held):
                 self._let_go(partition)
             self._stop.wait(1.0)
-
-    def _explain(self, error: Exception) -> str:
-        if isinstance(error, Unfit):
-            return str(error)
-        return explain(error) if self._reached else explain_no_connection(error)
 
     async def _serve(self) -> None:
         self._loop, self._reached = asyncio.get_running_loop(), False

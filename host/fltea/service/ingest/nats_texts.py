@@ -6,13 +6,15 @@ from nats.errors import Error as NatsError
 from nats.errors import NoServersError
 from nats.js.errors import APIError
 
-from fltea.service.ingest.store import FULL, NO_ROOM
+from fltea.service.ingest.store import FULL, NO_ROOM, Unfit
 
 USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
 
 
 def explain(error: BaseException) -> str:
     """What happened, and what to do."""
+    if isinstance(error, Unfit):
+        return str(error)
     if isinstance(error, ConnectionRefusedError | NoServersError):
         return "no server answers: is it running, and is the port right?"
     if isinstance(error, ssl.SSLError):

@@ -7,6 +7,9 @@ from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.store import Store
 
 PULL, PULL_S = 64, 0.5
+LOOKS = 4
+"""After so many pulls in vain it is asked whether our consumer still exists: the server does not say so."""
+
 ROOM_BYTES = 4_000_000
 """What may wait here; the rest waits in the stream."""
 
@@ -21,13 +24,15 @@ async def pull(
     """
     while True:
         pulling = await store.consume(partition, start)
-        expected, whole = 1, True
+        expected, whole, silent = 1, True, 0
         while whole:
             while not inbox.has_room(ROOM_BYTES):
                 await asyncio.sleep(0.01)
             try:
                 messages = await pulling.fetch(PULL, timeout=PULL_S)
             except TimeoutError:
+                silent += 1
+                whole = silent % LOOKS != 0 or await store.has_consumer(partition)
                 continue
             for message in messages:
                 meta = message.metadata

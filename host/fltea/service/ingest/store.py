@@ -43,7 +43,7 @@ COMPARED = (
 
 
 class Unfit(Exception):
-    """The server cannot keep what workers need; the text says what to do."""
+    """The server does not keep what workers need; the text says why, and what to do."""
 
 
 class Entry(NamedTuple):
@@ -186,9 +186,23 @@ class Store:
         state = (await self._js.stream_info(self._settings.stream)).state
         return state.first_seq, state.last_seq
 
+    async def has_consumer(self, partition: int) -> bool:
+        """Whether somebody has made one for a partition."""
+        try:
+            await self._js.consumer_info(self._settings.stream, f"fltea-{partition}")
+        except NotFoundError:
+            return False
+        return True
+
     async def consume(self, partition: int, start: int) -> JetStreamContext.PullSubscription:
-        """A consumer of our own making in place of the one before: its owner then pulls in vain."""
+        """A consumer of our own making in place of the one before: its owner then pulls in vain.
+
+        Raises:
+            Unfit: the stream is another one than that of the number `start`.
+        """
         s, name = self._settings, f"fltea-{partition}"
+        if start > (await self.ends())[1] + 1:
+            raise Unfit(f"message {start} is beyond the end of {s.stream}: it was made again.")
         with contextlib.suppress(NotFoundError):
             await self._js.delete_consumer(s.stream, name)
         wanted = ConsumerConfig(
