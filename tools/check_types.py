@@ -21,6 +21,7 @@ BY_PACKAGE = (
     "tools.fault_report",
     "tools.fleet_false_alarms",
     "tools.fleet_faults",
+    "tools.fleet_fits",
     "tools.fleet_load",
     "tools.fleet_noise",
     "tools.frames_load",

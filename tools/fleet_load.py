@@ -1,9 +1,11 @@
 """A made-up fleet on a broker: `python -m tools.fleet_load --sensors 200 --bad 3`.
 
 It publishes what as many daemons would: `hello`, `status`, `fit` with its curves and `stats` of sensors with
-three axes, all of one kind, each with noise figures of its own and intervals as wide as a long record gives.
-Some are bad: their figures are far from the others', and it says whose. It speaks to this machine only, and
-ends by itself; then it prints how many messages the broker has acknowledged, as one line of JSON.
+three axes, of two chips. The fits are real: the daemon's own estimator makes some of simulated noise of
+several kinds, and each axis has one of these times a factor of its own (`fleet_fits`). So verdicts, curves
+and intervals are such as a daemon sends. Some sensors are bad: one figure of theirs is far from the others',
+and it says whose. It speaks to this machine only, and ends by itself; then it prints how many messages the
+broker has acknowledged, as one line of JSON.
 """
 
 import argparse
@@ -15,18 +17,19 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from fltea.fleet.figures import FLOOR
-from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, Interval
 from fltea.records.records import AXES, Fit, Hello, LinkStats, SampleStats, Stats
 from fltea.settings.listen_address import is_loopback
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-RATE_HZ = 100.0
+from tools.fleet_fits import Changed, axis_fit
+from tools.fleet_noise import RATE_HZ
+
 SPREAD = 0.08
 """By how much sensors of a kind differ, as a ratio less one."""
-WIDTH = 0.02
-"""Half of a figure's interval, as a ratio less one."""
+CHIPS = ("MPU-9250", "LSM6DSO")
+SECOND = 5
+"""One sensor in so many is of the second chip."""
 SEQ = 123_456_789
 """Stands for the number of the sample, and of all samples, in a fit that is made once and sent often."""
 MOST_IN_FLIGHT = 5_000
@@ -41,7 +44,7 @@ class Bad(NamedTuple):
     times: float
 
 
-BAD = ((3, "gyro_y", "N", 2.0), (31, "gyro_x", "B", 3.0), (57, "gyro_z", "K", 4.0))
+BAD = ((3, "gyro_y", "N", 2.5), (31, "gyro_x", "B", 5.0), (57, "gyro_z", "K", 3.0))
 
 
 def bad_ones(sensors: int, count: int) -> list[Bad]:
@@ -53,35 +56,8 @@ def bad_ones(sensors: int, count: int) -> list[Bad]:
     return found
 
 
-def axis_fit(rng: np.random.Generator, times: dict[str, float]) -> AxisFit:
-    """A white axis with an Allan deviation that shows N, B and K."""
-    own = {name: float(np.exp(rng.normal(0, SPREAD))) * times.get(name, 1.0) for name in ("N", "B", "K")}
-    N, B, K = 0.005 * own["N"], 0.0015 * own["B"], 3e-5 * own["K"]
-    tau = np.geomspace(0.01, 1000, 26)
-    adev = np.sqrt(N**2 / tau + (FLOOR * B) ** 2 + K**2 * tau / 3)
-    measured = {name: float(np.exp(rng.normal(0, WIDTH / 1.96))) for name in "NBKR"}
-    hz = np.geomspace(0.01, 50, 113)
-    density = np.sqrt(2 * (N**2 + K**2 / (2 * np.pi * hz) ** 2))
-    R = N**2 * RATE_HZ * measured["R"]
-    return AxisFit(
-        verdict="drift",
-        text="White noise, and drift below 0.01 Hz. Made up for a trial of `fltea fleet`.",
-        unit="deg/s",
-        null_p=0.5,
-        R=Interval(R, R * (1 - 2 * WIDTH), R * (1 + 2 * WIDTH)),
-        left_out={"lost": 0},
-        allan=FitAllan(
-            tau.tolist(),
-            adev.tolist(),
-            (adev * (1 - WIDTH)).tolist(),
-            (adev * (1 + WIDTH)).tolist(),
-            adev.tolist(),
-            N * measured["N"],
-            B * measured["B"],
-            K * measured["K"],
-        ),
-        spectrum=FitSpectrum(hz.tolist(), density.tolist(), density.tolist()),
-    )
+def _is_of_second_chip(place: int, bad: list[Bad]) -> bool:
+    return place % SECOND == SECOND - 1 and all(one.place != place for one in bad)
 
 
 class Sensor(NamedTuple):
@@ -98,15 +74,16 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
     """One sensor; the same for the same number."""
     rng = np.random.default_rng((18, place))
     encode, device_id = msgspec.json.encode, f"{place:032x}"
-    axes = {}
+    axes, second = {}, _is_of_second_chip(place, bad)
     for axis in AXES:
-        times = {one.figure: one.times for one in bad if (one.place, one.axis) == (place, axis)}
-        axes[axis] = axis_fit(rng, times)
+        factor = float(np.exp(rng.normal(0, SPREAD)))
+        changed = [Changed(one.figure, one.times) for one in bad if (one.place, one.axis) == (place, axis)]
+        axes[axis] = axis_fit(rng, factor, second=second, changed=changed[0] if changed else None)
     fit = encode(Fit(seq=SEQ, epoch=1, device_us=0, host_ns=0, samples=SEQ, axes=axes, device="load"))
     parts = tuple(fit.split(str(SEQ).encode()))
     hello = Hello(
         source="load", host_ns=0, rate_hz=RATE_HZ, sampling_mode="fifo", device_id=device_id, boot_id=1,
-        sensor="MPU-9250", gyro_range_dps=2000.0, gyro_lsb_per_dps=16.4, device="load",
+        sensor=CHIPS[second], gyro_range_dps=2000.0, gyro_lsb_per_dps=16.4, device="load",
     )  # fmt: skip
     status = {"status": "online", "since_ns": 0, "source": "load", "device_id": device_id, "device": "load"}
     stats = Stats(

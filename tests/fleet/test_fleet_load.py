@@ -1,0 +1,53 @@
+"""The made-up fleet: its fits are a daemon's, whatever the factor, and the bad ones stand out alone."""
+
+import msgspec
+import numpy as np
+import pytest
+from fltea.fleet.roll import Roll
+from fltea.fleet.summary import counts, look
+from fltea.records.fit import AxisFit
+
+from tools import fleet_fits, fleet_load
+from tools.fleet_noise import NOISES, fits
+
+
+def numbers(one: object) -> list[float]:
+    """All numbers of a record, in order."""
+    if isinstance(one, dict | list):
+        return [
+            number for part in (one.values() if isinstance(one, dict) else one) for number in numbers(part)
+        ]
+    return [one] if isinstance(one, float) else []
+
+
+@pytest.mark.parametrize("kind", ["white, flicker, random walk", "fractional"])
+def test_a_scaled_fit_is_the_fit_of_scaled_samples(kind: str) -> None:
+    record = NOISES[kind].draw(50_000, np.random.default_rng(5))
+    one, other = (next(fits(factor * record, [len(record)])) for factor in (1.0, 4.0))
+    scaled = fleet_fits.scaled(one, 4.0)
+    assert scaled.verdict == other.verdict
+    assert numbers(msgspec.to_builtins(scaled)) == pytest.approx(
+        numbers(msgspec.to_builtins(other)), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(("sensors", "bad"), [(60, 3), (200, 3), (300, 6), (150, 0)])
+def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -> None:
+    roll, ones = Roll(), fleet_load.bad_ones(sensors, bad)
+    for place in range(sensors):
+        one = fleet_load.sensor(place, ones)
+        for kind, payload in (("hello", one.hello), ("status", one.status), ("fit", b"1000".join(one.fit))):
+            roll.take(f"fltea/{one.device_id}/{kind}", payload, 0.0)
+    found = {(int(odd.device_id, 16), odd.axis) for odd in look(roll, 1.0).odd}
+    assert found == {(one.place, one.axis) for one in ones}
+    assert len(counts(roll, 1.0)["axes"]) >= 9  # verdicts
+    assert not roll.bad
+
+
+def test_a_fleet_of_any_size_shares_a_few_fits() -> None:
+    made: set[str] = set()
+    for place in range(400):
+        parts = fleet_load.sensor(place, []).fit
+        for axis in msgspec.json.decode(b"1".join(parts))["axes"].values():
+            made.add(msgspec.convert(axis, AxisFit).text)
+    assert len(made) <= fleet_fits.USUAL_FITS + fleet_fits.RELAXING_FITS + 2 * len(fleet_fits.OTHER)

@@ -1,0 +1,115 @@
+"""Real fits for as many made-up sensors as one likes: a few records are simulated and fitted, then scaled.
+
+Noise that is so many times as strong has the same fit with N, B, K and densities times that, and R times its
+square. So sensors that differ by a factor of their own share some thirty fits by the daemon's estimator.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, Interval
+from msgspec.structs import replace
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from tools.fleet_noise import RATE_HZ, Noise, fits
+
+Array = NDArray[np.float64]
+Draw = Callable[[np.random.Generator], Array]
+
+SAMPLES = 1 << 17
+USUAL = Noise(B=0.003, K=0.0015)
+"""Of most axes: all of N, B and K show."""
+USUAL_FITS, RELAXING_FITS, OTHER_FITS = 12, 4, 2
+OTHERS = 0.3
+"""Share of axes with another noise."""
+
+
+class Changed(NamedTuple):
+    """A usual noise with `times` as much of `figure`: N, B or K."""
+
+    figure: str
+    times: float
+
+
+def _white(rng: np.random.Generator, samples: int = SAMPLES) -> Array:
+    return Noise().draw(samples, rng)
+
+
+def _time_s() -> Array:
+    return np.arange(SAMPLES) / RATE_HZ
+
+
+def _relaxation(rng: np.random.Generator) -> Array:
+    return np.asarray(_white(rng) + 0.01 * lfilter([1.0], [1.0, -0.97], rng.standard_normal(SAMPLES)))
+
+
+OTHER: dict[str, Draw] = {
+    "white": _white,
+    "warming up": lambda rng: _white(rng) + 0.004 * _time_s() / _time_s()[-1],
+    "fractional": lambda rng: Noise(fractional=(0.6, -1.0, 1e-4)).draw(SAMPLES, rng),
+    "filtered": lambda rng: Noise(low_pass_hz=20.0).draw(SAMPLES, rng),
+    "loose": lambda rng: Noise(resonance=(12.0, 0.95, 5e-5)).draw(SAMPLES, rng),
+    "beside a motor": lambda rng: _white(rng) + 0.01 * np.sin(2 * np.pi * 17.3 * _time_s()),
+    "differentiated": lambda rng: _white(rng) + 0.02 * np.diff(rng.standard_normal(SAMPLES + 1)),
+    "changed": lambda rng: _white(rng) * np.where(np.arange(SAMPLES) < SAMPLES // 2, 1.0, 1.2),
+    "asleep": lambda _: np.full(SAMPLES, 0.1),
+    "just begun": lambda rng: _white(rng, 30),
+}
+"""Other noises of the same sensors. Their N is about the usual one, so that nobody is unlike the others."""
+
+RELAXING = "relaxing"
+"""The noise of the second chip, whose figures are its own."""
+
+
+def axis_fit(rng: np.random.Generator, factor: float, *, second: bool, changed: Changed | None) -> AxisFit:
+    """The fit of an axis with `factor` times as much noise as usual; which noise, `rng` draws.
+
+    second: of the second chip. changed: an axis of usual noise but for this.
+    """
+    if changed is not None:
+        return scaled(_fit("usual", 0, changed), factor)
+    kind, count = "usual", USUAL_FITS
+    if second:
+        kind, count = RELAXING, RELAXING_FITS
+    elif rng.random() < OTHERS:
+        kind, count = str(rng.choice(list(OTHER))), OTHER_FITS
+    return scaled(_fit(kind, int(rng.integers(count)), None), factor)
+
+
+@cache
+def _fit(kind: str, number: int, changed: Changed | None) -> AxisFit:
+    rng = np.random.default_rng((number, *kind.encode()))
+    if kind == "usual":
+        noise = USUAL
+        if changed is not None:
+            usual = getattr(USUAL, changed.figure)
+            noise = USUAL._replace(**{changed.figure: usual * changed.times})
+        record = noise.draw(SAMPLES, rng)
+    else:
+        record = (_relaxation if kind == RELAXING else OTHER[kind])(rng)
+    return next(fits(record, [len(record)]))
+
+
+def scaled(fit: AxisFit, factor: float) -> AxisFit:
+    """The fit of the same samples, each times `factor`."""
+    allan, spectrum = fit.allan, fit.spectrum
+    if allan is not None:
+        curves = (_times(one, factor) for one in (allan.adev, allan.low, allan.high, allan.model))
+        read = (None if one is None else one * factor for one in (allan.N, allan.B, allan.K))
+        allan = FitAllan(allan.tau_s, *curves, *read)
+    if spectrum is not None:
+        curves = (_times(one, factor) for one in (spectrum.density, spectrum.model))
+        spectrum = FitSpectrum(spectrum.hz, *curves)
+    variances = {"s2": _interval(fit.s2, factor**2), "R": _interval(fit.R, factor**2)}
+    return replace(fit, allan=allan, spectrum=spectrum, **variances)
+
+
+def _times(curve: list[float], factor: float) -> list[float]:
+    return [one * factor for one in curve]
+
+
+def _interval(one: Interval, factor: float) -> Interval:
+    return Interval(*(None if end is None else end * factor for end in (one.value, one.low, one.high)))
