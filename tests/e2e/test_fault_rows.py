@@ -36,6 +36,15 @@ def test_what_breaks_is_a_wrong_row_and_the_others_are_played() -> None:
     assert list(played("ingest", [breaks], ["other"])) == []
 
 
+def test_what_cannot_be_played_here_says_why_and_the_others_are_played() -> None:
+    def lacks(folder: Path) -> Row:
+        raise Skip("no nats-server")
+
+    left_out, good = played("ingest", [lacks, lambda folder: RIGHT], [])
+    assert (left_out.due, left_out.more, left_out.is_right) == (0, "not played: no nats-server", True)
+    assert good == RIGHT
+
+
 def test_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,16 +8,27 @@ from mosquitto_support import tool
 from support import ROOT
 
 from tools import fleet_faults
-from tools.fleet_faults import Outcome, line
+from tools.faults.fleet_stage import Outcome
+from tools.fleet_faults import line
+
+
+def table() -> list[str]:
+    """First cells of the rows in the documentation."""
+    text = (ROOT / "host/fleet.md").read_text(encoding="utf-8").partition("## Every fault\n")[2]
+    rows = [line for line in text.partition("\n## ")[0].splitlines() if line.startswith("| ")]
+    return [row.split(" | ")[0] for row in rows[1:]]
 
 
 @pytest.mark.parametrize(
     ("case", "told"),
     [
-        (fleet_faults.disk_full, ["disk_full"]),
+        (fleet_faults.broker_killed, ["broker_lost"]),
+        (fleet_faults.split, []),
+        (fleet_faults.disk_full, ["disk_full", "history_back"]),
         (fleet_faults.fleet_killed, []),
         (fleet_faults.clock_jumps, []),
         (fleet_faults.twins, []),
+        (fleet_faults.flood, []),
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
@@ -27,5 +38,10 @@ def test_everything_is_accounted_for(
     tool("mosquitto")
     outcome = case(tmp_path)
     assert (outcome.wrong, outcome.told) == ([], told)
-    text = (ROOT / "host/fleet.md").read_text(encoding="utf-8")
-    assert line(outcome).rpartition(" | ")[0].split(" | ")[0] in text
+    assert outcome.due == sum(outcome.where.values())
+    assert line(outcome).split(" | ")[0] in table()
+
+
+def test_every_fault_stands_in_the_documentation() -> None:
+    """Those too that last too long to be played here."""
+    assert len(table()) == len(fleet_faults.CASES)

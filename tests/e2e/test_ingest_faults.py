@@ -6,18 +6,29 @@ import pytest
 from mosquitto_support import tool
 from support import ROOT
 
-from tools.faults import ingest
+from tools.faults import ingest, ingest_mqtt, ingest_server
+from tools.faults.boards import DEVICES
 
 
 def test_the_server_away_for_longer_than_a_lease(tmp_path: Path) -> None:
     """Boards that keep what they could not send lose nothing; workers go on by themselves."""
     tool("nats-server")
-    row = ingest.server_away(tmp_path)
+    row = ingest_server.server_away(tmp_path)
     assert row.wrong == []
     assert row.uncounted == 0
     assert {"nats_lost", "nats_back", "partition_taken"} <= set(row.told)
     assert row.where["counted as lost"] == 0
-    assert row.where["before a sensor's second message"] == 100 * ingest.DEVICES
+    assert row.where["before a sensor's second message"] == 100 * DEVICES
+
+
+def test_an_mqtt_broker_that_is_killed_and_started_again(tmp_path: Path) -> None:
+    """What boards sent before the program was back is counted as lost: how much is chance."""
+    tool("mosquitto")
+    row = ingest_mqtt.broker_restarted(tmp_path)
+    assert row.wrong == []
+    assert row.uncounted == 0
+    assert {"broker_lost", "broker_back"} <= set(row.told)
+    assert row.where["before a sensor's second message"] == 100 * DEVICES
 
 
 @pytest.mark.parametrize("case", ingest.CASES)

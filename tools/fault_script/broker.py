@@ -50,6 +50,10 @@ class Broker:
         self._process.kill()
         self._process.wait(PATIENCE_S)
 
+    def has_subscriber(self) -> bool:
+        """Whether anybody has subscribed since it was first started."""
+        return "Sending SUBACK to" in self._log.read_text(errors="replace")
+
     def received(self) -> Counter[str]:
         """Messages so far, by the last part of their topic."""
         return Counter(RECEIVED.findall(self._log.read_text(errors="replace")))

@@ -13,16 +13,17 @@ class SmallDisk:
     """A file system of its own that only the program sees; where that is not allowed, a limit on its files.
 
     folder: where the program records to. kind: of the error that it has to tell. before: what starts it.
+    size: as `mount` takes it. is_mounted: whether it is a file system.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, size: str = SIZE) -> None:
         folder.mkdir()
         self.folder = folder
-        mount = f"mount -t tmpfs -o size={SIZE} tmpfs '{folder}' && exec \"$@\""
+        mount = f"mount -t tmpfs -o size={size} tmpfs '{folder}' && exec \"$@\""
         before = ("unshare", "--map-root-user", "--mount", "sh", "-c", mount, "sh")
-        self._mounted = _works(before)
-        self.before = before if self._mounted else ()
-        self.kind = "disk_full" if self._mounted else "record_failed"
+        self.is_mounted = _works(before)
+        self.before = before if self.is_mounted else ()
+        self.kind = "disk_full" if self.is_mounted else "record_failed"
         self._pid = self._fd = -1
 
     def attach(self, pid: int) -> None:
@@ -37,7 +38,7 @@ class SmallDisk:
 
     def fill(self) -> None:
         """Leave no room."""
-        if not self._mounted:
+        if not self.is_mounted:
             resource.prlimit(self._pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))
             return
         try:
@@ -49,7 +50,7 @@ class SmallDisk:
 
     def free(self) -> None:
         """Make room."""
-        if self._mounted:
+        if self.is_mounted:
             (self.inside / "ballast").unlink()
         else:
             no_limit = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)

@@ -6,7 +6,7 @@
     make faults ARGS=--json                     the rows as JSON on the standard output too
 
 Exit code 1: something is not accounted for, or is wrong in another way. What cannot be played on this machine
-is named, and is no row.
+says why: a row without records, or a part that is left out.
 """
 
 import argparse

@@ -5,6 +5,7 @@ from functools import update_wrapper
 from pathlib import Path
 
 from tools import fleet_faults
+from tools.faults.fleet_stage import Outcome
 from tools.faults.played import played
 from tools.faults.row import Row
 
@@ -16,7 +17,7 @@ def rows(words: list[str]) -> Iterator[Row]:
     return played(PART, map(_case, fleet_faults.CASES), words)
 
 
-def _case(case: Callable[[Path], fleet_faults.Outcome]) -> Callable[[Path], Row]:
+def _case(case: Callable[[Path], Outcome]) -> Callable[[Path], Row]:
     def play(folder: Path) -> Row:
         one = case(folder)
         return Row(PART, one.name, one.told, one.of, one.due, one.where, one.account, one.wrong)

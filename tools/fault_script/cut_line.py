@@ -1,0 +1,68 @@
+"""A line to a server that can be cut in the middle: both ends stand, and nothing gets through."""
+
+import contextlib
+import socket
+import threading
+
+CHUNK = 1 << 16
+
+
+class CutLine:
+    """A port of this machine that leads to another one.
+
+    While it is cut, nobody is told: what is sent waits, as packets do that are sent again and again, ends of
+    connections too, and a new connection gets no answer. port: where it begins.
+    """
+
+    def __init__(self, to: int) -> None:
+        self._to = to
+        self._whole = threading.Event()
+        self._whole.set()
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = int(self._listener.getsockname()[1])
+        self._sockets = [self._listener]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def cut(self) -> None:
+        """Let nothing through."""
+        self._whole.clear()
+
+    def heal(self) -> None:
+        """Let through what has waited, and go on."""
+        self._whole.set()
+
+    def close(self) -> None:
+        """End it, and all connections."""
+        self._whole.set()
+        for one in self._sockets:
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+            one.close()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):  # closed
+            while True:
+                near, _ = self._listener.accept()
+                threading.Thread(target=self._connect, args=(near,), daemon=True).start()
+
+    def _connect(self, near: socket.socket) -> None:
+        self._sockets.append(near)
+        self._whole.wait()
+        try:
+            far = socket.create_connection(("127.0.0.1", self._to))
+        except OSError:  # the server is away
+            near.close()
+            return
+        self._sockets.append(far)
+        for ends in ((near, far), (far, near)):
+            threading.Thread(target=self._pass_on, args=ends, daemon=True).start()
+
+    def _pass_on(self, from_: socket.socket, to: socket.socket) -> None:
+        with contextlib.suppress(OSError):  # the other direction has ended
+            while data := from_.recv(CHUNK):
+                self._whole.wait()
+                to.sendall(data)
+        self._whole.wait()
+        for one in (from_, to):
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
