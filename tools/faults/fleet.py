@@ -14,7 +14,7 @@ PART = "fleet"
 
 def rows(words: list[str]) -> Iterator[Row]:
     """One of each case."""
-    return played(PART, map(_case, fleet_faults.CASES), words)
+    return played(PART, map(_case, fleet_faults.CASES), words, at_once=2)
 
 
 def _case(case: Callable[[Path], Outcome]) -> Callable[[Path], Row]:

@@ -12,4 +12,4 @@ CASES = (*ingest_worker.CASES, *ingest_server.CASES, *ingest_mqtt.CASES)
 
 def rows(words: list[str]) -> Iterator[Row]:
     """One of each case."""
-    return played(PART, CASES, words)
+    return played(PART, CASES, words, at_once=2)

@@ -6,12 +6,14 @@ import signal
 import struct
 import time
 from pathlib import Path
+from typing import Any
 
 from tools.fault_script.program import Program
 from tools.faults.boards import DEVICES
 from tools.faults.nats_stage import Stage
 from tools.faults.row import Row
 from tools.faults.sample_books import heard, row
+from tools.frames_load import RATE_HZ
 
 PAST_LEASE_S = 8.0
 DAY_NS = 86_400 * 10**9
@@ -28,17 +30,20 @@ def worker_stands_still(folder: Path) -> Row:
     """Stopped for longer than a lease, and let go on."""
     with contextlib.closing(Stage(folder)) as stage:
         first, second = stage.workers
+        before, published = len(first.records), stage.boards.samples
         os.kill(first.process.pid, signal.SIGSTOP)
         try:
             stage.until(lambda: heard(second) == stage.names, "the second worker for all")
         finally:
             os.kill(first.process.pid, signal.SIGCONT)
         _share_again(stage, first)
+        early = _walked_without_a_lease(first.records[before:], published + 2 * RATE_HZ)
         return row(
             "one of two workers stopped (SIGSTOP) until the other had all, and let go on",
             stage.boards,
             stage.workers,
             "both share again",
+            [f"it walked {early} samples that were the other's"] if early else [],
         )
 
 
@@ -107,6 +112,12 @@ def _killed(stage: Stage) -> tuple[str, list[str]]:
     reasons = {r["device"]: r["reason"] for r in second.of("epoch")[epochs:] if r["device"] not in before}
     wrong = [f"did not go on from snapshots: {reasons}"] if set(reasons.values()) != {"resumed"} else []
     return f"{DEVICES - len(before)} of {DEVICES} sensors taken over after {taken_s:.0f} s", wrong
+
+
+def _walked_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
+    """Samples of these numbers or later before it took a partition; earlier ones were on their way."""
+    lease = next(i for i, r in enumerate(records) if r["class"] == "error" and r["kind"] == "partition_taken")
+    return sum(r["class"] == "sample" and r["seq"] >= since for r in records[:lease])
 
 
 def _share_again(stage: Stage, worker: Program) -> None:
