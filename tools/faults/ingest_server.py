@@ -97,7 +97,9 @@ def _row_when_back(stage: Stage, name: str) -> Row:
     stage.until_all_again()
     again_s = time.monotonic() - back_s
     told = max(worker.errors().count("nats_lost") for worker in stage.workers)
-    more = f"samples of all sensors again {again_s:.0f} s after it was back; `nats_lost` at most {told} times a worker"
+    more = (
+        f"samples of all sensors again {again_s:.0f} s after it was back; `nats_lost` {told} times a worker"
+    )
     return row(name, stage.boards, stage.workers, more)
 
 
