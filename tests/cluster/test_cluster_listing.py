@@ -15,6 +15,7 @@ NAMES = (
     "x/y/e",
     "z/[f].csv",
     "z/f.csv",
+    "w/f?.csv",
     "t.parquet/g.parquet",
 )
 
@@ -32,7 +33,7 @@ def lab(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("pattern", "found"),
     [
-        ("", ["a.mcap", "x/a.npz", "x/b.txt", "x/y/d.mcap", "z/[f].csv", "z/f.csv"]),
+        ("", ["a.mcap", "x/a.npz", "x/b.txt", "x/y/d.mcap", "w/f?.csv", "z/[f].csv", "z/f.csv"]),
         ("x", ["x/a.npz", "x/b.txt", "x/y/d.mcap"]),
         ("**/*.mcap", ["a.mcap", "x/y/d.mcap"]),
         ("*/*.[nt]*", ["x/a.npz", "x/b.txt"]),
@@ -115,7 +116,7 @@ def test_a_folder_that_may_not_be_read_or_is_gone(lab: Path, monkeypatch: pytest
     monkeypatch.setattr(LocalFileSystem, "ls", some)
     found = list(files_of([str(lab)]))
     assert [one.url for one in found if isinstance(one, File)] == [
-        f"{lab}/{name}" for name in ("a.mcap", "z/[f].csv", "z/f.csv")
+        f"{lab}/{name}" for name in ("a.mcap", "w/f?.csv", "z/[f].csv", "z/f.csv")
     ]
     (closed,) = (one for one in found if isinstance(one, Unlisted))
     assert closed.folder.url == f"{lab}/x"
@@ -176,15 +177,16 @@ def test_what_a_file_system_says_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize(
-    ("path", "suffix"),
+    ("protocol", "path", "suffix"),
     [
-        ("lab/a.MCAP", ".mcap"),
-        ("https://x/a.csv?key=1.2", ".csv"),
-        ("a", ""),
-        ("a.b/../x", ""),
-        ("a.$(x)", ""),
+        ("s3", "lab/a.MCAP", ".mcap"),
+        ("https", "https://x/a.csv?key=1.2", ".csv"),
+        ("s3", "lab/at rest?.csv", ".csv"),
+        ("s3", "a", ""),
+        ("s3", "a.b/../x", ""),
+        ("file", "/a.$(x)", ""),
     ],
 )
-def test_endings_are_letters_and_digits(path: str, suffix: str) -> None:
-    """They become part of a name on the worker's disk."""
-    assert File(path, "s3", path, 1, "").suffix == suffix
+def test_endings_are_letters_and_digits(protocol: str, path: str, suffix: str) -> None:
+    """They become part of a name on the worker's disk. A question mark ends the name on the web only."""
+    assert File(path, protocol, path, 1, "").suffix == suffix

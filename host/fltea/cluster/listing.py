@@ -39,7 +39,8 @@ class File(NamedTuple):
     @property
     def suffix(self) -> str:
         """Its ending in small letters, of letters and digits only: it becomes part of a file's name."""
-        found = PurePosixPath(self.path.partition("?")[0]).suffix.lower()
+        name = self.path.partition("?")[0] if self.protocol in WEB else self.path
+        found = PurePosixPath(name).suffix.lower()
         return found if re.fullmatch(r"\.[a-z0-9]{1,16}", found) else ""
 
 
