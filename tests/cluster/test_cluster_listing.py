@@ -33,7 +33,7 @@ def lab(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("pattern", "found"),
     [
-        ("", ["a.mcap", "x/a.npz", "x/b.txt", "x/y/d.mcap", "w/f?.csv", "z/[f].csv", "z/f.csv"]),
+        ("", ["a.mcap", "w/f?.csv", "x/a.npz", "x/b.txt", "x/y/d.mcap", "z/[f].csv", "z/f.csv"]),
         ("x", ["x/a.npz", "x/b.txt", "x/y/d.mcap"]),
         ("**/*.mcap", ["a.mcap", "x/y/d.mcap"]),
         ("*/*.[nt]*", ["x/a.npz", "x/b.txt"]),
