@@ -10,7 +10,8 @@ from typing import Any
 
 import nats
 import pytest
-from fltea.service.ingest.inbox import Inbox, Message, Served
+from fltea.records.clock import host_ns, unix_offset_ns
+from fltea.service.ingest.inbox import Inbox, Left, Message, Served
 from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.mapping import partition_of
 from fltea.service.ingest.nats import NatsFrames
@@ -232,6 +233,27 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
     assert "never retrieved" not in caplog.text
 
 
+def test_a_lease_that_lapsed_is_not_renewed_as_if_nothing_had_been_left_out(
+    server: Callable[..., NatsServer], start: Start
+) -> None:
+    """Messages that came meanwhile were not walked: they have to be pulled again."""
+    worker = start(server())
+    wait_until(worker.serves_all, "all partitions")
+    held = worker.frames._held[2]
+    held.renewed_s -= 10
+    assert not worker.frames.serves(2)
+    held.renewed_s += 10
+    assert not worker.frames.serves(2), "a renewal that came late"
+    items: list[Any] = []
+
+    def taken_again() -> bool:
+        items.extend(worker.inbox.take(0.1))
+        return Left(2) in items and any(isinstance(one, Served) for one in items[items.index(Left(2)) :])
+
+    wait_until(taken_again, "that it is let go and taken again")
+    assert worker.frames.serves(2)
+
+
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
     server: Callable[..., NatsServer], start: Start
 ) -> None:
@@ -262,6 +284,33 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
     assert "from message 4: 2 devices" in second.texts("partition_taken")
     assert "Snapshots of 1 more cannot be read" in second.texts("partition_taken")
     assert not second.texts("nats_lost"), "a worker that has left is no fault"
+
+
+def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
+    server: Callable[..., NatsServer], start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """This machine's is an hour behind the server's."""
+    behind_ns = unix_offset_ns() - 3600 * 10**9
+    monkeypatch.setattr("fltea.service.ingest.nats.unix_offset_ns", lambda: behind_ns)
+    one = server()
+    worker = start(one)
+    wait_until(worker.serves_all, "all partitions")
+    assert "is 3600 s ahead of this machine's" in worker.texts("nats_clock")
+    worker.inbox.admission.admit("s1")
+
+    async def publish(client: Any) -> None:
+        await client.publish("fltea.s1.frames", b"x")
+        await client.flush()
+
+    ask(one, publish)
+    heard: list[Message] = []
+
+    def hears() -> bool:
+        heard.extend(item for item in worker.inbox.take(0.3) if isinstance(item, Message))
+        return bool(heard)
+
+    wait_until(hears, "the message")
+    assert abs(heard[0].arrived_ns - host_ns()) < 1800 * 10**9, "not an hour"
 
 
 def test_a_board_publishes_under_its_own_name_only(tmp_path: Path, server: Callable[..., NatsServer]) -> None:

@@ -224,6 +224,22 @@ def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
     worker.end()
 
 
+@pytest.mark.parametrize("later", [False, True])
+def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later: bool) -> None:
+    """What the device has said for an hour still waits; later: its partition has been read to the end."""
+    worker = Worker()
+    for k in range(4):
+        worker.ingest.inbox.put("a", second_of(0, k), 0, k + 1, host_ns() - 3600 * S + k * S)
+        worker.turn()
+    for line in worker.ingest._lines.values():
+        line.looked_ns = -(10**18)
+    if later:
+        worker.ingest._behind_ns.clear()
+    worker.ingest._look(host_ns())
+    told = [getattr(one, "kind", "") for one in worker.end().sink.items]
+    assert told.count("silent") == later
+
+
 def test_times_are_the_streams_whatever_this_machines_clock_says() -> None:
     """Two workers whose clocks differ from the server's, and from each other's, by hours."""
     first, second = Worker(), Worker()

@@ -26,6 +26,9 @@ from fltea.stream.snapshot import DeviceState
 TICK_NS = 2 * 10**9
 """A device that has said nothing for so long is looked at, and then as often: it may be silent."""
 
+BEHIND_NS = 5 * 10**9
+"""So long after a message that had waited for `TICK_NS` nobody of its partition is taken for silent."""
+
 LOOK_NS = 10**9
 WAIT_S = 0.25
 FIRST_NS = 2 * 10**9
@@ -128,6 +131,7 @@ class Ingest:
             self._shared = cast(SharedReceiver, self._receiver)
         self._again: dict[int, _Again] = {}
         self._caught_up: set[int] = set()
+        self._behind_ns: dict[int, int] = {}
         self._lines: dict[str, _Line] = {}
         self._broken_ns: dict[str, int] = {}
         self._load = FitLoad()
@@ -196,6 +200,8 @@ class Ingest:
 
     def _on_wait(self, partition: int | None, waited_ns: int) -> None:
         """A stream that is read behind its time shows no pressure until it has been caught up with."""
+        if partition is not None and waited_ns >= TICK_NS:
+            self._behind_ns[partition] = host_ns()
         if partition is None or partition in self._caught_up:
             self._pressure.waited(waited_ns)
         elif waited_ns < LATE_NS:
@@ -319,6 +325,8 @@ class Ingest:
             if now_ns - line.heard_ns >= forget_ns:
                 line.walk.finish()
                 self._give_up(name)
+            elif line.partition is not None and now_ns - self._behind_ns.get(line.partition, 0) < BEHIND_NS:
+                continue  # what it has said meanwhile still waits in the stream
             elif self._receiver.connected:  # else nobody could be heard, and the reason is told
                 line.looked_ns = now_ns
                 self._walk(name, line, None)

@@ -51,11 +51,15 @@ APART_NS = 5 * 10**9
 
 @dataclass
 class _Held:
-    """A partition that this worker serves. before: the last message that the one before it had walked."""
+    """A partition that this worker serves. before: the last message that the one before it had walked.
+
+    lapsed: it was not renewed in time once, so messages may have been left out: no later renewal helps.
+    """
 
     revision: int
     renewed_s: float
     before: int
+    lapsed: bool = False
     task: "asyncio.Task[None] | None" = None
 
 
@@ -103,7 +107,11 @@ class NatsFrames:
     def serves(self, partition: int) -> bool:
         """Whether this worker may still walk messages of a partition; asked for each one."""
         held = self._held.get(partition)
-        return held is not None and time.monotonic() - held.renewed_s < STOP_S
+        if held is None:
+            return False
+        if time.monotonic() - held.renewed_s >= STOP_S:
+            held.lapsed = True
+        return not held.lapsed
 
     def walked(self, partition: int, mark: int) -> None:
         """Take note of the last message that was walked."""
@@ -263,7 +271,7 @@ class NatsFrames:
                 self._report("partition_left", text)
                 await self._give_back(partition)
             elif not self.serves(partition):
-                self._let_go(partition)
+                await self._give_back(partition)
         entries = await self._store.held()
         now_s = time.monotonic()
         self._sightings.look(entries, now_s)

@@ -123,7 +123,7 @@ class Store:
             changed = {key: getattr(wanted, key) for key in differs}
             await self._change(there.evolve(**changed, duplicate_window=wanted.duplicate_window), make=False)
             return
-        self.differs += [f"{name} has {key} {_of(there, key)}, not {_of(wanted, key)}" for key in differs]
+        self.differs += [f"{name} has {key} {_text(there, key)}, not {_text(wanted, key)}" for key in differs]
 
     async def _change(self, wanted: StreamConfig, *, make: bool) -> None:
         try:
@@ -214,6 +214,14 @@ class Store:
         )
         await self._js.add_consumer(s.stream, wanted)
         return await self._js.pull_subscribe_bind(name, s.stream)
+
+
+def _text(config: StreamConfig, key: str) -> object:
+    """A limit, for people."""
+    subjects = config.subjects or []
+    if key == "subjects" and len(subjects) > 1:
+        return f"{subjects[0]} to {subjects[-1]}"
+    return _of(config, key)
 
 
 def _of(config: StreamConfig, key: str) -> object:
