@@ -4,10 +4,8 @@ At every cut there is a break, as at a gap: nothing is computed across it, and w
 not seen. No filter runs over pieces, so FLTEA's own figures are missing.
 """
 
-import tempfile
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -24,6 +22,7 @@ from fltea.cluster.rows import (
     trap_kinds,
 )
 from fltea.cluster.whole import Ask
+from fltea.cluster.work_folder import work_folder
 from fltea.identify.allan import Allan, with_white_noise
 from fltea.identify.gaps import bridged
 from fltea.identify.load import Loaded, Series, load
@@ -132,10 +131,10 @@ def sum_piece(file: File, cut: Cut, ask: Ask) -> PieceSums | str:
         OSError: it cannot be fetched now; and whatever its file system raises.
     """
     begin = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="fltea-", ignore_cleanup_errors=True) as folder:
-        path = write_piece(file, cut, Path(folder))
+    with work_folder() as folder:
+        path = write_piece(file, cut, folder)
         try:
-            found = load(ask.request(path), Path(folder))
+            found = load(ask.request(path), folder)
             axes = {name: _sums(series) for name, series in found.axes.items()}
         except (UsageError, ValueError) as error:
             return str(error).replace(str(path), f"{file.url} from byte {cut.begin}")

@@ -1,7 +1,6 @@
 """What a worker does with a recording that it reads whole."""
 
 import hashlib
-import tempfile
 import time
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from fltea import __version__
 from fltea.cluster.fetch import local_copy
 from fltea.cluster.listing import File
 from fltea.cluster.rows import Key, Row, failed, rows_of
+from fltea.cluster.work_folder import work_folder
 from fltea.identify.load import Request
 from fltea.identify.run import Settings, identify_all
 from fltea.identify.workers import Here
@@ -49,9 +49,9 @@ def identify_file(file: File, ask: Ask) -> list[Row]:
     """
     key = Key(file, ask.digest())
     begin = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="fltea-", ignore_cleanup_errors=True) as folder:
+    with work_folder() as folder:
         try:
-            path = local_copy(file, Path(folder))
+            path = local_copy(file, folder)
             (report,) = identify_all([ask.request(path)], ask.settings, Here())
         except FlteaError as error:
             return failed(key, str(error), again=not isinstance(error, UsageError))
