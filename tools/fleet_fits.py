@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator], Array]
 
 SAMPLES = 1 << 17
+LONG = 1 << 19
+"""So many tell α to ± 0.05."""
 USUAL = Noise(B=0.003, K=0.0015)
 """Of most axes: all of N, B and K show."""
 USUAL_FITS, RELAXING_FITS, OTHER_FITS = 12, 4, 2
@@ -49,7 +51,7 @@ def _relaxation(rng: np.random.Generator) -> Array:
 OTHER: dict[str, Draw] = {
     "white": _white,
     "warming up": lambda rng: _white(rng) + 0.004 * _time_s() / _time_s()[-1],
-    "fractional": lambda rng: Noise(fractional=(0.6, -1.0, 1e-4)).draw(SAMPLES, rng),
+    "fractional": lambda rng: Noise(fractional=(0.6, -1.0, 1e-4)).draw(LONG, rng),
     "filtered": lambda rng: Noise(low_pass_hz=20.0).draw(SAMPLES, rng),
     "loose": lambda rng: Noise(resonance=(12.0, 0.95, 5e-5)).draw(SAMPLES, rng),
     "beside a motor": lambda rng: _white(rng) + 0.01 * np.sin(2 * np.pi * 17.3 * _time_s()),
@@ -58,7 +60,10 @@ OTHER: dict[str, Draw] = {
     "asleep": lambda _: np.full(SAMPLES, 0.1),
     "just begun": lambda rng: _white(rng, 30),
 }
-"""Other noises of the same sensors. Their N is about the usual one, so that nobody is unlike the others."""
+"""Other noises of the same sensors, the fractional one twice as often.
+
+Their N is about the usual one, so that nobody is unlike the others.
+"""
 
 RELAXING = "relaxing"
 """The noise of the second chip, whose figures are its own."""
@@ -75,7 +80,7 @@ def axis_fit(rng: np.random.Generator, factor: float, *, second: bool, changed: 
     if second:
         kind, count = RELAXING, RELAXING_FITS
     elif rng.random() < OTHERS:
-        kind, count = str(rng.choice(list(OTHER))), OTHER_FITS
+        kind, count = str(rng.choice([*OTHER, "fractional"])), OTHER_FITS
     return scaled(_fit(kind, int(rng.integers(count)), None), factor)
 
 

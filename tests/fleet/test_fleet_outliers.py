@@ -83,3 +83,12 @@ def test_figures_that_are_no_numbers_are_left_out(R: float, rate_hz: float) -> N
     fit = AxisFit("drift", "text", "deg/s", R=Interval(R, R / 2, R * 1.5))
     for figure in figures_of(fit, rate_hz, {}).values():
         assert 0 <= figure.low < figure.high < float("inf")
+
+
+def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
+    """Of a likelihood with two maxima: the value is in the tail of the others, its interval is narrow."""
+    rng = np.random.default_rng(8)
+    std = np.full(40, 0.1)
+    value = rng.normal(0, std)
+    value[7], std[7] = -0.35, 0.01
+    assert judge(value, value - 1.96 * std, value + 1.96 * std, comparisons=200)[1] == []

@@ -3,12 +3,8 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from fltea.fleet.messages import Allan, AxisFit, Interval
 from fltea.noise.spectra import HIGHEST_ORDER
-from fltea.spectrum.allan_coefficients import SPAN, TOLERANCE
-from fltea.spectrum.allan_curve import local_slopes
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 """Verdicts that leave room for an order."""
@@ -20,7 +16,10 @@ HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
 """Orders above are at the end of what is fitted."""
 
 SAME_N = 0.1
-"""As a ratio less one: lines through one stretch differ by less, those through two by more."""
+"""As a ratio less one: so far N of the curve may be from the fit's white noise."""
+
+ALPHA_KNOWN = 0.05
+"""Half the width of its interval, as `live.target` has it."""
 
 MOST_POINTS = 200
 """Of a curve; a daemon sends some forty."""
@@ -66,18 +65,37 @@ def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -
     """What a fit says; an Allan deviation does not come with each, so the last one counts."""
     found = {name: before[name] for name in "NBK" if name in before and fit.allan is None}
     if fit.allan is not None:
-        found |= _of_allan(fit.allan, filtered=fit.verdict == "low-pass")
+        found |= _of_allan(fit.allan)
     density = _density(fit, rate_hz, found.get("N"))
     if density is not None:
         found["density"] = density
     if fit.verdict in WITH_ORDER:
-        # An interval that ends where the parameter's range does is cut off there: its width says too little.
-        alpha, f = _figure(fit.alpha), _figure(fit.f)
-        if alpha is not None and alpha.low > 0 and alpha.high < HIGHEST_FITTED:
-            found["alpha"] = alpha
-        if f is not None and f.high < 0:
-            found["f"] = f
+        if "N" in found and density is not None and not _is_of_white_noise(found["N"], density):
+            del found["N"]
+        found |= _of_order(_figure(fit.alpha), _figure(fit.f))
     return found
+
+
+def _is_of_white_noise(N: Figure, density: Figure) -> bool:
+    """Whether a curve's stretch of slope -1/2 is the white noise of the fit.
+
+    Noise with an order may have such a stretch elsewhere, or two of about the same length. Where N is read
+    then depends on chance and on the record's length: sensors of one noise would be twice and more apart.
+    """
+    return abs(math.log(math.sqrt(2) * N.value / density.value)) <= SAME_N
+
+
+def _of_order(alpha: Figure | None, f: Figure | None) -> dict[str, Figure]:
+    """α and f, once α is known as well as a daemon aims at.
+
+    Before that the likelihood may have two maxima, and an interval the wrong one alone: in one of a hundred
+    fits α is then twenty of its deviations off. An interval that ends where the range of its parameter does
+    is cut off there, and its width says too little.
+    """
+    if alpha is None or alpha.high - alpha.low > 2 * ALPHA_KNOWN:
+        return {}
+    found = {"alpha": alpha} if alpha.low > 0 and alpha.high < HIGHEST_FITTED else {}
+    return found | {"f": f} if f is not None and f.high < 0 else found
 
 
 def _density(fit: AxisFit, rate_hz: float | None, N: Figure | None) -> Figure | None:
@@ -107,20 +125,17 @@ def _sound(value: float, low: float, high: float) -> Figure | None:
     return Figure(value, low, high)
 
 
-def _of_allan(allan: Allan, *, filtered: bool) -> dict[str, Figure]:
+def _of_allan(allan: Allan) -> dict[str, Figure]:
     """N, B and K with the relative interval of a point of the curve.
 
     N is a mean that is known about as well as the best known point of its line. B and K are not: the points
-    of long averaging times go up and down together. So theirs is of the point next to the line. filtered: N
-    was not read off the curve, which is bent.
+    of long averaging times go up and down together. So theirs is of the point next to the line.
     """
     curve = zip(allan.tau_s[:MOST_POINTS], allan.adev, allan.low, allan.high, strict=False)
     points = [Point(*one) for one in curve if min(one) > 0 and all(map(math.isfinite, one))]
     found = {}
     for name, value in (("N", allan.N), ("B", allan.B), ("K", allan.K)):
         if value is None or not points or not 0 < value < math.inf:
-            continue
-        if name == "N" and not filtered and not _is_of_first_stretch(value, points):
             continue
         log_line = [math.log(value) + math.log(_slope(name, point.tau_s)) for point in points]
         away = [abs(math.log(point.adev) - here) for point, here in zip(points, log_line, strict=True)]
@@ -133,26 +148,6 @@ def _of_allan(allan: Allan, *, filtered: bool) -> dict[str, Figure]:
         if figure is not None:
             found[name] = figure
     return found
-
-
-def _is_of_first_stretch(N: float, points: list[Point]) -> bool:
-    """Whether N was read off the first stretch of slope -1/2, if there is any.
-
-    A curve may have two of about the same length, with another N each. Chance tells then which of them is the
-    longer, so that sensors of one noise would be twice and more apart.
-    """
-    if points[0].adev * math.sqrt(points[0].tau_s) * (1 + SAME_N) >= N:
-        return True  # as nearly all are, and cheaply told
-    tau, adev = (np.array(column) for column in list(zip(*points, strict=True))[:2])
-    with np.errstate(all="ignore"):  # a point without neighbours has no slope; a stranger's may be any number
-        inside = np.abs(local_slopes(tau, adev) + 0.5) <= TOLERANCE
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
-        for start, stop in edges.reshape(-1, 2).tolist():
-            if tau[stop - 1] >= SPAN * tau[start]:
-                part = slice(start, stop)
-                first = np.average(np.log(adev[part]) + np.log(tau[part]) / 2, weights=1 / tau[part])
-                return bool(abs(math.log(N) - first) <= SAME_N)
-    return True
 
 
 def _slope(name: str, tau_s: float) -> float:
