@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 from cluster_support import ASK, open_table, rows_in
+from fltea.cluster import listing
 from fltea.cluster.listing import files_of
 from fltea.cluster.run import run
 from fltea.cluster.whole import identify_file
@@ -51,6 +52,18 @@ class Endless(BaseHTTPRequestHandler):
             pass
 
 
+class Silent(Endless):
+    """Sends one byte of a file, and no more."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Length", str(self._declared))
+        self.send_header("Accept-Ranges", "none")
+        self.end_headers()
+        self.wfile.write(b"1")
+        self.rfile.read()  # until the other side has gone
+
+
 @pytest.fixture
 def sent() -> list[int]:
     return [0]
@@ -62,8 +75,13 @@ def declared(request: pytest.FixtureRequest) -> int | None:
 
 
 @pytest.fixture
-def url(declared: int | None, sent: list[int]) -> Iterator[str]:
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Endless, declared, sent)) as one:
+def handler() -> type[Endless]:
+    return Endless
+
+
+@pytest.fixture
+def url(handler: type[Endless], declared: int | None, sent: list[int]) -> Iterator[str]:
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(handler, declared, sent)) as one:
         one.daemon_threads = True
         thread = threading.Thread(target=one.serve_forever, args=(0.02,))
         thread.start()
@@ -120,3 +138,17 @@ def test_more_than_fits(url: str, sent: list[int], disk: Path) -> None:
     assert "TMPDIR" in (row.error or "")
     assert row.again
     assert sent == [0]
+
+
+@pytest.mark.parametrize("declared", [1000], indirect=True)
+@pytest.mark.parametrize("handler", [Silent])
+def test_a_server_that_says_no_more(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is not waited for; one that goes on sending is, however long it takes."""
+    monkeypatch.setattr(listing, "SILENT_S", 0.3)
+    files = list(files_of([url]))
+    with open_table(tmp_path / "v.parquet") as table:
+        assert run(files, ASK, Here(), table).failed == 1
+    (row,) = rows_in(tmp_path / "v.parquet")
+    assert "Timeout" in row["error"]
+    assert row["again"]
+    assert listing.file_system("http").client_kwargs["timeout"].total is None

@@ -21,6 +21,8 @@ MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
 """Of patterns. Behind a question mark in a web address stands what the server is asked."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
 """What file systems call it when a file is no longer the same, the surest first."""
+SILENT_S = 60.0
+"""How long a web server may send nothing."""
 PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
 """What file systems need that no extra of fltea has."""
 JOURNAL = "_journal.ndjson"
@@ -63,7 +65,8 @@ def file_system(protocol: str) -> Any:
         )
     fsspec = load("fsspec", "fsspec", "cloud", "Files by URL need")
     try:
-        return fsspec.filesystem(protocol, use_listings_cache=False)
+        options = _patience() if protocol in WEB else {}
+        return fsspec.filesystem(protocol, use_listings_cache=False, **options)
     except ImportError as error:
         package = PACKAGES.get(protocol)
         install = how_to_install("cloud")
@@ -72,6 +75,15 @@ def file_system(protocol: str) -> Any:
         raise UsageError(
             f"{protocol}:// needs {package or 'a package'}, which is not installed ({error}): {install}."
         ) from error
+
+
+def _patience() -> dict[str, Any]:
+    """By itself aiohttp gives a file five minutes in all, and as long to one that is silent."""
+    from aiohttp import ClientTimeout
+
+    return {
+        "client_kwargs": {"timeout": ClientTimeout(total=None, sock_connect=SILENT_S, sock_read=SILENT_S)}
+    }
 
 
 def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
