@@ -25,6 +25,8 @@ DAY_NS = 86_400 * 10**9
 SHORT_SPLIT_S, LONG_SPLIT_S = 2.0, 60.0
 FIT_EVERY_S = 10.0
 AT_ONCE_S = 5.0
+KEEPALIVE_PATIENCE_S = 60.0
+"""A silent line is told after one to two keepalives of 15 s."""
 
 
 def broker_killed(folder: Path) -> Outcome:
@@ -88,7 +90,7 @@ def cut_off(folder: Path) -> Outcome:
         stage.until(stage.is_up_to_date, "the fits")
         stage.line.cut()
         stage.publish(1)
-        stage.until(lambda: "broker_lost" in stage.kinds(), "word of it")
+        stage.until(lambda: "broker_lost" in stage.kinds(), "word of it", KEEPALIVE_PATIENCE_S)
         stage.publish(2)
         stage.line.heal()
         stage.until(lambda: stage.summary()["connected"], "the connection")
