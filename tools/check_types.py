@@ -26,6 +26,7 @@ BY_PACKAGE = (
     "tools.fleet_noise",
     "tools.frames_load",
     "tools.nats_server",
+    "tools.nats_users",
     "tools.ndjson_summary",
 )
 """Modules of `tools` that are imported with its name, since they need its packages."""

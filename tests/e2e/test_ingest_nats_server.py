@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import itertools
 import socket
 import threading
 from collections.abc import Callable, Coroutine, Iterator
@@ -11,11 +12,12 @@ from typing import Any
 import nats
 import pytest
 from fltea.records.clock import host_ns, unix_offset_ns
-from fltea.service.ingest.inbox import Inbox, Left, Message, Served
+from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
 from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.mapping import partition_of
 from fltea.service.ingest.nats import NatsFrames
 from fltea.service.ingest.nats_texts import explain_no_connection
+from fltea.service.ingest.store import Unfit
 from fltea.settings.config import load_configs
 from mosquitto_support import free_port
 from nats_support import PARTITIONS, NatsServer, mapping, single
@@ -45,14 +47,15 @@ def server(tmp_path: Path) -> Iterator[Callable[..., NatsServer]]:
 class Worker:
     """The part of a worker that talks to the server."""
 
-    def __init__(self, url: str, **settings: Any) -> None:
+    def __init__(self, url: str, start: bool = True, **settings: Any) -> None:
         flags = {"format": "none", "ingest.partitions": PARTITIONS}
         flags |= {f"ingest.{key}": value for key, value in settings.items()}
         (config,) = load_configs(None, flags, [url])
         self.told: list[tuple[str, str]] = []
         self.inbox = Inbox(100, 1 << 20)
         self.frames = NatsFrames(config, self.inbox, lambda kind, text: self.told.append((kind, text)))
-        self.frames.start()
+        if start:
+            self.frames.start()
 
     def texts(self, kind: str) -> str:
         return " ".join(text for one, text in self.told if one == kind)
@@ -159,6 +162,23 @@ def test_a_server_that_cannot_keep_frames_is_told(
     assert text in worker.texts("nats_settings")
 
 
+def test_another_reason_of_the_same_outage_is_told_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The server is away, comes back without JetStream, and goes again: each reason once."""
+    reasons = iter((OSError(), Unfit("no JetStream"), OSError(), Unfit("no JetStream")))
+    worker = Worker("nats://127.0.0.1:1", start=False)
+
+    async def serve() -> None:
+        try:
+            raise next(reasons)
+        except StopIteration:
+            worker.frames._stop.set()
+
+    monkeypatch.setattr(worker.frames, "_serve", serve)
+    monkeypatch.setattr("fltea.service.ingest.nats.AGAIN_S", 0.0)
+    worker.frames._run()
+    assert [kind for kind, _ in worker.told] == ["nats_lost", "nats_settings"]
+
+
 def test_a_port_of_another_program_is_told() -> None:
     assert "4222" in explain_no_connection(TimeoutError())
     with socket.create_server(("127.0.0.1", 0)) as other:
@@ -233,25 +253,47 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
     assert "never retrieved" not in caplog.text
 
 
-def test_a_lease_that_lapsed_is_not_renewed_as_if_nothing_had_been_left_out(
+def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     server: Callable[..., NatsServer], start: Start
 ) -> None:
-    """Messages that came meanwhile were not walked: they have to be pulled again."""
-    worker = start(server())
+    """A worker that got no time to renew; nobody took its partition meanwhile."""
+    one = server()
+    worker = start(one)
     wait_until(worker.serves_all, "all partitions")
-    held = worker.frames._held[2]
-    held.renewed_s -= 10
-    assert not worker.frames.serves(2)
-    held.renewed_s += 10
-    assert not worker.frames.serves(2), "a renewal that came late"
+    worker.inbox.admission.admit("s1")
+    partition = partition_of("s1", PARTITIONS)
     items: list[Any] = []
 
-    def taken_again() -> bool:
-        items.extend(worker.inbox.take(0.1))
-        return Left(2) in items and any(isinstance(one, Served) for one in items[items.index(Left(2)) :])
+    def hears(last: int) -> bool:
+        """Walk as the loop of the worker does."""
+        for item in worker.inbox.take(0.1):
+            items.append(item)
+            if isinstance(item, Resumed):
+                worker.frames.resume(item.partition)
+            elif isinstance(item, Message) and worker.frames.serves(partition):
+                worker.frames.walked(partition, item.mark)
+                walked.append(int(item.data))
+        return bool(walked) and walked[-1] == last
 
-    wait_until(taken_again, "that it is let go and taken again")
-    assert worker.frames.serves(2)
+    async def publish(client: Any) -> None:
+        for _ in range(20):
+            await client.publish("fltea.s1.frames", b"%d" % next(numbers))
+        await client.flush()
+
+    walked: list[int] = []
+    numbers = itertools.count()
+    ask(one, publish)
+    wait_until(lambda: hears(19), "the first messages")
+    held = worker.frames._held[partition]
+    held.renewed_s -= 10
+    assert not worker.frames.serves(partition)
+    held.renewed_s += 10
+    assert not worker.frames.serves(partition), "a renewal that came late"
+    ask(one, publish)
+    ask(one, publish)
+    wait_until(lambda: hears(59), "all of them")
+    assert walked == list(range(60))
+    assert not any(isinstance(item, Left) for item in items), "its devices go on"
 
 
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(

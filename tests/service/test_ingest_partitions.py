@@ -41,6 +41,9 @@ class FakeReceiver:
     def serves(self, partition: int) -> bool:
         return partition in self.mine
 
+    def resume(self, partition: int) -> None:
+        self.mine.add(partition)
+
     def walked(self, partition: int, mark: int) -> None:
         self.done[partition] = mark
 

@@ -33,11 +33,21 @@ class Message(NamedTuple):
 
 
 class Served(NamedTuple):
-    """From here on messages of a partition come. kept: its devices, as another left them after `done`."""
+    """From here on messages of a partition come, behind `start`.
+
+    kept: its devices, as another left them after `done`.
+    """
 
     partition: int
     kept: dict[str, Kept]
     done: int
+    start: int = 0
+
+
+class Resumed(NamedTuple):
+    """From here on the messages of a partition come that were left out while its lease had lapsed."""
+
+    partition: int
 
 
 class Left(NamedTuple):
@@ -46,7 +56,7 @@ class Left(NamedTuple):
     partition: int
 
 
-Item = Message | Served | Left
+Item = Message | Served | Resumed | Left
 
 
 class Inbox:
@@ -104,7 +114,7 @@ class Inbox:
             self._queue.append(Message(device, data, now_ns, partition, mark))
             self._changed.notify()
 
-    def post(self, item: Served | Left) -> None:
+    def post(self, item: Served | Resumed | Left) -> None:
         """Queue what is rare, behind all messages that are there."""
         with self._changed:
             self._queue.append(item)

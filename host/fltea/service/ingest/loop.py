@@ -12,7 +12,7 @@ from fltea.records.events import Chunk
 from fltea.records.ports import Report
 from fltea.records.repeat import OnceAMinute
 from fltea.service.hub import Hub
-from fltea.service.ingest.inbox import Inbox, Left, Message, Served
+from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
 from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.losses import Losses
 from fltea.service.ingest.pressure import LATE_NS, Pressure
@@ -69,6 +69,9 @@ class SharedReceiver(Receiver, Protocol):
 
     def serves(self, partition: int) -> bool:
         """Whether messages of a partition may still be walked here."""
+
+    def resume(self, partition: int) -> None:
+        """Take note that the messages come again that were left out while `serves` said no."""
 
     def walked(self, partition: int, mark: int) -> None:
         """Take note of the last message that was walked."""
@@ -227,8 +230,12 @@ class Ingest:
             self._report("partition_caught_up", text)
         return True
 
-    def _on_partition(self, item: Served | Left) -> None:
-        """Go on with a partition's devices where another left them, or let go of them."""
+    def _on_partition(self, item: Served | Resumed | Left) -> None:
+        """Go on with a partition's devices where another left them or we did, or let go of them."""
+        assert self._shared is not None
+        if isinstance(item, Resumed):
+            self._shared.resume(item.partition)
+            return
         self._caught_up.discard(item.partition)
         self._again.pop(item.partition, None)
         for name, line in list(self._lines.items()):
@@ -237,6 +244,7 @@ class Ingest:
                 self._give_up(name, moved=True)
         if isinstance(item, Left):
             return
+        self._shared.walked(item.partition, item.start)
         self._again[item.partition] = _Again(item.done)
         for name, kept in item.kept.items():
             now_ns = host_ns()

@@ -25,7 +25,7 @@ from fltea.records.errors import UsageError
 from fltea.records.ports import Report
 from fltea.records.repeat import OnceAMinute
 from fltea.service.ingest import mapping
-from fltea.service.ingest.inbox import Inbox, Left, Served
+from fltea.service.ingest.inbox import Inbox, Left, Resumed, Served
 from fltea.service.ingest.leases import RENEW_S, STOP_S, Lease, Sightings, is_free, lease_of, share, surplus
 from fltea.service.ingest.nats_texts import PASSWORD, USER, explain, explain_no_connection
 from fltea.service.ingest.pull import pull
@@ -33,6 +33,9 @@ from fltea.service.ingest.store import Store, Unfit
 from fltea.settings.config import Config
 
 LOOK_S = 0.5
+AGAIN_S = 1.0
+"""From one attempt to connect to the next."""
+
 GRACE_S = 2 * RENEW_S
 """After an outage of the server: who comes back first would else take all, and give it back at once."""
 
@@ -53,14 +56,20 @@ APART_NS = 5 * 10**9
 class _Held:
     """A partition that this worker serves. before: the last message that the one before it had walked.
 
-    lapsed: it was not renewed in time once, so messages may have been left out: no later renewal helps.
+    lapsed: it was not renewed in time, so messages are left out, until those that follow the last one walked
+    come again. resuming: they have been asked for.
     """
 
     revision: int
     renewed_s: float
     before: int
     lapsed: bool = False
+    resuming: bool = False
     task: "asyncio.Task[None] | None" = None
+
+    def is_fresh(self) -> bool:
+        """Whether nobody else can have it yet."""
+        return time.monotonic() - self.renewed_s < STOP_S
 
 
 class NatsFrames:
@@ -85,7 +94,7 @@ class NatsFrames:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop = threading.Event()
         self._puts: set[concurrent.futures.Future[None]] = set()
-        self._told_down = False
+        self._told_down: set[bool] = set()
         self._takes_from_s = 0.0
         self._thread = threading.Thread(target=self._run, name="nats", daemon=True)
         self._told = OnceAMinute()
@@ -109,9 +118,15 @@ class NatsFrames:
         held = self._held.get(partition)
         if held is None:
             return False
-        if time.monotonic() - held.renewed_s >= STOP_S:
+        if not held.is_fresh():
             held.lapsed = True
         return not held.lapsed
+
+    def resume(self, partition: int) -> None:
+        """From here on come the messages that were left out."""
+        held = self._held.get(partition)
+        if held is not None:
+            held.lapsed, held.resuming = not held.is_fresh(), False
 
     def walked(self, partition: int, mark: int) -> None:
         """Take note of the last message that was walked."""
@@ -155,16 +170,23 @@ class NatsFrames:
                 asyncio.run(self._serve())
             except Exception as error:  # whatever network, TLS and server raise: tried again
                 self.connected = False
-                if not self._stop.is_set() and not self._told_down:
-                    self._told_down = True
-                    text = explain(error) if self._reached else explain_no_connection(error)
-                    self._report(
-                        "nats_settings" if isinstance(error, Unfit) else "nats_lost",
-                        f"{self.url}: {text} It is tried again.",
-                    )
+                if not self._stop.is_set():
+                    self._tell_down(error)
             for partition in list(self._held):
                 self._let_go(partition)
-            self._stop.wait(1.0)
+            self._stop.wait(AGAIN_S)
+
+    def _tell_down(self, error: Exception) -> None:
+        """Of an outage each reason once: no server, or one that is not fit."""
+        unfit = isinstance(error, Unfit)
+        if unfit in self._told_down:
+            return
+        self._told_down.add(unfit)
+        text = explain(error) if self._reached else explain_no_connection(error)
+        self._report(
+            "nats_settings" if unfit else "nats_lost",
+            f"{self.url}: {text} It is tried again.",
+        )
 
     async def _serve(self) -> None:
         self._loop, self._reached = asyncio.get_running_loop(), False
@@ -187,7 +209,7 @@ class NatsFrames:
             self._tell_differences()
             self.connected = True
             if self._told_down:
-                self._told_down = False
+                self._told_down = set()
                 self._takes_from_s = time.monotonic() + GRACE_S
                 self._report("nats_back", f"{self.url} is back; devices go on from their snapshots.")
             renewed_s, probed_s = -RENEW_S, -PROBE_S
@@ -270,8 +292,8 @@ class NatsFrames:
                 text = f"{self.url}: partition {partition} is given back: {explain(failed)}"
                 self._report("partition_left", text)
                 await self._give_back(partition)
-            elif not self.serves(partition):
-                await self._give_back(partition)
+            elif held.lapsed and held.is_fresh() and not held.resuming:
+                await self._pull_again(partition, held)
         entries = await self._store.held()
         now_s = time.monotonic()
         self._sightings.look(entries, now_s)
@@ -309,9 +331,8 @@ class NatsFrames:
             held.before = 0
             start, kept = 1, {name: msgspec.structs.replace(one, mark=0) for name, one in kept.items()}
         self.done[partition] = start - 1
-        self._inbox.post(Served(partition, kept, before.done))
-        pulling = pull(self._store, self._inbox, partition, start, lambda: self.unix_offset_ns)
-        held.task = asyncio.create_task(pulling)
+        self._inbox.post(Served(partition, kept, before.done, start - 1))
+        held.task = self._pull(partition, start)
         if before.owner or kept or unreadable:
             whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
             gone = max(0, first - start) if marks else 0
@@ -323,6 +344,20 @@ class NatsFrames:
                 f"devices go on from snapshots; messages up to {before.done} had been walked before.{lost}"
             )
             self._report("partition_taken", text)
+
+    def _pull(self, partition: int, start: int) -> "asyncio.Task[None]":
+        return asyncio.create_task(
+            pull(self._store, self._inbox, partition, start, lambda: self.unix_offset_ns)
+        )
+
+    async def _pull_again(self, partition: int, held: _Held) -> None:
+        """The lease was late, and nobody took it: go on behind the last message that was walked."""
+        if held.task is not None:
+            held.task.cancel()
+            await asyncio.wait([held.task])
+        held.resuming = True
+        self._inbox.post(Resumed(partition))
+        held.task = self._pull(partition, self.done.get(partition, held.before) + 1)
 
     async def _give_back(self, partition: int) -> None:
         held = self._held[partition]
