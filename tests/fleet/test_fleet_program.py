@@ -11,6 +11,7 @@ from fltea.fleet.program import Fleet, Plan
 from fltea.settings.outputs import MqttConfig
 
 HELLO = b'{"rate_hz":100.0}'
+FIT = b'{"seq":1,"epoch":1,"samples":1,"axes":{"gyro_x":{"verdict":"white","text":"","unit":"deg/s"}}}'
 ONLINE = b'{"status":"online"}'
 OFFLINE = b'{"status":"offline","reason":"connection_lost"}'
 
@@ -28,6 +29,7 @@ class Broker:
         self.is_up = threading.Event()
         self.connections = self.outages = 0
         self.published: list[tuple[str, Any]] = []
+        self.asked: list[str] = []
 
     def come(self) -> None:
         self.connections += 1
@@ -38,7 +40,7 @@ class Broker:
         self.published.append((topic, json.loads(payload)))
 
     def fetch(self, device_ids: list[str]) -> None:
-        pass
+        self.asked += device_ids
 
     def close(self) -> None:
         pass
@@ -90,6 +92,21 @@ def test_an_outage_of_the_broker_makes_nobody_silent(stage: Stage) -> None:
     assert stage.kinds() == [("list", 0), ("list", 0)]
     stage.wait(60)
     assert stage.kinds()[2:] == [("list", 1), ("raised", "silent")]
+    stage.fleet.close()
+
+
+def test_what_the_broker_took_meanwhile_is_asked_for(stage: Stage) -> None:
+    """It retains the newest fit, of which nobody else would tell until the next."""
+    stage.broker.come()
+    for payload, kind in ((HELLO, "hello"), (ONLINE, "status"), (FIT, "fit")):
+        stage.fleet.take(f"fltea/a/{kind}", payload)
+    stage.wait(100)
+    assert stage.broker.asked == ["a"]
+    stage.broker.is_up.clear()
+    stage.wait(100)
+    stage.broker.come()
+    stage.wait(100)
+    assert stage.broker.asked == ["a", "a"]
     stage.fleet.close()
 
 

@@ -69,6 +69,7 @@ class Fleet:
         self._say = say or (lambda text: print(text, file=sys.stderr, flush=True))
         self._look_due = 0.0
         self._asked: dict[str, tuple[int, float]] = {}
+        self._asked_over = 0
         self._told = ""
         self._unsent: deque[Alert] = deque()
         self._list_sent = 0
@@ -117,14 +118,16 @@ class Fleet:
         self._told = kind
 
     def _lacking(self, now: float) -> list[str]:
-        """Sensors of which no fit or no HELLO came yet, some of them."""
+        """Some sensors that were not asked for over this connection, or still lack a fit or a HELLO."""
         found: list[str] = []
         with self.lock:
+            if self._asked_over != self.listener.connections:
+                self._asked_over = self.listener.connections
+                self._asked.clear()
             for name, sensor in chain(self.roll.sensors.items(), self.roll.strangers.items()):
-                if sensor.axes and sensor.hello is not None:
-                    continue
                 times, due = self._asked.get(name, (0, 0.0))
-                if times < ASK_TIMES and now >= due:
+                is_whole = bool(sensor.axes) and sensor.hello is not None
+                if times < (1 if is_whole else ASK_TIMES) and now >= due:
                     self._asked[name] = times + 1, now + ASK_EVERY_S
                     found.append(name)
                     if len(found) == ASK_AT_ONCE:
@@ -135,11 +138,7 @@ class Fleet:
     def is_complete(self) -> bool:
         """Whether all that the broker retains has been asked for."""
         with self.lock:
-            return all(
-                name in self._asked
-                for name, sensor in chain(self.roll.sensors.items(), self.roll.strangers.items())
-                if not sensor.axes or sensor.hello is None
-            )
+            return all(name in self._asked for name in chain(self.roll.sensors, self.roll.strangers))
 
     def look_now(self) -> None:
         """Compare all sensors, and publish what has begun or ended."""
