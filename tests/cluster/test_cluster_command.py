@@ -114,6 +114,20 @@ def test_a_failure_of_an_earlier_run_ends_with_one_too(
     assert here(monkeypatch, tmp_path / "in", "--out", out) == 0
 
 
+def test_ctrl_c_says_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
+    with monkeypatch.context() as patch:
+        patch.setattr("fltea.cluster.run.run", stop)
+        assert here(patch, path, "--out", out) == 130
+    assert f"{out}: stopped; the same command does what is not in the table" in capsys.readouterr().err
+    assert here(monkeypatch, path, "--out", out) == 0
+
+
 def test_a_file_that_is_named_twice_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also while it is under way."""
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"

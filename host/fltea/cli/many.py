@@ -66,6 +66,9 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
                 done = run(files_of(files), ask, workers, table, tell)
         finally:
             workers.close()
+    except KeyboardInterrupt:
+        say(f"fltea: {out}: stopped; the same command does what is not in the table.")
+        raise
     finally:
         table.close()
     say(f"fltea: {out}: {_line(done, time.monotonic() - begin)}")
