@@ -26,6 +26,7 @@ class Boards:
         self.names = self._sensors.names
         self.seconds = 0
         self._client = Client(CallbackAPIVersion.VERSION2, "boards", protocol=MQTTProtocolVersion.MQTTv311)
+        self._client.max_inflight_messages_set(1)  # else the library changes their order after an outage
         self._client.reconnect_delay_set(1, 1)
         self._client.connect("127.0.0.1", port)
         self._client.loop_start()
