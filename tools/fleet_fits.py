@@ -102,9 +102,11 @@ def scaled(fit: AxisFit, factor: float) -> AxisFit:
     """The fit of the same samples, each times `factor`."""
     allan, spectrum = fit.allan, fit.spectrum
     if allan is not None:
-        curves = (_times(one, factor) for one in (allan.adev, allan.low, allan.high, allan.model))
-        read = (None if one is None else one * factor for one in (allan.N, allan.B, allan.K))
-        allan = FitAllan(allan.tau_s, *curves, *read)
+        adev, low, high, model = (
+            _times(one, factor) for one in (allan.adev, allan.low, allan.high, allan.model)
+        )
+        N, B, K = (None if one is None else one * factor for one in (allan.N, allan.B, allan.K))
+        allan = FitAllan(allan.tau_s, adev, low, high, model, N, B, K)
     if spectrum is not None:
         curves = (_times(one, factor) for one in (spectrum.density, spectrum.model))
         spectrum = FitSpectrum(spectrum.hz, *curves)

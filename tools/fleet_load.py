@@ -44,7 +44,7 @@ class Bad(NamedTuple):
     times: float
 
 
-BAD = ((3, "gyro_y", "N", 2.5), (31, "gyro_x", "B", 5.0), (57, "gyro_z", "K", 3.0))
+BAD = ((3, "gyro_y", "N", 2.5), (31, "gyro_x", "B", 5.0), (57, "gyro_z", "K", 4.0))
 
 
 def bad_ones(sensors: int, count: int) -> list[Bad]:

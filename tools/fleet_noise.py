@@ -49,7 +49,7 @@ class Noise(NamedTuple):
     def draw(self, samples: int, rng: np.random.Generator, rate_hz: float = RATE_HZ) -> Array:
         """A record (samples,): half a period of periodic noise, so that its ends do not know each other."""
         whole = np.fft.rfft(rng.standard_normal(2 * samples))
-        hz = np.fft.rfftfreq(2 * samples, 1 / rate_hz)
+        hz = np.asarray(np.fft.rfftfreq(2 * samples, 1 / rate_hz), dtype=np.float64)
         whole[0] = 0.0
         whole[1:] *= np.sqrt(self.spectrum(hz[1:], rate_hz))
         return np.asarray(np.fft.irfft(whole, 2 * samples)[:samples])
@@ -65,11 +65,9 @@ NOISES = {
 }
 
 
-def fits(
-    record: Array, at: Iterable[int], rate_hz: float = RATE_HZ, settings: LiveConfig | None = None
-) -> Iterator[AxisFit]:
+def fits(record: Array, at: Iterable[int], rate_hz: float = RATE_HZ) -> Iterator[AxisFit]:
     """What a daemon says of an axis, with curves, after so many samples of its record, rising."""
-    live = LiveAxes(("gyro_x",), 1 / rate_hz, settings or LiveConfig(), GYRO_UNIT)
+    live = LiveAxes(("gyro_x",), 1 / rate_hz, LiveConfig(), GYRO_UNIT)
     taken = 0
     for samples in at:
         live.add(np.ascontiguousarray(record[taken:samples, np.newaxis]))

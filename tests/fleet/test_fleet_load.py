@@ -31,7 +31,7 @@ def test_a_scaled_fit_is_the_fit_of_scaled_samples(kind: str) -> None:
     )
 
 
-@pytest.mark.parametrize(("sensors", "bad"), [(60, 3), (200, 3), (300, 6), (150, 0)])
+@pytest.mark.parametrize(("sensors", "bad"), [(100, 3), (200, 3), (300, 6), (150, 0)])
 def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -> None:
     roll, ones = Roll(), fleet_load.bad_ones(sensors, bad)
     for place in range(sensors):
