@@ -40,7 +40,8 @@ class Server:
         mapping = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
         settings.write_text(
             f"listen: 127.0.0.1:{self.port}\nserver_name: one\nmax_payload: 2MB\n"
-            f'jetstream {{ store_dir: "{folder}/js", max_file_store: 8GB }}\nmqtt {{ listen: 127.0.0.1:{self.mqtt_port} }}\n'
+            f'jetstream {{ store_dir: "{folder}/js", max_file_store: 8GB }}\n'
+            f"mqtt {{ listen: 127.0.0.1:{self.mqtt_port} }}\n"
             f'mappings {{ "fltea.*.frames": "{mapping}" }}\n'
         )
         self._command = [program, "-c", str(settings)]
