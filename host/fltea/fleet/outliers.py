@@ -64,11 +64,10 @@ def judge(
     if n < FEWEST:
         return None, []
     std = np.maximum(high - low, 1e-300) / (2 * 1.959963984540054)
+    middle, spread = _usual(value, std)
     # An interval may be too narrow by chance, as where a likelihood has two maxima and it holds the wrong one
     # alone: of 150 fits of one fractional noise one has an order 20 of its own deviations away.
-    std = np.maximum(std, np.median(std))
-    middle, spread = _usual(value, std)
-    distance = (value - middle) / np.sqrt(spread**2 + std**2)
+    distance = (value - middle) / np.hypot(spread, np.maximum(std, np.median(std)))
     limit = student_quantile(1 - level / (2 * max(1, comparisons)), EFFICIENCY * (n - 1))
     odd = [
         Odd(int(i), float(distance[i]), student_tail(float(distance[i]), EFFICIENCY * (n - 1)))
