@@ -323,8 +323,9 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "disk_full",
-        "The recording stopped for lack of room, or of quota; all else goes on.",
-        "Make room; the recording then goes on by itself.",
+        "The recording stopped, or the history of `fltea fleet` waits, for lack of room or of quota; all else "
+        "goes on.",
+        "Make room; it then goes on by itself.",
     ),
     ErrorKind(
         "record_failed",
@@ -334,6 +335,16 @@ ERROR_KINDS = (
     ErrorKind(
         "record_resumed",
         "The recording goes on in a new file; the text says how much was not recorded.",
+        "Nothing has to be done.",
+    ),
+    ErrorKind(
+        "history_lost",
+        "The history of `fltea fleet` cannot be written or read; rows wait in memory, and further ones are lost.",
+        "Check the database's file or server, and the account; it is tried again.",
+    ),
+    ErrorKind(
+        "history_back",
+        "The history is written again; the text says how many rows were lost.",
         "Nothing has to be done.",
     ),
 )
