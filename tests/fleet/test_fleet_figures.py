@@ -69,6 +69,15 @@ def test_an_angle_random_walk_that_is_not_of_the_white_noise_is_left_out() -> No
     assert [one is not None for one in kept] == [min(read) > N / 1.1 for N in read]
 
 
+@pytest.mark.parametrize(("verdict", "kept"), [("white", {"N", "density"}), ("undecided", set())])
+def test_where_noise_may_have_an_order_and_its_white_noise_is_unknown_there_is_no_density(
+    verdict: str, kept: set[str]
+) -> None:
+    """Of a young fractional sensor √2 N was 1.8 times its density, thirteen deviations off."""
+    fit, _ = of_white()[0]
+    assert set(figures_of(msgspec.structs.replace(fit, verdict=verdict), RATE_HZ, {})) == kept
+
+
 def test_a_curve_of_a_hundred_thousand_points_costs_no_more_than_a_usual_one() -> None:
     many = [0.01 * (1 + one) for one in range(100_000)]
     allan = Allan(many, many, many, [2 * one for one in many], N=1.0, B=1.0, K=1.0)

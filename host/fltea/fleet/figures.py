@@ -70,7 +70,7 @@ def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -
     if density is not None:
         found["density"] = density
     if fit.verdict in WITH_ORDER:
-        if "N" in found and density is not None and not _is_of_white_noise(found["N"], density):
+        if "N" in found and (density is None or not _is_of_white_noise(found["N"], density)):
             del found["N"]
         found |= _of_order(_figure(fit.alpha), _figure(fit.f))
     return found
@@ -105,7 +105,9 @@ def _density(fit: AxisFit, rate_hz: float | None, N: Figure | None) -> Figure | 
     √(R / rate), and its interval is known.
     """
     if fit.R.low is None:
-        return None if N is None else _sound(*(math.sqrt(2) * value for value in N))
+        return (
+            None if N is None or fit.verdict in WITH_ORDER else _sound(*(math.sqrt(2) * value for value in N))
+        )
     R = _figure(fit.R)
     if R is None or rate_hz is None or rate_hz <= 0 or R.low <= 0:
         return None
