@@ -24,7 +24,6 @@ from tools.faults.fleet_stage import AXES, SENSORS, Outcome, Stage
 DAY_NS = 86_400 * 10**9
 SHORT_SPLIT_S, LONG_SPLIT_S = 2.0, 60.0
 FIT_EVERY_S = 10.0
-AT_ONCE_S = 5.0
 KEEPALIVE_PATIENCE_S = 60.0
 """A silent line is told after one to two keepalives of 15 s."""
 
@@ -102,17 +101,13 @@ def cut_off(folder: Path) -> Outcome:
 
 
 def _after_split(stage: Stage, name: str, *wrong: tuple[bool, str]) -> Outcome:
-    """What was held up has to come, or be replaced by the sensor's next fit."""
-    with contextlib.suppress(TimeoutError):
-        stage.until(stage.is_up_to_date, "the newest fits", AT_ONCE_S)
-    newest = stage.newest()
-    stage.publish(1)
-    stage.until(stage.is_up_to_date, "the next fits")
+    """What was held up has to come, or the newest fit, which the broker retains."""
+    stage.until(stage.is_up_to_date, "the newest fits")
     found = stage.summary()
     replaced, outages = stage.fits - found["fits"], found["outages"]
     return stage.outcome(
         name,
-        f"{newest} of {SENSORS * AXES} axes have their newest fit at once, all with the sensors' next",
+        f"{stage.newest()} of {SENSORS * AXES} axes have their newest fit",
         *wrong,
         (("the broker is back." in stage.said()) != bool(outages), "its return"),
         (replaced < 0 or (replaced > 0 and not outages), f"{found['fits']} of {stage.fits} fits"),
