@@ -70,7 +70,11 @@ class Stage:
         for one in self.sensors:
             self.publisher.send(one.device_id, "hello", one.hello)
             self.publisher.send(one.device_id, "status", one.status)
-        self.start_fleet()
+        try:
+            self.start_fleet()
+        except BaseException:
+            self.close()
+            raise
 
     def start_broker(self) -> None:
         """Start it, or start it again."""
