@@ -100,7 +100,7 @@ emulate: .venv/.run
 mutants: .venv/.dev
 	@$(PY) -m tools.mutants $(ARGS)
 
-# Every fault of board, daemon, fleet, ingest and cluster, in build/faults.md: four minutes.
+# Every fault of board, daemon, fleet, ingest and cluster, in build/faults.md: seven minutes.
 faults: .venv/.dev
 	@$(PY) -m tools.faults $(ARGS)
 

@@ -44,7 +44,8 @@ from fltea.wire import layout as wire
 
 EXIT_CODES = """
 Exit codes: 0 ended as asked (end of a recording, Ctrl-C, SIGTERM, or the reader of the output left);
-1 failed while running; 2 the command line, the configuration or an input file is wrong.
+1 failed while running; 2 the command line, the configuration or an input file is wrong;
+130 Ctrl-C broke off what has an end of its own, such as `fltea identify`.
 """
 
 app = typer.Typer(

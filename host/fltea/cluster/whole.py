@@ -10,9 +10,9 @@ from fltea import __version__
 from fltea.cluster.fetch import local_copy
 from fltea.cluster.listing import File
 from fltea.cluster.rows import Key, Row, failed, rows_of
-from fltea.cluster.work_folder import work_folder
 from fltea.identify.load import Request
 from fltea.identify.run import Settings, identify_all
+from fltea.identify.work_folder import work_folder
 from fltea.identify.workers import Here
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.how import AS_IT_SAYS, How

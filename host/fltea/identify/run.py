@@ -4,12 +4,10 @@ Each axis is a task, and each group of its shuffled copies another, for they tak
 axes would keep two cores busy for as long as four. What comes out does not depend on who does which.
 """
 
-import tempfile
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
@@ -24,6 +22,7 @@ from fltea.identify.noise_model import AxisModel, identified
 from fltea.identify.reproduction import Reproduction, reproduction
 from fltea.identify.shuffled import Copies, estimate, groups
 from fltea.identify.traps import Trap, axis_traps
+from fltea.identify.work_folder import work_folder
 from fltea.identify.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
@@ -158,13 +157,13 @@ def identify_all(
     """
     reports = []
     reading: deque[_Task] = deque()
-    with tempfile.TemporaryDirectory(prefix="fltea-identify-", ignore_cleanup_errors=True) as folder:
+    with work_folder() as folder:
         for request in requests:
             reports.append(FileReport(request.name))
             if isinstance(request, Unreadable):
                 reports[-1].failure = request.error
             else:
-                reading.append(_Task(reports[-1], None, load, (request, Path(folder))))
+                reading.append(_Task(reports[-1], None, load, (request, folder)))
         _Loop(settings, workers, readers or workers, progress).run(reading)
     return reports
 

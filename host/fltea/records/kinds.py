@@ -323,8 +323,8 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "disk_full",
-        "The recording stopped, or the history of `fltea fleet` waits, for lack of room or of quota; all else "
-        "goes on.",
+        "The recording stopped, or the history of `fltea fleet` waits, for lack of room or of quota; "
+        "all else goes on.",
         "Make room; it then goes on by itself.",
     ),
     ErrorKind(
@@ -339,7 +339,8 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "history_lost",
-        "The history of `fltea fleet` cannot be written or read; rows wait in memory, and further ones are lost.",
+        "The history of `fltea fleet` cannot be written or read; rows wait in memory, and are lost beyond "
+        "50,000.",
         "Check the database's file or server, and the account; it is tried again.",
     ),
     ErrorKind(

@@ -6,11 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from fltea.cluster.work_folder import work_folder
+from fltea.identify.work_folder import work_folder
 
 KILLED = """
 import os
-from fltea.cluster.work_folder import work_folder
+from fltea.identify.work_folder import work_folder
 with work_folder() as folder:
     (folder / "recording.csv").write_bytes(b"1234")
     os.kill(os.getpid(), 9)
@@ -31,10 +31,10 @@ def test_what_a_killed_worker_left(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         age(one)
         age(left)
         (tmp_path / f"{left.name}-link").symlink_to(one)
-        (tmp_path / "fltea-identify-x").mkdir()
-        age(tmp_path / "fltea-identify-x")
+        (tmp_path / "another-x").mkdir()
+        age(tmp_path / "another-x")
         with work_folder() as other:
             assert not left.exists()
             assert one.exists()
             assert other != one
-    assert sorted(path.name for path in tmp_path.iterdir()) == [f"{left.name}-link", "fltea-identify-x"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["another-x", f"{left.name}-link"]

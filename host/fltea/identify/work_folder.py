@@ -1,4 +1,4 @@
-"""Where a worker keeps a copy or a piece of a file: a folder that goes with its process, or after it."""
+"""Where copies and parts of recordings are kept: a folder that goes with its process, or after it."""
 
 import contextlib
 import fcntl
@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-PREFIX = "fltea-copy-"
+PREFIX = "fltea-work-"
 YOUNG_S = 60.0
 """Between making a folder and locking it less goes by."""
 
