@@ -22,8 +22,8 @@ FEWEST = 8
 LEVEL = 0.001
 """Share of fleets without an odd sensor in which any is called odd, at one look.
 
-Records grow, so that the looks of a day are as good as some tens of independent ones: with 1 % a look a third
-of such fleets would raise an alert within their first day, with this none of 80 did.
+Records grow, so that the looks of a day are as good as some tens of independent ones: with 1 % a look a
+tenth of healthy fleets of 60 sensors raised an alert within their first day, with this none of 160 did.
 """
 
 MIDDLE = 0.6744897501960817
