@@ -1,5 +1,6 @@
 """Devices shared among workers: leases, snapshots, and going on where another stopped."""
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -331,3 +332,38 @@ def test_a_device_that_another_let_in_is_believed_at_once() -> None:
     assert isinstance(served, Served)
     assert message[:2] == ("known", b"x")
     assert inbox.admission.turned_away["candidate"] == 1
+
+
+def nothing(worker: Worker) -> None: ...
+
+
+def stands_still(worker: Worker) -> None:
+    worker.ingest._looked_ns -= 60 * S
+
+
+def is_cut_off(worker: Worker) -> None:
+    worker.receiver.connected = False
+
+
+def has_just_come_back(worker: Worker) -> None:
+    worker.receiver.connected = False
+    worker.ingest._look(host_ns())
+    worker.receiver.connected = True
+
+
+@pytest.mark.parametrize("act", [nothing, stands_still, is_cut_off, has_just_come_back])
+def test_nobody_is_silent_or_forgotten_while_nobody_could_be_heard(act: Callable[[Worker], None]) -> None:
+    worker = Worker()
+    for k in range(4):
+        worker.say("a", k, k + 1)
+        worker.say("b", k, k + 1, partition=1)
+    worker.ingest._behind_ns.clear()
+    act(worker)
+    for name, ago_s in (("a", 300), ("b", 1000)):
+        line = worker.ingest._lines[name]
+        line.looked_ns = line.heard_ns = host_ns() - ago_s * S
+    worker.ingest._look(host_ns())
+    could_hear = act is nothing
+    assert list(worker.ingest._lines) == (["a"] if could_hear else ["a", "b"])
+    told = [getattr(one, "kind", "") for one in worker.end().sink.items]
+    assert told.count("silent") == could_hear

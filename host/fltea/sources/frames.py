@@ -49,6 +49,10 @@ class FramesSource:
         self._wire.resume(now_ns)  # a device has its turn when it has said something: never a stall of ours
         yield from self._wire.feed(item, now_ns)
 
+    def forgive(self, now_ns: int) -> None:
+        """Begin all waiting again: nobody could have been heard until now."""
+        self._wire.forgive(now_ns)
+
     def link_stats(self) -> LinkStats:
         """Count what arrived and what was lost on the way."""
         return self._wire.link_stats(self._overflow_bytes())

@@ -108,7 +108,7 @@ class WireEvents:
         now_ns: the monotonic clock as of now; in a recording, that of the event.
         """
         if self._before_ns is not None and now_ns - self._before_ns > STALL_S * 1e9:
-            self._forgive(now_ns)
+            self.forgive(now_ns)
         if item is None:
             yield Tick(now_ns)
         else:
@@ -129,6 +129,11 @@ class WireEvents:
         yield from self._on_bytes(data, chunks)
         self.unix_offset_ns = int(chunks.unix_offset_ns[-1])
         self._before_ns = int(chunks.host_ns[-1])
+
+    def forgive(self, now_ns: int) -> None:
+        """Begin all waiting again: the port was just opened, or we ourselves were not listening."""
+        self._opened_ns = self._byte_ns = now_ns
+        self._unread_since_ns = None
 
     def resume(self, now_ns: int) -> None:
         """Say when the program came back for the next event: only what is longer was a stall of its own."""
@@ -152,7 +157,7 @@ class WireEvents:
             case Opened(host_ns, _):
                 self._connected, self._refused, self._heard_hello = True, False, False
                 self._connections += 1
-                self._forgive(host_ns)
+                self.forgive(host_ns)
                 self._frames.reset()
             case Failed(kind, message, host_ns, _):
                 self._connected = False
@@ -269,11 +274,6 @@ class WireEvents:
                 "another sensor, or a bad contact on SDA?"
             )
             yield Trouble("sensor_unknown", f"{self.url}: {text}", host_ns, fatal=False)
-
-    def _forgive(self, now_ns: int) -> None:
-        """Begin all waiting again: the port was just opened, or we ourselves were not listening."""
-        self._opened_ns = self._byte_ns = now_ns
-        self._unread_since_ns = None
 
     def _watch(self, now_ns: int) -> Iterator[Trouble]:
         if not self._connected:

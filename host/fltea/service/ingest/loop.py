@@ -30,6 +30,12 @@ BEHIND_NS = 5 * 10**9
 """So long after a message that had waited for `TICK_NS` nobody of its partition is taken for silent."""
 
 LOOK_NS = 10**9
+STILL_NS = 5 * 10**9
+"""A program that did not look for longer stood still: nobody is taken for silent in that time."""
+
+BACK_NS = 15 * 10**9
+"""Boards get so long to find a broker that is back."""
+
 WAIT_S = 0.25
 FIRST_NS = 2 * 10**9
 """The first snapshot of a device is tried for so often, until the start-up window is full."""
@@ -143,6 +149,7 @@ class Ingest:
         self._told = OnceAMinute()
         self._losses = Losses(self.inbox, self._receiver.url)
         self._looked_ns = host_ns()
+        self._deaf_until_ns = 0
         self._closed = False
 
     @property
@@ -163,7 +170,6 @@ class Ingest:
                 now_ns = host_ns()
                 self.moved_s = time.monotonic()
                 if now_ns - self._looked_ns >= LOOK_NS:
-                    self._looked_ns = now_ns
                     self._look(now_ns)
             for line in self._lines.values():
                 line.walk.finish()
@@ -324,8 +330,21 @@ class Ingest:
         self._load.devices = max(1, len(self._lines))
         self.inbox.forget(name)
 
+    def _listen(self, now_ns: int) -> None:
+        """While nobody could be heard, for a reason that is told elsewhere, nobody is silent or forgotten."""
+        if not self._receiver.connected:
+            self._deaf_until_ns = now_ns + BACK_NS
+        elif now_ns - self._looked_ns > STILL_NS:
+            self._deaf_until_ns = max(now_ns, self._deaf_until_ns)
+        self._looked_ns = now_ns
+        if now_ns <= self._deaf_until_ns:
+            for line in self._lines.values():
+                line.heard_ns = line.looked_ns = now_ns
+                line.source.forgive(now_ns)
+
     def _look(self, now_ns: int) -> None:
         """What has to be done now and then."""
+        self._listen(now_ns)
         forget_ns = int(self._config.ingest.forget_s * 1e9)
         for name, line in list(self._lines.items()):
             if now_ns - line.looked_ns < TICK_NS:
@@ -333,11 +352,11 @@ class Ingest:
             if now_ns - line.heard_ns >= forget_ns:
                 line.walk.finish()
                 self._give_up(name)
-            elif line.partition is not None and now_ns - self._behind_ns.get(line.partition, 0) < BEHIND_NS:
+                continue
+            if line.partition is not None and now_ns - self._behind_ns.get(line.partition, 0) < BEHIND_NS:
                 continue  # what it has said meanwhile still waits in the stream
-            elif self._receiver.connected:  # else nobody could be heard, and the reason is told
-                line.looked_ns = now_ns
-                self._walk(name, line, None)
+            line.looked_ns = now_ns
+            self._walk(name, line, None)
         self._broken_ns = {name: ns for name, ns in self._broken_ns.items() if ns > now_ns}
         if self._shared is not None:
             self._keep_snapshots(now_ns)

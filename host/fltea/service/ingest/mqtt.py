@@ -6,6 +6,7 @@ from typing import Any
 
 from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
@@ -19,6 +20,9 @@ KEEPALIVE_S = 15
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0)
 LEVEL = "frames"
 """Last level of the topics `<prefix>/<device>/frames`."""
+
+SESSION_S = 600
+"""For so long after a loss of the connection the broker keeps what boards publish, as far as it has room."""
 
 NEW_ONLY = 2
 """Of MQTT 5: what the broker has retained is not sent; it would be frames of nobody knows when."""
@@ -43,6 +47,8 @@ class MqttFrames:
         self._told: set[str] = set()
         self._answered = False
         self._failures = 0
+        self._name = f"fltea-frames-{secrets.token_hex(4)}"
+        self._has_session = False
         self._stop = threading.Event()
         self._client: Client | None = None
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
@@ -61,7 +67,7 @@ class MqttFrames:
         self._stop.set()
         client = self._client
         if client is not None:
-            client.disconnect()
+            client.disconnect(properties=_session(PacketTypes.DISCONNECT, 0))
         if self._thread.is_alive():
             self._thread.join(1.0)
 
@@ -71,7 +77,13 @@ class MqttFrames:
             client = self._new_client()
             self._client, self._answered = client, False
             try:
-                client.connect(self._broker.address.host, self._broker.address.port, keepalive=KEEPALIVE_S)
+                client.connect(
+                    self._broker.address.host,
+                    self._broker.address.port,
+                    keepalive=KEEPALIVE_S,
+                    clean_start=not self._has_session,
+                    properties=_session(PacketTypes.CONNECT, SESSION_S),
+                )
                 if self._stop.is_set():
                     client.disconnect()
                 client.loop_forever(retry_first_connection=False)
@@ -84,7 +96,7 @@ class MqttFrames:
     def _new_client(self) -> Client:
         client = Client(
             CallbackAPIVersion.VERSION2,
-            f"fltea-frames-{secrets.token_hex(4)}",
+            self._name,
             protocol=MQTTProtocolVersion.MQTTv5,
             reconnect_on_failure=False,
         )
@@ -103,7 +115,7 @@ class MqttFrames:
             self._tell(*self._broker.explain_refusal(reason))
             client.disconnect()
             return
-        self._answered = True
+        self._answered = self._has_session = True
         client.subscribe(self._topic, options=SubscribeOptions(qos=1, retainHandling=NEW_ONLY))
 
     def _on_subscribe(
@@ -138,3 +150,10 @@ class MqttFrames:
         if kind not in self._told and not self._stop.is_set():
             self._told.add(kind)
             self._report(kind, text)
+
+
+def _session(packet: int, expiry_s: int) -> Properties:
+    """How long the broker keeps the session of a connection that has ended."""
+    found = Properties(packet)  # type: ignore[no-untyped-call]
+    found.SessionExpiryInterval = expiry_s
+    return found

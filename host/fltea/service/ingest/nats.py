@@ -27,7 +27,7 @@ from fltea.records.repeat import OnceAMinute
 from fltea.service.ingest import mapping
 from fltea.service.ingest.inbox import Inbox, Left, Resumed, Served
 from fltea.service.ingest.leases import RENEW_S, STOP_S, Lease, Sightings, is_free, lease_of, share, surplus
-from fltea.service.ingest.nats_texts import PASSWORD, USER, explain, explain_no_connection
+from fltea.service.ingest.nats_texts import PASSWORD, USER, describe_taken, explain, explain_no_connection
 from fltea.service.ingest.pull import pull
 from fltea.service.ingest.store import Store, Unfit
 from fltea.settings.config import Config
@@ -207,12 +207,13 @@ class NatsFrames:
             self._store = Store(self._settings, self._nc.jetstream(timeout=STOP_S / 2))
             await self._store.prepare()
             self._tell_differences()
+            await self._renew()  # a server whose store is full fails here, and is not back
+            renewed_s, probed_s = time.monotonic(), -PROBE_S
             self.connected = True
             if self._told_down:
                 self._told_down = set()
                 self._takes_from_s = time.monotonic() + GRACE_S
                 self._report("nats_back", f"{self.url} is back; devices go on from their snapshots.")
-            renewed_s, probed_s = -RENEW_S, -PROBE_S
             while not self._stop.is_set():
                 if self._nc.is_closed:
                     raise ConnectionError("the connection was lost")
@@ -334,15 +335,8 @@ class NatsFrames:
         self._inbox.post(Served(partition, kept, before.done, start - 1))
         held.task = self._pull(partition, start)
         if before.owner or kept or unreadable:
-            whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
-            gone = max(0, first - start) if marks else 0
-            lost = f" The stream has let go of {gone} messages before {first}." if gone else ""
-            if unreadable:
-                lost += f" Snapshots of {unreadable} more cannot be read: were they of another version?"
-            text = (
-                f"{self.worker} serves partition {partition} {whose} from message {start}: {len(kept)} "
-                f"devices go on from snapshots; messages up to {before.done} had been walked before.{lost}"
-            )
+            gone = range(start, first if marks else start)
+            text = describe_taken(self.worker, partition, before, start, len(kept), gone, unreadable)
             self._report("partition_taken", text)
 
     def _pull(self, partition: int, start: int) -> "asyncio.Task[None]":

@@ -6,6 +6,7 @@ from nats.errors import Error as NatsError
 from nats.errors import NoServersError
 from nats.js.errors import APIError
 
+from fltea.service.ingest.leases import Lease
 from fltea.service.ingest.store import FULL, NO_ROOM, Unfit
 
 USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
@@ -31,6 +32,24 @@ def explain(error: BaseException) -> str:
     if isinstance(error, TimeoutError):
         return "it does not answer in time: is it too busy, or has its cluster no leader?"
     return f"{type(error).__name__}: {error}."
+
+
+def describe_taken(
+    worker: str, partition: int, before: Lease, start: int, devices: int, gone: range, unreadable: int
+) -> str:
+    """Whose partition is served now, and from where on. gone: messages that the stream has no more."""
+    whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
+    if before.owner == worker:
+        whose = "again"
+    text = (
+        f"{worker} serves partition {partition} {whose} from message {start}: {devices} devices go on from "
+        f"snapshots; messages up to {before.done} had been walked before."
+    )
+    if gone:
+        text += f" The stream has let go of {len(gone)} messages before {gone.stop}."
+    if unreadable:
+        text += f" Snapshots of {unreadable} more cannot be read: were they of another version?"
+    return text
 
 
 def explain_no_connection(error: BaseException) -> str:
