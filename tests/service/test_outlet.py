@@ -111,6 +111,22 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     assert outlet.stats().written + outlet.stats().dropped == 31
 
 
+def test_who_comes_faster_than_it_writes_may_wait_for_room() -> None:
+    sink = Memory(capacity=10).held()
+    hub = Hub(lambda error: None)
+    hub.add(sink)
+    hub.publish("due", [gap(0)])
+    assert sink.entered.wait(PATIENCE_S)
+    hub.publish("due", [gap(seq) for seq in range(1, 5)])
+    assert hub.wait_for_room(0.0)
+    hub.publish("due", [gap(5)])
+    assert not hub.wait_for_room(0.01)
+    sink.go.set()
+    assert hub.wait_for_room(PATIENCE_S)
+    assert hub.close(PATIENCE_S)
+    assert len(sink.items) == 6
+
+
 def test_a_patient_writer_loses_nothing() -> None:
     sink = Memory(capacity=5)
     outlet, _ = started(sink)

@@ -68,6 +68,10 @@ class Hub:
             if errors:
                 self._log.put(errors)
 
+    def wait_for_room(self, timeout_s: float) -> bool:
+        """Wait until all outputs that devices share have room; False if one has none in time."""
+        return all(outlet.wait_for_room(timeout_s) for outlet in self._shared)
+
     def depart(self, device: str, *, moved: bool) -> None:
         """Tell all that this device is gone. moved: to another program."""
         for outlet in self._shared:

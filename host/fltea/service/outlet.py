@@ -71,6 +71,13 @@ class Outlet:
                     self._waiting += count
             self._changed.notify_all()
 
+    def wait_for_room(self, timeout_s: float) -> bool:
+        """Wait until the queue is less than half full, or has ended; False if it is not in time."""
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: self._waiting < self.sink.capacity // 2 or self._ended or self._closing, timeout_s
+            )
+
     def stats(self) -> OutputStats:
         """Count what was written and what was lost; what is being written still waits."""
         with self._changed:

@@ -40,6 +40,10 @@ WAIT_S = 0.25
 FIRST_NS = 2 * 10**9
 """The first snapshot of a device is tried for so often, until the start-up window is full."""
 
+EASE_S, EASE_AGAIN_NS = 1.0, 10 * 10**9
+"""What waited for us comes faster than outputs write, so they are waited for. One that does not catch up is slow
+by itself: it loses its own records, and is waited for again after a while."""
+
 STATS_S = 10
 """Seconds from one statistics of a device to the next: each second a tenth of the devices has its turn."""
 
@@ -150,6 +154,7 @@ class Ingest:
         self._losses = Losses(self.inbox, self._receiver.url)
         self._looked_ns = host_ns()
         self._deaf_until_ns = 0
+        self._eases_ns = 0
         self._closed = False
 
     @property
@@ -200,6 +205,8 @@ class Ingest:
         line.heard_ns = line.looked_ns = now_ns
         line.mark = mark
         self._walk(name, line, Chunk(data, arrived_ns, self._offset_ns()))
+        if now_ns >= self._eases_ns and not self._hub.wait_for_room(EASE_S):
+            self._eases_ns = host_ns() + EASE_AGAIN_NS
         if partition is not None and self._shared is not None:
             self._shared.walked(partition, mark)
 
