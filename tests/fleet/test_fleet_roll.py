@@ -47,6 +47,10 @@ def test_what_a_sensor_says_is_kept() -> None:
     assert "alpha" not in axis.figures  # white: no order, whatever the numbers say
     roll.take("fltea/a/fit", fit(1200, verdict="fractional", alpha=Interval(0.4, 0.36, 0.44)), 4.0)
     assert roll.sensors["a"].axes["gyro_x"].figures["alpha"] == (0.4, 0.36, 0.44)
+    roll.take("fltea/a/fit", fit(1300, verdict="fractional", alpha=Interval(0.4, 0.3, 0.5)), 5.0)
+    axis = roll.sensors["a"].axes["gyro_x"]
+    assert ("alpha" in axis.figures, axis.figure("alpha")) == (False, (0.4, 0.3, 0.5)), "shown, not compared"
+    assert rows(roll, NOBODY, 5.0)[0]["alpha"] == 0.4
     assert roll.sensors["a"].kind == "MPU-9250, 100 Hz"
 
 

@@ -61,8 +61,16 @@ class Point(NamedTuple):
     high: float
 
 
+def order_of(fit: AxisFit) -> dict[str, Figure]:
+    """α and f as the fit says them, to be shown whether or not they can be compared yet."""
+    if fit.verdict not in WITH_ORDER:
+        return {}
+    found = {"alpha": _figure(fit.alpha), "f": _figure(fit.f)}
+    return {name: figure for name, figure in found.items() if figure is not None}
+
+
 def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -> dict[str, Figure]:
-    """What a fit says; an Allan deviation does not come with each, so the last one counts."""
+    """What sensors are compared by; an Allan deviation does not come with each, so the last one counts."""
     found = {name: before[name] for name in "NBK" if name in before and fit.allan is None}
     if fit.allan is not None:
         found |= _of_allan(fit.allan)

@@ -99,7 +99,7 @@ class History:
                 self.lost += 1  # a device has so many axes, and does not rename them
                 continue
             last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
-            figures = [axis.figures.get(quantity.name, (None, None, None)) for quantity in QUANTITIES]
+            figures = [axis.figure(quantity.name) or (None, None, None) for quantity in QUANTITIES]
             numbers = [number for figure in figures for number in figure]
             rows.append((INSERT_FIT, (unix_s, device_id, name, axis.verdict, axis.samples, *numbers)))
         self._put(rows)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 
-from fltea.fleet.figures import Figure, figures_of
+from fltea.fleet.figures import Figure, figures_of, order_of
 from fltea.fleet.messages import Bad, Error, Fit, Hello, Message, Stats, Status, read
 
 MOST_SENSORS = 20_000
@@ -32,7 +32,7 @@ WITHOUT_FIT_S = 3600.0
 
 @dataclass(slots=True)
 class Axis:
-    """The newest fit of one axis. at: when it came, on the fleet's clock in s."""
+    """The newest fit of one axis. figures: to be compared; order: α and f, to be shown. at: when it came."""
 
     verdict: str
     text: str
@@ -40,6 +40,11 @@ class Axis:
     samples: int
     figures: dict[str, Figure]
     at: float
+    order: dict[str, Figure] = field(default_factory=dict)
+
+    def figure(self, name: str) -> Figure | None:
+        """What is shown of a quantity."""
+        return self.figures.get(name) or self.order.get(name)
 
 
 @dataclass(slots=True)
@@ -119,6 +124,7 @@ class Sensor:
                 fit.samples,
                 figures_of(one, rate_hz, self.axes[name].figures if name in self.axes else {}),
                 now,
+                order_of(one),
             )
             for name, one in fit.axes.items()
         }

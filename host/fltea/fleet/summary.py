@@ -176,7 +176,7 @@ def rows(roll: Roll, seen: Look, now: float, silent_s: float = SILENT_S) -> list
                 "odd": ", ".join(odd.get((sensor.device_id, name), [])),
             }
             for quantity in QUANTITIES:
-                figure = None if axis is None else axis.figures.get(quantity.name)
+                figure = None if axis is None else axis.figure(quantity.name)
                 row[quantity.name] = None if figure is None else figure.value
             found.append(row)
     return found

@@ -189,7 +189,7 @@ class _Sensor(_Handler):
                             "verdict": one.verdict,
                             "text": one.text,
                             "unit": one.unit,
-                            "figures": one.figures,
+                            "figures": one.order | one.figures,
                         }
                         for axis, one in sensor.axes.items()
                     },

@@ -41,8 +41,8 @@ FIRST_NS = 2 * 10**9
 """The first snapshot of a device is tried for so often, until the start-up window is full."""
 
 EASE_S, EASE_AGAIN_NS = 1.0, 10 * 10**9
-"""What waited for us comes faster than outputs write, so they are waited for. One that does not catch up is slow
-by itself: it loses its own records, and is waited for again after a while."""
+"""What waited for us comes faster than outputs write, so they are waited for. One that does not catch up is
+slow by itself: it loses its own records, and is waited for again after a while."""
 
 STATS_S = 10
 """Seconds from one statistics of a device to the next: each second a tenth of the devices has its turn."""
