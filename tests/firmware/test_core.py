@@ -14,6 +14,10 @@ compilers = pytest.mark.parametrize("compiler", ["g++", "clang++"])
 """Each builds in a folder of its own."""
 
 
+LONG = "recovery: lost one wrap*,recovery: a sensor gone*,noise fit: a board that was moved*,edges: each is*"
+"""Hours of virtual time: half of all test cases' time, which one compiler's build spends."""
+
+
 def make(compiler: str, *goals: str | Path) -> None:
     for tool in (compiler, "make"):
         assert shutil.which(tool), f"{tool} is missing: tools/setup.sh names the packages that the tests need"
@@ -32,7 +36,8 @@ def make(compiler: str, *goals: str | Path) -> None:
 def test_doctest_with_sanitizers(compiler: str) -> None:
     tests = BUILD / compiler.rstrip("+") / "tests"
     make(compiler, tests)
-    done = subprocess.run([tests], capture_output=True, text=True, check=False)
+    left_out = [f"--test-case-exclude={LONG}"] if compiler == "g++" else []
+    done = subprocess.run([tests, *left_out], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -171,7 +171,6 @@ def test_no_double_and_no_libc(built: Path) -> None:
 def test_check_finds_a_changed_byte(built: Path, tmp_path: Path) -> None:
     root = copy_tree(tmp_path / "fltea")
     shutil.copytree(built / "firmware", root / "firmware", dirs_exist_ok=True)
-    assert run_tool("build_firmware.py", root, "--check").returncode == 0
     changed = bytearray((root / IMAGE).read_bytes())
     changed[0x200] ^= 1
     (root / IMAGE).write_bytes(changed)

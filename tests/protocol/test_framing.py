@@ -38,7 +38,7 @@ def chunks(data: bytes, sizes: list[int]) -> Iterator[bytes]:
 
 
 @given(streams, st.lists(st.integers(0, 300), max_size=60))
-@fixed(1000)
+@fixed(500)
 def test_chunks_do_not_matter(data: bytes, sizes: list[int]) -> None:
     whole, pieces, single = FrameReader(), FrameReader(), FrameReader()
     expected = whole.feed_all(data)
@@ -127,7 +127,7 @@ def test_bursts_are_rejected(message: wire.Message) -> None:
 
 
 @given(messages, st.integers(0, 2**11), st.integers(1, 2**32 - 1))
-@fixed(1500)
+@fixed(750)
 def test_bursts_in_any_message_are_rejected(message: wire.Message, start: int, pattern: int) -> None:
     frame = encode(message, 513, 0x01020304)
     pattern |= 1

@@ -33,7 +33,7 @@ HELLO = wire.Hello(
 
 
 @given(messages, sequences, times)
-@fixed(600)
+@fixed(300)
 def test_decode_undoes_encode(message: wire.Message, sequence: int, device_us: int) -> None:
     frame = decode(body(encode(message, sequence, device_us)))
     # As text, in which a NaN equals itself and -0.0 is not 0.0; it names the class too.
@@ -55,7 +55,7 @@ def payloads(kind: int) -> st.SearchStrategy[tuple[int, bytes]]:
 
 
 @given(st.sampled_from([*wire.MESSAGES]).flatmap(payloads))
-@fixed(600)
+@fixed(300)
 def test_any_payload_decodes_or_is_a_frame_error(case: tuple[int, bytes]) -> None:
     kind, payload = case
     data = body(encode_frame(kind, 1, 2, payload))

@@ -21,14 +21,14 @@ long = st.one_of(
 
 
 @given(messages, sequences, times)
-@fixed(600)
+@fixed(300)
 def test_messages(message: wire.Message, sequence: int, device_us: int) -> None:
     expected = encode(message, sequence, device_us)
     assert _native.encode_message(message.TYPE, sequence, device_us, tuple(message)) == expected
 
 
 @given(st.integers(0, 255), sequences, times, st.binary(max_size=wire.MAX_PAYLOAD))
-@fixed(1000)
+@fixed(500)
 def test_frames(kind: int, sequence: int, device_us: int, payload: bytes) -> None:
     assert _native.encode_frame(kind, sequence, device_us, payload) == encode_frame(
         kind, sequence, device_us, payload

@@ -271,7 +271,7 @@ def test_mcap_with_an_odd_head(real: Files, folder: Path, key: str, value: str) 
 
 
 @given(key=st.integers(0, 40), value=odd)
-@settings(max_examples=50)
+@settings(max_examples=25)
 def test_mcap_with_an_odd_hello(real: Files, folder: Path, key: int, value: Any) -> None:
     """Of the device, as the head of a file keeps it, before bytes that are those of a real one."""
     hello = next(json.loads(line) for line in real["run.ndjson"].splitlines() if b'"hello"' in line)

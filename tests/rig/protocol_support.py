@@ -18,7 +18,7 @@ DEFINITION = (ROOT / "protocol/messages.toml").read_text()
 PROTOCOL = protocol_definition.load(DEFINITION)
 
 
-def fixed(max_examples: int = 300) -> settings:
+def fixed(max_examples: int = 150) -> settings:
     """Hypothesis without chance: every run tries the same examples."""
     return settings(derandomize=True, database=None, deadline=None, max_examples=max_examples)
 

@@ -241,7 +241,7 @@ def test_one_held_output_holds_up_no_other() -> None:
     assert all_outputs.close(PATIENCE_S)
     stats = all_outputs.stats("due")["slow"]
     assert stats.written + stats.dropped == 100
-    assert stats.dropped >= 96
+    assert stats.dropped >= 94  # three in hand and three in the queue
 
 
 def test_without_a_limit_it_waits_until_somebody_asks_for_the_end() -> None:

@@ -102,7 +102,7 @@ def oracle(data: bytes, reader: FrameReader) -> list[Found]:
 
 
 @given(streams)
-@fixed(800)
+@fixed(400)
 def test_it_gives_what_the_python_decoder_gives(data: bytes) -> None:
     python, native = FrameReader(), BlockReader()
     found = flat(native.feed(data))
@@ -115,7 +115,7 @@ def test_it_gives_what_the_python_decoder_gives(data: bytes) -> None:
 
 
 @given(streams, st.lists(st.one_of(st.integers(0, 30), st.integers(0, 300)), max_size=60))
-@fixed(600)
+@fixed(300)
 def test_chunks_do_not_matter(data: bytes, sizes: list[int]) -> None:
     expected = repr(flat(BlockReader().feed(data)))
     assert repr(in_chunks(BlockReader(), chunks_of(data, sizes))) == expected
@@ -123,7 +123,7 @@ def test_chunks_do_not_matter(data: bytes, sizes: list[int]) -> None:
 
 
 @given(st.lists(st.one_of(st.just("reset"), halves, st.binary(max_size=9)), max_size=12))
-@fixed(300)
+@fixed(150)
 def test_reset_and_pending_are_those_of_the_python_decoder(steps: list[bytes | str]) -> None:
     python, native, deframer = FrameReader(), BlockReader(), Deframer()
     for step in steps:
