@@ -25,6 +25,10 @@ MOST_POINTS = 200
 """Of a curve; a daemon sends some forty."""
 
 
+LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLOOR)), "K": (0.5, -0.5 * math.log(3))}
+"""Slope and logarithm of the Allan deviation at 1 s of a unit of each."""
+
+
 class Quantity(NamedTuple):
     """What sensors are compared by. log: by ratios, not by differences. unit: behind the axis's own."""
 
@@ -142,24 +146,23 @@ def _of_allan(allan: Allan) -> dict[str, Figure]:
     of long averaging times go up and down together. So theirs is of the point next to the line.
     """
     curve = zip(allan.tau_s[:MOST_POINTS], allan.adev, allan.low, allan.high, strict=False)
-    points = [Point(*one) for one in curve if min(one) > 0 and all(map(math.isfinite, one))]
+    points = [Point(*one) for one in curve if min(one) > 0 and max(one) < math.inf]
+    log_tau = [math.log(point.tau_s) for point in points]
+    log_adev = [math.log(point.adev) for point in points]
     found = {}
     for name, value in (("N", allan.N), ("B", allan.B), ("K", allan.K)):
         if value is None or not points or not 0 < value < math.inf:
             continue
-        log_line = [math.log(value) + math.log(_slope(name, point.tau_s)) for point in points]
-        away = [abs(math.log(point.adev) - here) for point, here in zip(points, log_line, strict=True)]
+        slope, log_unit = LINES[name]
+        here = math.log(value) + log_unit
+        log_line = [here + slope * x for x in log_tau]
+        away = [abs(y - line) for y, line in zip(log_adev, log_line, strict=True)]
         point = points[away.index(min(away))]
         if name == "N":
             pairs = zip(points, log_line, strict=True)
-            on_line = [p for p, here in pairs if math.log(p.low) <= here <= math.log(p.high)]
+            on_line = [p for p, line in pairs if math.log(p.low) <= line <= math.log(p.high)]
             point = min(on_line, key=lambda p: p.high / p.low, default=point)
         figure = _sound(value, value * point.low / point.adev, value * point.high / point.adev)
         if figure is not None:
             found[name] = figure
     return found
-
-
-def _slope(name: str, tau_s: float) -> float:
-    """The Allan deviation of a unit of N, B or K."""
-    return {"N": 1 / math.sqrt(tau_s), "B": FLOOR, "K": math.sqrt(tau_s / 3)}[name]
