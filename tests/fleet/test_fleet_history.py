@@ -320,11 +320,11 @@ def test_a_row_that_no_database_takes_is_lost_alone(tmp_path: Path) -> None:
     history.close()
 
 
-def test_a_database_that_hangs_holds_up_nobody(tmp_path: Path) -> None:
+def test_a_database_that_hangs_holds_up_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The work goes on in its own thread; what is asked meanwhile waits there."""
     history, go = opened(tmp_path / "h.db", 0.0), threading.Event()
     write = database(history).write
-    database(history).write = lambda commands: (go.wait(PATIENCE_S), write(commands))  # type: ignore
+    monkeypatch.setattr(database(history), "write", lambda commands: (go.wait(PATIENCE_S), write(commands)))
     history.add(1.0, "a", {"gyro_x": axis()})
     history.work()
     history.work()

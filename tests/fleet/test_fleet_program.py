@@ -2,7 +2,6 @@
 
 import json
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -19,13 +18,7 @@ OFFLINE = b'{"status":"offline","reason":"connection_lost"}'
 class Broker:
     """In place of the listener. published: topic and content of what reached it."""
 
-    def __init__(
-        self,
-        settings: MqttConfig,
-        take: Callable[[str, bytes], None],
-        tell: Callable[[str, str], None],
-        back: Callable[[], None],
-    ) -> None:
+    def __init__(self, *_: object) -> None:
         self.is_up = threading.Event()
         self.connections = self.outages = 0
         self.published: list[tuple[str, Any]] = []
@@ -56,9 +49,8 @@ class Stage:
         assert isinstance(self.fleet.listener, Broker)
         self.broker = self.fleet.listener
         self.now = 0.0
-        clock = self.fleet.clock
-        clock.steady = lambda: self.now  # type: ignore[method-assign]
-        clock._deaf_since = 0.0
+        monkeypatch.setattr(self.fleet.clock, "steady", lambda: self.now)
+        self.fleet.clock._deaf_since = 0.0
 
     def wait(self, seconds: int) -> None:
         for _ in range(seconds):

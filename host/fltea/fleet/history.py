@@ -179,9 +179,7 @@ class History:
         except self._database.away:
             self._put_back(rows)
             raise
-        except (
-            Exception
-        ):  # a row that no database takes, whatever the library calls it: the others have to go on
+        except Exception:  # of one row, whatever the library calls it: the others have to go on
             self._write_one_by_one(rows)
 
     def _write_one_by_one(self, rows: list[tuple[str, Row]]) -> None:

@@ -6,7 +6,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -102,10 +101,8 @@ class Fleet:
             unix_s = self.clock.unix_s()
             gone = self.roll.forget(self.clock.hearing(), self.plan.keep_s)
             self.history.forget(gone)
-            known = self.roll.sensors, self.roll.strangers
-            self._asked = {
-                name: asked for name, asked in self._asked.items() if any(name in k for k in known)
-            }
+            known = {one.device_id for one in self.roll.everybody()}
+            self._asked = {name: asked for name, asked in self._asked.items() if name in known}
         self.history.work(-math.inf if self.clock.long_jump else unix_s - self.plan.keep_s)
         self._tell_of_history()
 
@@ -124,9 +121,9 @@ class Fleet:
             if self._asked_over != self.listener.connections:
                 self._asked_over = self.listener.connections
                 self._asked.clear()
-            for name, sensor in chain(self.roll.sensors.items(), self.roll.strangers.items()):
+            for sensor in self.roll.everybody():
+                name, is_whole = sensor.device_id, bool(sensor.axes) and sensor.hello is not None
                 times, due = self._asked.get(name, (0, 0.0))
-                is_whole = bool(sensor.axes) and sensor.hello is not None
                 if times < (1 if is_whole else ASK_TIMES) and now >= due:
                     self._asked[name] = times + 1, now + ASK_EVERY_S
                     found.append(name)
@@ -138,7 +135,7 @@ class Fleet:
     def is_complete(self) -> bool:
         """Whether all that the broker retains has been asked for."""
         with self.lock:
-            return all(name in self._asked for name in chain(self.roll.sensors, self.roll.strangers))
+            return all(one.device_id in self._asked for one in self.roll.everybody())
 
     def look_now(self) -> None:
         """Compare all sensors, and publish what has begun or ended."""
@@ -153,13 +150,16 @@ class Fleet:
             room = MOST_UNSENT - len(self._unsent)
             self._unsent.extend(told[:room])
             self.alerts_unsent += len(told[room:])
-            listed = msgspec.json.encode(self.alerts.listed())
-        if not self.listener.is_up.is_set():
-            return
+        if self.listener.is_up.is_set():
+            self._publish_alerts()
+
+    def _publish_alerts(self) -> None:
         # The list of an earlier run, or of before an outage, may be retained there.
         if self._unsent or self._list_sent != self.listener.connections:
             self._list_sent = self.listener.connections
-            self.listener.publish("fleet/alerts", listed, retain=True)
+            with self.lock:
+                listed = self.alerts.listed()
+            self.listener.publish("fleet/alerts", msgspec.json.encode(listed), retain=True)
         while self._unsent:
             alert = self._unsent.popleft()
             self.listener.publish("fleet/alert", msgspec.json.encode(alert), retain=False)

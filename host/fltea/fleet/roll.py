@@ -205,10 +205,13 @@ class Roll:
             for name, axis in sensor.axes.items():
                 yield sensor, name, axis
 
+    def everybody(self) -> Iterator[Sensor]:
+        """Sensors, and strangers behind them."""
+        return chain(self.sensors.values(), self.strangers.values())
+
     def flooding(self) -> list[str]:
         """Names under which more is published than by any daemon, strangers' among them."""
-        both = chain(self.sensors.values(), self.strangers.values())
-        return [sensor.device_id for sensor in both if sensor.flooding]
+        return [one.device_id for one in self.everybody() if one.flooding]
 
     def _meet(self, stranger: Sensor) -> Sensor | None:
         """Let a stranger in who is known by now, if there is room."""

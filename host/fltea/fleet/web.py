@@ -170,7 +170,7 @@ class _Sensor(_Handler):
             if sensor is None:
                 raise HTTPError(404)
             now = fleet.clock.hearing()
-            return msgspec.to_builtins(  # type: ignore[no-any-return]
+            found: dict[str, Any] = msgspec.to_builtins(
                 {
                     "device": name,
                     "kind": sensor.kind,
@@ -196,6 +196,7 @@ class _Sensor(_Handler):
                     "odd": [one for one in fleet.seen.odd if one.device_id == name],
                 }
             )
+        return found
 
 
 class _Alerts(_Handler):

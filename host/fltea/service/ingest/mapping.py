@@ -38,7 +38,7 @@ def line(partitions: int) -> str:
 def judge(subjects: Mapping[str, str | None], partitions: int) -> str | None:
     """What is wrong if messages of these names came under these subjects (None: nowhere); None: nothing."""
     wanted = f"the server's settings need: {line(partitions)}"
-    if all(subjects[name] == f"fltea.frames.{partition_of(name, partitions)}.{name}" for name in subjects):
+    if _are_mapped(subjects, partitions):
         return None
     if any(subjects[name] == f"fltea.{name}.frames" for name in subjects):
         return (
@@ -50,10 +50,17 @@ def judge(subjects: Mapping[str, str | None], partitions: int) -> str | None:
             f"subjects, or this account may not publish and read fltea.>; {wanted}"
         )
     for other in range(1, MOST + 1):
-        if all(subjects[name] == f"fltea.frames.{partition_of(name, other)}.{name}" for name in subjects):
+        if _are_mapped(subjects, other):
             text = f"the server maps devices to {other} partitions, and ingest.partitions is {partitions}"
             return f"{text}, so frames are lost or not shared; set one of them: {wanted}"
     return f"the server maps devices otherwise than these workers expect; {wanted}"
+
+
+def _are_mapped(subjects: Mapping[str, str | None], partitions: int) -> bool:
+    return all(
+        subject == f"fltea.frames.{partition_of(name, partitions)}.{name}"
+        for name, subject in subjects.items()
+    )
 
 
 async def look(client: Client, worker: str, partitions: int) -> str | None:
