@@ -7,7 +7,6 @@ import contextlib
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -18,8 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from tools.bench.bench_daemon import Usage
+from tools.fault_script.ports import free_port, listens
 from tools.fault_script.program import wait_until
-from tools.nats_server import Server, free_port
+from tools.nats_server import Server
 
 ROOT = Path(__file__).resolve().parents[2]
 DEVICES, SECONDS = 200, 15
@@ -48,16 +48,11 @@ def broker(folder: Path) -> Iterator[tuple["subprocess.Popen[bytes]", str]]:
     )
     try:
         address = f"127.0.0.1:{port}"
-        wait_until(lambda: _listens(port), "mosquitto")
+        wait_until(lambda: listens(port), "mosquitto")
         yield process, f"mqtt://{address}"
     finally:
         process.terminate()
         process.wait(10)
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def measure(devices: int = DEVICES, seconds: int = SECONDS) -> dict[str, Any]:

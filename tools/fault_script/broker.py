@@ -3,11 +3,11 @@
 import os
 import re
 import shutil
-import socket
 import subprocess
 from collections import Counter
 from pathlib import Path
 
+from tools.fault_script.ports import free_port, listens
 from tools.fault_script.program import PATIENCE_S, wait_until
 from tools.fault_script.stage import Skip
 
@@ -25,9 +25,7 @@ class Broker:
         found = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
         if found is None:
             raise Skip("mosquitto is not installed: sudo apt-get install mosquitto")
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = int(probe.getsockname()[1])
+        self.port = free_port()
         self._log = folder / "mosquitto.log"
         settings = folder / "mosquitto.conf"
         settings.write_text(f"listener {self.port} 127.0.0.1\nallow_anonymous true\nlog_type all\n")
@@ -38,12 +36,7 @@ class Broker:
         """Listen (again)."""
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(self._command, stdout=log, stderr=log)
-
-        def listening() -> bool:
-            with socket.socket() as probe:
-                return probe.connect_ex(("127.0.0.1", self.port)) == 0
-
-        wait_until(listening, "the broker")
+        wait_until(lambda: listens(self.port), "the broker")
 
     def kill(self) -> None:
         """End at once, without a farewell."""

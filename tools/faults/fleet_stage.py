@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
 import time
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tools.fault_script.cut_line import CutLine
+from tools.fault_script.ports import free_port, listens
 from tools.fault_script.small_disk import SmallDisk
 from tools.fault_script.stage import Skip
 from tools.fleet_load import Publisher, sensor
@@ -51,9 +51,7 @@ class Stage:
         self, folder: Path, *flags: str | Path, disk: SmallDisk | None = None, behind_line: bool = False
     ) -> None:
         self._folder, self._flags, self._disk = folder, flags, disk
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = int(probe.getsockname()[1])
+        self.port = free_port()
         user = "user root\n" if os.geteuid() == 0 else ""
         (folder / "conf").write_text(
             f"listener {self.port} 127.0.0.1\nallow_anonymous true\npersistence true\n"
@@ -83,7 +81,7 @@ class Stage:
             raise Skip("mosquitto is not installed: sudo apt-get install mosquitto")
         command = [program, "-c", str(self._folder / "conf")]
         self.broker = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.until(lambda: _listens(self.port), "the broker")
+        self.until(lambda: listens(self.port), "the broker")
 
     def start_fleet(self) -> None:
         """Start it, or start it again."""
@@ -185,8 +183,3 @@ class Stage:
         return Outcome(
             name, self.kinds(), self.fits, taken, account, texts, of, due, where or {"taken": taken}
         )
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0

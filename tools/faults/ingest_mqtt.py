@@ -6,10 +6,10 @@ from pathlib import Path
 
 from tools.fault_script.broker import Broker
 from tools.fault_script.cut_line import CutLine
-from tools.fault_script.program import Program, wait_until
+from tools.fault_script.program import Program
 from tools.faults.boards import Boards
 from tools.faults.row import Row
-from tools.faults.sample_books import heard, row
+from tools.faults.sample_books import row, until_all_again
 
 AWAY_S = 8.0
 
@@ -70,8 +70,7 @@ class _Stage:
 
     def until_all_again(self) -> None:
         """Wait until samples of all boards arrive that are not published yet."""
-        since, names = self.boards.samples, set(self.boards.names)
-        wait_until(lambda: heard(self.program, since) == names, "samples of all sensors")
+        until_all_again(self.boards, [self.program])
 
 
 CASES = (broker_restarted, broker_away, program_cut_off)

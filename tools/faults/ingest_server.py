@@ -13,6 +13,9 @@ from tools.faults.small_server import SmallServer
 AWAY_S = 8.0
 """Longer than a lease."""
 
+SERVER_AWAY = f"NATS server away for {AWAY_S:g} s"
+STORE_FULL = f"NATS server's store at its limit for {AWAY_S:g} s"
+
 
 def server_restarted(folder: Path) -> Row:
     """Killed, and started at once."""
@@ -21,33 +24,23 @@ def server_restarted(folder: Path) -> Row:
 
 def server_away(folder: Path) -> Row:
     """Killed, and started after longer than a lease."""
-    return _server_killed(folder, AWAY_S, f"NATS server away for {AWAY_S:g} s")
+    return _server_killed(folder, AWAY_S, SERVER_AWAY)
 
 
 def server_away_boards_keep_nothing(folder: Path) -> Row:
     """The same with boards that publish once and forget (QoS 0)."""
-    return _server_killed(folder, AWAY_S, f"NATS server away for {AWAY_S:g} s, boards send with QoS 0", qos=0)
+    return _server_killed(folder, AWAY_S, f"{SERVER_AWAY}, boards send with QoS 0", qos=0)
 
 
 def store_full(folder: Path) -> Row:
     """A stream of somebody else fills the server's store up to its limit; it is deleted."""
-    return _full(
-        folder,
-        f"NATS server's store at its limit for {AWAY_S:g} s",
-        SmallServer.fill_store,
-        SmallServer.empty_store,
-    )
+    return _full(folder, STORE_FULL, SmallServer.fill_store, SmallServer.empty_store)
 
 
 def store_full_boards_keep_nothing(folder: Path) -> Row:
     """The same with boards that publish once and forget (QoS 0)."""
-    return _full(
-        folder,
-        f"NATS server's store at its limit for {AWAY_S:g} s, boards send with QoS 0",
-        SmallServer.fill_store,
-        SmallServer.empty_store,
-        qos=0,
-    )
+    name = f"{STORE_FULL}, boards send with QoS 0"
+    return _full(folder, name, SmallServer.fill_store, SmallServer.empty_store, qos=0)
 
 
 def disk_full(folder: Path) -> Row:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tools.fault_script.cut_line import CutLine
 from tools.fault_script.program import SHIM, Program, wait_until
 from tools.faults.boards import Boards
-from tools.faults.sample_books import heard
+from tools.faults.sample_books import heard, until_all_again
 from tools.nats_server import Server
 
 PARTITIONS, SNAPSHOT_S, KEPT_MB = 4, 2, 24
@@ -67,11 +67,7 @@ class Stage:
 
     def until_all_again(self) -> None:
         """Wait until samples of all boards arrive that are not published yet."""
-        since = self.boards.samples
-        self.until(
-            lambda: self.names == {name for worker in self.workers for name in heard(worker, since)},
-            "samples of all sensors",
-        )
+        until_all_again(self.boards, self.workers)
 
     def close(self) -> None:
         """End all."""

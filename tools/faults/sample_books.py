@@ -27,6 +27,15 @@ def heard(worker: Program, since: int = 0) -> set[str]:
     return {record["device"] for record in worker.of("sample") if record["seq"] >= since}
 
 
+def until_all_again(boards: Boards, workers: Iterable[Program]) -> None:
+    """Wait until samples of all boards arrive that are not published yet."""
+    since, programs = boards.samples, list(workers)
+    wait_until(
+        lambda: set().union(*(heard(one, since) for one in programs)) == set(boards.names),
+        "samples of all sensors",
+    )
+
+
 def row(name: str, boards: Boards, workers: Sequence[Program], more: str, wrong: Sequence[str] = ()) -> Row:
     """Let all that was published arrive, end the workers, and account for it."""
     time.sleep(1.0)

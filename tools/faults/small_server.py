@@ -5,7 +5,6 @@ import re
 import subprocess
 from pathlib import Path
 
-import nats
 from nats.js.errors import ServiceUnavailableError
 
 from tools.fault_script.program import wait_until
@@ -66,9 +65,7 @@ class SmallServer(Server):
         asyncio.run(self._fill_store())
 
     async def _fill_store(self) -> None:
-        client = await nats.connect(self.url, allow_reconnect=False)
-        try:
-            stream = client.jetstream()
+        async with self.jetstream() as stream:
             await stream.add_stream(name=BALLAST, subjects=["ballast"])
             size = BALLAST_BYTES
             while size:
@@ -76,16 +73,11 @@ class SmallServer(Server):
                     await stream.publish("ballast", bytes(size))
                 except ServiceUnavailableError:
                     size //= 8
-        finally:
-            await client.close()
 
     def empty_store(self) -> None:
         """Delete that stream."""
         asyncio.run(self._empty_store())
 
     async def _empty_store(self) -> None:
-        client = await nats.connect(self.url, allow_reconnect=False)
-        try:
-            await client.jetstream().delete_stream(BALLAST)
-        finally:
-            await client.close()
+        async with self.jetstream() as stream:
+            await stream.delete_stream(BALLAST)
