@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 from command_tree import Command, Flag, command_tree
-from fltea import __version__
+from fltea.records.version import __version__
 from typer._completion_shared import get_completion_script
 
 ROOT = Path(__file__).resolve().parents[1]

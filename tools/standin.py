@@ -17,8 +17,8 @@ import time
 import tty
 from pathlib import Path
 
-from fltea import __version__
 from fltea.records.errors import UsageError
+from fltea.records.version import __version__
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 from fltea.wire import layout as wire
 from own_estimator import JOINT, OwnEstimator

@@ -6,6 +6,8 @@ From Python: `identify` an array, `open` a recording, feed `Live`, `simulate` a 
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from fltea.records.version import __version__
+
 if TYPE_CHECKING:
     from fltea.api.identified import Identified, Report
     from fltea.api.live import Live, LiveReport
@@ -13,8 +15,6 @@ if TYPE_CHECKING:
     from fltea.api.series import identify
     from fltea.api.simulated import Simulated, simulate
     from fltea.records.errors import FlteaError, UsageError
-
-__version__ = "0.1.0"
 
 __all__ = [
     "FlteaError",
@@ -25,6 +25,7 @@ __all__ = [
     "Report",
     "Simulated",
     "UsageError",
+    "__version__",
     "identify",
     "open",
     "simulate",
@@ -39,6 +40,7 @@ _HOMES = {
     "Report": "fltea.api.identified",
     "Simulated": "fltea.api.simulated",
     "UsageError": "fltea.records.errors",
+    "identify": "fltea.api.series",
     "open": "fltea.api.recording",
     "simulate": "fltea.api.simulated",
 }
@@ -46,10 +48,6 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     """Load a name of the API when it is first asked for: the daemon, which imports fltea too, stays light."""
-    if name == "identify":  # the package of that name, which can be called
-        return importlib.import_module("fltea.identify")
-    if name == "_identify":  # what it calls
-        return importlib.import_module("fltea.api.series").identify
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(importlib.import_module(_HOMES[name]), name)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blocks import samples_of
-from fltea.identify.simulation_file import write_simulation
+from fltea.identification.simulation_file import write_simulation
 from fltea.recording.csv_file import read_csv
 from fltea.recording.npz_file import read_npz
 from fltea.records.errors import FlteaError, UsageError

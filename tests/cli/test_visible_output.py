@@ -13,8 +13,8 @@ from fltea.archive.info import as_text
 from fltea.cli import app as cli_app
 from fltea.cli import devices as cli_devices
 from fltea.cli.output import print_lines, say
-from fltea.identify import terminal
-from fltea.identify.run import FileReport
+from fltea.identification import terminal
+from fltea.identification.run import FileReport
 from fltea.machine import host_system
 from fltea.machine.doctor.finding import problem
 from fltea.records.errors import FlteaError, UsageError

@@ -15,7 +15,7 @@ from fltea.cluster.cut import Cut, even_pieces, write_piece
 from fltea.cluster.listing import File, files_of
 from fltea.cluster.summed import cuts_of
 from fltea.cluster.whole import Ask
-from fltea.identify.load import Loaded, load
+from fltea.identification.load import Loaded, load
 from fltea.records.errors import UsageError
 from fltea.settings.config import RecordConfig
 from fltea.settings.how import How

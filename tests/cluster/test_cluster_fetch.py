@@ -15,7 +15,7 @@ from fltea.cluster import listing
 from fltea.cluster.listing import files_of
 from fltea.cluster.run import run
 from fltea.cluster.whole import identify_file
-from fltea.identify.workers import Here
+from fltea.identification.workers import Here
 
 CHUNK = bytes(1 << 20)
 MOST_CHUNKS = 64

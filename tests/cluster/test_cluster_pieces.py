@@ -12,7 +12,7 @@ from cluster_support import ASK, identified, rows_in, values
 from fltea.cluster.listing import files_of
 from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
 from fltea.cluster.whole import Ask, identify_file
-from fltea.identify.workers import Here
+from fltea.identification.workers import Here
 from fltea.settings.how import How
 from identify_support import long_recursion, white
 

@@ -13,7 +13,7 @@ from cluster_support import ASK, identified, open_table, rows_in, s3_server, two
 from fltea.cluster.listing import File, Unlisted, files_of
 from fltea.cluster.run import Progress, run
 from fltea.cluster.whole import identify_file
-from fltea.identify.workers import Here
+from fltea.identification.workers import Here
 from fltea.settings.how import How
 from identify_files import counts, npz
 from identify_support import white
@@ -135,7 +135,7 @@ def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Pa
         np.save(tmp_path / f"{name}.npy", noise[:samples])
         s3.put_file(tmp_path / f"{name}.npy", f"lab/pieces/{name}/{name}.npy")
     with two_workers() as cluster:
-        from fltea.identify.dask_workers import DaskWorkers
+        from fltea.identification.dask_workers import DaskWorkers
 
         workers = DaskWorkers(cluster.scheduler_address)
         pids = list(workers._client.run(os.getpid).values())

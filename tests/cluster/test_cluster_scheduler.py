@@ -10,8 +10,8 @@ import pytest
 from cluster_support import ASK, identified, open_table, rows_in
 from fltea.cli import app as cli
 from fltea.cluster.verdict_table import VerdictTable
-from fltea.identify.run import identify_all
-from fltea.identify.workers import Here
+from fltea.identification.run import identify_all
+from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError
 from identify_files import counts, npz
 from toolchain import missing
@@ -35,7 +35,7 @@ def test_killed_and_another_one(
 ) -> None:
     """The command ends, with what was done in the table; with another scheduler it does the others."""
     try:
-        from fltea.identify import dask_workers
+        from fltea.identification import dask_workers
     except ModuleNotFoundError:
         missing("distributed is not installed: pip install -e '.[dask]'")
     monkeypatch.setattr(dask_workers, "CONNECT_S", 3.0)

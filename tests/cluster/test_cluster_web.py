@@ -16,7 +16,7 @@ import pytest
 from cluster_support import ASK, identified, rows_in
 from fltea.cluster import listing
 from fltea.cluster.listing import files_of
-from fltea.identify.workers import Here
+from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.how import How
 from identify_support import white

@@ -69,7 +69,7 @@ def test_version_is_the_same_everywhere() -> None:
 
     versions = {
         "pyproject.toml": PROJECT["version"],
-        "host/fltea/__init__.py": fltea.__version__,
+        "host/fltea/records/version.py": fltea.__version__,
         "firmware/core/library.properties": found(r"^version=(.*)$", "firmware/core/library.properties"),
         "firmware/core/build_id.h": found(r'kVersion\[\] = "(.*)"', "firmware/core/build_id.h"),
         "firmware/due/image/fltea_due.json": found(r'"version": "(.*)"', "firmware/due/image/fltea_due.json"),

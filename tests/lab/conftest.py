@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from evaluate_support import TINY
 from fltea.cli import app as cli
-from fltea.identify.workers import Here
+from fltea.identification.workers import Here
 from fltea.lab.evaluate import figures
 from fltea.lab.evaluate.run import Result, evaluate
 

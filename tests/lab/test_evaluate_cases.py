@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fltea.identify.noise_model import check_stationary
+from fltea.identification.noise_model import check_stationary
 from fltea.lab.evaluate import cases
 from fltea.lab.evaluate.cases import POWER, Case, H, grid, samples
 from fltea.noise import spectra as spectrum

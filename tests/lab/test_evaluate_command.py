@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from evaluate_support import TINY, Backwards
-from fltea.identify import workers
+from fltea.identification import workers
 from fltea.lab.evaluate import figures, run
 from fltea.lab.evaluate.run import Result
 from fltea.lab.evaluate.summaries import to_csv, to_json

@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
-from fltea.identify.fltea_fit import fltea_fit
+from fltea.identification.fltea_fit import fltea_fit
 from fltea.lab.evaluate.cases import Case, H, samples
 from fltea.lab.evaluate.online import read
 from fltea.lab.evaluate.settings import CHANGES, MAIN

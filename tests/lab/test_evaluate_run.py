@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from evaluate_support import STRONG, TINY
-from fltea.identify.workers import Here
+from fltea.identification.workers import Here
 from fltea.lab.evaluate import alarms, figures, fit_summaries, fits, run, summaries
 from fltea.lab.evaluate.cases import POWER, samples
 from fltea.lab.evaluate.online import Reading

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from evaluate_support import Backwards
-from fltea.identify.workers import Here
+from fltea.identification.workers import Here
 from fltea.lab.gallery import pictures, run, table
 from fltea.lab.gallery.noises import NOISES
 from fltea.lab.gallery.run import Cell, Gallery, Seen, cells, look, visit

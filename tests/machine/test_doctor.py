@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from fake_system import FakeSystem, levels, told
-from fltea import __version__
 from fltea.machine.doctor.checks_host import (
     check_clock,
     check_packages,
@@ -19,6 +18,7 @@ from fltea.machine.doctor.checks_i2c import check_i2c
 from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.diagnosis import check_source, examine
 from fltea.machine.doctor.finding import Finding
+from fltea.records.version import __version__
 from fltea.settings.config import load_configs
 from fltea.settings.extras import how_to_install
 

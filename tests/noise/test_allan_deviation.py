@@ -3,8 +3,8 @@
 import mpmath
 import numpy as np
 import pytest
-from fltea.identify.allan import overlapping
-from fltea.identify.noise_model import AxisModel, Fractional, Resonance, White, draws
+from fltea.identification.allan import overlapping
+from fltea.identification.noise_model import AxisModel, Fractional, Resonance, White, draws
 from fltea.noise.allan_deviation import model_adev
 from fltea.noise.spectra import ar1, fractional, g_of, step_variance
 from hypothesis import given, settings

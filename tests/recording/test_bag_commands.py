@@ -7,7 +7,7 @@ import pytest
 from bag_support import KINDS, even, write_bag
 from fltea.archive.export import export
 from fltea.archive.info import as_text, sessions, summarise
-from fltea.identify.load import Request, load, recordings
+from fltea.identification.load import Request, load, recordings
 from fltea.recording.npz_file import open_npz
 from fltea.recording.ros_bag import open_bag
 from fltea.records.errors import UsageError

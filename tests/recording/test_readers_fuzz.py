@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fltea.archive.export import export
 from fltea.archive.info import as_text, summarise
-from fltea.identify.load import Request, load
+from fltea.identification.load import Request, load
 from fltea.recording.recovery import recover
 from fltea.recording.session import SESSION
 from fltea.records.errors import FlteaError

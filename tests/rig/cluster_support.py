@@ -11,7 +11,7 @@ from fltea.cluster.listing import File, files_of
 from fltea.cluster.run import Progress, run
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask
-from fltea.identify.workers import Workers
+from fltea.identification.workers import Workers
 from identify_files import settings
 from pyarrow import parquet
 from toolchain import missing

@@ -34,7 +34,7 @@ def run(command: list[str]) -> tuple[int | str, str]:
 if __name__ == "__main__":
     import fltea.archive.export
     import fltea.archive.info
-    import fltea.identify.run
+    import fltea.identification.run
     import fltea.recording.recovery
     import fltea.service.daemon  # noqa: F401  (all that is loaded on the way is loaded before the first look)
 

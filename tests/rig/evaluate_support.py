@@ -5,7 +5,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from fltea.identify.workers import Here
+from fltea.identification.workers import Here
 from fltea.lab.evaluate.cases import Case
 from fltea.lab.evaluate.run import Plan
 

@@ -4,8 +4,8 @@ import os
 from pathlib import Path
 
 import numpy as np
-from fltea.identify.axis import IdentifyOptions
-from fltea.identify.run import Settings
+from fltea.identification.axis import IdentifyOptions
+from fltea.identification.run import Settings
 from fltea.settings.config import AccelConfig, EstimatorConfig
 from identify_support import white
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from composite_noise import Truth, noise
-from fltea.identify.sums import examined
+from fltea.identification.sums import examined
 from fltea.spectrum.composite import Composite, compared, composite
 from fltea.spectrum.composite_fit import Kind, at, bounds, lines, score, slopes
 from fltea.spectrum.composite_intervals import Estimate, interval

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fltea.identify.sums import examined, limited
+from fltea.identification.sums import examined, limited
 from fltea.lab.gallery.run import Cell, draw
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.verdict import decide

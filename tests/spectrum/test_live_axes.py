@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from fltea.identify.sums import examined
+from fltea.identification.sums import examined
 from fltea.records.fit import AxisFit
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import FEWEST_SAMPLES, POINTS, LiveAxes

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from filtered_noise import averaged, fractionally_integrated, low_passed, relaxations
-from fltea.identify.sums import examined
+from fltea.identification.sums import examined
 from fltea.lab.gallery.run import Cell, draw
 from fltea.spectrum.low_pass import LowPass, divided, power_gain
 from fltea.spectrum.periodogram import periodogram

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from filtered_noise import fractionally_integrated, relaxations
-from fltea.identify.sums import examined
+from fltea.identification.sums import examined
 from fltea.spectrum.arfima import ARFIMA, arfima_parameters
 from fltea.spectrum.drift import SlowPower, drift_hz
 from fltea.spectrum.how_long import seconds_to_tell

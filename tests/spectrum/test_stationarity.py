@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from fltea.identify.sums import examined
+from fltea.identification.sums import examined
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import examine

@@ -18,9 +18,9 @@ from fltea.cluster.listing import files_of
 from fltea.cluster.run import run
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask
-from fltea.identify.axis import IdentifyOptions
-from fltea.identify.dask_workers import DaskWorkers
-from fltea.identify.run import Settings
+from fltea.identification.axis import IdentifyOptions
+from fltea.identification.dask_workers import DaskWorkers
+from fltea.identification.run import Settings
 from fltea.settings.how import How
 
 from tools.bench.day_files import RATE_HZ, counts, write_mcap

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fltea.identify.sums import examined, lines_of, octaves_of
+from fltea.identification.sums import examined, lines_of, octaves_of
 from fltea.noise.weights import weights
 from fltea.spectrum.likelihood_ratio import null_fits, p_value
 from fltea.spectrum.lines import find_peaks

@@ -14,9 +14,9 @@ from fltea.cluster.listing import files_of
 from fltea.cluster.run import Progress, run
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask
-from fltea.identify.axis import IdentifyOptions
-from fltea.identify.run import Settings
-from fltea.identify.workers import Here, Workers
+from fltea.identification.axis import IdentifyOptions
+from fltea.identification.run import Settings
+from fltea.identification.workers import Here, Workers
 from fltea.records.errors import FlteaError
 from fltea.settings.how import How
 
@@ -38,7 +38,7 @@ DONE = 3
 def worker_killed(folder: Path) -> Row:
     """One of two, while a large file is summed in pieces."""
     from distributed import LocalCluster
-    from fltea.identify.dask_workers import DaskWorkers
+    from fltea.identification.dask_workers import DaskWorkers
 
     files = _make(folder)
     killed: list[int] = []
@@ -65,7 +65,7 @@ def worker_killed(folder: Path) -> Row:
 
 def scheduler_killed(folder: Path) -> Row:
     """And the same again with another one."""
-    from fltea.identify.dask_workers import DaskWorkers
+    from fltea.identification.dask_workers import DaskWorkers
 
     files, told, out = _make(folder), [], folder / "v.parquet"
     with contextlib.closing(Cluster()) as cluster:

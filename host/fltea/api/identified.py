@@ -7,7 +7,7 @@ import msgspec
 
 from fltea.api._html import axis_html, page
 from fltea.api._tables import frame, row
-from fltea.identify.axis import AxisResult
+from fltea.identification.axis import AxisResult
 from fltea.records.fit import FitAllan, FitSpectrum, Interval, VerdictKind
 
 if TYPE_CHECKING:

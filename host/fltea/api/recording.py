@@ -14,9 +14,18 @@ from fltea.api._html import page
 from fltea.api._tables import columns, parquet
 from fltea.api.identified import Report
 from fltea.api.series import of_series
-from fltea.identify.axis import IdentifyOptions
-from fltea.identify.load import ACCEL_UNIT, GYRO_UNIT, Counts, Loaded, Request, Unreadable, load, recordings
-from fltea.identify.traps import Trap
+from fltea.identification.axis import IdentifyOptions
+from fltea.identification.load import (
+    ACCEL_UNIT,
+    GYRO_UNIT,
+    Counts,
+    Loaded,
+    Request,
+    Unreadable,
+    load,
+    recordings,
+)
+from fltea.identification.traps import Trap
 from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
 

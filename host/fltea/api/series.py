@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 
 from fltea.api._check import one_axis, period_s
 from fltea.api.identified import Identified
-from fltea.identify.axis import IdentifyOptions, identify_axis
-from fltea.identify.gaps import bridged
-from fltea.identify.load import Series
-from fltea.identify.sums import examined_stretches, lines_of_stretches, octaves_of_stretches
+from fltea.identification.axis import IdentifyOptions, identify_axis
+from fltea.identification.gaps import bridged
+from fltea.identification.load import Series
+from fltea.identification.sums import examined_stretches, lines_of_stretches, octaves_of_stretches
 from fltea.records.fit import Interval
 from fltea.spectrum.fit_allan import fit_allan
 from fltea.spectrum.live_axes import spectrum_of

@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from fltea import __version__
 from fltea.cli import (
     devices as cli_devices,
 )
@@ -40,6 +39,7 @@ from fltea.cli import (
 )
 from fltea.cli.output import print_lines, say
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.version import __version__
 from fltea.wire import layout as wire
 
 EXIT_CODES = """
@@ -218,7 +218,7 @@ def simulate(
 
         fltea simulate twin.npz --model sensor.json -n 60000
     """
-    from fltea.identify.simulation_file import write_model_simulation, write_simulation
+    from fltea.identification.simulation_file import write_model_simulation, write_simulation
 
     if model is not None:
         sources = {name: context.get_parameter_source(name) for name in SAID_BY_MODEL}

@@ -94,7 +94,7 @@ def evaluate(
 
 
 def _run(plan: "Plan", jobs: int | None) -> "Result":
-    from fltea.identify.workers import open_local
+    from fltea.identification.workers import open_local
     from fltea.lab.evaluate.run import evaluate as run
     from fltea.lab.evaluate.run import steps
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from fltea.records.errors import FlteaError, UsageError
 
 if TYPE_CHECKING:
-    from fltea.identify.run import FileReport
+    from fltea.identification.run import FileReport
 
 
 class Files(NamedTuple):
@@ -51,8 +51,8 @@ def write(report: "FileReport", files: Files) -> None:
         FlteaError: one cannot be written, or what it needs was not found.
     """
     from fltea.documents.imu_yaml import Inflation
-    from fltea.identify import model_file, navigation_file
-    from fltea.identify.run import AxisReport
+    from fltea.identification import model_file, navigation_file
+    from fltea.identification.run import AxisReport
     from fltea.records.records import ACCEL_AXES
 
     if report.recording is None or not files.any:

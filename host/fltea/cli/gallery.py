@@ -112,7 +112,7 @@ def _names(only: list[str] | None) -> list[str]:
 def _run(wanted: "list[Cell]", jobs: int | None, kept: Path, *, resume: bool) -> "Gallery":
     import msgspec
 
-    from fltea.identify.workers import open_local
+    from fltea.identification.workers import open_local
     from fltea.lab.gallery.run import visit
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)

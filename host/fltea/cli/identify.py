@@ -14,15 +14,15 @@ import typer
 
 from fltea.cli import exports, how, many
 from fltea.cli.output import print_result, say
-from fltea.identify.dask_address import check_address
+from fltea.identification.dask_address import check_address
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible_lines
 from fltea.settings import duration
 from fltea.settings.extras import load
 
 if TYPE_CHECKING:
-    from fltea.identify.run import FileReport, Progress
-    from fltea.identify.workers import Workers
+    from fltea.identification.run import FileReport, Progress
+    from fltea.identification.workers import Workers
 
 
 def identify(
@@ -161,9 +161,9 @@ def identify(
         if jobs is not None:
             raise UsageError("--jobs is for this machine, --dask for a cluster: give one of them.")
         check_address(dask)
-    from fltea.identify import findings, run
-    from fltea.identify import load as reading
-    from fltea.identify.axis import IdentifyOptions
+    from fltea.identification import findings, run
+    from fltea.identification import load as reading
+    from fltea.identification.axis import IdentifyOptions
 
     flags = {
         "estimator.variant": variant,
@@ -202,7 +202,7 @@ def identify(
         export_model, imu_yaml, gauss_markov, exports.parse_inflation(inflate, imu_yaml)
     )
     if report is not None:
-        from fltea.identify import report as page
+        from fltea.identification import report as page
 
         page.prepare_folder(report)
     found = reading.recordings([Path(file) for file in files])
@@ -274,8 +274,8 @@ def _config(file: Path | None, flags: dict[str, Any], settings: Sequence[str]) -
 
 
 def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "list[FileReport]":
-    from fltea.identify.run import identify_all
-    from fltea.identify.workers import Here
+    from fltea.identification.run import identify_all
+    from fltea.identification.workers import Here
     from fltea.recording.kind import is_of_this_process
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -293,16 +293,16 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
 
 def _workers(jobs: int | None, dask: str | None) -> "Workers":
     if dask is None:
-        from fltea.identify.workers import open_local
+        from fltea.identification.workers import open_local
 
         return open_local(jobs)
-    from fltea.identify.dask_trust import trust_warning
+    from fltea.identification.dask_trust import trust_warning
 
     if warning := trust_warning(dask):
         say(f"fltea: warning: {warning}")
-    workers: Workers = load("fltea.identify.dask_workers", "distributed", "dask", "--dask needs").DaskWorkers(
-        dask
-    )
+    workers: Workers = load(
+        "fltea.identification.dask_workers", "distributed", "dask", "--dask needs"
+    ).DaskWorkers(dask)
     return workers
 
 
@@ -330,7 +330,7 @@ def _show(reports: "Sequence[FileReport]") -> None:
     """Tables on stdout."""
     from rich.console import Console
 
-    from fltea.identify.terminal import show, summary
+    from fltea.identification.terminal import show, summary
 
     text = io.StringIO()  # rich itself ends the program if stdout cannot be written
     console = Console(file=text, force_terminal=sys.stdout.isatty() or None)
@@ -343,7 +343,7 @@ def _show(reports: "Sequence[FileReport]") -> None:
 
 def _fail(reports: "Sequence[FileReport]") -> None:
     """End with the first failure, if there was one; the others are told before."""
-    from fltea.identify.run import Failure
+    from fltea.identification.run import Failure
 
     failures = []
     for report in reports:

@@ -15,7 +15,7 @@ from fltea.settings.extras import load
 
 if TYPE_CHECKING:
     from fltea.cluster.run import Progress
-    from fltea.identify.workers import Workers
+    from fltea.identification.workers import Workers
 
 SUFFIX = ".parquet"
 TELL_S = 30.0

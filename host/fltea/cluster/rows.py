@@ -6,9 +6,9 @@ from typing import Any
 import msgspec
 
 from fltea.cluster.listing import File
-from fltea.identify.load import Loaded
-from fltea.identify.run import AxisReport, Failure, FileReport
-from fltea.identify.traps import Trap
+from fltea.identification.load import Loaded
+from fltea.identification.run import AxisReport, Failure, FileReport
+from fltea.identification.traps import Trap
 
 VALUES = ("alpha", "f", "F", "s2", "R")
 COEFFICIENTS = ("N", "B", "K")

@@ -14,7 +14,7 @@ from fltea.cluster.rows import Key, Row, failed
 from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask, identify_file
-from fltea.identify.workers import Workers
+from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 
 CHECK_S = 5.0

@@ -22,10 +22,10 @@ from fltea.cluster.rows import (
     trap_kinds,
 )
 from fltea.cluster.whole import Ask
-from fltea.identify.allan import Allan, with_white_noise
-from fltea.identify.gaps import bridged
-from fltea.identify.load import Loaded, Series, load
-from fltea.identify.sums import (
+from fltea.identification.allan import Allan, with_white_noise
+from fltea.identification.gaps import bridged
+from fltea.identification.load import Loaded, Series, load
+from fltea.identification.sums import (
     AT_ONCE,
     examined_sums,
     lines_together,
@@ -33,7 +33,7 @@ from fltea.identify.sums import (
     one_a_depth,
     parts_of,
 )
-from fltea.identify.work_folder import work_folder
+from fltea.identification.work_folder import work_folder
 from fltea.records.errors import FlteaError, UsageError
 from fltea.spectrum.allan_curve import live_allan
 from fltea.spectrum.composite import composite

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from fltea import __version__
+from fltea.records.version import __version__
 
 STYLE = Path(__file__).with_name("report.css")
 

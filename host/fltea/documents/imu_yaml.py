@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from fltea import __version__
+from fltea.records.version import __version__
 from fltea.records.visible import visible
 
 

@@ -11,10 +11,10 @@ from typing import IO, cast
 import msgspec
 from mcap.writer import CompressionType, Writer
 
-from fltea import __version__
 from fltea.recording.schema import record_schema
 from fltea.recording.session import HELLO, LINK, SESSION, WIRE, Entry, LinkMessage, PartInfo
 from fltea.records.records import Hello
+from fltea.records.version import __version__
 
 CHUNK_BYTES = 1 << 20
 NO_RESERVING = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)

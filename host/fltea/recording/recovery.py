@@ -7,9 +7,9 @@ from typing import BinaryIO, NamedTuple
 from mcap.records import Channel, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
-from fltea import __version__
 from fltea.recording.scan import LOG_TIME, ChunkEnd, Damage, Messages, Scan
 from fltea.records.errors import UsageError
+from fltea.records.version import __version__
 from fltea.records.whole_file import whole_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 

@@ -5,10 +5,9 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-import fltea
 from fltea.records.errors import UsageError
 
-_ROOT = Path(fltea.__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[3]
 """The clone, if the program runs from one."""
 
 

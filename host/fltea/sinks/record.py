@@ -9,7 +9,6 @@ from pathlib import Path
 
 import msgspec
 
-from fltea import __version__
 from fltea.recording.part import PartWriter
 from fltea.recording.schema import encode_message
 from fltea.recording.session import LINK, OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage, PartInfo
@@ -31,6 +30,7 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
+from fltea.records.version import __version__
 from fltea.settings.outputs import RecordConfig
 from fltea.sources.wire_events import WireEvents
 

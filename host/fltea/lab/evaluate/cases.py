@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.identify import noise_model
+from fltea.identification import noise_model
 from fltea.lab.evaluate.frequencies import LAM, mean
 from fltea.noise import spectra as spectrum
 

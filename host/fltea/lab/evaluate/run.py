@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.identify.workers import Workers
+from fltea.identification.workers import Workers
 from fltea.lab.evaluate import alarms, cases, coverage, cramer_rao, fits, referee, settings, shifts
 from fltea.lab.evaluate.alarms import Alarms
 from fltea.lab.evaluate.cases import Case, H

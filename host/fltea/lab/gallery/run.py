@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.identify.sums import examined
-from fltea.identify.workers import Workers
+from fltea.identification.sums import examined
+from fltea.identification.workers import Workers
 from fltea.lab.gallery.noises import NOISES
 from fltea.lab.gallery.right import Right, right_verdicts
 from fltea.records.errors import FlteaError

@@ -3,10 +3,10 @@
 import platform
 from collections.abc import Iterator
 
-from fltea import __version__
 from fltea.machine.devices import find_ports
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.host_system import System
+from fltea.records.version import __version__
 from fltea.settings.config import Config
 from fltea.settings.extras import how_to_install
 from fltea.wire import layout as wire

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
-from fltea import __version__
 from fltea.machine.devices import NATIVE, NATIVE_REMEDY, Port, find_ports, stable_name
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.doctor.hearing import HEAR_S, Heard, hear
 from fltea.machine.host_system import System, permission_remedy
+from fltea.records.version import __version__
 from fltea.records.visible import visible
 from fltea.wire import layout as wire
 from fltea.wire.transport import ANY_BOARD

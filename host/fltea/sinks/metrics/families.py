@@ -13,7 +13,6 @@ from prometheus_client.core import (
 )
 from prometheus_client.registry import Collector
 
-from fltea import __version__
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.device_fit import DeviceAxisFit
@@ -29,6 +28,7 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
+from fltea.records.version import __version__
 from fltea.sinks.metrics.fits import fit_families
 from fltea.sinks.metrics.rows import Rows, counter_family, gauge_family
 from fltea.wire import layout as wire

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 from urllib.parse import parse_qsl, urlsplit
 
-from fltea import __version__
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, Tick, Trouble, block_of
 from fltea.records.records import DeviceStatus, Hello, LinkStats
 from fltea.records.repeat import OnceAMinute
+from fltea.records.version import __version__
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c.bus import Bus, explain_open_failure
 from fltea.sources.i2c.driver import (

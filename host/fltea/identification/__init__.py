@@ -1,0 +1,1 @@
+"""What the noise of a whole recording is: `fltea identify`."""

@@ -1,0 +1,177 @@
+"""An existing Dask cluster as `workers.Workers`.
+
+Dask itself does again what a worker was doing when it died. Each task takes its samples along, so that no
+worker needs the files or another worker; its result is counted when it arrives, which it does once.
+"""
+
+import time
+import warnings
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+from dask import config
+from distributed import Client
+from distributed.security import Security
+
+from fltea.identification.dask_trust import ENCRYPTED
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.version import __version__
+
+T = TypeVar("T")
+
+CONNECT_S = 10.0
+LONELY_S = 60.0
+"""How long a cluster may be without any worker."""
+RETRIES = 3
+"""Of a task that has failed; one whose worker died is not counted here, but by the scheduler."""
+SETTINGS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY"
+
+
+class DaskWorkers:
+    """Connected to the scheduler at `address`, such as tcp://10.0.0.5:8786.
+
+    Raises:
+        UsageError: there is no scheduler or no worker, certificates are missing or wrong, or the workers have
+            another version of fltea, or none.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._client = _connected(address)
+        try:
+            self._client.wait_for_workers(1, timeout=CONNECT_S)
+            versions = self._client.run(_version)
+        except TimeoutError as error:
+            self.close()
+            raise UsageError(
+                f"--dask {address}: the scheduler has no workers; start some: dask worker {address}"
+            ) from error
+        except Exception as error:
+            self.close()
+            raise UsageError(
+                f"--dask {address}: the workers cannot run fltea ({error}); install {__version__} there."
+            ) from error
+        other = {worker: version for worker, version in versions.items() if version != __version__}
+        if other:
+            self.close()
+            worker, version = next(iter(other.items()))
+            raise UsageError(
+                f"--dask {address}: worker {worker} has fltea {version}, and this is {__version__}; install "
+                "the same everywhere."
+            )
+        self._executor = self._client.get_executor(pure=False, retries=RETRIES)
+        self._lonely_since: float | None = None
+
+    @property
+    def slots(self) -> int:
+        """Two a thread: the next one is there when one is done."""
+        return max(2, 2 * self._threads())
+
+    def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
+        """Hand a task to the scheduler."""
+        with warnings.catch_warnings():
+            # It would rather have large data scattered, but what is scattered is lost with its worker.
+            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+            try:
+                future: Future[T] = self._executor.submit(task, *arguments)
+            except Exception as error:
+                self._check_scheduler(error)
+                raise
+        return future
+
+    def renew(self) -> None:
+        """Deaths are the scheduler's affair."""
+
+    def check(self) -> None:
+        """Complain when there has been no worker for a minute, or the scheduler is gone.
+
+        Raises:
+            FlteaError: then.
+        """
+        if self._threads():
+            self._lonely_since = None
+            return
+        now = time.monotonic()
+        self._lonely_since = self._lonely_since or now
+        if now - self._lonely_since > LONELY_S:
+            raise FlteaError(f"--dask {self._address}: there has been no worker for {LONELY_S:.0f} s.")
+
+    def _threads(self) -> int:
+        """Of all workers.
+
+        Raises:
+            FlteaError: the scheduler is gone.
+        """
+        self._check_scheduler()
+        try:
+            return sum(self._client.nthreads().values())
+        except Exception as error:
+            self._check_scheduler(error)
+            raise
+
+    def _check_scheduler(self, cause: Exception | None = None) -> None:
+        if self._client.status == "running" and not isinstance(cause, OSError):
+            return
+        raise FlteaError(
+            f"--dask {self._address}: the scheduler is gone, and what it was doing is lost. Start it and its "
+            "workers, and give the same command again; what is in the table of --out is not done again."
+        ) from cause
+
+    def close(self) -> None:
+        """Leave; the scheduler forgets what was asked for."""
+        self._client.close()
+
+
+def _connected(address: str) -> Any:
+    """A client of the scheduler there.
+
+    Dask's client may take 20 s to go away if it fails as it is made, with a traceback: so all that can be
+    checked before that is.
+
+    Raises:
+        UsageError: nobody answers there, or certificates are missing or wrong.
+    """
+    encrypted = address.startswith(tuple(f"{scheme}://" for scheme in ENCRYPTED))
+    if encrypted:
+        _check_certificate(address)
+    elif config.get("distributed.comm.require-encryption", None):
+        raise UsageError(
+            f"--dask {address}: not encrypted, and DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION is set. "
+            f"Connect to tls://{address.rpartition('://')[2]}, or unset it."
+        )
+    connect: Any = Client
+    try:
+        return connect(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        cause = error or type(error).__name__
+        if encrypted:
+            raise UsageError(
+                f"--dask {address}: no scheduler answers there that takes our certificate ({cause}). Is it "
+                "running, with --protocol tls, and did one authority sign its certificate and that of "
+                "…__CLIENT__CERT (host/identify.md, A Dask cluster)?"
+            ) from error
+        raise UsageError(
+            f"--dask {address}: no scheduler answers there ({cause}); is it running, and is the address that "
+            "of its log (tcp://HOST:8786, with certificates tls://HOST:8786)?"
+        ) from error
+
+
+def _check_certificate(address: str) -> None:
+    security: Any = Security
+    try:
+        found = security().get_connection_args("client")["ssl_context"]
+    except (OSError, ValueError) as error:  # an SSLError is an OSError
+        raise UsageError(
+            f"--dask {address}: the certificates cannot be used ({error}). Do {SETTINGS} name files that are "
+            "there, and is the key that of the certificate (host/identify.md, A Dask cluster)?"
+        ) from error
+    if not found:
+        raise UsageError(
+            f"--dask {address}: no certificate to show there. Set {SETTINGS} (host/identify.md, A Dask "
+            "cluster)."
+        )
+
+
+def _version() -> str:
+    return __version__

@@ -1,0 +1,343 @@
+"""Recordings to axes that can be identified: all samples of one rate and scale, and where some are missing.
+
+What may be done across a gap is for whoever uses the samples to say (`identification.gaps`). Of several rates
+or scales the one with the most samples is taken. What is left out is counted.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.archive.info import sessions
+from fltea.identification.gaps import Gaps, bridge, no_gaps
+from fltea.identification.traps import Trap, sensor_traps, source_trap, timing_traps
+from fltea.recording.bag_files import bags_in
+from fltea.recording.kind import is_one_file
+from fltea.recording.spool import Spool
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.events import Trouble
+from fltea.records.records import ACCEL_AXES, AXES, Hello
+from fltea.settings.how import AS_IT_SAYS, How
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+from fltea.sources.replay import ReplaySource, open_mcap
+from fltea.stream.decode import Decoded, Decoder
+from fltea.stream.time import Timebase
+from fltea.wire.layout import SampleFlags
+from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
+
+Array = NDArray[np.float64]
+
+MAX_GAP = 100
+"""Samples, as `link.max_gap`: what it decides is only how a break is counted."""
+
+MOST_TOLD = 5
+"""Troubles of the recording itself that are told one by one."""
+
+MOST_GROUPS = 8
+"""Rates and scales whose samples are kept at a time: each has its files."""
+
+GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
+
+
+class Request(msgspec.Struct, frozen=True):
+    """What to read: the files of one recording, and how.
+
+    channels: axes; None for all of the gyroscope's. accel: and all of the accelerometer's then, if there is
+    one. limits: how much memory it may take.
+    """
+
+    paths: tuple[Path, ...]
+    channels: tuple[str, ...] | None = None
+    how: How = AS_IT_SAYS
+    limits: Limits = DEFAULT_LIMITS
+    accel: bool = False
+
+    @property
+    def name(self) -> str:
+        """What to call it: its file, or the session that its files are of."""
+        first = self.paths[0]
+        return str(first) if len(self.paths) == 1 else str(first.with_name(first.stem.rpartition("_")[0]))
+
+
+class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the recording holds, and how much of it is used.
+
+    samples: all that arrived. used: those of the rate and scale that most of them have; the first is number
+    `used_from` of all. stretches: pieces between breaks, of all. bridged: lost samples between those used
+    that others stand for. lost, gaps, duplicates, before_hello: as in `stats`. late, retried, saturated:
+    samples used that the device flagged so.
+    """
+
+    samples: int
+    used: int
+    used_from: int
+    stretches: int
+    bridged: int
+    lost: int
+    gaps: int
+    duplicates: int
+    before_hello: int
+    late: int
+    retried: int
+    saturated: int
+
+
+class Series(NamedTuple):
+    """One axis: y (n,) and one LSB, if it is known, in `unit`; gaps: where samples are missing in it."""
+
+    y: Array
+    unit: str
+    lsb: float | None
+    gaps: Gaps = no_gaps()
+
+
+class Loaded(NamedTuple):
+    """One recording. clock_ppm: how much faster the device's clock runs than the host's, None if unknown.
+
+    traps: those of the recording as a whole. topic: of a bag, "" of other files.
+    """
+
+    hello: Hello
+    counts: Counts
+    axes: dict[str, Series]
+    clock_ppm: float | None
+    traps: tuple[Trap, ...]
+    topic: str = ""
+
+    @property
+    def h(self) -> float:
+        """Sampling period in s."""
+        return 1 / self.hello.rate_hz
+
+
+class Unreadable(NamedTuple):
+    """In place of a recording: where there is none, and why."""
+
+    name: str
+    error: FlteaError
+
+
+def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
+    """The recordings in files, folders and names of sessions, each as the files it is made of."""
+    found: list[tuple[Path, ...] | Unreadable] = []
+    paths = [path for one in paths for path in bags_in(one) or [one]]
+    mcap = [path for path in paths if not is_one_file(path)]
+    for path in paths:
+        if is_one_file(path):
+            found.append((path,))
+        elif path == mcap[0]:
+            found += _mcap_sessions(mcap)
+    return found
+
+
+def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
+    """All at once, so that the files of one session are put together, or else one by one."""
+    try:
+        return [tuple(files) for files in sessions(paths)]
+    except FlteaError as error:
+        if len(paths) == 1:
+            return [Unreadable(str(paths[0]), error)]
+    return [found for path in paths for found in _mcap_sessions([path])]
+
+
+def load(request: Request, folder: Path | None = None) -> Loaded:
+    """Read one recording.
+
+    folder: where the samples are kept in files, for as long as they are used; None: in memory.
+
+    Raises:
+        UsageError: it cannot be read, holds no samples, or not the axes that are asked for.
+    """
+    path = request.paths[0]
+    topic = ""
+    if is_one_file(path):
+        source = ReplaySource(
+            path,
+            how=request.how,
+            limits=request.limits,
+        )
+        topic, events, offset = source.topic, source.events(), lambda: source.unix_offset_ns
+    else:
+        if request.how.of_text or request.how.topic is not None:
+            raise UsageError(
+                f"{path}: --columns, --units, --rate and --time-column are for text, --topic for bags of ROS."
+            )
+        recording = open_mcap(request.paths, f"replay:{request.name}", request.limits)()
+        events, offset = recording.events(), lambda: recording.unix_offset_ns
+    decoder = Decoder(offset, MAX_GAP)
+    groups = _Groups(folder)
+    told: list[Trap] = []
+    for event in events:
+        if isinstance(event, Trouble):
+            told.append(source_trap(event.kind, event.message))
+        for found in decoder.feed(event):
+            if isinstance(found, Decoded):
+                groups.add(found, decoder)
+    used = groups.largest()
+    if used.hello is None:
+        raise UsageError(f"{request.name}: holds no samples that can be used.")
+    c = decoder.place
+    lost = c.lost, c.gaps, c.duplicates, c.before_hello
+    gaps = used.gaps()
+    bridged = gaps.lost_up_to(bridge(len(used), gaps))
+    counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
+    axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
+    traps = _traps(used, counts, axes, clock_ppm)
+    return Loaded(used.hello, counts, _chosen(axes, request), clock_ppm, (*told[:MOST_TOLD], *traps), topic)
+
+
+def _traps(
+    used: "_Group", counts: Counts, axes: dict[str, Series], clock_ppm: float | None
+) -> tuple[Trap, ...]:
+    assert used.hello is not None
+    gyro = [name for name in AXES if name in axes]
+    of_time = timing_traps(
+        used=counts.used,
+        samples=counts.samples,
+        lost=counts.lost,
+        gaps=counts.gaps,
+        stretches=counts.stretches,
+        bridged=counts.bridged,
+        rate_hz=used.hello.rate_hz,
+        clock_ppm=clock_ppm,
+    )
+    # One axis at a time in memory.
+    return of_time + sensor_traps(map(used.axis, gyro), [axes[name].lsb for name in gyro])
+
+
+def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:
+    # An accelerometer that nobody asked for is left out where it says nothing: some put zeros there.
+    wanted = request.channels or tuple(
+        name for name, one in axes.items() if name in AXES or (request.accel and np.ptp(one.y) > 0)
+    )
+    lacking = [name for name in wanted if name not in axes]
+    if lacking:
+        raise UsageError(f"{request.name}: has no {', '.join(lacking)} (it has {', '.join(axes)}).")
+    return {name: axes[name] for name in wanted}
+
+
+class _Groups:
+    """The samples of a recording, those of each rate and scale by themselves."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self.samples = self.stretches = 0
+        self._folder = folder
+        self._groups: dict[tuple[object, ...], _Group] = {}
+        self._last: _Group | None = None
+
+    def add(self, found: Decoded, decoder: Decoder) -> None:
+        """Take the next samples."""
+        group = self._of(found)
+        broken = group is not self._last or found.missing > 0 or found.new_epoch is not None
+        self.stretches += broken
+        # Where another rate, scale or start of the sensor came between, nobody knows how many are missing.
+        known = group is self._last and found.new_epoch in (None, "gap")
+        missing = found.missing if known else 0
+        group.add(found, decoder, missing if broken else None)
+        self.samples += len(found.block)
+        self._last = group
+
+    def largest(self) -> "_Group":
+        """That with the most samples, the first of equals; the others are forgotten."""
+        largest = max(self._groups.values(), key=len, default=_Group(0, None))
+        for group in self._groups.values():
+            if group is not largest:
+                group.close()
+        return largest
+
+    def _of(self, found: Decoded) -> "_Group":
+        block, hello = found.block, found.hello
+        accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
+        key = (
+            hello.device_id,
+            hello.sensor,
+            hello.rate_hz,
+            hello.gyro_lsb_per_dps,
+            hello.accel_lsb_per_g,
+            block.gyro_dps.shape[1],
+            accel_axes,
+        )
+        if key not in self._groups:
+            if len(self._groups) == MOST_GROUPS:
+                self._groups.pop(min(self._groups, key=lambda one: len(self._groups[one]))).close()
+            self._groups[key] = _Group(self.samples, self._folder)
+        return self._groups[key]
+
+
+class _Group:
+    """Samples of one rate and scale, and the breaks between them."""
+
+    def __init__(self, first: int, folder: Path | None) -> None:
+        self.first = first
+        self.hello: Hello | None = None
+        self.ppm: float | None = None
+        self.no_clock = True
+        self.flagged = [0, 0, 0]
+        self._in_files = folder is not None
+        self._spool = Spool(folder)
+        self._samples = 0
+        self._at: list[int] = []
+        self._missing: list[int] = []
+        self._clock: Timebase | None = None
+        self._of_clock = self._most_of_clock = 0
+
+    def __len__(self) -> int:
+        return self._samples
+
+    def gaps(self) -> Gaps:
+        """Where samples are missing."""
+        return Gaps(np.array(self._at, dtype=np.int64), np.array(self._missing, dtype=np.int64))
+
+    def add(self, found: Decoded, decoder: Decoder, missing: int | None) -> None:
+        """Take the next ones; missing: that many before them, 0 if nobody knows, None: they follow on."""
+        block = found.block
+        if self.hello is None:
+            self.hello = found.hello
+        elif missing is not None:
+            self._at.append(self._samples)
+            self._missing.append(missing)
+        self._samples += len(block)
+        for names, values in ((AXES, block.gyro_dps), (ACCEL_AXES, block.accel_ms2)):
+            for name, column in zip(names, () if values is None else values.T, strict=False):
+                self._spool.append(name, column)
+        if block.flags is not None and block.flags.any():
+            for i, flag in enumerate((SampleFlags.LATE, SampleFlags.RETRIED, SampleFlags.SATURATED)):
+                self.flagged[i] += int(np.count_nonzero(block.flags & flag))
+        # Of a recording without arrival times the device's are given out for them.
+        self.no_clock = self.no_clock and bool((found.raw.host_ns == block.device_us * 1000).all())
+        self._ask(decoder.timebase, len(block))
+
+    def axis(self, name: str) -> Array:
+        """One axis in memory, (n,)."""
+        return self._spool.whole(name)
+
+    def axes(self, gaps: Gaps) -> dict[str, Series]:
+        """All of them by name."""
+        assert self.hello is not None
+        found = {}
+        for names, unit, lsb in (
+            (AXES, GYRO_UNIT, resolution_dps(self.hello)),
+            (ACCEL_AXES, ACCEL_UNIT, accel_resolution_ms2(self.hello)),
+        ):
+            for name in names:
+                if name in self._spool:
+                    y = self._spool.mapped(name) if self._in_files else self._spool.whole(name)
+                    found[name] = Series(y, unit, lsb, gaps)
+        return found
+
+    def close(self) -> None:
+        """Forget the samples."""
+        self._spool.remove()
+
+    def _ask(self, clock: Timebase | None, samples: int) -> None:
+        """The device's clock against the host's, as the longest epoch has it."""
+        if clock is None:
+            return
+        self._of_clock = self._of_clock + samples if clock is self._clock else samples
+        self._clock = clock
+        if self._of_clock > self._most_of_clock:
+            self._most_of_clock, self.ppm = self._of_clock, clock.clock_ppm

@@ -1,0 +1,162 @@
+"""One HTML page about recordings that were identified, complete in itself, and its figures as PNG."""
+
+import base64
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from html import escape
+from pathlib import Path
+
+from fltea.documents.html_page import html_page, wide_table
+from fltea.identification import figures, findings
+from fltea.identification.axis import AxisResult
+from fltea.identification.run import AxisReport, FileReport
+from fltea.records.errors import UsageError
+from fltea.records.whole_file import whole_file
+from fltea.settings.extras import need_matplotlib
+
+PAGE = "report.html"
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make the folder, and see that figures can be made, before anything is computed.
+
+    Raises:
+        UsageError: matplotlib is missing, or the folder cannot be written to.
+    """
+    need_matplotlib("--report needs")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise UsageError(f"--report {folder}: cannot be written to ({error.strerror or error}).") from error
+
+
+def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
+    """Write the figures and the page that has them in it; return the files, the page first.
+
+    Raises:
+        FlteaError: they cannot be written.
+    """
+    written: list[Path] = []
+    sections = []
+    for report, prefix in zip(reports, _prefixes(reports), strict=True):
+        pictures: dict[str, dict[str, bytes]] = {}
+        for name, axis in report.axes.items():
+            if isinstance(axis, AxisReport) and axis.curves is not None:
+                pictures[name] = figures.draw(axis)
+        for name, drawn in pictures.items():
+            for kind, png in drawn.items():
+                written.append(folder / f"{prefix}_{name}_{kind}.png")
+                with whole_file(written[-1]) as file:
+                    file.write(png)
+        sections.append("".join(_section(report, pictures)))
+    page = folder / PAGE
+    with whole_file(page) as file:
+        file.write(_page(reports, sections).encode())
+    return [page, *written]
+
+
+def _prefixes(reports: Sequence[FileReport]) -> list[str]:
+    """A name for the figures of each recording, numbered where two would be the same."""
+    found: list[str] = []
+    for report in reports:
+        stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(report.name).stem).strip("._") or "recording"
+        name, number = stem, 2
+        while name in found:
+            name, number = f"{stem}-{number}", number + 1
+        found.append(name)
+    return found
+
+
+def _page(reports: Sequence[FileReport], sections: list[str]) -> str:
+    title = "Noise identified" + (f": {Path(reports[0].name).name}" if len(reports) == 1 else "")
+    summary = _summary(reports) if len(reports) > 1 else ""
+    return html_page(title, summary + "".join(sections), "<code>fltea identify --report</code>")
+
+
+def _summary(reports: Sequence[FileReport]) -> str:
+    head = "".join(f"<th>{escape(text)}</th>" for text in ("recording", "axis", *findings.SHORT_HEADINGS))
+    lines = []
+    for report in reports:
+        name = f"<td>{escape(Path(report.name).name)}</td>"
+        if report.failure is not None:
+            lines.append(
+                f'<tr>{name}<td colspan="6" class="text bad">{escape(str(report.failure))}</td></tr>'
+            )
+        for axis, found in report.axes.items():
+            if isinstance(found, AxisReport):
+                cells = "".join(f"<td>{escape(text)}</td>" for text in findings.short(found))
+            else:
+                cells = f'<td colspan="5" class="text bad">{escape(found.error)}</td>'
+            lines.append(f"<tr>{name}<td>{axis}</td>{cells}</tr>")
+    return wide_table(f"<thead><tr>{head}</tr></thead>", lines)
+
+
+def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Iterator[str]:
+    yield f'<section><h2>{escape(report.name)}</h2><p class="faint">{escape(findings.heading(report))}</p>'
+    if report.failure is not None:
+        yield f'<p class="bad">{escape(str(report.failure))}</p></section>'
+        return
+    good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    for name, axis in report.axes.items():
+        if isinstance(axis, AxisReport):
+            text = escape(axis.result.verdict.text)
+            yield f'<p class="verdict"><b>{name}: {escape(axis.result.verdict.kind)}.</b> {text}</p>'
+        else:
+            yield f'<p class="verdict"><b>{name}</b>: <span class="bad">{escape(axis.error)}</span></p>'
+    yield from map(_table, findings.by_sensor(good))
+    for line in findings.not_described(good):
+        yield f"<p>{escape(line)}</p>"
+    yield _traps(report)
+    for name, axis in good.items():
+        yield f'<h3 class="axis">{name}</h3><p>{escape(axis.result.verdict.text)}</p>'
+        yield _rules(axis.result)
+        yield f'<p class="faint">{escape(findings.settings(axis))}</p>'
+        if axis.reproduction is not None:
+            yield f'<p class="faint">{escape(axis.reproduction.text)}</p>'
+        yield '<div class="figures">'
+        for kind, png in pictures.get(name, {}).items():
+            title, meaning = figures.TITLES[kind]
+            data = base64.b64encode(png).decode()
+            yield (
+                f'<figure><img alt="{name}: {escape(title)}" src="data:image/png;base64,{data}">'
+                f"<figcaption><b>{escape(title)}.</b> {escape(meaning)}</figcaption></figure>"
+            )
+        yield "</div>"
+    yield "</section>"
+
+
+def _table(axes: dict[str, AxisReport]) -> str:
+    head = "".join(f"<th>{name}</th>" for name in axes)
+    lines = []
+    for label, values in findings.side_by_side(axes):
+        cells = "".join(f"<td>{escape(value)}</td>" for value in values)
+        sub = ' class="sub"' if label.startswith(" ") else ""
+        lines.append(f"<tr{sub}><th>{escape(label.strip())}</th>{cells}</tr>")
+    return wide_table(f"<thead><tr><th></th>{head}</tr></thead>", lines)
+
+
+def _traps(report: FileReport) -> str:
+    found = findings.traps(report)
+    lines = [
+        f'<tr><td class="{trap.severity}">{trap.severity}</td><td>{escape(axes) or "all"}</td>'
+        f'<td class="text">{escape(trap.text)}</td><td class="text">{escape(trap.remedy)}</td></tr>'
+        for axes, trap in found
+    ]
+    lines += [
+        f'<tr><td></td><td></td><td class="text">{escape(text)}</td></tr>' for text in findings.doubts(report)
+    ]
+    if not lines:
+        return ""
+    return "<h3>Traps</h3>" + wide_table("", lines)
+
+
+def _rules(result: AxisResult) -> str:
+    lines = [
+        f'<tr><td class="text">{escape(rule.question)}</td><td>{"yes" if rule.answer else "no"}</td>'
+        f'<td class="text">{escape(rule.figure)}</td></tr>'
+        for rule in result.verdict.rules
+    ]
+    return f"<details open><summary>How the verdict came about</summary>{wide_table('', lines)}</details>"

@@ -1,0 +1,310 @@
+"""Many recordings: results come in the order of the recordings, failures stay apart.
+
+Each axis is a task, and each group of its shuffled copies another, for they take most of the time, and three
+axes would keep two cores busy for as long as four. What comes out does not depend on who does which.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from fltea.identification.allan import Allan, allan_of_stretches, with_white_noise
+from fltea.identification.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
+from fltea.identification.curves import Curves, curves
+from fltea.identification.gaps import bridged, longest_epoch
+from fltea.identification.load import Loaded, Request, Series, Unreadable, load
+from fltea.identification.noise_model import AxisModel, identified
+from fltea.identification.reproduction import Reproduction, reproduction
+from fltea.identification.shuffled import Copies, estimate, groups
+from fltea.identification.traps import Trap, axis_traps
+from fltea.identification.work_folder import work_folder
+from fltea.identification.workers import Workers
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.records import ACCEL_AXES, AXES
+from fltea.settings.config import AccelConfig, EstimatorConfig
+
+CHECK_S = 5.0
+"""Between two looks at whether the workers are still there."""
+
+USUAL_TASKS = 3
+"""Of a recording that has not been read yet: its axes. The bar grows with the groups of their copies."""
+
+Progress = Callable[[str, int, int], None]
+"""Is told what has just been done, and how many tasks of how many are done."""
+
+
+class Failure(msgspec.Struct, frozen=True):
+    """Why there is no result."""
+
+    error: str
+
+
+class AxisReport(msgspec.Struct, frozen=True):
+    """One axis. allan and reproduction: None for `allan_reason`. curves: only if figures are wanted."""
+
+    unit: str
+    lsb: float | None
+    result: AxisResult
+    model: AxisModel
+    allan: Allan | None
+    reproduction: Reproduction | None
+    allan_reason: str
+    traps: tuple[Trap, ...]
+    curves: Curves | None
+
+
+@dataclass
+class FileReport:
+    """One recording. failure: why it could not be read; else `recording` is what was, without the samples."""
+
+    name: str
+    recording: Loaded | None = None
+    failure: FlteaError | None = None
+    axes: dict[str, AxisReport | Failure] = field(default_factory=dict)
+
+
+class Settings(msgspec.Struct, frozen=True):
+    """How to identify; bias and R of the estimators may be lists, one number a channel."""
+
+    options: IdentifyOptions
+    """but for the estimator"""
+    gyro: EstimatorConfig = EstimatorConfig()
+    accel: AccelConfig = AccelConfig()
+    figures: bool = False
+    """make what figures are drawn from"""
+
+    def of_axis(self, axis: str, channels: Sequence[str]) -> IdentifyOptions:
+        """The options of one axis of those that are identified."""
+        config, names = (self.accel, ACCEL_AXES) if axis in ACCEL_AXES else (self.gyro, AXES)
+        place = [name for name in channels if name in names].index(axis)
+        numbers: dict[str, Any] = {}
+        for key in ("bias", "R"):
+            value = getattr(config, key)
+            if isinstance(value, list):
+                if place >= len(value):
+                    raise UsageError(f"{key}: has {len(value)} numbers, but {axis} is axis {place + 1}.")
+                numbers[key] = value[place]
+        return msgspec.structs.replace(self.options, estimator=msgspec.structs.replace(config, **numbers))
+
+
+def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
+    """The options with times as samples, h s each; UsageError if there are more of them than may be."""
+    try:
+        return msgspec.structs.replace(options, estimator=options.estimator.at(1 / h))
+    except ValueError as error:
+        raise UsageError(f"{error}.") from error
+
+
+class _Task(NamedTuple):
+    """To read a recording, or (with an axis) to identify one of its axes or a group of its copies."""
+
+    report: FileReport
+    axis: "_Axis | None"
+    do: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    part: int | None = None
+    """number of the group of copies"""
+    again: bool = False
+    """whether a process has died of it, or of what was under way at the same time"""
+
+
+@dataclass
+class _Axis:
+    """An axis whose tasks are under way. Its report comes when all of them are done."""
+
+    name: str
+    found: AxisReport | None = None
+    parts: list[Copies | None] = field(default_factory=list)
+    failure: Failure | None = None
+
+    def take(self, task: _Task, result: Any) -> AxisReport | Failure | None:
+        """Take what a task gave; the report if nothing more is to come."""
+        if isinstance(result, BaseException):
+            # Of several the axis itself knows best what is wrong with it.
+            self.failure = (
+                Failure(_text(result)) if task.part is None else self.failure or Failure(_text(result))
+            )
+        elif task.part is None:
+            self.found = result
+        else:
+            self.parts[task.part] = result
+        if self.failure is not None:
+            return self.failure
+        copies = [part for part in self.parts if part is not None]
+        if self.found is None or len(copies) < len(self.parts):
+            return None
+        return msgspec.structs.replace(self.found, result=with_copies(self.found.result, copies))
+
+
+def identify_all(
+    requests: Sequence[Request | Unreadable],
+    settings: Settings,
+    workers: Workers,
+    readers: Workers | None = None,
+    progress: Progress = lambda text, done, total: None,
+) -> list[FileReport]:
+    """Identify recordings; the reports have the order of the requests.
+
+    readers: who reads the files, if not `workers`, which may be on machines that do not have them.
+
+    Raises:
+        FlteaError: the workers are gone.
+    """
+    reports = []
+    reading: deque[_Task] = deque()
+    with work_folder() as folder:
+        for request in requests:
+            reports.append(FileReport(request.name))
+            if isinstance(request, Unreadable):
+                reports[-1].failure = request.error
+            else:
+                reading.append(_Task(reports[-1], None, load, (request, folder)))
+        _Loop(settings, workers, readers or workers, progress).run(reading)
+    return reports
+
+
+class _Loop:
+    """Hands out tasks, axes before further recordings, so that few recordings are in memory at a time."""
+
+    def __init__(self, settings: Settings, workers: Workers, readers: Workers, progress: Progress) -> None:
+        self._settings = settings
+        self._workers = workers
+        self._readers = readers
+        self._progress = progress
+        self._done = self._total = 0
+        self._axes: deque[_Task] = deque()
+        self._alone: deque[_Task] = deque()
+        self._pending: dict[Future[Any], _Task] = {}
+
+    def run(self, reading: deque[_Task]) -> None:
+        """Do all, the recordings to read first."""
+        self._total = len(reading) * (1 + USUAL_TASKS)
+        while reading or self._axes or self._alone or self._pending:
+            self._hand_out(reading)
+            done, _ = wait(self._pending, CHECK_S, FIRST_COMPLETED)
+            if not done:
+                self._workers.check()
+            broken = [future for future in done if not self._take(future)]
+            if broken:
+                self._after_death()
+
+    def _hand_out(self, reading: deque[_Task]) -> None:
+        while len(self._pending) < self._room():
+            queue = self._alone or self._axes or reading
+            if not queue:
+                return
+            task = queue.popleft()
+            who = self._readers if task.axis is None else self._workers
+            try:
+                future = who.submit(task.do, *task.arguments)
+            except BrokenExecutor:  # died since the last look
+                queue.appendleft(task)
+                self._after_death()
+                continue
+            self._pending[future] = task
+
+    def _room(self) -> int:
+        alone = self._alone or any(task.again for task in self._pending.values())
+        return 1 if alone else self._workers.slots
+
+    def _take(self, future: Future[Any]) -> bool:
+        """Take a result; False if there is none because a process died."""
+        task = self._pending[future]
+        try:
+            result = future.result()
+        except BrokenExecutor:
+            return False
+        except CancelledError as error:  # Dask does so when it has lost its scheduler
+            self._workers.check()
+            result = error
+        except Exception as error:
+            result = error
+        del self._pending[future]
+        self._settle(task, result)
+        return True
+
+    def _settle(self, task: _Task, result: Any) -> None:
+        report = task.report
+        self._done += 1
+        if task.axis is not None:
+            done = task.axis.take(task, result)
+            if done is not None:
+                report.axes[task.axis.name] = done
+        elif isinstance(result, Loaded):
+            report.recording = result._replace(axes={})
+            self._plan(report, result)
+        else:
+            report.failure = result if isinstance(result, FlteaError) else FlteaError(_text(result))
+            self._total -= USUAL_TASKS
+        what = [report.name.rpartition("/")[2]]
+        if task.axis is not None:
+            what.append(task.axis.name)
+            if task.part is not None:
+                what.append(f"copies {task.part + 1}/{len(task.axis.parts)}")
+        self._progress(" ".join(what), self._done, self._total)
+
+    def _plan(self, report: FileReport, recording: Loaded) -> None:
+        """The axes first, then their copies: many and alike, so that no process idles at the end."""
+        axes, copies = [], []
+        h = recording.h
+        for name, series in recording.axes.items():
+            report.axes[name] = Failure("not done")  # keeps the order of the axes
+            try:
+                options = _at_rate(self._settings.of_axis(name, tuple(recording.axes)), h)
+            except FlteaError as error:
+                report.axes[name] = Failure(str(error))
+                continue
+            axis = _Axis(name)
+            arguments = (series, h, options, self._settings.figures)
+            axes.append(_Task(report, axis, identify_series, arguments))
+            epoch = longest_epoch(len(series.y), series.gaps)
+            for part, group in enumerate(groups(epoch[1] - epoch[0], options.shuffles)):
+                axis.parts.append(None)
+                copy = (series.y, h, options.estimator, series.lsb, group, options.seed, epoch)
+                copies.append(_Task(report, axis, estimate, copy, part))
+        self._axes.extend(axes + copies)
+        self._total += len(axes) + len(copies) - USUAL_TASKS
+
+    def _after_death(self) -> None:
+        """One of those under way killed its process; each is tried alone: who dies then did it."""
+        tasks = list(self._pending.values())
+        self._pending.clear()
+        if len(tasks) == 1 and tasks[0].again:
+            self._settle(
+                tasks[0], FlteaError("the process that worked on it was killed; did memory run out?")
+            )
+        else:
+            self._alone.extend(task._replace(again=True) for task in tasks)
+        self._workers.renew()
+
+
+def identify_series(series: Series, h: float, options: IdentifyOptions, figures: bool) -> AxisReport:
+    """All that is found out about one axis, but for its shuffled copies.
+
+    Raises:
+        ValueError: it is too short or constant.
+    """
+    result = identify_axis(series.y, h, series.lsb, options, series.gaps)
+    model = identified(
+        result.rivals, result.verdict.kind, result.peaks, result.std, h, composite=result.composite
+    )
+    found, drawn, reason = None, None, ""
+    try:
+        stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
+        found = with_white_noise(allan_of_stretches(stretches, h, series.unit), result.composite.N)
+        drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
+    except ValueError as error:
+        reason = str(error)
+    traps = axis_traps(series.y, h, series.lsb, result.peaks, series.unit, series.gaps)
+    shown = curves(series.y, h, series.lsb, options, result, series.gaps) if figures else None
+    return AxisReport(series.unit, series.lsb, result, model, found, drawn, reason, traps, shown)
+
+
+def _text(error: Any) -> str:
+    text = str(error)
+    return text if isinstance(error, FlteaError | ValueError) and text else f"{type(error).__name__}: {text}"

@@ -1,0 +1,218 @@
+"""One axis of a recording: the sums of the live fit, and the lines that only a file can show."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.identification.gaps import LONGEST_BRIDGE, Gaps, Stretch, bridged, no_gaps
+from fltea.spectrum.lines import Peak, find_peaks
+from fltea.spectrum.octave_lines import around
+from fltea.spectrum.octaves import SHORTEST, Drift, Lines, Octaves, Parts, in_order, put_together
+from fltea.spectrum.periodogram import Periodogram, check_enough, periodogram
+from fltea.spectrum.spectral import Spectral, examine
+
+Array = NDArray[np.float64]
+Bands = tuple[tuple[float, float], ...]
+
+CHUNK, MOST_DEVIATIONS = 128, 12.0
+"""As in firmware/core/engine/gate.hpp."""
+AT_ONCE = 1 << 18
+"""Samples, so that of a long file little is in memory."""
+LEAST_SHARE = 0.5
+"""Of the samples, in the longest stretch: where it is less, lines are searched for in the sums of all."""
+
+
+def octaves_of(y: Array) -> Octaves:
+    """Add up y (n,).
+
+    Raises:
+        ValueError: y is not finite.
+    """
+    return octaves_of_stretches([Stretch(y, 0)])
+
+
+def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
+    """Add up stretches; nothing is computed across what lies between two of them.
+
+    Raises:
+        ValueError: they are not finite.
+    """
+    sums = Octaves(1)
+    for number, (y, missing) in enumerate(stretches):
+        if number:
+            sums.skip(max(missing, LONGEST_BRIDGE + 1))
+        for begin in range(0, len(y), AT_ONCE):
+            sums.add(np.asarray(y[begin : begin + AT_ONCE, np.newaxis], dtype=np.float64))
+    return sums
+
+
+def lines_of_stretches(
+    stretches: Sequence[Stretch], sums: Octaves, h: float
+) -> tuple[Periodogram, Drift | None]:
+    """The spectrum and the drift of stretches, of which `sums` are the sums.
+
+    Sums of a long record have the octaves that fit its length, and of short stretches in it the lower ones
+    hold nothing. So each stretch has sums of its own here.
+
+    Raises:
+        ValueError: they are constant, or too short.
+    """
+    if len(stretches) == 1:
+        return sums.lines_and_drift(0, h)
+    if sums.counts(0).constant:
+        raise ValueError("y is constant: there is no noise in it")
+    return lines_together(parts_of(stretches), h, max(len(one.y) for one in stretches))
+
+
+def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
+    """What the spectrum of each stretch is put together from, of those that are long enough for one."""
+    return [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
+
+
+def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Periodogram, Drift | None]:
+    """The spectrum and the drift of several stretches, the longest of so many samples.
+
+    Raises:
+        ValueError: they are too short.
+    """
+    welch = [lines for one in found for lines in one.welch]
+    whole: dict[int, list[Lines]] = {}
+    for one in found:
+        whole.setdefault(one.depth, []).extend(one.whole)
+    together = [on_one_grid(parts) for parts in whole.values() if parts]
+    if not welch and not together:
+        check_enough(0, longest)
+    return put_together(welch + together, h, max(one.n for one in found)), drift_together(found)
+
+
+def drift_together(found: Sequence[Parts]) -> Drift | None:
+    """The drift of several stretches."""
+    drifts = [one.drift for one in found if one.drift is not None]
+    amplitudes = sum(one.amplitudes for one in drifts)
+    return Drift(sum(d.power * d.amplitudes for d in drifts) / amplitudes, amplitudes) if drifts else None
+
+
+def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
+    """The same in few lines: stretches that are kept whole at the same rate become one."""
+    depths: dict[int, list[Parts]] = {}
+    for one in found:
+        depths.setdefault(one.depth, []).append(one)
+    return [
+        Parts(
+            [in_order(*(np.concatenate(part) for part in zip(*welch, strict=True)))] if welch else [],
+            [on_one_grid(whole)] if whole else [],
+            depth,
+            drift_together(those),
+            max(one.n for one in those),
+        )
+        for depth, those in depths.items()
+        for welch in [[lines for one in those for lines in one.welch]]
+        for whole in [[lines for one in those for lines in one.whole]]
+    ]
+
+
+def on_one_grid(parts: Sequence[Lines]) -> Lines:
+    """The lines of stretches of several lengths, averaged where they are nearer than those of the longest."""
+    lam, power, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    step = min(float(np.diff(one[0]).min(initial=math.inf)) for one in parts)
+    cell = np.rint(lam / step).astype(np.int64) if math.isfinite(step) else np.arange(len(lam))
+    _, place = np.unique(cell, return_inverse=True)
+    total = np.bincount(place, weight).astype(np.float64)
+    return np.bincount(place, weight * lam) / total, np.bincount(place, weight * power) / total, total
+
+
+def limited(y: Array) -> Array:
+    """Take the outliers off y (n,): samples far from the mean of their chunk are moved nearer, as live.
+
+    A few large samples that stand close together have a spectrum of their own.
+    """
+    chunks = len(y) // CHUNK
+    if not chunks:
+        return y
+    whole = y[: chunks * CHUNK].reshape(chunks, CHUNK)
+    mean = whole.mean(axis=1, keepdims=True)
+    most = MOST_DEVIATIONS * math.sqrt(float(np.median(whole.var(axis=1))))
+    inside = np.clip(whole, mean - most, mean + most).ravel() if most > 0 else whole.ravel()
+    return np.concatenate([inside, y[chunks * CHUNK :]])
+
+
+def lines_of(sums: Octaves, h: float, from_hz: float = 0.0, notch: Bands = ()) -> Periodogram:
+    """The lines above from_hz and outside of the bands (low, high), in Hz; h: sampling period in s.
+
+    Raises:
+        ValueError: y is constant, or too few are left.
+    """
+    return left_in(sums.periodogram(0, h), from_hz, notch)
+
+
+def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
+    """The lines above from_hz and outside of the bands (low, high), in Hz.
+
+    Raises:
+        ValueError: too few are left.
+    """
+    return whole.without(from_hz, notch) if from_hz > 0 or notch else whole
+
+
+def examined(
+    y: Array, h: float, from_hz: float = 0.0, notch: Bands = (), gaps: Gaps | None = None
+) -> Spectral:
+    """What the spectrum of y (n,) says; h, from_hz and notch as for `lines_of`.
+
+    gaps: between the samples of y, if there are any. Lines are searched for at the full resolution in the
+    longest stretch, if it has half of the samples.
+
+    Raises:
+        ValueError: y is not finite, constant, or too short.
+    """
+    return examined_stretches(bridged(y, gaps or no_gaps()), len(y), h, from_hz, notch)
+
+
+def examined_stretches(
+    stretches: Sequence[Stretch], samples: int, h: float, from_hz: float = 0.0, notch: Bands = ()
+) -> Spectral:
+    """What `examined` says of stretches with so many samples; arguments as there.
+
+    Raises:
+        ValueError: as `examined`.
+    """
+    peaks: tuple[Peak, ...] | None = None
+    longest = max((one.y for one in stretches), key=len)
+    if len(stretches) == 1 or len(longest) >= LEAST_SHARE * samples:
+        # At the full resolution.
+        peaks = find_peaks(periodogram(limited(longest), h, from_hz=from_hz, notch=notch))
+    sums = octaves_of_stretches(stretches)
+    lines, drift = lines_of_stretches(stretches, sums, h)
+    return examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks)
+
+
+def examined_sums(
+    lines: Periodogram,
+    drift: Drift | None,
+    sums: Octaves,
+    samples: int,
+    h: float,
+    from_hz: float = 0.0,
+    notch: Bands = (),
+    peaks: tuple[Peak, ...] | None = None,
+) -> Spectral:
+    """The same of the spectrum and the drift of so many samples, and their sums.
+
+    peaks: those found in the samples; None: they are searched for in the spectrum.
+
+    Raises:
+        ValueError: as `examined`.
+    """
+    notch = around(lines, notch)
+    return examine(
+        left_in(lines, from_hz, notch),
+        samples * h,
+        samples,
+        cells=sums.cells(0, h),
+        drift=drift,
+        peaks=peaks,
+        from_hz=from_hz,
+        notch=notch,
+    )

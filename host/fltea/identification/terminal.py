@@ -1,0 +1,81 @@
+"""Results as tables for a terminal."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from fltea.identification import findings
+from fltea.identification.run import AxisReport, Failure, FileReport
+from fltea.records.visible import visible_lines
+
+WIDTHS = (7, 9, 18, 9, 21)
+"""Of the columns of the summary."""
+COLOURS = {"bad": "bold red", "warning": "yellow", "note": "dim"}
+
+
+def show(console: Console, report: FileReport, first: bool = True) -> None:
+    """One recording: a table with a column an axis, the verdicts, and the traps."""
+    if not first:
+        console.print()
+    console.print(_shown(report.name, style="bold"), _shown(findings.heading(report)), soft_wrap=True)
+    if report.failure is not None:
+        console.print(_shown(str(report.failure), style="red"))
+        return
+    good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    for axes in findings.by_sensor(good):
+        table = Table("", *axes, box=box.SIMPLE_HEAD, pad_edge=False)
+        for label, values in findings.side_by_side(axes):
+            table.add_row(*(_shown(text) for text in (label, *values)))
+        console.print(table)
+    if good:
+        for line in dict.fromkeys(findings.method(axis.result) for axis in good.values()):
+            console.print(_shown(f"{line}."))
+        for line in findings.not_described(good):
+            console.print(_shown(line))
+    for name, axis in report.axes.items():
+        console.print(_verdict(name, axis))
+    for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
+        console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
+    for whose, trap in findings.traps(report):
+        text = _shown(f"{trap.severity}: ", style=COLOURS[trap.severity])
+        plain = "default not dim not bold"
+        text.append_text(_shown(f"{whose}: " if whose else "", style=plain))
+        text.append_text(_shown(f"{trap.text} {trap.remedy}", style=plain))
+        console.print(text)
+    for doubt in findings.doubts(report):
+        console.print(_shown(doubt))
+
+
+def _verdict(name: str, axis: AxisReport | Failure) -> Text:
+    if isinstance(axis, Failure):
+        return _shown(f"{name}: {axis.error}", style="red")
+    text = _shown(f"{name}: {axis.result.verdict.kind}. ", style="bold")
+    return text.append(axis.result.verdict.text, style="not bold")
+
+
+def summary(console: Console, reports: Sequence[FileReport]) -> None:
+    """All axes of all recordings, a line each under the recording's name, which may be long."""
+    console.print()
+    console.print(_shown(_line("Summary", findings.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
+    for report in reports:
+        console.print(_shown(Path(report.name).name, style="bold"), soft_wrap=True)
+        if report.failure is not None:
+            console.print(_shown("  failed", style="red"))
+        for axis, found in report.axes.items():
+            if isinstance(found, AxisReport):
+                console.print(_shown(_line(f"  {axis}", findings.short(found))), soft_wrap=True)
+            else:
+                console.print(_shown(f"  {axis}  failed", style="red"))
+
+
+def _shown(text: str, style: str = "") -> Text:
+    """What files and the names in them say, so that nothing in it steers the terminal."""
+    return Text(visible_lines(text), style=style)
+
+
+def _line(first: str, cells: Sequence[str]) -> str:
+    return f"{first:<10}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True))

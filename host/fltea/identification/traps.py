@@ -1,0 +1,350 @@
+"""What in the data can mislead whoever identifies it, and what to do about it (pure).
+
+Each trap is looked for with a threshold that clean noise, white or coloured, hardly ever reaches.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fltea.identification.gaps import Gaps, no_gaps
+from fltea.identification.repeated import repeats
+from fltea.records.kinds import ERROR_KINDS
+from fltea.spectrum.lines import Peak
+
+Array = NDArray[np.float64]
+
+Severity = Literal["note", "warning", "bad"]
+
+SHORT_S = 580.0
+"""About ten minutes."""
+BLOCKS = 20
+"""Of the record, whose means tell offset and drift."""
+SIGNIFICANT = 5.0
+"""Of Student's t with about BLOCKS degrees of freedom: once in ten thousand."""
+OFFSET_SHARE, DRIFT_SHARE = 0.1, 0.1
+"""Of the standard deviation: less does no harm."""
+OUTLIER = 6.0
+"""Robust standard deviations: of Gaussian noise one sample in 500 million."""
+TORN_COUNTS = 256.0
+"""The high byte of one sample with the low byte of another."""
+COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
+"""σ in LSB. From 2 on rounding is 2 % of the variance; below 0.5 it is no longer white."""
+FULL_SCALE_COUNTS = 32767.0
+RATE_PPM = 1000.0
+SHORTEST_RUN = 5
+LONG = 1 << 20
+"""Samples from which on medians and commonest values are those of a part, spread evenly."""
+FINER = {
+    "deg/s": "±250 deg/s has eight times the resolution of ±2000",
+    "m/s²": "±2 g has eight times the resolution of ±16 g",
+}
+LINE_SHARE = 0.01
+"""Of the power, from which on a line is a warning."""
+
+
+class Trap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A finding. severity "bad": α and f cannot be believed before it is cured."""
+
+    kind: str
+    severity: Severity
+    text: str
+    remedy: str
+
+
+def axis_traps(
+    y: ArrayLike,
+    h: float,
+    lsb: float | None = None,
+    peaks: Sequence[Peak] = (),
+    unit: str = "deg/s",
+    gaps: Gaps | None = None,
+) -> tuple[Trap, ...]:
+    """Look at one axis (n,), at a sampling period of h s.
+
+    lsb: one count in the unit of y, if known. peaks: those found in its spectrum. gaps: where samples are
+    missing.
+    """
+    gaps = gaps or no_gaps()
+    samples = np.ascontiguousarray(y, dtype=np.float64)
+    if len(samples) < 2 * BLOCKS or np.ptp(samples) == 0:
+        return (*_too_short(len(samples), h), *_stuck(samples))
+    return (
+        *_too_short(len(samples), h),
+        *_offset_and_drift(samples, h, unit),
+        *_quantisation(samples, lsb, unit),
+        *_outliers(samples, h, lsb, unit, gaps),
+        *_saturation(samples, lsb),
+        *_stuck(samples),
+        *_peaks(peaks),
+    )
+
+
+def sensor_traps(y: Iterable[ArrayLike], lsb: Sequence[float | None]) -> tuple[Trap, ...]:
+    """Look for samples of all axes, each (n,), that were delivered twice; lsb of each axis, if known."""
+    axes = (np.asarray(axis, dtype=np.float64) for axis in y)
+    seen = repeats((axis, one or _step(axis)) for axis, one in zip(axes, lsb, strict=True))
+    if seen is None or not seen.found:
+        return ()
+    share = (seen.same - seen.expected) / seen.pairs
+    return (
+        Trap(
+            "repeated",
+            "bad" if share > 0.05 else "warning",
+            f"{seen.same} samples ({seen.same / seen.pairs:.2%}) are the same as the one before on every "
+            f"axis; chance gives {seen.expected:.0f}.",
+            "The sensor is read faster than it measures, or reads fail and the old value is kept: set its "
+            "sample-rate divider to the rate of reading, or wait for its data-ready signal.",
+        ),
+    )
+
+
+def source_trap(kind: str, text: str) -> Trap:
+    """What the recording itself told, as one of the kinds of `error` records."""
+    remedy = next((one.remedy for one in ERROR_KINDS if one.name == kind), "")
+    return Trap(kind, "note", text, remedy)
+
+
+def timing_traps(
+    *,
+    used: int,
+    samples: int,
+    lost: int,
+    gaps: int,
+    stretches: int,
+    rate_hz: float,
+    clock_ppm: float | None,
+    bridged: int = 0,
+) -> tuple[Trap, ...]:
+    """Look at what became of time: `identify.load.Counts`, and the device's clock against the host's."""
+    found = []
+    if lost or gaps or stretches > 1:
+        share = lost / max(samples + lost, 1)
+        done = [f"{used} of {samples} samples, in {stretches} stretches, are used."]
+        if bridged:
+            done.append(
+                f"{bridged} lost ones are drawn between their neighbours; nothing is made up for others."
+            )
+        if used < samples:
+            done.append("The others are of another rate or scale.")
+        found.append(
+            Trap(
+                "gaps",
+                "warning" if used < 0.5 * samples or share > 0.01 else "note",
+                f"{lost} samples ({share:.2%}) are missing in {gaps} gaps. {' '.join(done)}",
+                "Look at what the recording says of the link (`fltea info`); record again without losses.",
+            )
+        )
+    if clock_ppm is not None and abs(clock_ppm) > RATE_PPM:
+        true_hz = rate_hz * (1 + clock_ppm * 1e-6)
+        found.append(
+            Trap(
+                "sample rate",
+                "bad" if abs(clock_ppm) > 0.05 * 1e6 else "warning",
+                f"The samples come {clock_ppm:+.0f} ppm off the stated rate: {true_hz:.6g} Hz by the host's "
+                f"clock, not {rate_hz:.6g}.",
+                f"f, N and all frequencies are off in proportion; give the true rate (--rate {true_hz:.6g} "
+                "for CSV).",
+            )
+        )
+    return tuple(found)
+
+
+def _too_short(n: int, h: float) -> tuple[Trap, ...]:
+    seconds = n * h
+    if seconds >= SHORT_S:
+        return ()
+    return (
+        Trap(
+            "short",
+            "note",
+            f"{seconds:.3g} s, {n} samples: too short to tell fractional noise from a sum of relaxations.",
+            "Record ten minutes or more, at rest; hours for bias instability and rate random walk.",
+        ),
+    )
+
+
+def _offset_and_drift(y: Array, h: float, unit: str) -> list[Trap]:
+    found = []
+    block = len(y) // BLOCKS
+    means = y[: block * BLOCKS].reshape(BLOCKS, block).mean(axis=1)
+    noise = _scale(_thin(np.diff(y))) / math.sqrt(2) or float(y.std())
+    mean = float(y.mean())
+    std = float(y.std())
+    error = max(float(means.std(ddof=1)), noise / math.sqrt(block)) / math.sqrt(BLOCKS)
+    if abs(mean) > max(OFFSET_SHARE * std, SIGNIFICANT * error):
+        found.append(
+            Trap(
+                "offset",
+                "note",
+                f"Offset {mean:.4g} {unit}, {abs(mean) / std:.3g} times the standard deviation.",
+                '`bias = "startup"` takes it off; never run with `bias = "none"`.',
+            )
+        )
+    k = np.arange(BLOCKS) - (BLOCKS - 1) / 2
+    slope = float(k @ means / (k @ k))
+    left = means - means.mean() - slope * k
+    # No smaller than that of white noise: twenty means that lie on a line by luck are no proof.
+    residual = max(math.sqrt(float(left @ left) / (BLOCKS - 2)), noise / math.sqrt(block))
+    t = slope * math.sqrt(float(k @ k)) / residual
+    change = slope * BLOCKS
+    if abs(t) > SIGNIFICANT and abs(change) > DRIFT_SHARE * noise:
+        found.append(
+            Trap(
+                "drift",
+                "warning",
+                f"Drift of {change:+.3g} {unit} over {len(y) * h:.3g} s ({abs(t):.0f} standard errors).",
+                "Let the sensor warm up and keep its temperature steady; --from-hz 0.02 leaves drift out.",
+            )
+        )
+    return found
+
+
+def _quantisation(y: Array, lsb: float | None, unit: str) -> list[Trap]:
+    step = lsb or _step(y)
+    if step is None:
+        return []
+    sigma = float(y.std()) / step
+    if sigma >= COARSE_LSB:
+        return []
+    share = min(1 / 12 / sigma**2, 1.0)
+    return [
+        Trap(
+            "quantisation",
+            "bad" if sigma < TOO_COARSE_LSB else "warning",
+            f"σ is {sigma:.2g} LSB: rounding makes up {share:.0%} of the variance"
+            + (", and is not white." if sigma < TOO_COARSE_LSB else "."),
+            f"Choose a smaller range of the sensor ({FINER.get(unit, FINER['deg/s'])}).",
+        )
+    ]
+
+
+def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> list[Trap]:
+    # Against the mean of both neighbours, which a drift or slow noise does not move.
+    r = y[:-2] + y[2:]
+    r /= 2
+    np.subtract(y[1:-1], r, out=r)
+    # Of coarse counts r has steps of half an LSB, and its median is no better known.
+    scale = _scale(_thin(r)) + 1.4826 / 4 * (lsb or _step(y) or 0.0) or float(r.std())
+    size = np.abs(r, out=r)
+    # Across a gap slow noise and the offset have moved on.
+    beside = np.concatenate([gaps.at - 2, gaps.at - 1])
+    size[beside[(beside >= 0) & (beside < len(size))]] = 0.0
+    is_top = size > OUTLIER * scale
+    is_top[1:] &= size[1:] >= size[:-1]
+    is_top[:-1] &= size[:-1] >= size[1:]
+    at = np.flatnonzero(is_top) + 1
+    if not at.size:
+        return []
+    torn = 0
+    if lsb is not None:
+        torn = int((np.abs(size[at - 1] / lsb - TORN_COUNTS) < 4 * scale / lsb).sum())
+    found = []
+    if torn:
+        found.append(
+            Trap(
+                "torn reads",
+                "bad",
+                f"{torn} jumps of ±256 LSB for one sample (the first at {_first(at, h, gaps)}): bytes of two "
+                "measurements mixed.",
+                "Read all bytes of a sample in one burst, after the data-ready signal or with the shadow "
+                "registers on.",
+            )
+        )
+    if (others := int(at.size) - torn) > 0:
+        largest = float(size[at - 1].max())
+        found.append(
+            Trap(
+                "outliers",
+                "bad" if others > 1e-3 * len(y) else "warning",
+                f"{others} samples stand out from both neighbours, by up to {largest:.3g} {unit} or "
+                f"{largest / scale:.0f} standard deviations (the first at {_first(at, h, gaps)}).",
+                "Was the sensor touched, or is the link at fault? Leave that part out, or record again.",
+            )
+        )
+    return found
+
+
+def _saturation(y: Array, lsb: float | None) -> list[Trap]:
+    if lsb is None:
+        return []
+    ends = int((np.abs(y) / lsb >= FULL_SCALE_COUNTS - 0.5).sum())
+    if not ends:
+        return []
+    return [
+        Trap(
+            "saturation",
+            "bad",
+            f"{ends} samples are at the end of the sensor's range.",
+            "The sensor was moved, or its offset is too large: record at rest, or choose a larger range.",
+        )
+    ]
+
+
+def _stuck(y: Array) -> list[Trap]:
+    """The longest run of one value, against what chance gives."""
+    n = len(y)
+    same = np.concatenate([[False], y[1:] == y[:-1], [False]])
+    edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
+    if not len(edges):
+        return []
+    lengths = edges[:, 1] - edges[:, 0]
+    longest, first = int(lengths.max()), int(edges[lengths.argmax(), 0])
+    # The run itself is no evidence of how often chance repeats a value.
+    others = _thin(y) if n > LONG else np.delete(y, slice(first, first + longest + 1))
+    commonest = np.unique(others, return_counts=True)[1].max(initial=1) / (len(others) if n > LONG else n)
+    share = min(max((lengths.sum() - longest) / n, commonest), 0.999)
+    by_chance = 1 + math.log(n / 1e-6) / -math.log(share)
+    if longest < max(SHORTEST_RUN, by_chance):
+        return []
+    return [
+        Trap(
+            "stuck",
+            "bad",
+            f"One value stands for {longest + 1} samples, from number {first} on.",
+            "The sensor stopped measuring, or reads failed: look at the supply, the wires and the log.",
+        )
+    ]
+
+
+def _peaks(peaks: Sequence[Peak]) -> list[Trap]:
+    return [
+        Trap(
+            peak.kind,
+            "warning" if peak.power_share > LINE_SHARE else "note",
+            f"A {'narrow line' if peak.kind == 'line' else 'broad resonance'} at {peak.frequency_hz:.4g} Hz, "
+            f"{peak.width_hz:.2g} Hz wide, has {peak.power_share:.2%} of the power.",
+            "It is no memory: the fits leave it out. Look for a fan, mains or a resonance of the mounting; "
+            f"--notch {peak.notch_hz[0]:.4g}-{peak.notch_hz[1]:.4g} leaves it out of the null test too.",
+        )
+        for peak in peaks
+    ]
+
+
+def _scale(values: Array) -> float:
+    """Standard deviation of a Gaussian with the same median absolute deviation."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+def _step(y: Array) -> float | None:
+    """The quantum of values that were rounded, or None."""
+    y = _thin(y)
+    values = np.unique(y)
+    if len(values) < 2 or len(values) > len(y) / 5:
+        return None
+    gaps = np.diff(values)
+    step = float(gaps[gaps > 1e-9 * np.ptp(values)].min())
+    return step if (np.abs(gaps / step - np.rint(gaps / step)) < 0.05).all() else None
+
+
+def _thin(values: Array) -> Array:
+    """All of them, or of more than LONG every k-th: what is common or typical is then known well enough."""
+    return values[:: -(-len(values) // LONG)] if len(values) > LONG else values
+
+
+def _first(at: NDArray[np.intp], h: float, gaps: Gaps) -> str:
+    return f"{gaps.place(int(at[0])) * h:.4g} s"

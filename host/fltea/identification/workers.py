@@ -1,0 +1,141 @@
+"""Where the work of `fltea identify` is done: in this process, in others on this machine, or by Dask."""
+
+import mmap
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import forkserver
+from multiprocessing.reduction import ForkingPickler
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+
+
+class Workers(Protocol):
+    """What runs tasks."""
+
+    @property
+    def slots(self) -> int:
+        """How many tasks are worth handing over at a time."""
+        ...
+
+    def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
+        """Begin a task, which may be done by then."""
+        ...
+
+    def renew(self) -> None:
+        """Go on after a worker's death has broken all that was under way (`BrokenExecutor`)."""
+        ...
+
+    def check(self) -> None:
+        """Called now and then while tasks are waited for.
+
+        Raises:
+            FlteaError: they will never be done.
+        """
+        ...
+
+    def close(self) -> None:
+        """End at once what is under way."""
+        ...
+
+
+class Here:
+    """This process and thread; done when `submit` returns."""
+
+    slots = 1
+
+    def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
+        """Do it now."""
+        future: Future[T] = Future()
+        try:
+            future.set_result(task(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def renew(self) -> None:
+        """Nothing can break."""
+
+    def check(self) -> None:
+        """Nothing to wait for."""
+
+    def close(self) -> None:
+        """Nothing is under way."""
+
+
+def _reduce(array: "np.memmap[Any, Any]") -> Any:
+    """A whole file in memory goes to another process of this machine by its name."""
+    if isinstance(array.base, mmap.mmap) and array.filename is not None:
+        return np.memmap, (array.filename, array.dtype, "r", array.offset, array.shape)
+    return np.array, (np.array(array),)
+
+
+ForkingPickler.register(np.memmap, _reduce)
+
+
+class Processes:
+    """Processes on this machine, copies of one that has loaded all they need and has no threads of ours."""
+
+    def __init__(self, jobs: int) -> None:
+        # One more, so that none has to wait for its next task.
+        self.slots = jobs + 1
+        self._jobs = jobs
+        self._context = multiprocessing.get_context("forkserver")
+        # It loads while a recording is read here.
+        self._context.set_forkserver_preload(["fltea.identification.run"])
+        # A terminal sends Ctrl-C to all of us: without this, while it loads, it would end with a traceback.
+        ours = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            forkserver.ensure_running()
+        finally:
+            signal.signal(signal.SIGINT, ours)
+        self._pool = self._start()
+
+    def _start(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self._jobs, self._context, _prepare)
+
+    def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
+        """Begin a task when a process is free."""
+        return self._pool.submit(task, *arguments)
+
+    def renew(self) -> None:
+        """Start new processes in place of the old ones."""
+        self.close()
+        self._pool = self._start()
+
+    def check(self) -> None:
+        """A death is told by the tasks themselves."""
+
+    def close(self) -> None:
+        """End the processes."""
+        processes = list((self._pool._processes or {}).values())
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.join()
+
+
+def _prepare() -> None:
+    """In a new process: end at Ctrl-C without a word, and with the program that started it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    parent = multiprocessing.parent_process()
+
+    def follow() -> None:
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+def open_local(jobs: int | None) -> Workers:
+    """As many processes as asked for, or as this one may use processors; none for one."""
+    wanted = jobs or len(os.sched_getaffinity(0))
+    return Here() if wanted == 1 else Processes(wanted)

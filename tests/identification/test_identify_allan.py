@@ -1,0 +1,185 @@
+"""Allan deviation: against published values, against allantools' own noises, and no more claims than data."""
+
+import allantools
+import numpy as np
+import pytest
+from fltea.identification.allan import allan, averaging_factors, overlapping, scales
+from fltea.identification.noise_model import AR1, AxisModel, Fractional, Resonance, White, draw
+from fltea.identification.reproduction import reproduction
+from fltea.spectrum.allan_curve import local_slopes
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from identify_support import H, white
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+N = 20_000
+
+
+@pytest.fixture(autouse=True)
+def _seeded() -> None:
+    np.random.seed(7)  # allantools' generators draw from numpy's global state
+
+
+def random_walk(K: float, n: int = N) -> Array:
+    """A rate whose variance grows by K² a second: S(f) = (K / 2π)² / f², one-sided twice that."""
+    walk = allantools.noise.brown(n, b_minus2=2 * (K / (2 * np.pi)) ** 2, fs=1 / H)
+    return np.asarray(walk)
+
+
+def test_published_values() -> None:
+    """W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), 12.4 and table 31."""
+    state, series = 1234567890, []
+    for _ in range(1000):
+        series.append(state / 2147483647)
+        state = 16807 * state % 2147483647
+    found = overlapping(np.array(series), np.array([1, 10, 100]))
+    assert found == pytest.approx([2.922319e-1, 9.159953e-2, 3.241343e-2], rel=1e-6)
+
+
+def test_white_noise_has_n_and_nothing_else() -> None:
+    N_true = 0.01
+    y = allantools.noise.white(N, b0=2 * N_true**2, fs=1 / H)  # one-sided
+    found = allan(y + 4.5, H)
+    assert found.N.value == pytest.approx(N_true, rel=0.02)
+    assert found.N.low < N_true < found.N.high
+    assert scales("deg/s").N == ("deg/√h", 60.0)
+    assert found.B.value is None
+    assert "B is at most" in found.B.reason
+    assert found.K.value is None
+    assert "hours" in found.K.reason
+
+
+def test_random_walk_has_k_and_no_n() -> None:
+    found = allan(random_walk(0.02), H)
+    assert found.K.value == pytest.approx(0.02, rel=0.06)
+    assert scales("deg/s").K == ("deg/h/√h", 3600 * 60)
+    assert found.N.value is None
+    assert "nowhere white" in found.N.reason
+
+
+def test_flicker_has_b() -> None:
+    B_true = 0.01
+    # Kasdin and Walter's generator; it knows the deviation that its noise has.
+    generator = allantools.Noise(nr=2**14, qd=1e-4, b=-3)
+    generator.generateNoise()
+    y = np.diff(generator.time_series)
+    found = allan(y * B_true * 0.6643 / generator.adev(1.0, 1.0), H)
+    assert found.B.value == pytest.approx(B_true, rel=0.1)
+    assert scales("deg/s").B.factor * found.B.value == pytest.approx(36, rel=0.1)
+    assert found.B.tau_to_s > 3 * found.B.tau_from_s
+
+
+def test_all_at_once() -> None:
+    y = allantools.noise.white(N, b0=2 * 0.01**2, fs=1 / H) + random_walk(0.02)
+    found = allan(y, H)
+    assert found.N.value == pytest.approx(0.01, rel=0.03)
+    assert found.K.value == pytest.approx(0.02, rel=0.35)
+    # The lowest point of N²/τ + K²τ/3, which is what a data sheet calls bias instability.
+    assert found.B.value * 0.6643 == pytest.approx(np.sqrt(2 / np.sqrt(3) * 0.01 * 0.02), rel=0.15)
+    assert 0.3 < found.B.tau_from_s < 3
+    assert found.N.tau_to_s < found.B.tau_from_s < found.K.tau_to_s
+
+
+def test_coefficients_of_white_noise_are_not_made_up() -> None:
+    found = [allan(y, H) for y in white(3000, 60, 1)]
+    assert sum(a.B.value is not None for a in found) <= 1
+    assert sum(a.K.value is not None for a in found) <= 1
+    assert all(a.N.value == pytest.approx(0.1, rel=0.1) for a in found)
+
+
+def test_intervals_hold_the_truth() -> None:
+    """95 % of them, at every τ; four standard deviations of the share of 100 series are 9 %."""
+    inside = []
+    for y in white(2000, 100, 2):
+        found = allan(y, H)
+        truth = np.sqrt(H / np.array(found.tau_s))
+        inside.append((np.array(found.low) < truth) & (truth < np.array(found.high)))
+    share = np.mean(inside, axis=0)
+    assert np.abs(share - 0.95).max() < 0.09
+    assert share[:-3].mean() == pytest.approx(0.95, abs=0.02)
+
+
+@given(st.integers(1, 10**7))
+def test_averaging_factors(n: int) -> None:
+    factors = averaging_factors(n)
+    assert factors[0] == 1
+    assert factors[-1] == max(n // 4, 1)
+    assert (np.diff(factors) > 0).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(1e-3, 1e3), st.floats(-100, 100))
+def test_scale_and_offset(scale: float, offset: float) -> None:
+    y = white(500, 1, 3)[0]
+    one, other = allan(y, H), allan(y * scale + offset * scale, H)
+    assert other.deviation == pytest.approx([d * scale for d in one.deviation], rel=1e-6)
+    assert other.degrees_of_freedom == one.degrees_of_freedom
+    assert other.N.value == pytest.approx(one.N.value * scale, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("y", "h", "word"),
+    [
+        (np.ones(1000), H, "constant"),
+        (np.arange(99.0), H, "needs 100"),
+        (np.full(1000, np.nan), H, "finite"),
+        (np.arange(1000.0), 0.0, "h is a sampling period"),
+        (np.zeros((1000, 2)), H, "shape"),
+    ],
+)
+def test_what_cannot_be_analysed(y: Array, h: float, word: str) -> None:
+    with pytest.raises(ValueError, match=word):
+        allan(y, h)
+
+
+def test_intervals_are_those_of_allantools() -> None:
+    """Its sums of the degrees of freedom are cut off where ours are thinned."""
+    for y in (white(3000, 1, 1)[0], random_walk(0.02), white(30_000, 1, 2)[0]):
+        found = allan(y, H)
+        slope = local_slopes(np.array(found.tau_s), np.array(found.deviation))
+        power = np.clip(np.rint(-1 - 2 * slope), -2, 0).astype(int)
+        for i, (m, kind) in enumerate(zip(averaging_factors(len(y)).tolist(), power.tolist(), strict=True)):
+            edf = allantools.edf_greenhall(alpha=kind, d=2, m=m, N=len(y) + 1, overlapping=True)
+            assert found.degrees_of_freedom[i] == pytest.approx(edf, rel=0.012)
+            low, high = allantools.confidence_interval(found.deviation[i], edf, 0.95)
+            assert (found.low[i], found.high[i]) == pytest.approx((low, high), rel=0.01)
+
+
+MODELS = {
+    "white": AxisModel(White(R_dps2=0.01)),
+    "ar1": AxisModel(AR1(R_dps2=0.01, phi=0.9, s2_dps2=0.001)),
+    "fractional": AxisModel(Fractional(R_dps2=0.02, alpha=0.6, f=-3.0, Q=0.15)),
+    "resonance": AxisModel(White(R_dps2=0.01), (Resonance(31.4, 0.8, 0.003),)),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_reproduces_its_own_noise(name: str) -> None:
+    model = MODELS[name]
+    y, _ = draw(model, H, 6000, np.random.default_rng(1))
+    found = reproduction(y, H, model, seed=2)
+    assert found.everywhere, found.text
+    assert found.text.startswith("The model reproduces the sensor from 0.01 to 15 s.")
+    assert all(
+        low <= ratio <= high for low, ratio, high in zip(found.low, found.ratio, found.high, strict=True)
+    )
+    assert np.mean([low < 1 < high for low, high in zip(found.low, found.high, strict=True)]) > 0.6
+
+
+def test_a_model_that_lacks_the_drift() -> None:
+    y = white(N, 1, 1)[0] + 0.5 * random_walk(1.0)
+    found = reproduction(y, H, AxisModel(White(R_dps2=1.0)), simulations=10)
+    assert not found.everywhere
+    assert found.from_s == pytest.approx(H)
+    assert found.to_s < 1.0
+    assert found.ratio[-1] < 0.2
+    assert "only; at " in found.text
+
+
+def test_a_model_of_another_power() -> None:
+    y = white(3000, 1, 1)[0]
+    found = reproduction(y, H, AxisModel(White(R_dps2=25.0)), simulations=10)
+    assert found.ratio[0] == pytest.approx(5, rel=0.05)
+    assert not any(found.within[:20])
+    assert not found.everywhere

@@ -1,0 +1,247 @@
+"""`fltea identify` as a user has it: table, JSON, files, exit codes."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from bag_support import even, write_bag
+from fltea.cli import app as cli
+from fltea.cli.identify import parse_notch
+from fltea.identification.model_file import read_models
+from fltea.records.errors import UsageError
+from host_support import fltea
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_files import counts, npz
+from identify_support import ar, white
+
+FAST = ("--jobs", "1", "--startup", "100", "--window", "100", "--shuffles", "5")
+
+
+def strict(text: str) -> dict[str, Any]:
+    def refuse(name: str) -> float:
+        raise AssertionError(f"{name} is not JSON")
+
+    found: dict[str, object] = json.loads(text, parse_constant=refuse)
+    return found
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two axes: white noise, and white noise with a line at 20 Hz."""
+    raw = counts(3000, 2)
+    raw[:, 1] += np.rint(10 * np.sin(2 * np.pi * 20 * np.arange(3000) / 100)).astype(np.int32)
+    return npz(tmp_path_factory.mktemp("command") / "rest.npz", raw)
+
+
+def here(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """The command in this process, which has loaded everything; its exit code."""
+    monkeypatch.setenv("COLUMNS", "300")
+    monkeypatch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *FAST])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return int(ended.value.code or 0)
+
+
+def test_json(recording: Path) -> None:
+    """As the issue has it; on stdout nothing else, on stderr nothing."""
+    done = fltea("identify", recording, "--json", *FAST)
+    assert (done.returncode, done.stderr) == (0, "")
+    (file,) = strict(done.stdout)["files"]
+    assert file["file"] == str(recording)
+    assert list(file["axes"]) == ["gyro_x", "gyro_y"]
+    for axis in file["axes"].values():
+        assert {"alpha", "alpha_std", "f", "f_std"} <= set(axis["fltea"])
+        assert 0 <= axis["null"]["p_value"] <= 1
+        assert axis["null"]["shuffled"]["copies"] == 5
+        assert {"F", "alpha", "f", "R"} <= set(axis["whittle"])
+        assert {"kind", "text", "what", "why", "next", "rules"} == set(axis["verdict"])
+        assert axis["unit"] == "deg/s"
+        assert axis["allan"]["N"]["value"] == pytest.approx(16 / 131 / 10, rel=0.1)
+        assert axis["fltea"]["variant"] == "joint"
+        assert axis["fltea"]["settings"]["window"] == 100
+        assert isinstance(axis["fltea"]["converged"], bool)
+        assert isinstance(axis["fltea"]["alpha_drift"], float)
+    assert file["axes"]["gyro_x"]["verdict"]["kind"] == "white"
+    assert file["axes"]["gyro_x"]["whittle"]["alpha"]["low"] is None
+    assert file["axes"]["gyro_y"]["verdict"]["kind"] == "line"
+    assert "line" in [trap["kind"] for trap in file["axes"]["gyro_y"]["traps"]]
+
+
+def test_every_trap_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Three bad axes: drift, torn reads and a resonance; coarse counts; outliers and a line; all repeat."""
+    n = 6000
+    k = np.arange(n)
+    x = 16 * white(n, 1, 1)[0] + 40 + k * (48 / n) + 3 * ar((2 * 0.97 * np.cos(1.2), -(0.97**2)), n, 1, 2)[0]
+    x[1000::2000] += 256
+    z = 16 * white(n, 1, 4)[0] + 10 * np.sin(2 * np.pi * 20 * k / 100)
+    z[500::1500] += 500
+    raw = np.rint(np.stack([x, 0.8 * white(n, 1, 3)[0], z], axis=1)).astype(np.int32)
+    raw[31::40] = raw[30::40]
+    path = npz(tmp_path / "bad.npz", raw, t_host_s=k / 99)
+    assert here(monkeypatch, path, "--json") == 0
+    (file,) = strict(capsys.readouterr().out)["files"]
+    assert {trap["kind"] for trap in file["traps"]} == {"repeated", "sample rate"}
+    assert file["clock_ppm"] == pytest.approx(-10_000, rel=0.05)
+    found = {
+        name: {trap["kind"]: trap["text"] for trap in axis["traps"]} for name, axis in file["axes"].items()
+    }
+    assert set(found["gyro_x"]) == {"short", "offset", "drift", "torn reads", "resonance"}
+    assert set(found["gyro_y"]) == {"short", "quantisation"}
+    assert set(found["gyro_z"]) == {"short", "outliers", "line"}
+    assert "3 jumps of ±256 LSB" in found["gyro_x"]["torn reads"]
+    assert "σ is 0.8" in found["gyro_y"]["quantisation"]
+    assert "20 Hz" in found["gyro_z"]["line"]
+
+
+def test_from_a_bag_to_imu_yaml_with_its_topic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = write_bag(tmp_path / "drive.bag", {"/cam/imu": even(900)})
+    assert here(monkeypatch, bag, "--imu-yaml", tmp_path / "imu.yaml") == 0
+    found = yaml.safe_load((tmp_path / "imu.yaml").read_text())
+    assert (found["rostopic"], found["update_rate"]) == ("/cam/imu", 200)
+    assert {"gyroscope_noise_density", "accelerometer_noise_density"} <= set(found)
+
+
+def test_both_sensors_in_one_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With imu.yaml the accelerometer comes too, but for an axis that stands still; all files have both."""
+    accel = counts(900, seed=3)
+    accel[:, 1] = 0
+    path = npz(tmp_path / "a.npz", counts(900), accel_raw=accel, accel_lsb_per_g=16384.0)
+    imu, model, filter_ = (tmp_path / name for name in ("imu.yaml", "model.json", "filter.json"))
+    files = ("--imu-yaml", imu, "--export-model", model, "--gauss-markov", filter_)
+    assert here(monkeypatch, path, *files, "--inflate", "5,10") == 0
+    out = capsys.readouterr().out
+    for text in ("accel_x: white", "accel_z: white", "Allan N [deg/√h]", "Allan N [m/s²/√Hz]"):
+        assert text in out
+    assert "accel_y" not in out
+    entry = re.search(
+        r"^accelerometer_noise_density: +(\S+) .* of accel_[xz]; 5 times", imu.read_text(), re.M
+    )
+    assert entry is not None
+    assert float(entry[1]) == pytest.approx(5 * 16 * 9.80665 / 16384 / 10, rel=0.1)
+    assert list(read_models(model).accel_axes) == ["accel_x", "accel_z"]
+    found = json.loads(filter_.read_text())["accel_axes"]["accel_z"]
+    assert found["N_ms2_per_sqrt_hz"]["value"] == pytest.approx(16 * 9.80665 / 16384 / 10, rel=0.1)
+    assert here(monkeypatch, path, "--channels", "accel_x") == 0
+    out = capsys.readouterr().out
+    assert "gyro_x" not in out
+    assert "over last third" in out
+    assert "FLTEA joint, guard consistent, window 100 samples, start-up" in out
+
+
+def test_table_files_and_notch(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the line left out both are white; models and imu.yaml are what their readers want."""
+    model, yaml = tmp_path / "model.json", tmp_path / "imu.yaml"
+    flags = ("--notch", "20±0.5", "--variant", "triple", "--export-model", model, "--imu-yaml", yaml)
+    assert here(monkeypatch, recording, *flags) == 0
+    out = capsys.readouterr().out
+    assert out.count(": white. White noise. The null test does not reject") == 2
+    for text in ("3,000 samples, 30.0 s", "FLTEA triple α", "FLTEA joint α", "shuffled gives", "undefined"):
+        assert text in out
+    assert out.index("FLTEA triple α") < out.index("FLTEA joint α")  # the one asked for first
+    assert "too short to tell fractional noise" in out
+    assert list(read_models(model).axes) == ["gyro_x", "gyro_y"]
+    assert "gyroscope_noise_density:" in yaml.read_text()
+
+
+def test_what_was_found_is_told_before_a_file_fails(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The work took minutes; a mistyped name of the model's file does not cost it."""
+    flags = ("--channels", "gyro_x", "--export-model", tmp_path / "no" / "model.json")
+    assert here(monkeypatch, recording, *flags) == 1
+    said = capsys.readouterr()
+    assert "gyro_x: white." in said.out
+    assert "model.json: cannot be written" in said.err
+
+
+def test_disk_full(recording: Path) -> None:
+    """One line, no traceback."""
+    command = [sys.executable, "-m", "fltea", "identify", recording, "--channels", "gyro_x", *FAST]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("fltea: error: cannot write the output")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_bad_file_among_others(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The others are identified; what failed is told, in its place and at the end; exit 2."""
+    bad = tmp_path / "bad.npz"
+    bad.write_bytes(b"PK no")
+    assert here(monkeypatch, tmp_path / "away.npz", recording, bad, "--channels", "gyro_x") == 2
+    said = capsys.readouterr()
+    assert "away.npz: there is no such file." in said.out
+    assert "gyro_x: white." in said.out
+    assert "Summary" in said.out
+    assert said.out.count("failed") == 2
+    lines = said.err.splitlines()
+    assert len(lines) == 2
+    assert all(line.startswith("fltea: error: ") for line in lines)
+    assert "Traceback" not in said.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["away.npz"], "no such file"),
+        (["rest.npz", "--inflate", "5"], "give that too"),
+        (["rest.npz", "--imu-yaml", "i.yaml", "--inflate", "0.5"], "1 or more"),
+        (["rest.npz", "--notch", "five"], "give a band in Hz"),
+        (["rest.npz", "--from-hz", "-1"], "from_hz is a frequency"),
+        (["rest.npz", "--from-hz", "49.9"], "are needed"),
+        (["rest.npz", "--variant", "quadruple"], "not one of the words"),
+        (["rest.npz", "--channels", "gyro_x,gyro_q"], "there is no gyro_q"),
+        (["rest.npz", "--startup", "2950"], "start-up window takes 2950"),
+        (["rest.npz", "rest.npz", "--export-model", "m.json"], "are for one recording"),
+        (["rest.npz", "--report", "/proc/no"], "cannot be written to"),
+        (["rest.npz", "--set", "estimator.bias=[0.1]"], "has 1 numbers"),
+    ],
+)
+def test_mistakes(
+    arguments: list[str],
+    message: str,
+    recording: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """One line and exit 2, whatever the mistake."""
+    monkeypatch.chdir(recording.parent)
+    monkeypatch.setattr("sys.argv", ["fltea", "identify", *arguments, "--jobs", "1", "--shuffles", "0"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert "Traceback" not in said
+
+
+@given(
+    st.decimals(1, 40, places=2), st.decimals("0.01", "0.9", places=2), st.sampled_from(["±", "+-", "+/-"])
+)
+def test_notch_around(middle: object, half: object, sign: str) -> None:
+    low, high = parse_notch(f"{middle}{sign}{half}")
+    assert low == pytest.approx(float(middle) - float(half))
+    assert high == pytest.approx(float(middle) + float(half))
+
+
+def test_notch_between() -> None:
+    assert parse_notch("30.9-31.9") == parse_notch(" 30.9 – 31.9 ") == (30.9, 31.9)
+    assert parse_notch("0.1±0.5") == (0.0, 0.6)
+    for text in ("31", "32-31", "31±0", "-1-2", "1e3-2", "a-b", ""):
+        with pytest.raises(UsageError, match="--notch"):
+            parse_notch(text)

@@ -1,0 +1,89 @@
+"""An address that cannot be one of a Dask scheduler is refused before anything is made or connected."""
+
+from pathlib import Path
+
+import pytest
+from fltea.cli import app as cli
+from fltea.identification.dask_address import check_address
+from fltea.records.errors import UsageError
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "tcp://10.0.0.5:8786",
+        "tls://scheduler.lab.example:8786",
+        "tcp://[::1]:8786",
+        "wss://lab.example:443",
+        "localhost:8786",
+        "[::1]:8786",
+        "tls://_under_score-1:8786",
+    ],
+)
+def test_addresses_of_schedulers(address: str) -> None:
+    check_address(address)
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [
+        ("nonsense", "no port"),
+        ("", "no host"),
+        (":8786", "no host"),
+        ("tcp://:8786", "no host"),
+        ("tcp://10.0.0.5", "no port"),
+        ("tcp://10.0.0.5:", "no port"),
+        ("tcp://10.0.0.5:0", "no port"),
+        ("tcp://10.0.0.5:dashboard", "no port"),
+        ("tcp://10.0.0.5:99999", "no port"),
+        ("tcp://[::1:8786", "IPv6"),
+        ("tcp://::1:8786", "IPv6"),
+        ("http://10.0.0.5:8787", "http:// is not spoken by schedulers"),
+        ("inproc://10.0.0.5/1/1", "inproc:// is not spoken"),
+        ("tcp://me@10.0.0.5:8786", "more than a host and a port"),
+        ("tcp://10.0.0.5:8786/status", "more than a host and a port"),
+        ("tcp://10.0.0.5 :8786", "more than a host and a port"),
+    ],
+)
+def test_what_is_none(address: str, reason: str) -> None:
+    with pytest.raises(UsageError, match=reason) as told:
+        check_address(address)
+    assert str(told.value).startswith(f"--dask {address}: ")
+    assert "tcp://HOST:8786" in str(told.value)
+    assert "tls://HOST:8786" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--dask", "nonsense"], "error: --dask nonsense: has no port"),
+        (["--dask", "tcp://10.0.0.5:8786", "--jobs", "2"], "give one of them"),
+    ],
+)
+def test_nothing_is_made_before(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+    text: str,
+) -> None:
+    out = tmp_path / "v.parquet"
+    monkeypatch.setattr("sys.argv", ["fltea", "identify", "a.npz", "--out", str(out), *options])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    said = capsys.readouterr().err
+    assert (ended.value.code, text in said, "warning" in said) == (2, True, False), said
+    assert not out.exists()
+
+
+def test_nobody_listens(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """A helpful word, also from Dask's own threads no traceback."""
+    import gc
+
+    from fltea.identification import dask_workers
+
+    monkeypatch.setattr(dask_workers, "CONNECT_S", 0.3)
+    with pytest.raises(UsageError, match=r"127\.0\.0\.1:1: no scheduler answers there .* is it running"):
+        dask_workers.DaskWorkers("tcp://127.0.0.1:1")
+    gc.collect()
+    assert "Traceback" not in capfd.readouterr().err

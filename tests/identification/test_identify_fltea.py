@@ -1,0 +1,201 @@
+"""FLTEA on a recording: the daemon's own figures; shuffled copies; tests of the innovations."""
+
+from typing import Literal
+
+import msgspec
+import numpy as np
+import pytest
+from fltea.estimator.bank import Bank
+from fltea.identification.fltea_fit import fltea_fit
+from fltea.identification.shuffled import (
+    GROUP_BYTES,
+    LEAST_LANES,
+    LONGEST,
+    MOST_LANES,
+    ShuffledBand,
+    estimate,
+    groups,
+    shuffled_band,
+)
+from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.innovation_whiteness import chi2_tail, innovations
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_support import H, ar, long_recursion, white
+
+LSB = 1 / 16.4
+Variant = Literal["joint", "triple"]
+Guard = Literal["off", "faithful", "consistent"]
+
+
+def config(**more: object) -> EstimatorConfig:
+    return EstimatorConfig(startup=100, **more)  # type: ignore[arg-type]
+
+
+def counts(seed: int, n: int = 900) -> np.ndarray:
+    """Noise of a sensor with an offset, in whole counts."""
+    return np.rint((1.7 + 0.14 * white(n, 1, seed)[0]) / LSB) * LSB
+
+
+def disturbed(stop: int) -> np.ndarray:
+    """The same, thrown about from sample 300 to `stop`: the guard holds it, the supervisor objects."""
+    y = counts(1)
+    y[300:stop] += 30 * np.random.default_rng(1).choice([-1, 1], stop - 300)
+    return y
+
+
+SETTINGS: list[tuple[Variant, Guard, dict[str, object]]] = [
+    ("joint", "consistent", {}),
+    ("triple", "consistent", {}),
+    ("triple", "off", {}),
+    ("joint", "consistent", {"bias": 1.7, "R": 0.02}),
+    ("joint", "consistent", {"memory": "direct"}),
+    ("triple", "off", {"R": 0.002}),  # runs away, and begins again
+]
+
+
+def check_equality(y: np.ndarray, settings: EstimatorConfig) -> tuple[bool, int]:
+    live = Bank(("x",), settings, H, LSB)
+    live.run(y[: settings.startup_needed, np.newaxis])
+    last = live.run(y[settings.startup_needed :, np.newaxis])
+    assert live.baseline is not None
+    found, _ = fltea_fit(y, H, settings, LSB)
+    assert found.valid == last.valid[-1, 0]
+    if found.valid:
+        assert (found.alpha, found.alpha_std) == (last.alpha[-1, 0], last.alpha_std[-1, 0])
+        assert (found.f, found.f_std) == (last.f[-1, 0], last.f_std[-1, 0])
+    else:
+        assert found.alpha is None
+        assert found.f is None
+    assert (found.bias, found.R) == (live.baseline.bias_dps[0], live.baseline.R[0])
+    assert found.restarts == live.restarts["x"]
+    assert found.interventions == live.interventions["x"]
+    assert found.R_from == ("start-up window" if settings.R == "auto" else "setting")
+    assert found.startup_samples == settings.startup_needed
+    return found.valid, found.restarts
+
+
+@pytest.mark.parametrize(("variant", "guard", "more"), SETTINGS)
+def test_equals_the_daemon_to_the_bit(variant: Variant, guard: Guard, more: dict[str, object]) -> None:
+    valid, restarts = check_equality(counts(1), config(variant=variant, guard=guard, **more))
+    assert valid
+    assert (restarts > 0) == (more.get("R") == 0.002)
+
+
+@pytest.mark.parametrize(("stop", "outcome"), [(900, (False, 0)), (500, (True, 1)), (310, (True, 0))])
+def test_the_supervisor_has_its_say(stop: int, outcome: tuple[bool, int]) -> None:
+    assert check_equality(disturbed(stop), config()) == outcome
+
+
+def test_drift_and_convergence() -> None:
+    noise = long_recursion(0.6, -0.19, 2500, 1) * 0.4
+    found, _ = fltea_fit(noise, H, config())
+    assert found.converged
+    assert abs(found.alpha_drift or 9) < 0.05
+    other, _ = fltea_fit(noise[:320], H, config())
+    assert other.alpha_drift is not None
+    assert abs(other.alpha_drift) > abs(found.alpha_drift or 0)
+
+
+@pytest.mark.parametrize(("y", "message"), [(np.ones(500), "constant"), (np.arange(250.0) % 7, "start-up")])
+def test_refuses(y: np.ndarray, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        fltea_fit(y, H, EstimatorConfig(startup=200))
+
+
+def band(y: np.ndarray, settings: EstimatorConfig, copies: int) -> ShuffledBand:
+    found, _ = fltea_fit(y, H, settings, LSB)
+    return shuffled_band([estimate(y, H, settings, LSB, range(copies), 0)], found.alpha, found.f)
+
+
+def test_a_copy_is_what_the_daemon_gives_for_it() -> None:
+    """One copy alone: its quantiles are its estimate, to the digits of the memory."""
+    y = counts(2)
+    settings = config()
+    found = shuffled_band([estimate(y, H, settings, LSB, range(3, 4), 5)], 0.1, -0.1)
+    expected, _ = fltea_fit(np.random.default_rng((5, 3)).permutation(y), H, settings, LSB)
+    assert found.alpha is not None
+    assert found.f is not None
+    assert found.alpha[1] == pytest.approx(expected.alpha, abs=1e-4)
+    assert found.f[1] == pytest.approx(expected.f, abs=1e-3)
+
+
+def test_white_noise_lies_within_its_band_in_its_share() -> None:
+    ranks = [band(counts(seed, 600), config(), copies=60).alpha_rank for seed in range(40)]
+    assert all(rank is not None for rank in ranks)
+    outside = sum(not 0.05 <= rank <= 0.95 for rank in ranks if rank is not None)
+    assert outside <= 10
+    assert 0.3 < np.mean([rank for rank in ranks if rank is not None]) < 0.7
+
+
+def test_noise_with_an_order_lies_outside() -> None:
+    found = band(long_recursion(0.7, -0.12, 2000, 3) * 0.4, config(), copies=40)
+    assert found.alpha_rank == 1.0
+    assert found.alpha is not None
+    assert found.alpha[0] <= found.alpha[1] <= found.alpha[2]
+    assert found.lost == 0
+
+
+def test_shuffles_follow_the_seed() -> None:
+    y = counts(1)
+    one, same, other = (estimate(y, H, config(), LSB, range(4), seed).alpha.tolist() for seed in (1, 1, 2))
+    assert one == same
+    assert len(set(one + other)) == 8
+
+
+def test_copies_do_not_depend_on_their_group() -> None:
+    """To the bit, one that runs away among them too."""
+    y = counts(1)
+    for settings in (config(), config(variant="triple", guard="off", R=0.001)):
+        whole = estimate(y, H, settings, LSB, range(11), 1)
+        parts = [estimate(y, H, settings, LSB, part, 1) for part in (range(1), range(1, 9), range(9, 11))]
+        for name in ("alpha", "f", "lost"):
+            together = np.concatenate([getattr(part, name) for part in parts])
+            np.testing.assert_array_equal(together, getattr(whole, name))
+        assert shuffled_band(parts, 0.1, 0.1) == shuffled_band([whole], 0.1, 0.1)
+
+
+@given(st.integers(1, 10**8), st.integers(0, 1000))
+def test_groups_have_every_copy_once_in_bounded_memory(samples: int, copies: int) -> None:
+    found = groups(samples, copies)
+    assert [number for group in found for number in group] == list(range(copies))
+    for group in found:
+        assert 1 <= len(group) <= MOST_LANES
+        assert len(group) <= LEAST_LANES or len(group) * min(samples, LONGEST) * 8 <= GROUP_BYTES
+
+
+def test_copies_that_run_away_are_counted_and_left_out() -> None:
+    found = band(counts(1), config(variant="triple", guard="off", R=0.001), copies=16)
+    assert found.lost > 0
+    assert found.copies == 16
+    for values in (found.alpha, found.f):
+        assert values is None or np.isfinite(values).all()
+    msgspec.json.encode(found)
+
+
+def test_innovations_that_are_white() -> None:
+    """p-values of Ljung and Box are uniform, the other two where they belong."""
+    found = [innovations(2 * e, np.full(1000, 2.0)) for e in white(1000, 200, 1)]
+    p = np.array([i.ljung_box_p for i in found if i is not None])
+    assert len(p) == 200
+    assert (p < 0.05).mean() == pytest.approx(0.05, abs=0.045)
+    assert (p < 0.5).mean() == pytest.approx(0.5, abs=0.1)
+    assert np.mean([i.nis for i in found if i is not None]) == pytest.approx(1, abs=0.02)
+    assert np.mean([i.lag1 for i in found if i is not None]) == pytest.approx(0, abs=0.01)
+
+
+def test_innovations_that_are_not() -> None:
+    coloured = innovations(ar((0.3,), 1000, 1, 1)[0], np.ones(1000))
+    assert coloured is not None
+    assert coloured.ljung_box_p < 1e-6
+    assert coloured.lag1 == pytest.approx(0.3, abs=0.1)
+    assert innovations(np.full(500, np.nan), np.ones(500)) is None
+    assert innovations(np.ones(50), np.ones(50)) is None
+
+
+@pytest.mark.parametrize(("x", "p"), [(31.410, 0.05), (37.566, 0.01), (10.851, 0.95)])
+def test_chi2_by_the_printed_table(x: float, p: float) -> None:
+    """Twenty degrees, as in any table of χ²."""
+    assert chi2_tail(x, 20) == pytest.approx(p, abs=1e-4)
+    assert chi2_tail(0.0, 20) == 1
+    assert chi2_tail(1e5, 20) < 1e-200

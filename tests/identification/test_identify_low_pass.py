@@ -1,0 +1,80 @@
+"""The filters behind a low-pass: an α that says nothing is never given with a small σ alone."""
+
+import itertools
+from functools import cache
+
+import numpy as np
+import pytest
+from fltea.estimator.bank import Bank
+from fltea.identification.fltea_fit import FlteaFit, fltea_fit
+from fltea.settings.config import EstimatorConfig
+from fltea.spectrum.innovation_whiteness import describes
+from identify_support import H, white
+from scipy.signal import butter, lfilter
+
+FILTERS = {"one pole, 5 Hz": (1, 5.0), "two poles, 20 Hz": (2, 20.0), "two poles, 41 Hz": (2, 41.0)}
+N = 6_000
+
+
+def behind(name: str, seed: int, std: float = 0.14) -> np.ndarray:
+    """White noise through a low-pass, at 100 Hz."""
+    b, a = butter(*FILTERS[name], fs=1 / H)
+    y = lfilter(b, a, white(N + 500, 1, seed)[0])[500:]
+    return np.asarray(y * (std / y.std()))
+
+
+@cache
+def fitted(name: str, seed: int) -> FlteaFit:
+    return fltea_fit(behind(name, seed), H, EstimatorConfig(variant="joint"))[0]
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_no_alpha_behind_a_low_pass_goes_unmarked(name: str) -> None:
+    for seed in range(4):
+        assert fitted(name, seed).describes_noise is False
+
+
+def test_twins_do_not_contradict_each_other_unmarked() -> None:
+    """α is 0.00 ± 0.06 on one axis and 1.57 ± 0.06 on another, both of white noise through a low-pass."""
+    axes = [fitted(name, seed) for name in FILTERS for seed in range(4)]
+    contradictions = 0
+    for one, other in itertools.combinations(axes, 2):
+        assert one.alpha is not None
+        assert other.alpha is not None
+        assert one.alpha_std is not None
+        assert other.alpha_std is not None
+        if abs(one.alpha - other.alpha) > 4 * np.hypot(one.alpha_std, other.alpha_std):
+            contradictions += 1
+            assert one.describes_noise is False
+            assert other.describes_noise is False
+    assert contradictions > 10
+
+
+def test_what_the_filter_describes_is_not_marked() -> None:
+    """White noise, and AR(1), which is a fractional state of order 1."""
+    phi, rng = 0.6, np.random.default_rng(3)
+    ar1 = lfilter([1.0], [1.0, -phi], 0.14 * rng.standard_normal(20_000))
+    for y in (0.14 * white(20_000, 1, 4)[0], ar1):
+        assert fltea_fit(y, H, EstimatorConfig(variant="joint"))[0].describes_noise is True
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_live_it_is_marked_too(name: str) -> None:
+    """By the last 1,000 innovations; at 41 Hz the first lag does not show it."""
+    config = EstimatorConfig(variant="joint")
+    y = np.column_stack([behind(name, 1), 0.14 * white(N, 1, 9)[0]])
+    bank = Bank(("gyro_x", "gyro_y"), config, H, None)
+    bank.run(y[: config.startup_needed])
+    assert bank.describes_noise == {"gyro_x": None, "gyro_y": None}
+    bank.run(y[config.startup_needed :])
+    assert bank.describes_noise == {"gyro_x": False, "gyro_y": True}
+    if name == "two poles, 41 Hz":
+        assert abs(bank.lag1["gyro_x"] or 0) < 0.1
+
+
+def test_both_are_needed() -> None:
+    """Significant and large: in a day anything is significant, in 200 samples anything is large."""
+    assert describes(8_000_000, 8_000_000 * 0.05**2)
+    assert not describes(8_000_000, 8_000_000 * 0.11**2)
+    assert describes(200, 200 * 0.4**2)
+    assert not describes(200, 200 * 0.5**2)

@@ -1,0 +1,140 @@
+"""The page of a report, what its figures are drawn from, and that it needs nothing but itself."""
+
+import base64
+import html
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fltea.identification import figures, report
+from fltea.identification.axis import IdentifyOptions, identify_axis, with_copies
+from fltea.identification.curves import curves
+from fltea.identification.load import Request, Unreadable
+from fltea.identification.run import AxisReport, FileReport, Settings, identify_all
+from fltea.identification.shuffled import estimate
+from fltea.identification.workers import Here
+from fltea.records.errors import UsageError
+from fltea.spectrum.profile import AT_BOUND
+from identify_files import QUICK, counts, npz
+from identify_support import H, long_recursion
+from toolchain import missing
+
+CHROMIUM = shutil.which("chromium")
+NAME = "<b>rest & more.npz"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileReport], list[Path]]:
+    """The report of white noise, an accelerometer's among it, and of a file that is none."""
+    folder = tmp_path_factory.mktemp("report")
+    path = npz(folder / NAME, counts(2000, 1), accel_raw=counts(2000, 3, seed=5), accel_lsb_per_g=16384.0)
+    settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True)
+    requests = [
+        Request((path,), ("gyro_x", "accel_z")),
+        Unreadable("gone.mcap", UsageError("gone.mcap: <nothing> there.")),
+    ]
+    reports = identify_all(requests, settings, Here())
+    report.prepare_folder(folder / "out")
+    return folder / "out", reports, report.write(folder / "out", reports)
+
+
+def test_page_has_all_and_needs_nothing(made: tuple[Path, list[FileReport], list[Path]]) -> None:
+    folder, reports, written = made
+    page = (folder / report.PAGE).read_text()
+    assert written[0] == folder / report.PAGE
+    pictures = [base64.b64decode(data) for data in re.findall(r'src="data:image/png;base64,([^"]+)"', page)]
+    assert pictures == [path.read_bytes() for path in written[1:]]
+    assert all(png.startswith(b"\x89PNG") for png in pictures)
+    kinds = [path.stem.split("_", 1)[1] for path in written[1:]]
+    for axis in ("gyro_x", "accel_z"):
+        assert sorted(kind.rpartition("_")[2] for kind in kinds if axis in kind) == sorted(figures.TITLES)
+    assert len(kinds) == 2 * len(figures.TITLES)
+    assert not re.search(r"<(link|script|iframe)|url\(|src=\"(?!data:)|href=", page)
+    for axis_report in reports[0].axes.values():
+        assert isinstance(axis_report, AxisReport)
+        assert html.escape(axis_report.result.verdict.text) in page
+        for rule in axis_report.result.verdict.rules:
+            assert rule.question in page
+
+
+def test_text_of_others_is_text(made: tuple[Path, list[FileReport], list[Path]]) -> None:
+    folder, _, written = made
+    page = (folder / report.PAGE).read_text()
+    assert "<b>rest" not in page
+    assert "&lt;b&gt;rest &amp; more.npz" in page
+    assert "gone.mcap: &lt;nothing&gt; there." in page
+    assert all(re.fullmatch(r"[\w.-]+", path.name) for path in written)
+
+
+def test_figures_are_not_blank(made: tuple[Path, list[FileReport], list[Path]]) -> None:
+    from matplotlib.image import imread
+
+    for path in made[2][1:]:
+        pixels = imread(path)[..., :3]
+        assert min(pixels.shape[:2]) > 400
+        assert 0.01 < (pixels < 0.95).any(axis=-1).mean() < 0.9, path.name
+
+
+def test_names_of_figures_do_not_meet() -> None:
+    names = ["a/rest.npz", "b/rest.npz", "c/rest.csv", "d/…", "rest-2.npz"]
+    found = report._prefixes([FileReport(name) for name in names])
+    assert len(set(found)) == len(names)
+
+
+def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match="cannot be written to"):
+        report.prepare_folder(tmp_path / "file")
+
+
+def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> None:
+    """On a phone nothing sticks out; light and dark differ; all pictures are shown; nothing is fetched."""
+    if CHROMIUM is None:
+        missing("no Chromium: apt-get install chromium")
+    from playwright.sync_api import sync_playwright
+
+    colours = {}
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        for scheme in ("light", "dark"):
+            page = browser.new_page(viewport={"width": 375, "height": 800}, color_scheme=scheme)
+            asked: list[str] = []
+            page.on("request", lambda request, asked=asked: asked.append(request.url))  # type: ignore[call-overload]
+            page.goto((made[0] / report.PAGE).as_uri())
+            assert page.evaluate("document.documentElement.scrollWidth") <= 375
+            assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 400)")
+            assert [url for url in asked if not url.startswith(("data:", "file:"))] == []
+            colours[scheme] = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        browser.close()
+    assert colours["light"] != colours["dark"]
+
+
+def test_curves_agree_with_the_result() -> None:
+    """The trajectory ends where the result is; the profile has the same interval of the order."""
+    x = long_recursion(0.7, -0.12, 3000, 3)
+    options = IdentifyOptions(estimator=QUICK, shuffles=30)
+    copies = estimate(x, H, QUICK, None, range(30), 0)
+    result = with_copies(identify_axis(x, H, None, options), [copies])
+    found = curves(x, H, None, options, result)
+    assert result.fltea.alpha is not None
+    assert found.path.alpha[-1] == pytest.approx(result.fltea.alpha, abs=1e-3)
+    assert found.path.t_s[-1] == pytest.approx(30)
+    assert (np.diff(found.path.t_s) > 0).all()
+    assert (np.diff(found.path.white_alpha, axis=1) >= 0).all()
+    shuffled = result.null.shuffled
+    assert shuffled is not None
+    assert shuffled.alpha is not None
+    assert found.path.white_alpha[-1, 1] == pytest.approx(shuffled.alpha[1], abs=0.1)
+    assert found.deviance.min() >= 0
+    alpha = result.whittle.alpha
+    assert alpha.low is not None
+    assert alpha.high is not None
+    # This noise has R = 0: the lower end is where 2 log L has fallen by more.
+    assert set(found.critical) == {3.841, AT_BOUND["alpha"]}
+    for end in (alpha.low, alpha.high):
+        critical = found.critical[np.abs(found.orders - end).argmin()]
+        assert np.interp(end, found.orders, found.deviance) == pytest.approx(critical, abs=1.0)
+    assert found.spectrum.counts.sum() == len(x) // 2 - 4
+    assert np.abs(found.autocorrelation).max() < 1

@@ -1,0 +1,257 @@
+"""Many recordings: in order, failures apart, and nothing lost or counted twice when a worker dies."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cluster_support import two_workers
+from fltea.identification.findings import document
+from fltea.identification.load import Request, Unreadable, load
+from fltea.identification.run import AxisReport, Failure, FileReport, Settings, identify_all
+from fltea.identification.workers import Here, Processes, Workers, open_local
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.records import ACCEL_AXES
+from fltea.settings.config import EstimatorConfig
+from identify_files import Deadly, counts, npz, settings
+from identify_support import long_recursion
+
+N = 600
+PATIENCE_S = 60.0
+
+
+@contextlib.contextmanager
+def closing(workers: Workers) -> Iterator[Workers]:
+    try:
+        yield workers
+    finally:
+        workers.close()
+
+
+def files(folder: Path, count: int) -> list[Request]:
+    """Recordings of one, two and three axes, of accelerometers."""
+    found = []
+    for i in range(count):
+        path = npz(folder / f"{i}.npz", counts(N, 1), accel_raw=counts(N, 3, seed=i), accel_lsb_per_g=16384.0)
+        found.append(Request((path,), ACCEL_AXES[: 1 + i % 3]))
+    return found
+
+
+def axes(reports: list[FileReport]) -> list[list[str]]:
+    return [list(report.axes) for report in reports]
+
+
+def deadly(request: Request, mark: Path, times: int) -> Request:
+    return Request((Deadly(request.paths[0], mark, times),), request.channels)
+
+
+Known = tuple[list[Request], list[dict[str, Any]]]
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Known:
+    """Recordings of one, two and three axes, and what this process alone finds."""
+    requests = files(tmp_path_factory.mktemp("known"), 3)
+    return requests, document(identify_all(requests, settings(), Here()))["files"]
+
+
+def test_order_and_failures(known: Known, tmp_path: Path) -> None:
+    """A file that is missing, one that is none, and one with a dead axis change nothing of the others."""
+    dead = counts(N, 1)
+    dead[:] = 7
+    extra = {"accel_raw": counts(N, 3), "accel_lsb_per_g": 16384.0}
+    good, alone = known
+    requests = [
+        good[1],
+        Unreadable("x.mcap", UsageError("x.mcap: is none.")),
+        Request((npz(tmp_path / "dead.npz", dead, **extra),), ("gyro_x", "accel_x")),
+        Request((tmp_path / "away.npz",)),
+        good[0],
+    ]
+    seen: list[tuple[str, int, int]] = []
+    reports = identify_all(requests, settings(), Here(), progress=lambda *now: seen.append(now))
+    assert [Path(report.name).name for report in reports] == [
+        "1.npz", "x.mcap", "dead.npz", "away.npz", "0.npz",
+    ]  # fmt: skip
+    assert axes(reports) == [["accel_x", "accel_y"], [], ["gyro_x", "accel_x"], [], ["accel_x"]]
+    assert [report.failure is None for report in reports] == [True, False, True, False, True]
+    assert "no such file" in str(reports[3].failure)
+    constant, other = reports[2].axes.values()
+    assert isinstance(constant, Failure)
+    assert "constant" in constant.error
+    assert isinstance(other, AxisReport)
+    found = document(reports)["files"]
+    assert (found[0], found[4]) == (alone[1], alone[0])
+    assert [done for _, done, _ in seen] == list(range(1, len(seen) + 1))
+    assert seen[-1][1] == seen[-1][2]
+    assert all(done <= total for _, done, total in seen)
+
+
+def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor who does what, nor in which order it comes back."""
+    raw = np.rint(16 * long_recursion(0.6, -0.19, N, 1)).astype(np.int32)[:, np.newaxis]
+    requests = [Request((npz(tmp_path / "a.npz", raw, accel_raw=counts(N, 3), accel_lsb_per_g=16384.0),))]
+    lanes = 8
+    monkeypatch.setattr("fltea.identification.shuffled.MOST_LANES", lanes)
+    many = settings(shuffles=2 * lanes + 1)
+    alone = document(identify_all(requests, many, Here()))
+    assert alone["files"][0]["axes"]["gyro_x"]["null"]["shuffled"]["copies"] == 2 * lanes + 1
+    with closing(Processes(2)) as workers:
+        assert document(identify_all(requests, many, workers)) == alone
+    monkeypatch.setattr("fltea.identification.run.CHECK_S", 0.001)
+    assert document(identify_all(requests, many, LastFirst())) == alone
+
+
+class LastFirst(Here):
+    """Does what it is given only when it is waited for, the last first."""
+
+    slots = 100
+
+    def __init__(self) -> None:
+        self._given: list[tuple[Any, ...]] = []
+
+    def submit(self, task: Any, *arguments: Any) -> Any:
+        future: Future[Any] = Future()
+        if task is load:
+            return super().submit(task, *arguments)
+        self._given.append((future, task, arguments))
+        return future
+
+    def check(self) -> None:
+        future, task, arguments = self._given.pop()
+        future.set_result(task(*arguments))
+
+
+def test_samples_are_not_kept(tmp_path: Path) -> None:
+    (report,) = identify_all(files(tmp_path, 1), settings(), Here())
+    assert report.recording is not None
+    assert not report.recording.axes
+
+
+def test_numbers_of_an_axis() -> None:
+    listed = Settings(settings().options, EstimatorConfig(bias=[0.1, 0.2, 0.3], R=[1.0, 2.0, 3.0]))
+    channels = ("gyro_x", "accel_y", "gyro_z")
+    found = listed.of_axis("gyro_z", channels).estimator
+    assert (found.bias, found.R) == (0.2, 2.0)  # the second axis of the gyroscope
+    assert listed.of_axis("accel_y", channels).estimator.bias == "startup"
+    short = Settings(settings().options, EstimatorConfig(bias=[0.1]))
+    with pytest.raises(UsageError, match="bias: has 1 numbers, but gyro_z is axis 2"):
+        short.of_axis("gyro_z", channels)
+
+
+def test_a_process_that_dies_costs_nothing(known: Known, tmp_path: Path) -> None:
+    """It dies at one recording, once: all are done as this process alone does them."""
+    requests, alone = known
+    mark = tmp_path / "mark"
+    ill = [requests[0], deadly(requests[1], mark, 1), requests[2]]
+    with closing(Processes(2)) as workers:
+        assert document(identify_all(ill, settings(), workers))["files"] == alone
+    assert len(mark.read_text()) == 2
+
+
+def test_what_kills_its_process_is_told_from_the_others(known: Known, tmp_path: Path) -> None:
+    requests, alone = known
+    mark = tmp_path / "mark"
+    ill = [deadly(requests[0], mark, 99), requests[1]]
+    with closing(Processes(2)) as workers:
+        bad, good = document(identify_all(ill, settings(), workers))["files"]
+    assert "killed" in bad["error"]
+    assert bad["axes"] == {}
+    assert good == alone[1]
+    assert len(mark.read_text()) == 2
+
+
+def test_closing_ends_what_is_under_way() -> None:
+    workers = Processes(2)
+    busy = [workers.submit(time.sleep, 100 * PATIENCE_S) for _ in range(2)]
+    deadline = time.monotonic() + PATIENCE_S
+    while not all(one.running() for one in busy) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    pids = list(workers._pool._processes)
+    assert len(pids) == 2
+    workers.close()
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+def test_ctrl_c_while_the_processes_load() -> None:
+    """What loads modules for them ignores it from the start, and does not print where it was interrupted."""
+    script = """
+from multiprocessing import forkserver
+from fltea.identification.workers import Processes
+workers = Processes(1)
+print(open(f"/proc/{forkserver._forkserver._forkserver_pid}/status").read())
+workers.close()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    ignored = next(line for line in done.stdout.splitlines() if line.startswith("SigIgn:"))
+    assert int(ignored.split()[1], 16) >> (signal.SIGINT - 1) & 1
+
+
+def test_one_job_needs_no_process() -> None:
+    assert isinstance(open_local(1), Here)
+    with closing(open_local(3)) as workers:
+        assert workers.slots == 4
+
+
+def test_workers_that_are_gone_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Gone(Here):
+        def submit(self, task: Any, *arguments: Any) -> Any:
+            return Future()
+
+        def check(self) -> None:
+            raise FlteaError("gone")
+
+    monkeypatch.setattr("fltea.identification.run.CHECK_S", 0.01)
+    with pytest.raises(FlteaError, match="gone"):
+        identify_all(files(tmp_path, 1), settings(), Gone())
+
+
+@pytest.fixture
+def cluster() -> Iterator[Any]:
+    """Two workers, in processes of their own."""
+    with two_workers() as found:
+        yield found
+
+
+def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
+    """One of two is killed when the first axis is done: every axis comes, once, as this process has it."""
+    from fltea.identification.dask_workers import DaskWorkers
+
+    requests, alone = known
+    told: list[str] = []
+    killed: list[int] = []
+    with closing(DaskWorkers(cluster.scheduler_address)) as workers:
+        pids = list(workers._client.run(os.getpid).values())
+        assert len(set(pids)) == 2
+
+        def kill_one(text: str, done: int, total: int) -> None:
+            told.append(text)
+            if "accel" in text and not killed:
+                killed.append(pids[0])
+                os.kill(pids[0], signal.SIGKILL)
+
+        reports = identify_all(requests, settings(), workers, Here(), kill_one)
+    assert killed
+    assert document(reports)["files"] == alone
+    assert len(told) == len(set(told)) == 3 + 6 + 6  # files, axes, and a group of copies of each
+
+
+def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    dask_workers = pytest.importorskip("fltea.identification.dask_workers")
+    monkeypatch.setattr(dask_workers, "CONNECT_S", 0.2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for address in ("tcp://127.0.0.1:1", "nonsense://x"):
+            with pytest.raises(UsageError, match=r"--dask .*: no scheduler answers there"):
+                dask_workers.DaskWorkers(address)

@@ -1,0 +1,208 @@
+"""Traps: each planted and found; none in clean noise."""
+
+import functools
+
+import numpy as np
+import pytest
+from fltea.identification.traps import axis_traps, sensor_traps, timing_traps
+from fltea.spectrum.lines import find_peaks
+from fltea.spectrum.periodogram import periodogram
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from identify_support import H, ar, long_recursion, white
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LONG = 60_000
+LSB = 0.1
+QUIET = {
+    "used": 1000,
+    "samples": 1000,
+    "lost": 0,
+    "gaps": 0,
+    "stretches": 1,
+    "rate_hz": 100.0,
+    "clock_ppm": 20.0,
+}
+
+
+def kinds(y: Array, lsb: float | None = None) -> dict[str, str]:
+    """Severity of each kind, "short" left out."""
+    return {trap.kind: trap.severity for trap in axis_traps(y, H, lsb) if trap.kind != "short"}
+
+
+@functools.cache
+def clean(kind: str) -> Array:
+    return {
+        "white": lambda: white(3000, 60, 2),
+        "AR(.9)": lambda: ar((0.9,), 3000, 60, 3),
+        "AR(-.8)": lambda: ar((-0.8,), 3000, 60, 4),
+        "fractional": lambda: np.array([long_recursion(0.6, -0.19, 3000, seed) for seed in range(60)]),
+    }[kind]()
+
+
+def counts(y: Array) -> Array:
+    return np.rint(y / LSB) * LSB
+
+
+def test_ten_minutes_of_clean_noise_have_no_trap() -> None:
+    y = white(LONG, 3, 1)
+    for axis in y:
+        assert axis_traps(axis, H) == ()
+        assert axis_traps(counts(axis), H, LSB) == ()
+    assert sensor_traps(list(y), [None] * 3) == ()
+    assert sensor_traps(list(counts(y)), [LSB] * 3) == ()
+    assert timing_traps(**QUIET) == ()
+
+
+@pytest.mark.parametrize("kind", ["white", "AR(.9)", "AR(-.8)", "fractional"])
+@pytest.mark.parametrize("lsb", [None, 0.1, 0.4])
+def test_clean_noise_hardly_ever_has_one(kind: str, lsb: float | None) -> None:
+    series = clean(kind)
+    if lsb is not None:
+        series = np.rint(series / lsb) * lsb
+    found = [trap for y in series for trap in sensor_traps([y], [lsb])]
+    assert sum(len(kinds(y, lsb)) for y in series) + len(found) <= 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.floats(1e-3, 1e3), st.sampled_from([0.05, 0.3, 1.0]))
+def test_no_trap_at_any_scale(seed: int, scale: float, coarse: float) -> None:
+    """Thresholds have no unit: what is found does not depend on it."""
+    y = np.rint(white(2000, 1, seed)[0] / coarse) * coarse
+    wanted = {"quantisation"} if y.std() < 2 * coarse else set()
+    assert set(kinds(y * scale, coarse * scale)) == wanted
+    assert sensor_traps([y * scale], [coarse * scale]) == ()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_offset(sign: int) -> None:
+    (trap,) = axis_traps(white(LONG, 1, 1)[0] * 0.1 + sign * 4.5, H)
+    assert (trap.kind, trap.severity) == ("offset", "note")
+    assert f"Offset {sign * 4.5:.1f}"[:9] in trap.text
+    assert 'bias = "startup"' in trap.remedy
+    assert "offset" not in kinds(white(LONG, 1, 1)[0] + 0.05)
+
+
+@pytest.mark.parametrize("change", [0.3, -0.3])
+def test_drift(change: float) -> None:
+    y = white(LONG, 1, 1)[0] + change * np.linspace(-0.5, 0.5, LONG)
+    assert kinds(y) == {"drift": "warning"}
+    assert f"Drift of {change:+.1f}"[:11] in axis_traps(y, H)[0].text
+    assert kinds(white(LONG, 1, 1)[0] + 0.02 * np.linspace(-0.5, 0.5, LONG)) == {}
+
+
+@pytest.mark.parametrize(
+    ("sigma_lsb", "severity"), [(0.4, "bad"), (1.0, "warning"), (1.9, "warning"), (2.2, None)]
+)
+@pytest.mark.parametrize("known", [True, False])
+def test_quantisation(sigma_lsb: float, severity: str | None, known: bool) -> None:
+    y = np.rint(white(20_000, 1, 1)[0] * sigma_lsb) * LSB
+    assert kinds(y, LSB if known else None).get("quantisation") == severity
+
+
+def test_outliers() -> None:
+    y = white(3000, 1, 1)[0]
+    y[[100, 1500, 1501]] += [12, -15, -15]
+    found = {trap.kind: trap for trap in axis_traps(y, H)}
+    assert found["outliers"].severity == "warning"
+    assert "the first at 1 s" in found["outliers"].text
+    y[::50] += 20
+    assert kinds(y)["outliers"] == "bad"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_torn_reads(sign: int) -> None:
+    y = counts(white(3000, 1, 1)[0])
+    y[[700, 2000]] += sign * 256 * LSB
+    (trap,) = (trap for trap in axis_traps(y, H, LSB) if trap.kind != "short")
+    assert (trap.kind, trap.severity) == ("torn reads", "bad")
+    assert trap.text.startswith("2 jumps")
+    y[1000] += 100 * LSB
+    assert set(kinds(y, LSB)) == {"torn reads", "outliers"}
+    assert "torn reads" not in kinds(y, None)
+
+
+@pytest.mark.parametrize("end", [32767, -32768])
+def test_saturation(end: int) -> None:
+    near = counts(white(3000, 1, 1)[0] + (end - 100 * np.sign(end)) * LSB)
+    assert "saturation" not in kinds(near, LSB)
+    near[100:110] = end * LSB
+    (trap,) = (trap for trap in axis_traps(near, H, LSB) if trap.kind == "saturation")
+    assert trap.severity == "bad"
+    assert trap.text.startswith("10 samples")
+    assert "saturation" not in kinds(near, None)
+
+
+@pytest.mark.parametrize("lsb", [None, LSB, 1.0])
+def test_stuck(lsb: float | None) -> None:
+    y = white(3000, 1, 1)[0]
+    y = y if lsb is None else np.rint(y / lsb) * lsb
+    y[1000:1060] = y[1000]
+    (trap,) = (trap for trap in axis_traps(y, H, lsb) if trap.kind == "stuck")
+    assert trap.severity == "bad"
+    assert "for 6" in trap.text
+    assert "number 1000 on" in trap.text or lsb == 1.0
+
+
+def test_a_constant_axis_is_stuck() -> None:
+    assert kinds(np.ones(3000)) == {"stuck": "bad"}
+
+
+@pytest.mark.parametrize(("every", "severity"), [(2, "bad"), (50, "warning")])
+@pytest.mark.parametrize("lsb", [None, LSB])
+def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
+    y = white(6000, 3, 1)
+    y = (y if lsb is None else counts(y)).T
+    y[1::every] = y[:-1:every][: len(y[1::every])]
+    (trap,) = sensor_traps(list(y.T), [lsb] * 3)
+    assert (trap.kind, trap.severity) == ("repeated", severity)
+    y[:, 2] = white(6000, 1, 9)[0]  # one axis that moves on is enough to see that it was no old sample
+    assert sensor_traps(list(y.T), [lsb] * 3) == ()
+
+
+@pytest.mark.parametrize("sigma_lsb", [0.3, 0.5, 0.7])
+def test_coarse_white_noise_is_not_repeated(sigma_lsb: float) -> None:
+    for seed in range(20):
+        y = list(np.rint(white(6000, 3, seed) * sigma_lsb) * LSB)
+        assert sensor_traps(y, [LSB] * 3) == ()
+        assert sensor_traps(y, [None] * 3) == ()
+
+
+def test_peaks() -> None:
+    n = 6000
+    y = white(n, 1, 1)[0] + 0.4 * np.sin(2 * np.pi * 31.4 * np.arange(n) * H)
+    (trap,) = (t for t in axis_traps(y, H, None, find_peaks(periodogram(y, H))) if t.kind == "line")
+    assert trap.severity == "warning"
+    assert "31.4 Hz" in trap.text
+    assert "--notch" in trap.remedy
+
+
+@pytest.mark.parametrize(
+    ("n", "h", "short"),
+    [(60_000, 0.01, False), (49_999, 0.02, False), (60_000, 0.001, True), (30, 0.01, True)],
+)
+def test_too_short(n: int, h: float, short: bool) -> None:
+    y = white(n, 1, 1)[0]
+    assert any(trap.kind == "short" for trap in axis_traps(y, h)) is short
+
+
+def test_gaps() -> None:
+    (few,) = timing_traps(**QUIET | {"lost": 3, "gaps": 1, "stretches": 2, "used": 800})
+    assert (few.kind, few.severity) == ("gaps", "note")
+    assert "800 of 1000" in few.text
+    for change in ({"used": 400}, {"lost": 50}):
+        (many,) = timing_traps(**QUIET | {"lost": 3, "gaps": 1, "stretches": 2} | change)
+        assert many.severity == "warning"
+
+
+@pytest.mark.parametrize(
+    ("ppm", "severity"),
+    [(None, None), (900.0, None), (-7026.0, "warning"), (2000.0, "warning"), (-60_000.0, "bad")],
+)
+def test_sample_rate(ppm: float | None, severity: str | None) -> None:
+    found = timing_traps(**QUIET | {"clock_ppm": ppm})
+    assert [trap.severity for trap in found] == ([severity] if severity else [])
+    if severity and ppm:
+        assert f"{100 * (1 + ppm * 1e-6):.6g} Hz" in found[0].text
