@@ -11,9 +11,9 @@ import pyarrow as pa
 import pytest
 from bag_support import even, write_bag
 from cluster_support import ASK
-from fltea.cluster.cut import Cut, even_pieces, write_piece
+from fltea.cluster.cut import Cut, even_pieces
 from fltea.cluster.listing import File, files_of
-from fltea.cluster.summed import cuts_of
+from fltea.cluster.pieces import cuts_of, write_piece
 from fltea.cluster.whole import Ask
 from fltea.identification.load import Loaded, load
 from fltea.records.errors import UsageError

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from cluster_support import ASK, identified, rows_in, values
 from fltea.cluster.listing import files_of
-from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
+from fltea.cluster.pieces import cuts_of
+from fltea.cluster.summed import PieceSums, fit_pieces, sum_piece
 from fltea.cluster.whole import Ask, identify_file
 from fltea.identification.workers import Here
 from fltea.settings.how import How

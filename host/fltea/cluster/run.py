@@ -10,8 +10,9 @@ import msgspec
 
 from fltea.cluster.cut import Cut
 from fltea.cluster.listing import File, Unlisted
+from fltea.cluster.pieces import cuts_of
 from fltea.cluster.rows import Key, Row, failed
-from fltea.cluster.summed import PieceSums, cuts_of, fit_pieces, sum_piece
+from fltea.cluster.summed import PieceSums, fit_pieces, sum_piece
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask, identify_file
 from fltea.identification.workers import Workers

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from fltea.cluster.cut import Cut, Ranges, kind_of, open_bytes, write_piece
-from fltea.cluster.listing import WEB, File
+from fltea.cluster.cut import Cut
+from fltea.cluster.listing import File
+from fltea.cluster.pieces import write_piece
 from fltea.cluster.rows import (
     Key,
     Row,
@@ -81,47 +82,6 @@ class PieceSums(msgspec.Struct, frozen=True):
             [(name, axis.unit, axis.lsb) for name, axis in one.axes.items()] for one in (self, other)
         )
         return abs(self.rate_hz / other.rate_hz - 1) < SAME_RATE and ours == theirs
-
-
-def cuts_of(file: File, ask: Ask) -> list[Cut]:
-    """The pieces of a file; empty if it is to be read whole.
-
-    Raises:
-        OSError: the file cannot be read now; and whatever its file system raises.
-    """
-    if file.size <= ask.block_bytes:
-        return []
-    with open_bytes(file) as stream:
-        source = Ranges(file, stream)
-        if file.protocol in WEB and not source.are_there():
-            return []
-        found: list[Cut] = []
-        # Each loads what its format needs; where that is not installed, reading the file whole tells it.
-        try:
-            match kind_of(file, source.read(0, 16)):
-                case "npy":
-                    from fltea.cluster import cut_npy
-
-                    found = cut_npy.cuts(source, ask.block_bytes)
-                case "csv":
-                    from fltea.cluster import cut_text
-
-                    found = cut_text.cuts(source, ask.block_bytes, ask.how)
-                case "mcap":
-                    from fltea.cluster import cut_mcap
-
-                    found = cut_mcap.cuts(source, ask.block_bytes)
-                case "bag":
-                    from fltea.cluster import cut_bag
-
-                    found = cut_bag.cuts(source, ask.block_bytes)
-                case "parquet":
-                    from fltea.cluster import cut_parquet
-
-                    found = cut_parquet.cuts(source, ask.block_bytes)
-        except ModuleNotFoundError:
-            pass
-    return found if len(found) > 1 else []
 
 
 def sum_piece(file: File, cut: Cut, ask: Ask) -> PieceSums | str:

@@ -1,0 +1,81 @@
+"""Cuts a large file into pieces, each of which is a recording by itself, whatever the format.
+
+Read whole are formats without a place for a cut: .npz, .db3, compressed files, NDJSON, and files that are
+incomplete.
+"""
+
+import contextlib
+from pathlib import Path
+
+from fltea.cluster import cut_bag, cut_mcap, cut_npy, cut_text
+from fltea.cluster.cut import Cut, Ranges, open_bytes
+from fltea.cluster.fetch import COPY_BYTES, check_room
+from fltea.cluster.listing import WEB, File
+from fltea.cluster.whole import Ask
+from fltea.recording.kind import KINDS, MAGIC, Kind
+from fltea.records.errors import FlteaError
+
+
+def cuts_of(file: File, ask: Ask) -> list[Cut]:
+    """Return the pieces of a file; none if it is to be read whole.
+
+    Raises:
+        OSError: the file cannot be read now; its file system may raise others.
+    """
+    if file.size <= ask.block_bytes:
+        return []
+    with open_bytes(file) as stream:
+        source = Ranges(file, stream)
+        if file.protocol in WEB and not source.are_there():
+            return []
+        found: list[Cut] = []
+        match _kind_of(file, source.read(0, 16)):
+            case "npy":
+                found = cut_npy.cuts(source, ask.block_bytes)
+            case "csv":
+                found = cut_text.cuts(source, ask.block_bytes, ask.how)
+            case "mcap":
+                found = cut_mcap.cuts(source, ask.block_bytes)
+            case "bag":
+                found = cut_bag.cuts(source, ask.block_bytes)
+            case "parquet":
+                # Where pyarrow is missing, reading the file whole reports it.
+                with contextlib.suppress(ModuleNotFoundError):
+                    from fltea.cluster import cut_parquet
+
+                    found = cut_parquet.cuts(source, ask.block_bytes)
+    return found if len(found) > 1 else []
+
+
+def write_piece(file: File, cut: Cut, folder: Path) -> Path:
+    """Write a piece as a recording in `folder`, and return its path.
+
+    Raises:
+        FlteaError: the file is shorter than it was, or there is no room.
+        OSError: the file system failed; it may raise others.
+    """
+    if KINDS.get(file.suffix) == "parquet":
+        from fltea.cluster.cut_parquet import write_groups
+
+        return write_groups(file, cut, folder)
+    check_room(file, cut.end - cut.begin, folder)
+    path = folder / f"piece{file.suffix}"
+    with open_bytes(file) as source, path.open("wb") as out:
+        out.write(cut.head)
+        source.seek(cut.begin)
+        left = cut.end - cut.begin
+        while left:
+            data = source.read(min(left, COPY_BYTES))
+            if not data:
+                raise FlteaError(f"{file.url}: ends {left} bytes before it did when it was listed.")
+            out.write(data)
+            left -= len(data)
+        out.write(cut.tail)
+    return path
+
+
+def _kind_of(file: File, begin: bytes) -> Kind | None:
+    """Return the format by the ending of the name, or without an ending by the first bytes."""
+    if file.suffix:
+        return KINDS.get(file.suffix)
+    return next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
