@@ -1,4 +1,4 @@
-# setup run test lint gen bench reproduce firmware flash emulate mutants faults docs man dist: each does first what it needs, and
+# setup run test test-slow test-all lint gen bench reproduce firmware flash emulate mutants faults docs man dist: each does first what it needs, and
 # nothing twice on an unchanged tree.
 #   make run ARGS='--format ndjson'             arguments for 'fltea run'
 #   make test ARGS='-k timebase'                arguments for pytest
@@ -6,7 +6,7 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench reproduce firmware flash \
+.PHONY: setup run test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench reproduce firmware flash \
         emulate mutants faults docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
@@ -35,8 +35,17 @@ run: .venv/.run
 # linear algebra that spins on every core would only take them from the other tests. Not three at a time: some tests
 # are of programs that have to keep up with a line.
 TESTS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
+TWO_WORKERS := -n 2 --dist loadfile --no-loadscope-reorder
+
+# The first tier is every test without the mark `slow`, the second every test with it (tests/README.md).
 test: .venv/.dev
-	@$(TESTS) -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
+	@$(TESTS) $(TWO_WORKERS) -m "not slow" $(ARGS)
+
+test-slow: .venv/.dev
+	@$(TESTS) $(TWO_WORKERS) -m slow $(ARGS)
+
+test-all: test
+	@$(MAKE) --no-print-directory test-slow
 
 # What the tests need compiled, made while something else takes the other core: .ci/run.
 test-prepared: .venv/.dev
