@@ -64,7 +64,7 @@ def test_the_truth_is_that_of_the_noise_and_what_is_said_of_it_holds() -> None:
 
 def test_a_format_that_was_asked_for_is_left_alone() -> None:
     assert demo.output(["--format", "ndjson"]) == demo.output(["--format=table"]) == []
-    assert demo.output(["--engine", "both"]) == ["--format", "ndjson"]
+    assert demo.output(["--estimate-on", "both"]) == ["--format", "ndjson"]
 
 
 def test_the_warning_is_shown_with_what_the_figures_then_mean(capsys: pytest.CaptureFixture[str]) -> None:

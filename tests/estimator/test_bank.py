@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, Array, Gaps, H, assert_close, assert_same, by_bank, by_sample
 from fltea.estimator.bank import Bank
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -10,7 +10,7 @@ from bank_support import AXES, COLUMNS, Array, H
 from fltea.estimator import snapshot
 from fltea.estimator.bank import Bank
 from fltea.estimator.online_state import OnlineState
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -13,7 +13,7 @@ import pytest
 from device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
 from fltea.estimator.engine import CAUSES, Estimates
 from fltea.recording.npz_file import read_npz
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.wire.layout import EstimateFlags
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st

@@ -2,16 +2,7 @@ import math
 
 import msgspec
 import pytest
-from fltea.settings.estimator import GyroscopeSettings, OrderSettings, ParameterSettings, StateSettings
-
-
-def test_defaults_are_section_7_1() -> None:
-    assert msgspec.to_builtins(GyroscopeSettings()) == {
-        "window": 3000,
-        "state": {"P0": 0.01, "Q": 0.15, "x0": 0.0},
-        "order": {"P0": 0.01, "Q0": 0.1, "alpha0": 1.0, "delta": 0.5},
-        "parameter": {"P0": 0.01, "Q0": 0.1, "f0": 0.0, "delta": 0.5},
-    }
+from fltea.settings.estimator import EstimatorConfig, OrderSettings, ParameterSettings, StateSettings
 
 
 @pytest.mark.parametrize(
@@ -28,7 +19,7 @@ def test_defaults_are_section_7_1() -> None:
         (ParameterSettings, "Q0", -1),
         (ParameterSettings, "f0", math.nan),
         (ParameterSettings, "delta", math.nan),
-        (GyroscopeSettings, "window", -1),
+        (EstimatorConfig, "window", -1),
     ],
 )
 def test_impossible_values_are_named(kind: type, field: str, value: float) -> None:
@@ -47,4 +38,4 @@ def test_impossible_values_are_named(kind: type, field: str, value: float) -> No
 )
 def test_configuration_errors_tell_the_path(given: dict, path: str) -> None:
     with pytest.raises(msgspec.ValidationError, match=path):
-        msgspec.convert(given, GyroscopeSettings)
+        msgspec.convert(given, EstimatorConfig)

@@ -10,7 +10,7 @@ from fltea.estimator.engine import Engine, instruction_sets
 from fltea.estimator.engine_settings import EngineSettings
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, LaneBlock, Lanes, Lost
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -9,7 +9,7 @@ from bank_support import AXES, COLUMNS, H
 from engine_cases import ESTIMATES, GYROSCOPE, Array, reference_run, same, white, with_
 from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.engine import Engine, EngineSettings, StateTuning, instruction_sets
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 
 CHANGES = {300: (0.01, 0.02), 301: (0.3, 0.05), 900: (0.0, 0.0235)}
 CONFIG = EstimatorConfig(startup=50, window=40)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
 from sample_by_sample import (

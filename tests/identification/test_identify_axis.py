@@ -8,7 +8,7 @@ import pytest
 from fltea.identification.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
 from fltea.identification.shuffled import estimate
 from fltea.identification.sums import examined
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import FEWEST
 from fltea.spectrum.verdict import decide

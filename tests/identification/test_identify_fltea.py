@@ -17,7 +17,7 @@ from fltea.identification.shuffled import (
     groups,
     shuffled_band,
 )
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import chi2_tail, innovations
 from hypothesis import given
 from hypothesis import strategies as st

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fltea.estimator.bank import Bank
 from fltea.identification.fltea_fit import FlteaFit, fltea_fit
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes
 from identify_support import H, white
 from scipy.signal import butter, lfilter

@@ -21,7 +21,7 @@ from fltea.identification.run import AxisReport, Failure, FileReport, Settings, 
 from fltea.identification.workers import Here, Processes, Workers, open_local
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from identify_files import Deadly, counts, npz, settings
 from identify_support import long_recursion
 

@@ -8,7 +8,7 @@ from fltea.identification.allan import averaging_factors, overlapping
 from fltea.identification.load import Request, load
 from fltea.identification.noise_model import AR1, AxisModel, White, draws
 from fltea.identification.workers import Processes
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum import periodogram as spectrum
 from fltea.spectrum.innovation_whiteness import InnovationSums, innovations
 from fltea.spectrum.lines import find_peaks

@@ -7,7 +7,7 @@ from fltea.identification.fltea_fit import fltea_fit
 from fltea.lab.evaluate.cases import Case, H, samples
 from fltea.lab.evaluate.online import read
 from fltea.lab.evaluate.settings import CHANGES, MAIN
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 
 CASE = Case(0.6, -3.0, 3.0)
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 from fltea.lab.reference.gyroscope import INVALID, AxisEstimate, GyroscopeEstimator
-from fltea.settings.estimator import GyroscopeSettings, OrderSettings, ParameterSettings, StateSettings
+from fltea.settings.estimator import EstimatorConfig, OrderSettings, ParameterSettings, StateSettings
 
 R = 0.0235  # (deg/s)², x axis of section 7.1
 AXES = ("x", "y", "z")
@@ -102,7 +102,7 @@ def test_white_noise_with_the_papers_settings_shows_the_papers_figures() -> None
 
 
 def test_settings_reach_their_filters() -> None:
-    held = GyroscopeSettings(
+    held = EstimatorConfig(
         window=7,
         state=StateSettings(P0=1, Q=2, x0=3),
         order=OrderSettings(P0=0, Q0=0, alpha0=0, delta=0),
@@ -122,7 +122,7 @@ def test_settings_reach_their_filters() -> None:
         ((("x",), [math.nan], [0], 0.01), "R of x"),
         ((("x",), [R], [math.inf], 0.01), "bias must be finite"),
         ((("x",), [R], [0], 0), "h is the sampling time"),
-        ((("x",), [R], [0], 0.01, GyroscopeSettings(order=OrderSettings(alpha0=6))), "alpha0 must lie"),
+        ((("x",), [R], [0], 0.01, EstimatorConfig(order=OrderSettings(alpha0=6))), "alpha0 must lie"),
     ],
 )
 def test_wrong_arguments_are_named(arguments: tuple, text: str) -> None:

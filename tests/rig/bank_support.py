@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from fltea.estimator.bank import Bank, BankBlock
 from fltea.estimator.lanes import Lost
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
 from sample_by_sample import OnlineEstimator, Whiteness
 

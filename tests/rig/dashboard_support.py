@@ -21,7 +21,8 @@ from fltea.records.records import (
     Stats,
     WhyNot,
 )
-from fltea.settings.config import Config, EstimateOn, EstimatorConfig
+from fltea.settings.config import Config
+from fltea.settings.estimator import EstimateOn, EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sources.synthetic import SyntheticSource

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.run import Settings
-from fltea.settings.config import AccelConfig, EstimatorConfig
+from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from identify_support import white
 
 RATE_HZ, LSB_PER_DPS = 100.0, 131.0

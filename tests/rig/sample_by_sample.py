@@ -14,7 +14,7 @@ from fltea.estimator.baseline import Baseline, BaselineRule
 from fltea.estimator.engine import CAUSES, Engine
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, Reason
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import LAGS, describes
 
 STATE_BOUND = CAUSES.index("state_bound")

@@ -6,8 +6,8 @@ from typing import Any
 import msgspec
 import pytest
 from fltea.records.errors import UsageError
-from fltea.settings.config import DEFAULT_TUNING, Config, EstimatorConfig, load_config, parse_setting
-from host_support import fltea
+from fltea.settings.config import Config, load_config, parse_setting
+from fltea.settings.estimator import DEFAULT_TUNING, EstimatorConfig
 
 
 def test_defaults_are_the_papers_gyroscope_settings() -> None:
@@ -231,54 +231,6 @@ def test_path_through_a_value_is_refused() -> None:
     text = refusal(None, {"estimator": 5, "estimator.window": 3})
     assert "estimator.window" in text
     assert "'estimator' is a value" in text
-
-
-OLD_NAMES = [
-    ("compressed", 'estimator.memory = "compressed"', "--memory compressed"),
-    ("direct", 'estimator.memory = "direct"', "--memory direct"),
-    ("device", 'estimator.estimate_on = "device"', "--estimate-on device"),
-    ("both", 'estimator.estimate_on = "both"', "--estimate-on both"),
-    ("reference", "fltea reproduce", "--memory direct --variant triple --guard off"),
-    ("numpy", "estimator.estimate_on", "--memory compressed|direct"),
-]
-
-
-@pytest.mark.parametrize(("value", "setting", "flag"), OLD_NAMES)
-def test_the_old_name_engine_is_refused_with_the_new_one(
-    value: str, setting: str, flag: str, tmp_path: Path
-) -> None:
-    for table in ("estimator", "accel"):
-        file = written(tmp_path, f'[{table}]\nengine = "{value}"')
-        for origin, text in (
-            (str(file), refusal(file, {})),
-            ("command line", refusal(None, {f"{table}.engine": value})),
-        ):
-            assert text.startswith(f"{origin}: {table}.engine: ")
-            assert setting.replace("estimator.", f"{table}.") in text
-    file = written(tmp_path, f'[device.a]\nsource = "synthetic:"\nestimator.engine = "{value}"')
-    assert setting in refusal(file, {})
-    run = fltea("run", "--engine", value)
-    assert run.returncode == 2
-    assert flag in run.stderr
-    assert not run.stdout
-
-
-@pytest.mark.parametrize("value", [True, False])
-def test_the_white_band_that_was_is_refused_with_what_took_its_place(value: bool, tmp_path: Path) -> None:
-    for table in ("estimator", "accel"):
-        file = written(tmp_path, f"[{table}]\nwhite_band = {str(value).lower()}")
-        for text in (refusal(file, {}), refusal(None, {f"{table}.white_band": value})):
-            assert f"{table}.white_band: there is no such setting any more" in text
-            assert "[live]" in text
-    run = fltea("run", "--white-band" if value else "--no-white-band")
-    assert run.returncode == 2
-    assert "the records `fit`" in run.stderr
-
-
-def test_the_old_values_of_engine_are_accepted_under_the_new_names() -> None:
-    for path, values in (("memory", ("compressed", "direct")), ("estimate_on", ("host", "device", "both"))):
-        for value in values:
-            assert getattr(load_config(None, {f"estimator.{path}": value}).estimator, path) == value
 
 
 def test_the_live_fit_tunes_unless_somebody_has_given_what_it_would_set() -> None:

@@ -2,8 +2,9 @@
 
 import pytest
 from fltea.records.errors import UsageError
-from fltea.settings.config import EstimatorConfig, load_config
+from fltea.settings.config import load_config
 from fltea.settings.duration import check, in_samples, parse
+from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -17,7 +17,7 @@ from fltea.records.records import (
     Estimate,
     WhyNot,
 )
-from fltea.settings.config import EstimateOn
+from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page

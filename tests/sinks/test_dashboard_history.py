@@ -6,7 +6,7 @@ import pytest
 from dashboard_support import records, told, with_breaks
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves, with_fits
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Gap, Sample, Stats
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.sinks.page.history import DeviceHistory, Table
 from fltea.sinks.page.tiers import Cursor
 

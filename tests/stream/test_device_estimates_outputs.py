@@ -27,7 +27,8 @@ from fltea.records.records import (
 )
 from fltea.service.daemon import _check_recordable
 from fltea.service.open_source import open_source
-from fltea.settings.config import EstimatorConfig, load_config
+from fltea.settings.config import load_config
+from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.outputs import RECORDED, RecordConfig
 from fltea.sinks.metrics import families as metrics_families
 from fltea.sinks.metrics.families import Families, Newest

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from fltea.estimator.engine import Engine
 from fltea.estimator.lane_settings import lane_settings
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 
 from tools.bench import bench_daemon, day_files
 

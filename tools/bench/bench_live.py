@@ -11,7 +11,7 @@ import numpy as np
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
 from fltea.lab.evaluate.cases import Case, H, samples
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.spectrum.octaves import Octaves

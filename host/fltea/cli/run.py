@@ -9,7 +9,6 @@ from fltea.cli import how
 from fltea.records.errors import UsageError
 from fltea.settings import duration, filters
 from fltea.settings.config import load_configs, parse_setting
-from fltea.settings.old_names import OLD_WHITE_BAND, old_engine
 from fltea.wire import layout as wire
 
 
@@ -163,7 +162,6 @@ def run(
             help="Memory of past states: `compressed` (default; any window at one cost) or `direct` (exact)."
         ),
     ] = None,
-    engine: Annotated[str | None, typer.Option(hidden=True)] = None,
     variant: Annotated[
         str | None, typer.Option(help="`triple` (the paper's) or `joint` (one filter on α and h^α f).")
     ] = None,
@@ -177,10 +175,6 @@ def run(
             "them) or `startup` (nobody: the paper's way). By default `live`; `startup` where "
             "Q or R is given, and with --guard off."
         ),
-    ] = None,
-    white_band: Annotated[
-        bool | None,
-        typer.Option("--white-band/--no-white-band", hidden=True),
     ] = None,
     baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
     max_gap: Annotated[
@@ -221,10 +215,6 @@ def run(
     """
     from fltea.service import daemon
 
-    if engine is not None:
-        raise UsageError(f"--engine {engine}: there is no such flag any more; {old_engine(engine, True)}.")
-    if white_band is not None:
-        raise UsageError(f"--white-band: there is no such flag any more; {OLD_WHITE_BAND}.")
     flags = {
         "format": format,
         "once": once or None,

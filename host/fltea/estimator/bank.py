@@ -19,7 +19,7 @@ from fltea.estimator.engine_settings import EngineSettings, native_arguments, na
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lost
 from fltea.estimator.online_state import OnlineState
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes
 
 Array = NDArray[np.float64]

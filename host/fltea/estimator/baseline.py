@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
 from fltea.estimator.engine_settings import LARGEST
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from fltea.estimator.engine_settings import (
     ParameterTuning,
     StateTuning,
 )
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 
 
 def lane_settings(

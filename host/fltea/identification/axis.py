@@ -12,7 +12,7 @@ from fltea.identification.fltea_fit import FlteaFit, fltea_fit
 from fltea.identification.gaps import Gaps, Stretch, bridged, no_gaps
 from fltea.identification.shuffled import Copies, ShuffledBand, shuffled_band
 from fltea.identification.sums import examined_stretches
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.composite import Composite, composite
 from fltea.spectrum.drift_rate import drift_rate
 from fltea.spectrum.evidence import LEVEL

@@ -15,7 +15,7 @@ from fltea.identification.gaps import Gaps, bridged, longest_epoch, no_gaps
 from fltea.identification.shuffled import ACCURACY, BLOCK, PROBABILITIES
 from fltea.identification.sums import left_in, lines_of_stretches, octaves_of_stretches
 from fltea.noise.spectra import HIGHEST_ORDER
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.models import FULL, held, share
 from fltea.spectrum.periodogram import binned
 from fltea.spectrum.profile import NO_WHITE, critical_value

@@ -12,7 +12,7 @@ from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
 from fltea.identification.gaps import Gaps, Mask, longest_epoch, no_gaps, spread
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums, describes
 
 Array = NDArray[np.float64]

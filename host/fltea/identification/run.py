@@ -26,7 +26,7 @@ from fltea.identification.work_folder import work_folder
 from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
-from fltea.settings.config import AccelConfig, EstimatorConfig
+from fltea.settings.estimator import AccelConfig, EstimatorConfig
 
 CHECK_S = 5.0
 """Between two looks at whether the workers are still there."""

@@ -22,7 +22,8 @@ from fltea.service.open_source import open_source
 from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
 from fltea.service.walk import Walk
-from fltea.settings.config import BY_DEVICE, Config
+from fltea.settings.config import Config
+from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_shared
 from fltea.sources.replay import ReplaySource
 from fltea.stream.fit_times import FitLoad

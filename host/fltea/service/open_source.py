@@ -7,7 +7,8 @@ from serial.tools import list_ports
 from fltea.recording.kind import KINDS, is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
-from fltea.settings.config import BY_DEVICE, Config, EstimatorConfig
+from fltea.settings.config import Config
+from fltea.settings.estimator import BY_DEVICE, EstimatorConfig
 from fltea.sources.iio.source import IioSource
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource

@@ -5,7 +5,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -14,12 +14,11 @@ from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings import duration, filters
 from fltea.settings.device_name import NAME, device_name, device_names
 from fltea.settings.duration import Duration
-from fltea.settings.estimator import GyroscopeSettings, JointSettings, StateSettings
+from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.settings.how import How, TimeUnit
 from fltea.settings.ingest import IngestConfig
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.settings.live import LiveConfig
-from fltea.settings.old_names import refuse_old_names
 from fltea.settings.outputs import (
     DashboardConfig,
     MetricsConfig,
@@ -93,119 +92,6 @@ class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("rate_hz must be a positive number of samples per second")
         if self.shuffle is not None and self.shuffle < 0:
             raise ValueError("shuffle is a seed and must be 0 or more")
-
-
-def _given(value: str | float | list[float]) -> list[float]:
-    """The numbers in a setting that may also be a word."""
-    if isinstance(value, str):
-        return []
-    return value if isinstance(value, list) else [value]
-
-
-EstimateOn = Literal["host", "device", "both"]
-"""Who estimates the gyroscope's axes."""
-
-Tuning = Literal["live", "startup"]
-"""Who sets the filters' Q and R while they run."""
-
-DEFAULT_TUNING: Tuning = "live"
-"""Right for every noise of the grid of `fltea evaluate` (host/evaluation.md, Tuned live)."""
-
-BY_DEVICE = ("device", "both")
-"""Those of `EstimateOn` for which the device estimates by itself."""
-
-
-class EstimatorConfig(GyroscopeSettings, frozen=True, forbid_unknown_fields=True):
-    """The estimator, its start-up window, bias (deg/s) and R ((deg/s)²).
-
-    window: length L of the memory; 0: unlimited. startup: length of the start-up window. Both are in samples,
-    or a time ("30 s"), of which `at` makes samples.
-    bias: "startup" (its mean), "none", or deg/s, one for all axes or a list. R: "auto" (the variance of the
-    start-up window), or (deg/s)², one for all axes or a list.
-    estimate_on: "host" (this computer), "device" (an Arduino Due's own estimates, none here) or "both" (the
-    Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
-    window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
-    guard: "off" (printed), "faithful" (bounded) or "consistent" (bounded, with the variance that the printed
-    algorithm leaves out). gate: standard deviations from which on a guard softens an innovation.
-    tuning: "startup": Q of `state` and R of the start-up window or as given, as in the paper; "live": those
-    of the live fit as soon as it knows them; None: "live", but "startup" where Q or R is given, and for the
-    printed algorithm (guard "off").
-    """
-
-    startup: Duration = filters.STARTUP
-    bias: Literal["startup", "none"] | float | list[float] = "startup"
-    R: Literal["auto"] | float | list[float] = "auto"
-    estimate_on: EstimateOn = "host"
-    memory: Literal["compressed", "direct"] = "compressed"
-    variant: Literal["triple", "joint"] = filters.VARIANT
-    guard: Literal["off", "faithful", "consistent"] = filters.GUARD
-    joint: JointSettings = JointSettings()
-    gate: float = filters.GATE
-    tuning: Tuning | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.window and self.memory == "direct":
-            raise ValueError(
-                "window 0 is an unlimited one, which only memory compressed has: memory direct keeps every "
-                "sample of its window; give its length"
-            )
-        if not 1 <= self.gate <= 1000:
-            raise ValueError(f"gate must be 1 to 1000 standard deviations, got {self.gate:g}")
-        duration.check("startup", self.startup, 2)
-        if any(not math.isfinite(r) or r <= 0 for r in _given(self.R)):
-            raise ValueError("R is a variance and must be a positive number")
-        if not all(math.isfinite(b) for b in _given(self.bias)):
-            raise ValueError("bias must be finite numbers")
-
-    @property
-    def tuned_by(self) -> Tuning:
-        """What `tuning` comes to."""
-        if self.tuning is not None:
-            return self.tuning
-        given = self.R != "auto" or self.state.Q != type(self)().state.Q
-        return "startup" if given or self.guard == "off" else DEFAULT_TUNING
-
-    def at(self, rate_hz: float) -> Self:
-        """The same with times as samples at a rate.
-
-        Raises:
-            ValueError: a window that no filter can keep.
-        """
-        window = duration.in_samples(self.window, rate_hz, 1)
-        startup = duration.in_samples(self.startup, rate_hz, 2)
-        if (window, startup) == (self.window, self.startup):
-            return self
-        return msgspec.structs.replace(self, window=window, startup=startup)
-
-    @property
-    def window_samples(self) -> int:
-        """`window`, once `at` has made samples of it."""
-        return duration.known("window", self.window)
-
-    @property
-    def startup_samples(self) -> int:
-        """`startup`, once `at` has made samples of it."""
-        return duration.known("startup", self.startup)
-
-    @property
-    def startup_needed(self) -> int:
-        """Samples that the start-up window takes: none if neither bias nor R is drawn from it."""
-        return self.startup_samples if self.bias == "startup" or self.R == "auto" else 0
-
-
-class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
-    """The same for axes of the accelerometer, in m/s² in place of deg/s."""
-
-    state: StateSettings = StateSettings(P0=filters.ACCEL_STATE_P0, Q=filters.ACCEL_STATE_Q)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.estimate_on in BY_DEVICE:
-            raise ValueError(
-                f"estimate_on {self.estimate_on} is not for the accelerometer: a device estimates its "
-                "gyroscope only; leave accel.estimate_on at host"
-            )
 
 
 class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -355,7 +241,6 @@ def _put(tree: dict[str, Any], path: str, value: Any) -> None:
 
 
 def _convert(tree: Mapping[str, Any], origin: str) -> Config:
-    refuse_old_names(tree, origin)
     try:
         return msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:

@@ -32,7 +32,8 @@ from fltea.records.records import (
     Estimate,
 )
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
-from fltea.settings.config import Config, EstimatorConfig
+from fltea.settings.config import Config
+from fltea.settings.estimator import EstimatorConfig
 from fltea.stream.board_fits import BoardFits, Place
 from fltea.stream.board_settings import host_settings, info_of, unused_settings
 from fltea.stream.comparable import why_not_comparable

@@ -4,7 +4,7 @@ import msgspec
 
 from fltea.records.events import DeviceEstimator
 from fltea.records.records import EstimatorInfo
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 
 
 def host_settings(stated: DeviceEstimator) -> EstimatorConfig:

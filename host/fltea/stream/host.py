@@ -16,7 +16,8 @@ from fltea.records.errors import UsageError
 from fltea.records.events import Event, Ints
 from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, EstimatorInfo
 from fltea.records.repeat import OnceAMinute
-from fltea.settings.config import Config, EstimatorConfig
+from fltea.settings.config import Config
+from fltea.settings.estimator import EstimatorConfig
 from fltea.stream.live import LiveFits, Said, said_by
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
 from fltea.stream.tuning import handed_over

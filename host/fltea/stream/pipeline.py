@@ -30,7 +30,8 @@ from fltea.records.records import (
     SampleStats,
     Stats,
 )
-from fltea.settings.config import BY_DEVICE, Config
+from fltea.settings.config import Config
+from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_partitioned
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder

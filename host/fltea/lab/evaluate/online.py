@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 
 Array = NDArray[np.float64]
 

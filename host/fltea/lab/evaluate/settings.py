@@ -6,8 +6,13 @@ from typing import Any, Literal
 import msgspec
 
 from fltea.lab.evaluate.cases import POWER, Case
-from fltea.settings.config import EstimatorConfig
-from fltea.settings.estimator import JointSettings, OrderSettings, ParameterSettings, StateSettings
+from fltea.settings.estimator import (
+    EstimatorConfig,
+    JointSettings,
+    OrderSettings,
+    ParameterSettings,
+    StateSettings,
+)
 
 
 class Setting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -19,7 +19,7 @@ from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import LOST_ORDER
 from fltea.lab.evaluate.fits import LEVEL, live_data, rejects
 from fltea.lab.evaluate.online import BLOCK, Reading
-from fltea.settings.config import EstimatorConfig
+from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import TUNED_WITHIN
 from fltea.spectrum.models import FULL
 from fltea.spectrum.octaves import Octaves

@@ -21,7 +21,7 @@ import numpy as np
 from fltea.estimator.lanes import LOST_ORDER, Reason
 from fltea.lab.reference import filters as reference
 from fltea.settings.duration import known
-from fltea.settings.estimator import GyroscopeSettings
+from fltea.settings.estimator import EstimatorConfig
 
 
 class AxisEstimate(NamedTuple):
@@ -64,7 +64,7 @@ class GyroscopeEstimator:
         R: Sequence[float],
         bias: Sequence[float],
         h: float,
-        settings: GyroscopeSettings | None = None,
+        settings: EstimatorConfig | None = None,
     ) -> None:
         self.axes = tuple(axes)
         if len(set(self.axes)) != len(self.axes):
@@ -79,7 +79,7 @@ class GyroscopeEstimator:
         self.R = tuple(R)
         self.bias = tuple(bias)
         self.h = h
-        self.settings = GyroscopeSettings() if settings is None else settings
+        self.settings = EstimatorConfig() if settings is None else settings
         if abs(self.settings.order.alpha0) > LOST_ORDER:
             raise ValueError(f"alpha0 must lie within ±{LOST_ORDER:g}, got {self.settings.order.alpha0}")
         self.restarts = dict.fromkeys(self.axes, 0)

@@ -28,7 +28,7 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
-from fltea.settings.config import EstimateOn
+from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page import row_layout
 from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers

@@ -7,7 +7,7 @@ from bokeh.document import Document
 from fltea.records.block import Block
 from fltea.records.ports import Item, Recorder, Report, Sink
 from fltea.records.records import Record
-from fltea.settings.config import EstimateOn
+from fltea.settings.estimator import EstimateOn
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.page.actions import Actions
 from fltea.sinks.page.complaints import Complaints
