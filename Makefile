@@ -1,13 +1,14 @@
-# setup run test test-slow test-all lint gen bench reproduce firmware flash emulate mutants faults docs man dist: each does first what it needs, and
-# nothing twice on an unchanged tree.
+# setup run test test-slow test-all lint gen bench validate reproduce firmware flash emulate mutants faults docs man dist: each does
+# first what it needs, and nothing twice on an unchanged tree.
 #   make run ARGS='--format ndjson'             arguments for 'fltea run'
 #   make test ARGS='-k timebase'                arguments for pytest
 #   make reproduce ARGS='--seeds 100'           arguments for 'fltea reproduce'
+#   make validate ARGS='gallery --quick'        which part, and its arguments
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench reproduce firmware flash \
-        emulate mutants faults docs man dist clean install-service install-udev uninstall-service
+.PHONY: setup run test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
+        firmware flash emulate mutants faults docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
 PY := .venv/bin/python
@@ -115,6 +116,10 @@ faults: .venv/.dev
 
 bench: .venv/.dev
 	@$(PY) -m tools.bench $(ARGS)
+
+# What verdicts, fits and filters are worth on noises whose truth is known, in build/validation.
+validate: .venv/.dev
+	@$(PY) -m tools.validation $(ARGS)
 
 # The paper's tables and figures, in build/reproduce.
 reproduce: .venv/.dev

@@ -37,7 +37,7 @@ NOISE = f"alpha={ALPHA:g}&f={F:g}&Q={noise_variance(ALPHA, S2_OVER_R * R, 1 / RA
 DEVICE = f"due-alpha_{ALPHA:g}-f_{F:g}"
 """Name of the port, and so of the device."""
 KNOWN = ((30, 0.08, 0.8), (60, 0.06, 0.6), (600, 0.02, 0.2))
-"""After so many seconds α and f can be known to ± so much (95 %): `fltea.lab.evaluate.cramer_rao.bound`."""
+"""After so many seconds α and f can be known to ± so much (95 %): tools/validation/evaluate/cramer_rao.py."""
 TRUTH = (
     f"make run: the truth: this sensor's noise has α = {ALPHA:g} and f = {F:g} s^-α, in white noise (s2/R = "
     f"{S2_OVER_R:g}, R = {R:g} (deg/s)²). It cannot be known exactly from a short record: at best "

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from due_support import ROOT
-from fltea.lab.evaluate.cramer_rao import bound
 from fltea.noise.spectra import g_of, step_variance
 from fltea.settings.device_name import device_name
 from fltea.sources.synthetic import parse_noise
 
 from tools import demo
 from tools.due_emulator.pace import Pace
+from tools.validation.evaluate.cramer_rao import bound
 
 SAMPLES = 1200
 

@@ -1,15 +1,11 @@
-"""A tiny evaluation, made once; and the command, called in this process."""
+"""The command, called in this process."""
 
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from evaluate_support import TINY
 from fltea.cli import app as cli
-from fltea.identification.workers import Here
-from fltea.lab.evaluate import figures
-from fltea.lab.evaluate.run import Result, evaluate
 
 
 @pytest.fixture
@@ -29,16 +25,3 @@ def fltea(
         return code, *capsys.readouterr()
 
     return call
-
-
-@pytest.fixture(scope="session")
-def tiny() -> Result:
-    return evaluate(TINY, Here())
-
-
-@pytest.fixture(scope="session")
-def drawn(tiny: Result) -> dict[str, bytes]:
-    """Two of the maps and the settings: a map takes most of a second."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "MAPS", {name: figures.MAPS[name] for name in ("error", "coverage")})
-        return figures.draw(tiny)

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from fltea.lab.evaluate.cases import Case, H, samples
 from fltea.lab.reference import exact_likelihood
 from fltea.lab.reference.exact_fit import ExactSeries, curvature, minimise_smooth
 from fltea.lab.reference.exact_likelihood import FREQUENCIES, autocovariance, innovations, likelihood
 from fltea.noise import spectra
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tools.validation.evaluate.cases import Case, H, samples
 
 Array = np.ndarray
 

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from fltea.identification.sums import examined, limited
-from fltea.lab.gallery.run import Cell, draw
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.verdict import decide
 from identify_support import white
+
+from tools.validation.gallery.run import Cell, draw
 
 
 def evidence(name: str, rate_hz: float, seconds: float, series: int = 0) -> Evidence:

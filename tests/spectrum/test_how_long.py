@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from fltea.lab.evaluate.cramer_rao import bound
 from fltea.noise.information import log_slopes
 from fltea.spectrum.how_long import order_deviation, seconds_more
 from fltea.spectrum.models import FULL, coordinates
@@ -14,6 +13,8 @@ from fltea.spectrum.whittle import Fit, fit
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, long_recursion, white
+
+from tools.validation.evaluate.cramer_rao import bound
 
 ALPHA, G, R = 0.8, -0.025, 1 / 3
 

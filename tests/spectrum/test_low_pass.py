@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from filtered_noise import averaged, fractionally_integrated, low_passed, relaxations
 from fltea.identification.sums import examined
-from fltea.lab.gallery.run import Cell, draw
 from fltea.spectrum.low_pass import LowPass, divided, power_gain
 from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.spectral import Spectral
 from fltea.spectrum.verdict import decide
 from identify_support import H, ar, white
 from scipy.signal import butter, freqz
+
+from tools.validation.gallery.run import Cell, draw
 
 N = 60_000
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from fltea.lab.evaluate.cases import Case, samples
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.spectrum.warm import LOOK_AGAIN, Warm
+
+from tools.validation.evaluate.cases import Case, samples
 
 CASES = [Case(0.8, -1.0, 3.0), Case(0.4, -1.0, 0.3), Case(0.6, -3.0, 0.3), Case(0.8, -10.0, 30.0)]
 FIGURES = ("alpha", "f", "F", "s2", "R")

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from fltea.estimator.lane_settings import lane_settings
 from fltea.estimator.lanes import Lanes
-from fltea.lab.evaluate.cases import Case, H, samples
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
@@ -18,6 +17,7 @@ from fltea.spectrum.octaves import Octaves
 from numpy.typing import NDArray
 
 from tools.bench import bench_chain, day_files
+from tools.validation.evaluate.cases import Case, H, samples
 
 Array = NDArray[np.float64]
 

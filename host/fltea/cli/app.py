@@ -14,16 +14,10 @@ from fltea.cli import (
     devices as cli_devices,
 )
 from fltea.cli import (
-    evaluate as cli_evaluate,
-)
-from fltea.cli import (
     flash as cli_flash,
 )
 from fltea.cli import (
     fleet as cli_fleet,
-)
-from fltea.cli import (
-    gallery as cli_gallery,
 )
 from fltea.cli import (
     identify as cli_identify,
@@ -269,8 +263,6 @@ COMMANDS = (
     simulate,
     cli_reproduce.reproduce,
     cli_reproduce.bench,
-    cli_evaluate.evaluate,
-    cli_gallery.gallery,
 )
 for command in COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

@@ -1,1 +1,0 @@
-"""Judging the online filters: bias, spread and coverage over noises whose order is known."""

@@ -1,0 +1,48 @@
+"""A plan small enough for a test, and workers who do it backwards."""
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+from fltea.identification.workers import Here
+
+from tools.validation.evaluate.cases import Case
+from tools.validation.evaluate.run import Plan
+
+STRONG = Case(0.8, -1.0, 30.0)
+TINY = Plan(
+    seeds=3,
+    fit_seeds=4,
+    grid=(Case(), STRONG),
+    lengths=(1_000, 1_500),
+    changed_on=(Case(), STRONG),
+    changed_lengths=(2_100,),
+    fitted_samples=1_000,
+    refereed=(),
+    alarm_series=100,
+    shifts=(),
+    coverage=(),
+    coverage_series=100,
+)
+
+
+class Backwards(Here):
+    """Several tasks at a time, of which those begun last are done first."""
+
+    slots = 4
+
+    def __init__(self) -> None:
+        self._tasks: list[tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]] = []
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self._tasks.append((future, task, arguments))
+        if len(self._tasks) == self.slots:
+            threading.Thread(target=self._work).start()
+        return future
+
+    def _work(self) -> None:
+        while self._tasks:
+            future, task, arguments = self._tasks.pop()
+            future.set_result(task(*arguments))

@@ -1,0 +1,26 @@
+"""The referee on few and short series."""
+
+import numpy as np
+import pytest
+
+from tools.validation.evaluate.cases import Case
+from tools.validation.evaluate.referee import judge, rms, share
+
+
+def test_three_answers_to_the_same_series() -> None:
+    """Weakly dependent, where Whittle is right: the three errors are alike."""
+    case = Case(0.8, -10.0, 30.0)
+    (found,) = judge(case, 4, 600)
+    assert (found.case, found.samples) == (case, 600)
+    assert 3 <= found.series <= 4
+    for other in (found.whole_rmse, found.live_rmse):
+        assert other == pytest.approx(found.exact_rmse, abs=0.15)
+    for coverage in (found.exact_coverage, found.whole_coverage, found.live_coverage):
+        assert 0.5 <= coverage <= 1
+
+
+def test_of_nothing_there_is_no_error() -> None:
+    assert rms(np.empty(0)) is None
+    assert share(np.empty(0, dtype=bool)) is None
+    assert rms(np.array([3.0, -4.0, 0.0, 0.0])) == 2.5
+    assert share(np.array([True, False])) == 0.5

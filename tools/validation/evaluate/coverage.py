@@ -1,0 +1,106 @@
+"""How often the 95 % intervals of each parameter hold the truth: many series of a few noises."""
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from fltea.noise import spectra as spectrum
+from fltea.spectrum.models import FULL
+from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.profile import fractional_fit
+from fltea.spectrum.whittle import fit
+
+from tools.validation.evaluate.add_up import add_up
+from tools.validation.evaluate.cases import POWER, H
+from tools.validation.evaluate.fits import LEVEL, QUANTITIES, rejects
+from tools.validation.evaluate.impulse import Filter
+from tools.validation.evaluate.score import Z
+
+LENGTHS = (3_000, 60_000)
+AT_ONCE = 100
+"""Series of one task."""
+
+
+class Point(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A noise."""
+
+    alpha: float
+    f: float
+    """in s^-α"""
+    white: float
+    """R over s2; 0: there is no white noise"""
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        ratio = f"s2/R = {1 / self.white:.3g}" if self.white else "R = 0"
+        return f"α = {self.alpha:g}, f = {self.f:g}, {ratio}"
+
+
+POINTS = (
+    Point(0.2, -1.0, 1 / 3),
+    Point(0.3, -3.0, 1 / 0.3),
+    Point(0.4, -1.0, 0.0),
+    Point(0.5, -2.0, 1.0),
+    Point(0.6, -0.3, 1 / 0.3),
+    Point(0.6, -3.0, 1 / 30),
+    Point(0.8, -1.0, 1 / 0.03),
+    Point(0.8, -10.0, 1 / 3),
+)
+
+
+class Coverage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Of one parameter of one noise, in series of so many samples."""
+
+    point: Point
+    samples: int
+    quantity: str
+    series: int
+    held: int
+    """that hold the truth; one without ends holds everything"""
+    undefined: int
+    """that have no ends: white noise is not rejected, or the data do not define the parameter"""
+
+    @property
+    def share(self) -> float:
+        """Of the intervals that hold the truth."""
+        return self.held / self.series
+
+    @property
+    def share_of_defined(self) -> float | None:
+        """The same of those that have ends; None: none has."""
+        defined = self.series - self.undefined
+        return (self.held - self.undefined) / defined if defined else None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Where that share is with 95 % (Wilson's)."""
+        n, p = self.series, self.share
+        middle, half = p + Z**2 / (2 * n), Z * math.sqrt(p * (1 - p) / n + (Z / (2 * n)) ** 2)
+        return (middle - half) / (1 + Z**2 / n), (middle + half) / (1 + Z**2 / n)
+
+
+def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[Coverage]:
+    """Fit the whole records of some series; seed: another one is another set of series."""
+    noise = Filter(point.alpha, spectrum.g_of(point.alpha, point.f, H), samples)
+    s2 = POWER / (noise.power + point.white)
+    R = s2 * point.white
+    g = spectrum.g_of(point.alpha, point.f, H)
+    truth = dict(zip(QUANTITIES, (point.alpha, point.f, point.alpha + g, s2, R), strict=True))
+    held, undefined = dict.fromkeys(QUANTITIES, 0), dict.fromkeys(QUANTITIES, 0)
+    rng = np.random.default_rng([seed, samples, *point.name.encode()])
+    for _ in range(series):
+        y = math.sqrt(s2) * noise.draw(rng) + math.sqrt(R) * rng.standard_normal(samples)
+        data = binned(periodogram(y, H))
+        found = fractional_fit(data, fit(data, FULL), H, white=not rejects(data, LEVEL)[0])
+        for name, value in truth.items():
+            interval = getattr(found, name)
+            undefined[name] += not interval.defined
+            held[name] += not interval.defined or interval.low <= value <= interval.high
+    return [Coverage(point, samples, name, series, held[name], undefined[name]) for name in QUANTITIES]
+
+
+def together(parts: Sequence[Sequence[Coverage]]) -> tuple[Coverage, ...]:
+    """The sums of several tasks, in the order in which they first appear."""
+    return add_up(parts, ("series", "held", "undefined"))

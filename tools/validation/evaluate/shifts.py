@@ -1,0 +1,116 @@
+"""Noises that change while they are measured: what the daemon's live fit makes of them.
+
+With a memory that forgets, the fit is to be right again three of its time constants after the change;
+without one, the verdict is to say that the noise is not stationary. A knock is to be left out, and a slow
+drift of the offset to change nothing.
+"""
+
+from collections import Counter
+
+import msgspec
+import numpy as np
+from fltea.settings.live import LiveConfig
+from fltea.spectrum.live_axes import LiveAxes
+from numpy.typing import NDArray
+
+from tools.validation.evaluate import cases
+from tools.validation.evaluate.cases import POWER, Case, H
+
+Array = NDArray[np.float64]
+
+CONSTANT = 10_000
+"""Samples of the memory's time constant."""
+BEFORE, AFTER = 30_000, 3 * CONSTANT
+"""Samples before and after the change."""
+BLOCK = 1_000
+"""Samples that are handed over at once."""
+KNOCK_SAMPLES, KNOCK_SIGMAS = 80, 60.0
+DRIFT_SIGMAS, DRIFT_S = 20.0, 200.0
+"""The offset comes up by so much, exponentially with this time constant."""
+
+
+class Shift(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A noise, and what happens to it in mid-run."""
+
+    name: str
+    before: Case
+    after: Case
+    gain: float = 1.0
+    """of the power after the change"""
+    knock: bool = False
+    drift: bool = False
+    stationary: bool = False
+    """nothing of it is a change of the noise"""
+
+
+class ShiftScore(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the live fit says at the end."""
+
+    shift: str
+    memory_s: float | None
+    series: int
+    holds: int
+    """95 % intervals that hold the α after the change"""
+    median_error: float
+    """of α, against that after the change"""
+    verdicts: dict[str, int]
+    left_out: dict[str, int]
+    """series in which samples were left out, by cause"""
+
+
+SHIFTS: tuple[Shift, ...] = (
+    Shift("none", Case(0.8, -1.0, 3.0), Case(0.8, -1.0, 3.0), stationary=True),
+    Shift("α from 0.4 to 0.8", Case(0.4, -1.0, 3.0), Case(0.8, -1.0, 3.0)),
+    Shift("power doubled", Case(0.8, -1.0, 3.0), Case(0.8, -1.0, 3.0), gain=2.0),
+    Shift("knocked", Case(0.8, -1.0, 3.0), Case(0.8, -1.0, 3.0), knock=True, stationary=True),
+    Shift("temperature drifts", Case(0.8, -1.0, 3.0), Case(0.8, -1.0, 3.0), drift=True, stationary=True),
+)
+
+
+def samples(shift: Shift, seeds: int) -> Array:
+    """Draw y of all seeds, (BEFORE + AFTER, seeds)."""
+    y = np.concatenate(
+        [
+            cases.samples(shift.before, seeds, BEFORE, record=2),
+            np.sqrt(shift.gain) * cases.samples(shift.after, seeds, AFTER, record=3),
+        ]
+    )
+    sigma = np.sqrt(POWER)
+    if shift.knock:
+        t = np.arange(KNOCK_SAMPLES)
+        ringing = KNOCK_SIGMAS * sigma * np.exp(-t / 20) * np.cos(2 * np.pi * 0.2 * t)
+        y[BEFORE : BEFORE + KNOCK_SAMPLES] += ringing[:, np.newaxis]
+    if shift.drift:
+        y += (DRIFT_SIGMAS * sigma * -np.expm1(-np.arange(len(y)) * H / DRIFT_S))[:, np.newaxis]
+    return y
+
+
+def score_shift(shift: Shift, seeds: int) -> list[ShiftScore]:
+    """Without forgetting, and with it."""
+    y = samples(shift, seeds)
+    return [_score(shift, y, memory) for memory in (None, CONSTANT * H)]
+
+
+def _score(shift: Shift, y: Array, memory_s: float | None) -> ShiftScore:
+    axes = tuple(f"series {i}" for i in range(y.shape[1]))
+    settings = LiveConfig(memory=None if memory_s is None else f"{memory_s:g}s")
+    live = LiveAxes(axes, H, settings, "deg/s")
+    for begin in range(0, len(y), BLOCK):
+        live.add(y[begin : begin + BLOCK])
+    found = list(live.fit(curves=False).values())
+    truth = shift.after.alpha or 0.0
+    errors = [abs(one.alpha.value - truth) for one in found if one.alpha.value is not None]
+    holds = sum(
+        one.alpha.low is not None and one.alpha.high is not None and one.alpha.low <= truth <= one.alpha.high
+        for one in found
+    )
+    causes = Counter(cause for one in found for cause, count in one.left_out.items() if count)
+    return ShiftScore(
+        shift.name,
+        memory_s,
+        len(found),
+        holds,
+        round(float(np.median(errors)), 6) if errors else float("nan"),
+        dict(sorted(Counter(str(one.verdict) for one in found).items())),
+        dict(sorted(causes.items())),
+    )

@@ -1,0 +1,317 @@
+"""Which verdicts are right on a noise, from its true spectrum and nothing else (pure).
+
+Three things are told apart. A verdict that names the truth is right, and so is one that names something that
+has the same spectrum as far as the record goes. One that says less, or that a likely chance makes of it, is
+accepted where the record cannot tell: the reason is kept with it. All else is wrong.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from fltea.records.fit import VerdictKind
+
+from tools.validation.gallery import contrast
+from tools.validation.gallery.additions import Bursts, Rounded
+from tools.validation.gallery.contrast import Bins
+from tools.validation.gallery.filters import Through
+from tools.validation.gallery.noise import Noise
+from tools.validation.gallery.parts import Resonance
+
+SAME = 6.0
+"""In expected 2 log L, below which two spectra are the same for everybody."""
+UNSEEN = 2.0
+"""The same against white noise."""
+LUCK = 2.0
+"""Standard deviations that chance may take from 2 log L, whose spread is 2 √(expected)."""
+MORE = 9.0
+"""Parameters of six relaxations over those of an order: by so much they fit better by chance alone."""
+SLOW_ORDINATES = 9
+DRIFTS = 1.5
+"""Expected power of the slowest ordinates over white noise, from which on there is some drift."""
+SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
+"""Mean power of the slowest ordinates, and of a cubic's amplitudes together, over white noise. It has the
+first with p = 1e-5; of less than the second nobody needs to know."""
+PEAK_ALARM = 3e-3
+FEW = 1_000
+"""Samples of coarse counts that may all be the same."""
+NARROW, FEW_ORDINATES = 2.0, 10.0
+"""Ordinates in the width of a peak that is as good as a line, and of one that is hardly more."""
+INSIDE_THE_FILTER = 0.5
+"""Power gain, down to which what is in front of a filter can be seen."""
+
+EITHER: VerdictKind = "fractional or relaxations"
+
+
+class Right(NamedTuple):
+    """The verdicts on a noise of one rate and length."""
+
+    right: frozenset[VerdictKind]
+    accepted: dict[VerdictKind, str]
+    """with the reason"""
+    has_order: bool
+    """whether "fractional" may be claimed"""
+
+    def outcome(self, kind: VerdictKind) -> str:
+        """right, cannot be told, or wrong."""
+        if kind in self.right:
+            return "right"
+        return "cannot be told" if kind in self.accepted else "wrong"
+
+
+class _Notes:
+    def __init__(self) -> None:
+        self.right: set[VerdictKind] = set()
+        self.accepted: dict[VerdictKind, str] = {}
+
+    def may(self, kind: VerdictKind, short: float, what: str, more: float = 0.0) -> None:
+        """Accept a kind that is so much short of the truth, unless the record tells them apart."""
+        if short < SAME:
+            self.right.add(kind)
+        elif not told(short, SAME + more):
+            self.accepted[kind] = f"{what} is only {short:.0f} behind in expected 2 log L"
+
+
+def told(short: float, needed: float) -> bool:
+    """Whether 2 log L is more than needed, chance or not."""
+    return short - LUCK * 2 * math.sqrt(max(short, 0.0)) > needed
+
+
+def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
+    """Of a record of n samples."""
+    bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
+    notes = _Notes()
+    short = contrast.white(bins)
+    seen = told(short, 3 * math.log(bins.weight.sum()))
+    if not seen:
+        _nearly_white(notes, noise, rate_hz, n, short)
+    if noise.truth != "white" and short < UNSEEN:
+        # As good as white: that other models are white noise there, too, is no excuse for a claim.
+        notes.right.add(_NAMES[noise.truth])
+    elif noise.truth != "white":
+        _RULES[noise.truth](notes, noise, bins, rate_hz, n)
+        if bins.truth[-1] > bins.truth[0]:  # what folds at half the rate may make it rise
+            notes.may("anti-persistent", contrast.rising(bins), "a power that rises with frequency")
+    if noise.drift is not None and (not seen or noise.truth == "white"):
+        notes.right = {"drift"}
+        notes.accepted.pop("undecided", None)
+        power = noise.drift.size**2 * n / 12 / float(np.average(bins.truth, weights=bins.weight))
+        if power - LUCK * 2 * math.sqrt(power) < RAMP_SEEN:
+            notes.accepted["white"] = f"the drift has only {power:.0f} times the power of white noise there"
+    if noise.lines:
+        _lines(notes, noise, rate_hz, n)
+    if noise.changes:
+        _changes(notes, n)
+    if isinstance(noise.treatment, Bursts):
+        notes.accepted["not stationary"] = "a burst is a change of the variance"
+    if isinstance(noise.treatment, Rounded) and noise.treatment.sigma < 0.2 and n < FEW:
+        notes.accepted["constant"] = "one count in forty differs"
+    has_order = noise.truth in ("order", "filtered order")
+    return Right(frozenset(notes.right), _without(notes.accepted, notes.right), has_order)
+
+
+def _without(accepted: dict[VerdictKind, str], right: set[VerdictKind]) -> dict[VerdictKind, str]:
+    return {kind: why for kind, why in accepted.items() if kind not in right}
+
+
+def _peaks(noise: Noise) -> list[tuple[float, float]]:
+    found = [part for part in noise.parts if isinstance(part, Resonance)]
+    return [(2 * math.pi * one.share, 2 * math.pi * one.share / one.q) for one in found]
+
+
+def _nearly_white(notes: _Notes, noise: Noise, rate_hz: float, n: int, short: float) -> None:
+    """What is not told from white noise at the frequencies that are fitted."""
+    slow = 2 * np.pi * np.arange(1, SLOW_ORDINATES + 1) / n
+    bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
+    level = float(np.average(bins.truth, weights=bins.weight))
+    each = noise.spectrum(slow, rate_hz) / level
+    ratio = float(each.mean())
+    seen = ratio - LUCK * float(np.sqrt(each @ each)) / SLOW_ORDINATES > SLOW_SEEN
+    why = f"white noise is only {short:.1f} behind in expected 2 log L"
+    notes.accepted["undecided"] = (
+        why if short >= UNSEEN else "the null test rejects one white record in twenty"
+    )
+    if ratio > DRIFTS:
+        notes.right.add("drift")
+    if short < UNSEEN and ratio <= DRIFTS:
+        notes.right.add("white")
+    elif not seen:
+        notes.accepted["white"] = why
+
+
+def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    notes.right.add("relaxations")
+    several = 3.0 * max(2 * min(len(noise.parts) - 1, 6) - 3, 0)
+    notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85", several)
+    notes.may("drift", contrast.walk(bins), "a random walk")
+    notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
+    if "drift" not in notes.right:
+        with_one = contrast.walk_and_relaxation(bins)
+        if contrast.one_relaxation(bins) > with_one + SAME:
+            notes.may("drift", with_one, "a random walk and one relaxation")
+
+
+def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    notes.right.add("fractional")
+    nearest = contrast.order(bins)
+    if nearest > SAME:
+        notes.accepted["undecided"] = f"of no model here; the nearest order is {nearest:.0f} behind"
+    notes.may(EITHER, contrast.six_relaxations(bins), "a sum of six relaxations", MORE)
+    notes.may("drift", contrast.walk(bins), "a random walk")
+    notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
+
+
+def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    notes.right.add("anti-persistent")
+
+
+def _walk(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    notes.right.add("drift")
+    notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85")
+
+
+def _resonance(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    notes.right.add("resonance")
+    for _, width in _peaks(noise):
+        ordinates = width * n / (2 * math.pi)
+        if ordinates < NARROW:
+            notes.right |= {"line", "line or resonance"}
+        elif ordinates < FEW_ORDINATES:
+            notes.accepted["line or resonance"] = f"the peak is {ordinates:.1f} ordinates wide"
+            notes.accepted["line"] = notes.accepted["line or resonance"]
+    notes.accepted.pop("drift", None)
+    notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
+    notes.may("drift", contrast.walk(bins), "a random walk")
+
+
+def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    notes.right.add("low-pass")
+    _relaxation_or_order(notes, bins)
+    level = float(noise.spectrum(np.array([1e-3 * bins.lam[0]]), rate_hz)[0])
+    if bins.truth[0] < level / 2:
+        notes.accepted["drift"] = "the corner is below the lowest frequency that is fitted"
+    # The ends of a record that drifts leak into what is fitted.
+    leak = noise.drift.size**2 / (n * bins.lam**2) if noise.drift is not None else 0.0
+    with_leak = bins.truth + leak
+    notes.may("drift", contrast.walk(bins._replace(truth=with_leak)), "a random walk")
+    if with_leak[0] > 2 * bins.truth[0]:
+        notes.right.add("drift")
+    slow = [part for part in noise.parts if not isinstance(part, Through)]
+    if slow:
+        inside = contrast.white(_passed(noise, bins, rate_hz))
+        if inside > UNSEEN:
+            notes.right.add("drift")
+        if told(inside, 3 * math.log(bins.weight.sum())):
+            notes.right.discard("low-pass")
+
+
+def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
+    notes.may("relaxations", contrast.one_relaxation(bins), "one relaxation")
+    if "relaxations" in notes.right or "relaxations" in notes.accepted:
+        notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85")
+
+
+def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    passed = _passed(noise, bins, rate_hz)
+    inside = contrast.white(passed)
+    if told(inside, 3 * math.log(passed.weight.sum())):
+        _order(notes, noise, passed, rate_hz, n)
+        notes.right.discard("low-pass")
+        notes.accepted.pop("low-pass", None)
+        return
+    notes.right |= {"low-pass", "fractional"}
+    notes.may("drift", contrast.walk(passed), "a random walk")
+    notes.may(EITHER, contrast.six_relaxations(passed), "a sum of six relaxations", MORE)
+
+
+def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:
+    """What a filter lets through, divided by its gain."""
+    (part,) = (part for part in noise.parts if isinstance(part, Through))
+    gain = Through(part.low_pass).spectrum(bins.lam, rate_hz)
+    inside = contrast.below(bins, _end(bins, gain / gain[0]))
+    return Bins(inside.lam, inside.weight, inside.truth / gain[: len(inside.lam)])
+
+
+def _end(bins: Bins, gain: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> float:
+    stopped = np.flatnonzero(gain < INSIDE_THE_FILTER)
+    return float(bins.lam[stopped[0]]) if len(stopped) else math.inf
+
+
+def _held(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    """A value that is held is a filter, but of no shape that has a name here."""
+    notes.right.add("low-pass")
+    notes.accepted["undecided"] = "the spectrum is that of no model here"
+    _relaxation_or_order(notes, bins)
+
+
+def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
+    """Each line alone: whether it is seen, and whether it is one at all in so short a record."""
+    notes.right.clear()
+    notes.accepted.clear()
+    surely = False
+    for line in noise.lines:
+        at_hz = line.folded(rate_hz)
+        density = float(noise.spectrum(np.array([2 * np.pi * at_hz / rate_hz]), rate_hz)[0])
+        over = line.amplitude**2 * n / 4 / density
+        periods, beats = at_hz * n / rate_hz, (rate_hz / 2 - at_hz) * n / rate_hz
+        seen = over - LUCK * math.sqrt(2 * over) > math.log(n / 2 / PEAK_ALARM)
+        if over < 1:
+            notes.right.add("white")
+        elif periods < contrast.FIRST:
+            notes.right.add("drift")
+            if periods < 1 or over - LUCK * math.sqrt(2 * over) < SLOW_ORDINATES * SLOW_SEEN:
+                notes.accepted["white"] = f"{periods:.2g} periods, {over:.0f} times the noise"
+        elif beats < 2:
+            notes.right.add("line")
+            why = f"{beats:.2g} beats with half the rate"
+            notes.accepted |= {"resonance": why, "white": why, "undecided": why, "not stationary": why}
+            notes.accepted["anti-persistent"] = why
+        else:
+            notes.right.add("line")
+            surely |= seen
+            if not seen:
+                notes.accepted["white"] = notes.accepted["undecided"] = f"{over:.1f} times the noise"
+    if "line" in notes.right:
+        notes.accepted["line or resonance"] = "a resonance narrower than an ordinate has the same spectrum"
+    if surely:
+        notes.right = {"line"}
+        notes.accepted = {"line or resonance": notes.accepted["line or resonance"]}
+    elif "white" in notes.right:
+        notes.accepted["undecided"] = "the null test rejects one white record in twenty"
+
+
+CHANGE = math.log(2)
+"""Of the logarithm of the variance between the halves, at least."""
+
+
+def _changes(notes: _Notes, n: int) -> None:
+    """The halves differ by a factor of two or more: each knows its variance to a part in √(n / 4)."""
+    notes.right = {"not stationary"}
+    expected = CHANGE**2 * n / 8
+    if told(expected, SAME + 2 * math.log(n)):
+        notes.accepted.clear()
+        return
+    why = f"the variance changes by {math.sqrt(expected):.1f} standard deviations"
+    notes.accepted = {"white": why, "undecided": why}
+
+
+_NAMES: dict[str, VerdictKind] = {
+    "relaxations": "relaxations",
+    "order": "fractional",
+    "rising": "anti-persistent",
+    "walk": "drift",
+    "resonance": "resonance",
+    "low-pass": "low-pass",
+    "filtered order": "fractional",
+    "held": "low-pass",
+}
+_RULES = {
+    "relaxations": _relaxations,
+    "order": _order,
+    "rising": _rising,
+    "walk": _walk,
+    "resonance": _resonance,
+    "low-pass": _low_pass,
+    "filtered order": _filtered_order,
+    "held": _held,
+}
