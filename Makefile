@@ -106,7 +106,8 @@ flash: .venv/.run
 emulate: .venv/.run
 	@$(PY) -m tools.due_emulator $(ARGS)
 
-# Single bugs put into the firmware, one at a time, and what notices each.
+# Single bugs put into the firmware, one at a time, and what notices each; of the host, 40 random changes:
+# make mutants ARGS='--host 40 --seed 1'
 mutants: .venv/.dev
 	@$(PY) -m tools.mutants $(ARGS)
 

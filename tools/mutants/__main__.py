@@ -1,10 +1,15 @@
-"""Puts single bugs into the firmware, one at a time, and asks who notices (`make mutants`).
+"""Puts single bugs into the firmware, or random ones into the host, and asks who notices (`make mutants`).
 
-Judges: the emulated Due (the strictness of its parts, and tools.mutants.trial), the C++ tests of the core and
-of its spectrum, and the Arduino sketch on its stub. The first that notices a bug is enough; --everyone asks
-all. That the committed image has other bytes does not count. Everything happens in private copies.
+--host 40: so many random changes of host/fltea, one at a time (tools.mutants.host_changes). Asked are the
+test files that import what is changed, the rest of its room, then tests/e2e, without those marked as slow,
+until one fails. Some changes do nothing that anybody could notice, so read what survives.
 
-Exit codes: 0; 1 more than 2 mutants survive, a mutant does not build, or the present sources fail already.
+Else the firmware's list. Judges: the emulated Due (the strictness of its parts, and tools.mutants.trial), the
+C++ tests of the core and of its spectrum, and the Arduino sketch on its stub. The first that notices a bug is
+enough; --everyone asks all. That the committed image has other bytes does not count.
+
+Everything happens in private copies. Exit codes: 0; 1 more than 2 mutants of the firmware or a third of the
+host's survive, a mutant does not build, or the present sources fail already.
 """
 
 import argparse
@@ -13,13 +18,18 @@ import shutil
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
+from queue import Queue
 from typing import NamedTuple
 
+from tools.mutants.host_changes import Change, choose
+from tools.mutants.host_trial import HostCopy
 from tools.mutants.mutation import Mutant, read_mutants
-from tools.mutants.workshop import Invalid, Verdict, copy_parts, forget_build, judge
+from tools.mutants.workshop import REPOSITORY, Invalid, Verdict, copy_parts, forget_build, judge
 
 MOST_SURVIVORS = 2
+MOST_SURVIVORS_OF_HOST = 1 / 3
 
 EVERYWHERE = ("core/engine/", "arduino/")
 """Files for which all judges together are asked."""
@@ -72,6 +82,31 @@ def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
             return Result(mutant, [], str(error))
 
 
+def try_host(drawn: list[Change], jobs: int, *, near: bool) -> int:
+    """Judge random changes of the host and print who noticed each; returns the exit code."""
+    copies: Queue[HostCopy] = Queue()
+
+    def judged(change: Change) -> str | None:
+        copy = copies.get()
+        try:
+            return copy.noticed_by(change)
+        finally:
+            copies.put(copy)
+
+    with ExitStack() as stack:
+        for _ in range(jobs):
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="fltea-mutants-"))
+            copies.put(HostCopy(Path(folder), near=near))
+        survive = 0
+        for change, test in zip(
+            drawn, stack.enter_context(ThreadPoolExecutor(jobs)).map(judged, drawn), strict=True
+        ):
+            survive += test is None
+            print(f"SURVIVES {change}" if test is None else f"noticed  {change}\n         {test}", flush=True)
+    print(f"{len(drawn)} random changes: {len(drawn) - survive} noticed, {survive} survive")
+    return 1 if survive > MOST_SURVIVORS_OF_HOST * len(drawn) else 0
+
+
 def main() -> int:
     """Run the command line; returns the exit code."""
     parser = argparse.ArgumentParser(
@@ -83,7 +118,15 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--everyone", action="store_true", help="ask all judges of each bug")
     parser.add_argument("--jobs", type=int, default=2, help="so many at a time")
+    host = parser.add_argument_group("the host, in place of the firmware")
+    host.add_argument("--host", type=int, metavar="COUNT", help="try so many random changes")
+    host.add_argument("--seed", type=int, default=1, help="which ones")
+    host.add_argument("--below", default="", metavar="PATH", help="only below host/fltea/PATH")
+    host.add_argument("--near", action="store_true", help="without tests/e2e")
     options = parser.parse_args()
+    if options.host is not None:
+        drawn = choose(REPOSITORY, options.host, options.seed, options.below)
+        return try_host(drawn, options.jobs, near=options.near)
     mutants = [m for m in read_mutants() if not options.only or m.name in options.only]
     if unknown := set(options.only) - {m.name for m in mutants}:
         parser.error(f"no such mutant: {', '.join(sorted(unknown))}")

@@ -96,7 +96,7 @@ def on_the_emulator(root: Path) -> str | None:
     except BuildError as error:
         raise Invalid(str(error)) from error
     command = [sys.executable, "-m", "tools.mutants.trial", str(folder / "fltea_due.bin")]
-    code, output = _run(command, REPOSITORY)
+    code, output = run(command, REPOSITORY)
     return output.strip().splitlines()[-1] if code else None
 
 
@@ -107,10 +107,10 @@ def by_doctest(root: Path) -> str | None:
     # Relative, so that what a copy has built already fits the next one.
     goal = os.path.relpath(program, here)
     command = ["make", f"BUILD={Path(goal).parent}", DOCTEST_FLAGS, goal]
-    code, output = _run(command, here)
+    code, output = run(command, here)
     if code:
         raise Invalid(output)
-    code, output = _run([str(program), "--abort-after=1", "--no-colors=true"], here)
+    code, output = run([str(program), "--abort-after=1", "--no-colors=true"], here)
     return _first(output, "TEST CASE:", f"exit code {code}") if code else None
 
 
@@ -119,10 +119,10 @@ def by_spectrum(root: Path) -> str | None:
     program = root / NATIVE / "board_tests"
     flags = "FLAGS=-std=gnu++11 -O1 -ffp-contract=off"
     here = root / "tests/native"
-    code, output = _run(["make", f"BUILD={program.parent}", flags, str(program)], here)
+    code, output = run(["make", f"BUILD={program.parent}", flags, str(program)], here)
     if code:
         raise Invalid(output)
-    code, output = _run([str(program), "--abort-after=1", "--no-colors=true"], here)
+    code, output = run([str(program), "--abort-after=1", "--no-colors=true"], here)
     return _first(output, "TEST CASE:", f"exit code {code}") if code else None
 
 
@@ -130,7 +130,7 @@ def on_the_stub(root: Path) -> str | None:
     """Run the tests of the Arduino sketch, which build it themselves; the first that fails."""
     command = [sys.executable, "-m", "pytest", "tests/firmware/test_arduino.py", "-k", "g++ and not clang"]
     options = ["-x", "-q", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-o", "timeout=300"]
-    code, output = _run([*command, *options], root, ARDUINO)
+    code, output = run([*command, *options], root, ARDUINO)
     if "make: ***" in output or code > 1:
         raise Invalid(output)
     return _first(output, "FAILED ", f"exit code {code}").replace("tests/firmware/", "") if code else None
@@ -141,7 +141,14 @@ def _first(output: str, word: str, otherwise: str) -> str:
     return lines[0].replace(word, "").strip() if lines else otherwise
 
 
-def _run(command: list[str], folder: Path, environment: dict[str, str] | None = None) -> tuple[int, str]:
+def run(
+    command: list[str],
+    folder: Path,
+    environment: dict[str, str] | None = None,
+    *,
+    patience_s: float = PATIENCE_S,
+) -> tuple[int, str]:
+    """Run `command` in `folder`; exit code and output."""
     try:
         done = subprocess.run(
             command,
@@ -152,7 +159,7 @@ def _run(command: list[str], folder: Path, environment: dict[str, str] | None = 
             stderr=subprocess.STDOUT,
             encoding="utf-8",
             errors="replace",
-            timeout=PATIENCE_S,
+            timeout=patience_s,
             check=False,
         )
     except subprocess.TimeoutExpired:

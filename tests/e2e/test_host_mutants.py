@@ -1,0 +1,67 @@
+"""What `make mutants ARGS='--host …'` changes in the host, and which tests it asks first."""
+
+import ast
+
+import pytest
+from host_support import ROOT
+
+from tools.mutants.host_changes import HOST, changes, choose
+from tools.mutants.host_trial import nearest_tests
+
+CHANGED = {
+    "x = a < b": ["x = (a <= b)", "x = (not a < b)"],
+    "x = a in b": ["x = (not a in b)"],
+    "x = a and b": ["x = (a or b)"],
+    "x = not a": ["x = a"],
+    "x = {'ä': a +\n b}": ["x = {'ä': (a - b)}"],
+    "x += 2": ["x -= 2", "pass", "x += 3", "x += 1"],
+    "x = True": ["x = False"],
+    "x = np.minimum(a, min(b))": ["x = np.maximum(a, min(b))", "x = np.minimum(a, max(b))"],
+    "x = a if b else c": ["x = (c if b else a)"],
+    "a.x = b": ["pass"],
+    "begin(b)": ["pass"],
+    "def one():\n return a": ["def one():\n return None"],
+    "for a in b:\n continue": ["for a in b:\n pass"],
+    "raise ValueError(a + b)": ["pass"],
+}
+KEPT = [
+    '"""1 + 1"""',
+    "x: Literal[1] = a",
+    "def one(x: int | None) -> Array[2]: ...",
+    "@tried(3)\nclass One: ...",
+    "x = f'{1 + a}'",
+    "x = 'one' + a",
+    "self._report('one', 1)",
+    "if TYPE_CHECKING:\n begin()",
+]
+
+
+@pytest.mark.parametrize("text", CHANGED)
+def test_each_change_is_one_thing_that_the_program_does(text: str) -> None:
+    assert [change.applied_to(text) for change in changes("x.py", text)] == CHANGED[text]
+
+
+@pytest.mark.parametrize("text", KEPT)
+def test_texts_and_types_stay(text: str) -> None:
+    assert list(changes("x.py", text)) == []
+
+
+def test_a_seed_draws_the_same_changes_of_different_lines_and_all_are_python() -> None:
+    drawn = choose(ROOT, 100, 1, "st")
+    assert drawn == choose(ROOT, 100, 1, "st")
+    assert len({(change.file, change.line) for change in drawn}) == 100
+    assert drawn[:40] != choose(ROOT, 40, 2, "st")
+    for change in drawn:
+        text = (ROOT / change.file).read_text(encoding="utf-8")
+        assert change.file.startswith(f"{HOST}/stream/")
+        assert text[change.start : change.end] == change.old != change.new
+        ast.parse(change.applied_to(text))
+
+
+def test_tests_that_import_a_module_come_before_the_rest_of_its_room() -> None:
+    tests = nearest_tests(ROOT, f"{HOST}/sinks/mqtt/sink.py")
+    imports = ["fltea.sinks.mqtt" in (ROOT / test).read_text(encoding="utf-8") for test in tests]
+    assert tests[0].startswith("tests/sinks/")
+    assert imports[0]
+    assert not imports[-1]
+    assert set(tests) >= {f"tests/sinks/{path.name}" for path in (ROOT / "tests/sinks").glob("test_*.py")}

@@ -1,0 +1,144 @@
+"""Random single changes of the host's Python: where one is possible, and what stands there afterwards.
+
+Changed is what the program does, not what it says: no docstring, text, message or type hint.
+
+The rules are ours because no kept library fits. mutmut 3.8 has to import the package itself, which an
+editable install prevents (it finds no test for any change), and draws nothing at random. cosmic-ray 8.7
+spends half of its changes on operators, most of them the `|` of type hints, has none of statements, returned
+values, min and max, and one command for all changes, so no nearest tests.
+"""
+
+import ast
+import random
+from collections.abc import Iterator
+from itertools import accumulate
+from pathlib import Path
+from typing import Any, NamedTuple
+
+HOST = Path("host/fltea")
+
+PAIRS = [
+    (ast.Lt, ast.LtE),
+    (ast.Gt, ast.GtE),
+    (ast.Add, ast.Sub),
+    (ast.Mult, ast.Div),
+    (ast.LShift, ast.RShift),
+]
+OTHER: dict[type[ast.AST], Any] = dict(PAIRS) | {new: old for old, new in PAIRS}
+OTHER |= {
+    ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.FloorDiv,
+    ast.BitAnd: ast.BitOr,
+    ast.And: ast.Or,
+    ast.Or: ast.And,
+}
+NAMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any"}
+TELLS = {"problem", "report", "say", "tell", "warn", "warning", "info", "debug", "print", "echo", "help"}
+"""Functions, perhaps with a _ before their names, whose arguments are texts for people."""
+
+
+class Change(NamedTuple):
+    """One change. file: below the repository. line: from 1. start, end: where in the text."""
+
+    file: str
+    line: int
+    start: int
+    end: int
+    old: str
+    new: str
+
+    def applied_to(self, text: str) -> str:
+        """The source with the change."""
+        return text[: self.start] + self.new + text[self.end :]
+
+    def __str__(self) -> str:
+        old, new = (" ".join(part.split()) for part in (self.old, self.new))
+        return f"{self.file.removeprefix(f'{HOST}/')}:{self.line}: {old} → {new}"
+
+
+def choose(root: Path, count: int, seed: int, below: str = "") -> list[Change]:
+    """Draw `count` changes of the host at `root`, each on another line; all lines are equally likely.
+
+    below: only of files whose path below host/fltea begins so.
+    """
+    chance = random.Random(seed)
+    lines: dict[tuple[str, int], list[Change]] = {}
+    for path in sorted((root / HOST).rglob("*.py")):
+        if str(path.relative_to(root / HOST)).startswith(below):
+            for change in changes(str(path.relative_to(root)), path.read_text(encoding="utf-8")):
+                lines.setdefault((change.file, change.line), []).append(change)
+    return [chance.choice(lines[line]) for line in chance.sample(list(lines), min(count, len(lines)))]
+
+
+def changes(file: str, text: str) -> Iterator[Change]:
+    """All changes of one source."""
+    rows = text.splitlines(keepends=True)
+    starts = list(accumulate(map(len, rows), initial=0))
+    for node in _acting(ast.parse(text)):
+        (line, column), last = (node.lineno, node.col_offset), node.end_lineno or node.lineno
+        # Columns count bytes.
+        start = starts[line - 1] + len(rows[line - 1].encode()[:column].decode())
+        end = starts[last - 1] + len(rows[last - 1].encode()[: node.end_col_offset].decode())
+        for other in _others(node):
+            new = ast.unparse(ast.fix_missing_locations(other))
+            is_open = isinstance(other, ast.Compare | ast.BoolOp | ast.UnaryOp | ast.BinOp | ast.IfExp)
+            yield Change(file, line, start, end, text[start:end], f"({new})" if is_open else new)
+
+
+def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
+    """Expressions and statements that do something, outermost first."""
+    if isinstance(node, ast.expr | ast.stmt):
+        yield node
+    for name, value in ast.iter_fields(node):
+        if name not in ("annotation", "returns", "decorator_list", "exc") and not _speaks(node):
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST):
+                    yield from _acting(child)
+
+
+def _speaks(node: ast.AST) -> bool:
+    """Whether what is in it is a text or a type."""
+    if isinstance(node, ast.Call):
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        return name.strip("_").split("_")[0] in TELLS or name in ("Option", "Argument", "TypeVar")
+    if isinstance(node, ast.If):
+        return "TYPE_CHECKING" in ast.unparse(node.test)
+    return isinstance(node, ast.JoinedStr | ast.Assert)
+
+
+def _others(node: ast.AST) -> Iterator[ast.AST]:
+    """What may stand in the place of `node`."""
+    match node:
+        case ast.Compare(left, [operator, *more], right):
+            if type(operator) in OTHER:
+                yield ast.Compare(left, [OTHER[type(operator)](), *more], right)
+            yield ast.UnaryOp(ast.Not(), node)
+        case ast.BoolOp(operator, values):
+            yield ast.BoolOp(OTHER[type(operator)](), values)
+        case ast.UnaryOp(ast.Not() | ast.USub(), operand):
+            yield operand
+        case ast.BinOp(left, operator, right) if type(operator) in OTHER:
+            if not any(isinstance(n, ast.JoinedStr | ast.List) or _is_text(n) for n in (left, right)):
+                yield ast.BinOp(left, OTHER[type(operator)](), right)
+        case ast.AugAssign(target, operator, value) if type(operator) in OTHER:
+            yield from (ast.AugAssign(target, OTHER[type(operator)](), value), ast.Pass())
+        case ast.Constant(bool(value)):
+            yield ast.Constant(not value)
+        case ast.Constant(int(value) | float(value)):
+            yield from (ast.Constant(value + 1), ast.Constant(value - 1))
+        case ast.Call(ast.Name(name), arguments, keywords) if name in NAMES:
+            yield ast.Call(ast.Name(NAMES[name]), arguments, keywords)
+        case ast.Call(ast.Attribute(value, name), arguments, keywords) if name in NAMES:
+            yield ast.Call(ast.Attribute(value, NAMES[name]), arguments, keywords)
+        case ast.IfExp(test, body, orelse):
+            yield ast.IfExp(test, orelse, body)
+        case ast.Return(ast.expr() as value) if not isinstance(value, ast.Constant):
+            yield ast.Return(ast.Constant(None))
+        case ast.Expr(ast.Call() as call) if not _speaks(call):
+            yield ast.Pass()
+        case ast.Assign([ast.Attribute() | ast.Subscript()]) | ast.Raise() | ast.Continue() | ast.Break():
+            yield ast.Pass()
+
+
+def _is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
