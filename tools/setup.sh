@@ -15,7 +15,9 @@ if command -v "$python" >/dev/null && ! "$python" -c 'import sys; sys.exit(sys.v
 fi
 
 # What is missing is found out by use, not by package name: a compiler or Python may come from elsewhere.
+# `packages` are needed before pip can begin; `others` are installed while it works.
 packages=()
+others=()
 if ! command -v "$python" >/dev/null; then
     packages+=(python3 python3-venv python3-dev)
 else
@@ -26,50 +28,62 @@ fi
 printf 'int main() {}' | c++ -x c++ -o /dev/null - 2>/dev/null || packages+=(g++)
 if [ "$level" = dev ]; then
     compiles() { printf '%s\nint main() { return 0; }\n' "$2" | ${1} -x c++ -o /dev/null - 2>/dev/null; }
-    compiles 'c++ -fsyntax-only' '#include <doctest/doctest.h>' || packages+=(doctest-dev)
+    compiles 'c++ -fsyntax-only' '#include <doctest/doctest.h>' || others+=(doctest-dev)
     # The second compiler of the C++ tests, with sanitizers and libFuzzer.
-    compiles 'clang++ -fsanitize=address,undefined' '#include <type_traits>' || packages+=(clang libclang-rt-dev)
-    command -v clang-tidy >/dev/null || packages+=(clang-tidy)
-    command -v cppcheck >/dev/null || packages+=(cppcheck)
+    compiles 'clang++ -fsanitize=address,undefined' '#include <type_traits>' || others+=(clang libclang-rt-dev)
+    command -v clang-tidy >/dev/null || others+=(clang-tidy)
+    command -v cppcheck >/dev/null || others+=(cppcheck)
     # What tests of the outputs talk to: brokers, certificates for them, a browser.
-    PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || packages+=(mosquitto)
-    PATH="$PATH:/usr/sbin" command -v nats-server >/dev/null || packages+=(nats-server)
-    command -v openssl >/dev/null || packages+=(openssl)
-    command -v chromium >/dev/null || packages+=(chromium)
+    PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || others+=(mosquitto)
+    PATH="$PATH:/usr/sbin" command -v nats-server >/dev/null || others+=(nats-server)
+    command -v openssl >/dev/null || others+=(openssl)
+    command -v chromium >/dev/null || others+=(chromium)
     # What shows man pages.
-    command -v groff >/dev/null || packages+=(groff-base)
+    command -v groff >/dev/null || others+=(groff-base)
     # What looks at the service's files.
-    command -v shellcheck >/dev/null || packages+=(shellcheck)
-    command -v systemd-analyze >/dev/null || packages+=(systemd)
-    # The Due's compiler; C++11's <type_traits> is in newlib's package.
+    command -v shellcheck >/dev/null || others+=(shellcheck)
+    command -v systemd-analyze >/dev/null || others+=(systemd)
+    # The Due's compiler with the headers of both libraries. The libraries themselves, 2 GB, are in other packages;
+    # nothing is linked with them.
     compiles 'arm-none-eabi-g++ -mcpu=cortex-m3 -mthumb -c' '#include <type_traits>' ||
-        packages+=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib)
+        others+=(gcc-arm-none-eabi libnewlib-dev libstdc++-arm-none-eabi-dev)
+    # Compiles again only what changed, wherever the tests compile it.
+    command -v ccache >/dev/null || others+=(ccache)
 fi
 
-if [ ${#packages[@]} -gt 0 ]; then
-    line="apt-get install -y --no-install-recommends ${packages[*]}"
-    say "missing Debian packages: ${packages[*]}"
+as_root=
+install() { $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$@"; }
+by_hand="sudo apt-get update && sudo apt-get install -y --no-install-recommends ${packages[*]} ${others[*]}"
+if [ ${#packages[@]} -gt 0 ] || [ ${#others[@]} -gt 0 ]; then
+    say "missing Debian packages: ${packages[*]} ${others[*]}"
     if ! command -v apt-get >/dev/null; then
         say "this is no Debian, Ubuntu or Raspberry Pi OS; install their counterparts, then call make again"
         exit 1
     elif [ "$(id -u)" = 0 ]; then
-        as_root=
+        :
     elif command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [ -t 0 ]; }; then
         as_root=sudo
     else
         say "no right to install them; run this, then call make again:"
-        say "    sudo apt-get update && sudo $line"
+        say "    $by_hand"
         exit 1
     fi
-    if ! { $as_root apt-get update -q && $as_root env DEBIAN_FRONTEND=noninteractive $line; } >&2; then
-        say "installing failed; see above, or run by hand: sudo apt-get update && sudo $line"
+    if ! { $as_root apt-get update -q && { [ ${#packages[@]} = 0 ] || install "${packages[@]}"; }; } >&2; then
+        say "installing failed; see above, or run by hand: $by_hand"
         exit 1
     fi
 fi
 
 log=$(mktemp)
+others_log=$(mktemp)
 work=
-trap 'rm -f "$log"; [ -z "$work" ] || kill "$work" 2>/dev/null || true' EXIT
+others_work=
+# What apt-get has begun it ends: half an installation would be in the way of everybody.
+trap 'rm -f "$log" "$others_log"; [ -z "$work" ] || kill "$work" 2>/dev/null || true; wait' EXIT
+if [ ${#others[@]} -gt 0 ]; then
+    install "${others[@]}" >"$others_log" 2>&1 &
+    others_work=$!
+fi
 steps=3
 step=0
 
@@ -105,4 +119,9 @@ extras='[emulator,outputs]'
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
 pip "installing pinned Python packages and building the native module ($level); this is most of the time" \
     install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
+if [ -n "$others_work" ] && ! wait "$others_work"; then
+    cat "$others_log" >&2
+    say "installing failed; see above, or run by hand: $by_hand"
+    exit 1
+fi
 say "ready"
