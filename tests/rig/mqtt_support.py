@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import pytest
 from blocks import as_items
+from fltea.records import clock
 from fltea.records.records import (
     AnyRecord,
     AxisEstimate,
@@ -18,6 +19,7 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt import link, status
 from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt.connection import Acknowledged, Down, Up
 from fltea.sinks.mqtt.sink import MqttSink
@@ -123,13 +125,13 @@ def make_bench(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Bench]:
 
     def new(*, up: bool = True, **settings: Any) -> Bench:
         one = Bench(**settings)
-        monkeypatch.setattr(mqtt, "host_ns", lambda: one.now_ns)
+        monkeypatch.setattr(clock, "host_ns", lambda: one.now_ns)
         if up:
             one.write(hello())
             one.happens(Up())
         return one
 
-    monkeypatch.setattr(mqtt, "Connection", FakeConnection)
-    monkeypatch.setattr(mqtt, "unix_offset_ns", lambda: 5)
+    monkeypatch.setattr(link, "Connection", FakeConnection)
+    monkeypatch.setattr(status, "unix_offset_ns", lambda: 5)
     monkeypatch.setattr(mqtt, "FAREWELL_S", 0.02)
     return new

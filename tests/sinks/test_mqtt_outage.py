@@ -3,9 +3,10 @@
 from collections.abc import Callable
 
 import pytest
-from fltea.sinks.mqtt import sink as mqtt
+from fltea.records import clock
+from fltea.sinks.mqtt import delivery, link
 from fltea.sinks.mqtt.connection import Down, Up
-from fltea.sinks.mqtt.sink import BACKLOG, IN_FLIGHT
+from fltea.sinks.mqtt.delivery import BACKLOG, IN_FLIGHT
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
@@ -42,6 +43,22 @@ def test_outage_loses_streams_and_keeps_what_is_rare(bench: Callable[..., Bench]
     assert b.told[1][0] == "broker_back"
     assert "after 0.6 s" in b.told[1][1]
     assert "23 records were lost" in b.told[1][1]
+
+
+def test_each_outage_states_its_own_losses(bench: Callable[..., Bench]) -> None:
+    b = bench(estimate_every=1)
+    for records in (3, 2, 0):
+        b.happens(Down("broker_lost", "gone"))
+        b.write(*map(estimate, range(records)))
+        b.wait(31)
+        b.happens(Up())
+        b.connection.acknowledge()
+    ends = [text for kind, text in b.told if kind == "broker_back"]
+    assert [text.split("; ")[1] for text in ends] == [
+        "3 records were lost.",
+        "2 records were lost.",
+        "nothing was lost.",
+    ]
 
 
 def test_without_an_acknowledgement_after_it_a_stream_counts_as_lost(bench: Callable[..., Bench]) -> None:
@@ -102,6 +119,13 @@ def test_end_without_a_broker_counts_what_waited(bench: Callable[..., Bench]) ->
     assert b.sink.lost == 2
 
 
+def test_end_without_a_hello_counts_what_waited(bench: Callable[..., Bench]) -> None:
+    b = bench(up=False)
+    b.write(gap(), gap())
+    b.sink.close()
+    assert b.sink.lost == 2
+
+
 def test_refused_record_is_lost_and_told_once(bench: Callable[..., Bench]) -> None:
     b = bench()
     b.connection.acknowledge()
@@ -124,12 +148,12 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
     with pytest.MonkeyPatch.context() as patch:
         for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
             patch.delenv(name, raising=False)
-        patch.setattr(mqtt, "Connection", FakeConnection)
-        patch.setattr(mqtt, "IN_FLIGHT", 6)
-        patch.setattr(mqtt, "BACKLOG", 4)
+        patch.setattr(link, "Connection", FakeConnection)
+        patch.setattr(delivery, "IN_FLIGHT", 6)
+        patch.setattr(delivery, "BACKLOG", 4)
         FakeConnection.made.clear()
         b = Bench(estimate_every=1, stream_qos=qos)
-        patch.setattr(mqtt, "host_ns", lambda: b.now_ns)
+        patch.setattr(clock, "host_ns", lambda: b.now_ns)
         b.write(hello())
         written = acknowledged = 0
         done: set[tuple[int, int]] = set()
@@ -138,11 +162,11 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                 case "estimate" | "gap" | "stats":
                     written += 1
                     b.write({"estimate": estimate(1), "gap": gap(), "stats": stats()}[step])
-                case "up" if b.sink._connection is not None and not b.sink._up:
+                case "up" if b.sink._link._connection is not None and not b.sink._link.up:
                     b.happens(Up())
-                case "down" if b.sink._connection is not None:
+                case "down" if b.sink._link._connection is not None:
                     b.happens(Down("broker_lost", "gone"))
-                case "acknowledge" if b.sink._up:
+                case "acknowledge" if b.sink._link.up:
                     c = b.connection
                     for mid, (*_, retain) in enumerate(c.sent, 1):
                         acknowledged += (id(c), mid) not in done and not retain
@@ -159,10 +183,10 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                     b.wait(40)
                 case "full":
                     b.connection.full = not b.connection.full
-            assert len(b.sink._flight) <= 6 + 2  # the two states are never held back
-            assert len(b.sink._backlog) <= 4
-            states = sum(m.retain for m in b.sink._flight.messages)
-            waiting = len(b.sink._backlog) + len(b.sink._flight) - states
+            assert len(b.sink._delivery._flight) <= 6 + 2  # the two states are never held back
+            assert len(b.sink._delivery._waiting) <= 4
+            states = sum(m.retain for m in b.sink._delivery._flight.messages)
+            waiting = len(b.sink._delivery._waiting) + len(b.sink._delivery._flight) - states
             assert acknowledged + waiting + b.sink.lost == written
 
 

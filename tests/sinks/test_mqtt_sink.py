@@ -8,10 +8,11 @@ import pytest
 from fit_support import FRACTIONAL
 from fltea.records import identities
 from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
+from fltea.sinks.mqtt import delivery
 from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt.connection import Down, Up
-from fltea.sinks.mqtt.device_topics import LONGEST_NAME, device_level
-from fltea.sinks.mqtt.sink import BACKLOG
+from fltea.sinks.mqtt.delivery import BACKLOG
+from fltea.sinks.mqtt.sink import LONGEST_NAME, device_level
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
@@ -198,7 +199,7 @@ def test_farewell_waits_for_what_is_not_acknowledged(
         if len(naps) == 3:
             b.connection.acknowledge()
 
-    monkeypatch.setattr(mqtt.time, "sleep", nap)
+    monkeypatch.setattr(delivery.time, "sleep", nap)
     monkeypatch.setattr(mqtt, "FAREWELL_S", 60.0)
     b.sink.close()
     assert naps[:3] == [False] * 3

@@ -19,9 +19,9 @@ from fltea.records.repeat import OnceAMinute
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import Down, Up
-from fltea.sinks.mqtt.device_topics import Status
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.sink import MqttSink
+from fltea.sinks.mqtt.status import Status
 
 LOOK_S = 0.5
 """All devices are looked after so often; those with something to say at once."""
@@ -86,7 +86,7 @@ class ManyMqttSink(Sink):
     def depart(self, departed: Departed) -> None:
         """Keep nothing of a device; where it has moved, another program says how it is."""
         if departed.device in self._sinks:
-            self._forget(departed.device, say_ended=not departed.moved)
+            self._forget(departed.device, end=not departed.moved)
 
     def flush(self) -> None:
         """Look after those that have written, and now and then after all."""
@@ -105,7 +105,7 @@ class ManyMqttSink(Sink):
         """Say that all are offline, in one go, and farewell."""
         self._shared.pump()
         for sink in self._sinks.values():
-            sink.say_ended()
+            sink.end()
         if self._shared.up:
             self._own.publish(self._status_topic, self._status("offline", "ended"), 1, True)
         deadline_s = time.monotonic() + FAREWELL_S
@@ -134,14 +134,14 @@ class ManyMqttSink(Sink):
     def _forget_idle(self) -> None:
         now_ns = host_ns()
         for name in [name for name, ns in self._heard_ns.items() if now_ns - ns > IDLE_NS]:
-            self._forget(name, say_ended=True)
+            self._forget(name, end=True)
 
-    def _forget(self, name: str, *, say_ended: bool) -> None:
+    def _forget(self, name: str, *, end: bool) -> None:
         sink = self._sinks.pop(name)
         del self._heard_ns[name]
         self._touched.discard(name)
-        if say_ended:
-            sink.say_ended()
+        if end:
+            sink.end()
         sink.leave()
         self._gone_lost += sink.lost
 

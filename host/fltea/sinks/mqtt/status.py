@@ -1,0 +1,80 @@
+"""How a device is, as its retained topic `<prefix>/<device_id>/status` states it."""
+
+from typing import Literal
+
+import msgspec
+
+from fltea.records.clock import unix_offset_ns
+from fltea.records.records import Hello
+
+STALLED_NS = 2 * 10**9
+"""A device that sends no sample for this long is `stalled`."""
+
+REPEAT_NS = 30 * 10**9
+"""The status is published again after this long: an earlier connection's will may overwrite it late."""
+
+Level = Literal["online", "stalled", "offline"]
+Reason = Literal["ended", "connection_lost", "replaced"]
+
+
+class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The payload of the topic.
+
+    since_ns: Unix time since which it is so; null where the broker publishes it as the will. reason, when
+    offline: `ended`, `connection_lost` (the broker lost sight of the program), or `replaced` (by another
+    board on the same port).
+    """
+
+    status: Level
+    since_ns: int | None
+    source: str
+    device_id: str | None
+    device: str
+    reason: Reason | None = None
+
+
+class DeviceStatus:
+    """Follows one board, which begins as stalled; all times are on the clock of `host_ns`.
+
+    current: what the topic is to hold.
+    """
+
+    def __init__(self, device: str, hello: Hello, now_ns: int) -> None:
+        self._device = device
+        self._sample_ns: int | None = None
+        self._published_ns = now_ns
+        self.change("stalled", hello, now_ns)
+
+    def change(self, level: Level, hello: Hello, now_ns: int) -> None:
+        """Make it another one, as of now."""
+        reason: Reason | None = "ended" if level == "offline" else None
+        self.current = status_of(level, hello, self._device, now_ns, reason)
+
+    def on_sample(self, hello: Hello, now_ns: int) -> bool:
+        """Take note of a sample, and return whether that changed the status."""
+        self._sample_ns = now_ns
+        if self.current.status == "online":
+            return False
+        self.change("online", hello, now_ns)
+        return True
+
+    def look(self, hello: Hello, now_ns: int) -> bool:
+        """Notice that samples stopped, and return whether the status is to be published (again)."""
+        if self._sample_ns is not None and now_ns - self._sample_ns > STALLED_NS:
+            self._sample_ns = None
+            self.change("stalled", hello, now_ns)
+            return True
+        return now_ns - self._published_ns >= REPEAT_NS
+
+    def take(self, now_ns: int) -> Status:
+        """Return the status, which is published now."""
+        self._published_ns = now_ns
+        return self.current
+
+
+def status_of(
+    level: Level, hello: Hello, device: str, now_ns: int | None, reason: Reason | None = None
+) -> Status:
+    """Return the status of a board; now_ns: None where the broker is to publish it."""
+    since_ns = None if now_ns is None else now_ns + unix_offset_ns()
+    return Status(level, since_ns, hello.source, hello.device_id, device, reason)
