@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from fltea.records.records import Gap
-from fltea.sinks.mqtt import sink as mqtt
+from fltea.sinks.mqtt import delivery, link
 from mosquitto_support import DAEMON, HELLO, WATCHER, Stage, free_port, last_status, make_authority, sample
 from support import Processes, wait_until
 
@@ -91,7 +91,7 @@ def test_delivered_and_lost_are_what_was_sent_through_a_restart_of_the_broker(st
     watcher = stage.watcher(broker.port)
     driven = stage.drive(broker.port, stream_qos=qos)
     driven.write(HELLO)
-    driven.until(lambda: driven.sink._up, "the broker")
+    driven.until(lambda: driven.sink._link.up, "the broker")
     driven.write(*map(sample, range(200)))
     driven.until(lambda: len(watcher.on("fltea/a0/sample")) >= 50, "samples before")
 
@@ -107,7 +107,7 @@ def test_delivered_and_lost_are_what_was_sent_through_a_restart_of_the_broker(st
     driven.write(Gap(5, 1, 1, 0, device="due"))
     gaps = "fltea/a0/gap"
     driven.until(lambda: len(watcher.on(gaps)) >= 6, "gaps")
-    driven.until(lambda: not driven.sink._flight, "acknowledgements")
+    driven.until(lambda: not driven.sink._delivery._flight, "acknowledgements")
 
     def samples() -> set[int]:
         return {json.loads(one.payload)["seq"] for one in watcher.on("fltea/a0/sample")}
@@ -131,7 +131,7 @@ def test_restarted_broker_without_a_memory_is_told_the_state_anew(stage: Stage, 
     broker = stage.broker()
     driven = stage.drive(broker.port)
     driven.write(HELLO, sample(0))
-    driven.until(lambda: driven.sink._up and not driven.sink._flight, "the broker")
+    driven.until(lambda: driven.sink._link.up and not driven.sink._delivery._flight, "the broker")
     broker.stop(signal.SIGKILL)
     (tmp_path / "broker1/mosquitto.db").unlink(missing_ok=True)
     driven.until_told("broker_lost")
@@ -169,13 +169,13 @@ def test_frozen_broker_blocks_nobody_and_what_it_cannot_take_is_counted(stage: S
     driven.write(HELLO, sample(0))
     driven.until(lambda: len(watcher.on("fltea/a0/sample")) == 1, "the first sample")
     broker.freeze()
-    total = 2 * mqtt.IN_FLIGHT
+    total = 2 * delivery.IN_FLIGHT
     driven.write(*map(sample, range(1, total)))
-    assert total - 1 - mqtt.IN_FLIGHT <= driven.sink.lost < total
+    assert total - 1 - delivery.IN_FLIGHT <= driven.sink.lost < total
     broker.thaw()
     driven.write(Gap(0, 1, 1, 0, device="due"))
     driven.until(lambda: len(watcher.on("fltea/a0/gap")) == 1, "the broker")
-    driven.until(lambda: not driven.sink._flight, "acknowledgements")
+    driven.until(lambda: not driven.sink._delivery._flight, "acknowledgements")
     assert len(watcher.on("fltea/a0/sample")) + driven.sink.lost == total
     driven.write(sample(total))
     driven.until(lambda: watcher.on("fltea/a0/sample")[-1].payload.count(b'"seq":%d,' % total) == 1, "flow")
@@ -201,12 +201,12 @@ def test_another_board_has_a_topic_and_a_will_of_its_own(stage: Stage) -> None:
 
 def test_no_thread_and_no_socket_stays_behind(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every attempt is a client of its own: months without a broker must not fill the process."""
-    monkeypatch.setattr(mqtt, "BACKOFF_S", (0.0,))
+    monkeypatch.setattr(link, "BACKOFF_S", (0.0,))
     driven = stage.drive(free_port())
     driven.write(HELLO)
 
     def attempts(n: int) -> None:
-        driven.until(lambda: driven.sink._failures >= n, "attempts")
+        driven.until(lambda: driven.sink._link._failures >= n, "attempts")
 
     attempts(5)
     before = len(os.listdir("/proc/self/fd")), len(os.listdir("/proc/self/task"))

@@ -109,7 +109,7 @@ def test_broker_that_wants_a_certificate_gets_one_or_is_named(stage: Stage, auth
     files = {"ca": ours / "ca.pem", "cert": ours / "client.pem", "key": ours / "client.key"}
     with_one = stage.drive(broker.port, **{name: str(file) for name, file in files.items()})
     with_one.write(HELLO)
-    with_one.until(lambda: with_one.sink._up, "the broker")
+    with_one.until(lambda: with_one.sink._link.up, "the broker")
     assert with_one.told == []
 
 

@@ -5,7 +5,7 @@ import itertools
 import pytest
 from fltea.records.records import WhyNot
 from fltea.records.why_not import WHY_NOT
-from fltea.stream.comparable import why_not_comparable
+from fltea.stream.board_compare import why_not_comparable
 
 SAME = {
     "device_valid": True,

@@ -19,8 +19,9 @@ from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.table import DeviceView
 from fltea.stream import board_fits
-from fltea.stream.board_fits import BoardFits, Place
-from fltea.stream.live import Said
+from fltea.stream.board_fits import BoardFits
+from fltea.stream.board_samples import Moment
+from fltea.stream.live import SettledFit
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
 from fltea.wire.message_events import bins_event, fit_event
@@ -46,7 +47,7 @@ FIT = wire.Fit(
     ratio_white=40.0,
     ratio_relaxation=9.5,
 )
-PLACE = Place(1200, 1, 12_000_000, 10**9)
+PLACE = Moment(1200, 1, 12_000_000, 10**9)
 HOST = AxisFit("fractional", "It is fractional.", "deg/s", alpha=Interval(0.45, 0.35, 0.55))
 
 
@@ -64,7 +65,7 @@ def spectra(total: int, number: int = 1) -> list[wire.Spectrum]:
 def told(
     messages: Iterable[wire.Fit | wire.Spectrum], host: AxisFit | None = None, fits: BoardFits | None = None
 ) -> list[DeviceFits]:
-    board = fits or BoardFits("due", lambda _: Said(fit=host))
+    board = fits or BoardFits("due", lambda _: SettledFit(fit=host))
     found: list[DeviceFits] = []
     for one in messages:
         if isinstance(one, wire.Fit):
@@ -96,7 +97,7 @@ def test_a_fit_is_told_at_once_and_with_its_bins_again() -> None:
 
 
 def test_bins_are_fitted_here_too() -> None:
-    board = BoardFits("due", lambda _: Said())
+    board = BoardFits("due", lambda _: SettledFit())
     board.begin(100.0)
     # A relaxation: α 1, whatever its scale.
     hz = np.geomspace(0.05, 49, 60)
@@ -154,7 +155,7 @@ def test_bins_that_had_no_room_are_told() -> None:
     ],
 )
 def test_bins_that_no_spectrum_has_are_counted_and_not_told(changed: dict[str, float]) -> None:
-    board = BoardFits("due", lambda _: Said())
+    board = BoardFits("due", lambda _: SettledFit())
     board.begin(100.0)
     sent = spectra(12)
     assert len(told([FIT, sent[0], sent[1]._replace(**changed), sent[2]], fits=board)) == 1
@@ -164,7 +165,7 @@ def test_bins_that_no_spectrum_has_are_counted_and_not_told(changed: dict[str, f
 
 
 def test_strangers_cannot_make_it_keep_or_calculate_more_and_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    board = BoardFits("due", lambda _: Said())
+    board = BoardFits("due", lambda _: SettledFit())
     board.begin(100.0)
     told([FIT], fits=board)
     empty, part = wire.Spectrum(wire.Axis.GYRO_Y, 1, 0, 0, *(0.0,) * 15), spectra(12)[0]
@@ -224,7 +225,7 @@ ABSURD: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("changed", ABSURD)
 def test_what_no_fit_can_be_is_counted_and_not_told(changed: dict[str, Any]) -> None:
-    board = BoardFits("due", lambda _: Said())
+    board = BoardFits("due", lambda _: SettledFit())
     assert told([FIT._replace(**changed)], fits=board) == []
     assert board.came == 1
     assert board.refused == ("axis" not in changed)
@@ -270,7 +271,7 @@ def sets(draw: st.DrawFn) -> list[wire.Fit | wire.Spectrum]:
 def test_whatever_a_device_says_becomes_figures_of_a_fit_or_nothing(
     several: list[list[wire.Fit | wire.Spectrum]],
 ) -> None:
-    board = BoardFits("due", lambda _: Said(fit=HOST))
+    board = BoardFits("due", lambda _: SettledFit(fit=HOST))
     board.begin(100.0)
     for record in (one for sent in several for one in told(sent, fits=board)):
         for fit in record.axes.values():

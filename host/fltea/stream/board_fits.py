@@ -5,17 +5,22 @@ A fit takes the board up to a minute, so its record stands at the newest sample 
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple, get_args
+from collections.abc import Callable, Collection, Iterator, Sequence
+from typing import get_args
 
 import msgspec
+import numpy as np
 
 from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum, DeviceVerdict
 from fltea.records.events import DeviceBins, DeviceFit
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import DeviceFits
-from fltea.stream.board_check import order_of_bins
-from fltea.stream.live import Said
+from fltea.spectrum.likelihood_ratio import null_fits
+from fltea.spectrum.models import FULL, parameters
+from fltea.spectrum.periodogram import Binned
+from fltea.spectrum.whittle import fit as whittle_fit
+from fltea.stream.board_samples import Moment
+from fltea.stream.live import SettledFit
 
 NORMAL_95 = 1.96
 """Standard deviations of a 95 % interval."""
@@ -30,18 +35,9 @@ MOST_DPS2 = 1e8
 """Of a variance: no gyroscope turns at 10,000 deg/s."""
 
 CHECK_EVERY_NS = 1_000_000_000
-"""From one fit of an axis's bins to the next: a device sends them every half a minute, a stranger at will."""
+"""Time between two fits of an axis's bins: a sound device sends them every half minute."""
 
 VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
-
-
-class Place(NamedTuple):
-    """Of the newest sample."""
-
-    seq: int
-    epoch: int
-    device_us: int
-    host_ns: int
 
 
 class BoardFits:
@@ -51,8 +47,8 @@ class BoardFits:
     no fit can have.
     """
 
-    def __init__(self, device: str | None, said: Callable[[str], Said]) -> None:
-        self._device, self._said = device, said
+    def __init__(self, device: str | None, settled: Callable[[str], SettledFit]) -> None:
+        self._device, self._settled = device, settled
         self._newest: dict[str, DeviceAxisFit] = {}
         self._bins: dict[str, list[DeviceBins]] = {}
         self._checked_ns: dict[str, int] = {}
@@ -68,20 +64,20 @@ class BoardFits:
         self._newest.clear()
         self._bins.clear()
 
-    def on_fit(self, fit: DeviceFit, axes: Sequence[str], place: Place | None) -> Iterator[DeviceFits]:
+    def on_fit(self, fit: DeviceFit, axes: Collection[str], moment: Moment | None) -> Iterator[DeviceFits]:
         """Take a fit."""
         self.came += 1
-        found = _axis_fit(fit, self._said(fit.axis).fit) if fit.axis in axes else None
-        if place is None or found is None:
+        found = _axis_fit(fit, self._settled(fit.axis).fit) if fit.axis in axes else None
+        if moment is None or found is None:
             self.refused += fit.axis in axes
             return
         self._newest[fit.axis], self._bins[fit.axis] = found, []
-        yield DeviceFits(*place, {fit.axis: found}, device=self._device)
+        yield DeviceFits(*moment, {fit.axis: found}, device=self._device)
 
-    def on_bins(self, bins: DeviceBins, place: Place | None) -> Iterator[DeviceFits]:
+    def on_bins(self, bins: DeviceBins, moment: Moment | None) -> Iterator[DeviceFits]:
         """Take some bins of the newest fit; the fit again with all of them, when they are there."""
         fit, parts = self._newest.get(bins.axis), self._bins.get(bins.axis)
-        if fit is None or parts is None or place is None or bins.number != fit.number:
+        if fit is None or parts is None or moment is None or bins.number != fit.number:
             return
         total = parts[0].total if parts else bins.total
         if not bins.hz or bins.total != total or bins.first != sum(len(part.hz) for part in parts):
@@ -95,9 +91,9 @@ class BoardFits:
         if spectrum is None:
             self.refused += 1
             return
-        checked = self._check(spectrum, bins.axis, place) if fit.alpha.value is not None else None
+        checked = self._check(spectrum, bins.axis, moment) if fit.alpha.value is not None else None
         found = msgspec.structs.replace(fit, spectrum=spectrum, alpha_of_bins=checked)
-        yield DeviceFits(*place, {bins.axis: found}, device=self._device)
+        yield DeviceFits(*moment, {bins.axis: found}, device=self._device)
 
     def _spectrum(self, parts: Sequence[DeviceBins]) -> DeviceSpectrum | None:
         """All bins; None if one is no bin."""
@@ -112,12 +108,12 @@ class BoardFits:
         rising = sorted(zip(hz, map(math.sqrt, density), ordinates, strict=True))
         return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
 
-    def _check(self, spectrum: DeviceSpectrum, axis: str, place: Place) -> float | None:
+    def _check(self, spectrum: DeviceSpectrum, axis: str, moment: Moment) -> float | None:
         """Order by this computer's fit of the bins; None if it was asked too soon, or there is none."""
         before_ns = self._checked_ns.get(axis)
-        if not self._rate_hz > 0 or (before_ns is not None and place.host_ns - before_ns < CHECK_EVERY_NS):
+        if not self._rate_hz > 0 or (before_ns is not None and moment.host_ns - before_ns < CHECK_EVERY_NS):
             return None
-        self._checked_ns[axis] = place.host_ns
+        self._checked_ns[axis] = moment.host_ns
         return order_of_bins(spectrum, self._rate_hz)
 
 
@@ -171,3 +167,20 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
         half_widths=half_widths,
         host_verdict=host.verdict if host is not None else None,
     )
+
+
+def order_of_bins(spectrum: DeviceSpectrum, rate_hz: float) -> float | None:
+    """Return this computer's order for the bins that a board fitted: a check of the board's arithmetic.
+
+    It is that of the fractional model of the highest likelihood; None for bins that cannot be fitted, such as
+    bins of several stretches of samples, of which two may have the same frequency.
+    """
+    lam = np.array(spectrum.hz) * (2 * math.pi / rate_hz)
+    power = np.square(spectrum.density) * (rate_hz / 2)
+    data = Binned(lam, np.array(spectrum.ordinates), power[np.newaxis])
+    try:
+        null = null_fits(data)
+        full = whittle_fit(data, FULL, null.alternative.theta[np.newaxis])
+    except ValueError:
+        return None
+    return float(parameters(full.theta[0]).alpha)

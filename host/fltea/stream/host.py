@@ -18,7 +18,7 @@ from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, 
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
-from fltea.stream.live import LiveFits, Said, said_by
+from fltea.stream.live import LiveFits, SettledFit, settled_by
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
 from fltea.stream.tuning import handed_over
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
@@ -39,8 +39,8 @@ class Estimated(NamedTuple):
 class Channels:
     """Estimates axes in the sensor's unit. axes: names, and the columns of each block that they are.
 
-    h: sampling period in s. resolution: one LSB in the sensor's unit, None where unknown. said: what the fit
-    says of each axis. state: what `save` returned, to go on from there.
+    h: sampling period in s. resolution: one LSB in the sensor's unit, None where unknown.
+    settled: what the live fit found of each axis. state: what `save` returned, to go on from there.
 
     Raises:
         ValueError: settings that no filter can work with, or a state that does not fit them.
@@ -53,13 +53,13 @@ class Channels:
         h: float,
         resolution: float | None,
         unit: str,
-        said: Callable[[str], Said],
+        settled: Callable[[str], SettledFit],
         state: OnlineState | None = None,
     ) -> None:
-        self.config, self._said = config, said
+        self.config, self._settled = config, settled
         self._tuned = config.tuned_by == "live"
         self._names, self._places, self._unit = tuple(axes), list(axes.values()), unit
-        self._heard: dict[str, Said] = {}
+        self._known: dict[str, SettledFit] = {}
         self._bank = Bank(self._names, config, h, resolution, state)
 
     @property
@@ -92,29 +92,29 @@ class Channels:
         """Hand what the fit knows of the noise to the filters."""
         if not self._tuned or self.startup_remaining:
             return
-        told: dict[str, Variances] = {}
+        new: dict[str, Variances] = {}
         for axis in self._names:
-            said = self._said(axis)
-            if said is self._heard.get(axis):
+            settled = self._settled(axis)
+            if settled is self._known.get(axis):
                 continue
-            self._heard[axis] = said
-            if said.fit is None or said.whiteness != "rejected" or self._is_constant(axis):
+            self._known[axis] = settled
+            if settled.fit is None or settled.whiteness != "rejected" or self._is_constant(axis):
                 continue
             before = self._bank.variances[axis] if axis in self._bank.tuned else None
-            handed = handed_over(said.fit, before)
+            handed = handed_over(settled.fit, before)
             if handed is not None:
-                told[axis] = handed
-        if told:
-            self._bank.retune(told)
+                new[axis] = handed
+        if new:
+            self._bank.retune(new)
 
     def _is_constant(self, axis: str) -> bool:
         return self._bank.baseline is None or axis in self._bank.baseline.constant_axes
 
     def _null(self, shape: tuple[int, ...]) -> tuple[Array, Bools]:
-        """Columns of what is said of white noise."""
-        said = [self._said(axis) for axis in self._names]
-        p = np.array([math.nan if one.null_p is None else one.null_p for one in said])
-        rejected = np.array([one.whiteness == "rejected" for one in said])
+        """Return the columns of the verdict on white noise."""
+        settled = [self._settled(axis) for axis in self._names]
+        p = np.array([math.nan if one.null_p is None else one.null_p for one in settled])
+        rejected = np.array([one.whiteness == "rejected" for one in settled])
         return np.broadcast_to(p, shape), np.broadcast_to(rejected, shape)
 
     def on_missing(self, count: int) -> list[tuple[str, Reason]]:
@@ -209,7 +209,7 @@ class HostEstimates:
         self, config: Config, settings: Callable[[], EstimatorConfig] | None, fits: LiveFits | None = None
     ) -> None:
         self._config = config
-        self._said = said_by(fits)
+        self._settled = settled_by(fits)
         self._settings = settings
         self._gyro: Channels | None = None
         self._accel: Channels | None = None
@@ -229,7 +229,7 @@ class HostEstimates:
                 h,
                 resolution,
                 GYRO_UNIT,
-                self._said,
+                self._settled,
                 state,
             )
         if accel:
@@ -240,7 +240,7 @@ class HostEstimates:
                 h,
                 resolution,
                 ACCEL_UNIT,
-                self._said,
+                self._settled,
                 state,
             )
 

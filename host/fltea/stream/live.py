@@ -31,7 +31,7 @@ BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
 
 
-class Said(NamedTuple):
+class SettledFit(NamedTuple):
     """What estimates of an axis go by and say of its fit; null_p to three digits, None before the first fit.
 
     A fit that is begun elsewhere, as that of a replay is, may differ in the last digits of its figures.
@@ -97,7 +97,7 @@ class LiveFits:
         self._times = FitTimes(1, 1, grows=False, every=False)
         self._first: int | None = None
         self._at: _Place | None = None
-        self._settled: dict[str, Said] = {}
+        self._settled: dict[str, SettledFit] = {}
         self._drawn_samples = 0
 
     def begin(self, beginning: Beginning) -> None:
@@ -178,7 +178,7 @@ class LiveFits:
             self._at = None
             yield fit
 
-    def said(self, axis: str) -> Said:
+    def settled(self, axis: str) -> SettledFit:
         """What the next estimates of an axis say of its noise."""
         return self._settled.get(axis, NOTHING)
 
@@ -249,23 +249,23 @@ class LiveFits:
         if len(begun.found) == axes:
             self._begun = None
             if begun.done.settles:
-                self._settled = {axis: _said_of(one) for axis, one in begun.found.items()}
+                self._settled = {axis: _settled_of(one) for axis, one in begun.found.items()}
             yield Fit(*begun.place, begun.samples, begun.found, device=self._config.name)
 
 
-NOTHING = Said()
+NOTHING = SettledFit()
 
 
-def _said_of(fit: AxisFit) -> Said:
+def _settled_of(fit: AxisFit) -> SettledFit:
     if fit.null_p is None:
-        return Said(fit=fit)
+        return SettledFit(fit=fit)
     p = float(f"{fit.null_p:.3g}")
-    return Said(p, "rejected" if p < ANYTIME_LEVEL else "not rejected", fit)
+    return SettledFit(p, "rejected" if p < ANYTIME_LEVEL else "not rejected", fit)
 
 
-def said_by(fits: LiveFits | None) -> Callable[[str], Said]:
+def settled_by(fits: LiveFits | None) -> Callable[[str], SettledFit]:
     """What is said of each axis; nothing where nothing is fitted."""
-    return (lambda axis: NOTHING) if fits is None else fits.said
+    return (lambda axis: NOTHING) if fits is None else fits.settled
 
 
 def _sensor_of(hello: Hello) -> tuple[object, ...]:

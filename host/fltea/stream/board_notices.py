@@ -1,0 +1,111 @@
+"""What a user is to know of a board that estimates, each reported once or once a minute."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fltea.records.events import DeviceAxis, DeviceEstimator, Ints
+from fltea.records.repeat import REPEAT_NS, OnceAMinute
+from fltea.settings.estimator import EstimatorConfig
+from fltea.stream.board_settings import unused_settings
+from fltea.stream.stages import Notice
+
+PATIENCE_NS = 5 * 10**9
+"""A board that sends samples states its estimator within this time."""
+
+
+class BoardNotices:
+    """Reports what is wrong; config: the settings of the host, of which a board needs none."""
+
+    def __init__(self, config: EstimatorConfig) -> None:
+        self._config = config
+        self._unused_reported = self._silence_reported = self._settings_reported = False
+        self._waits_since_ns: int | None = None
+        self._constant: set[str] = set()
+        self._invalid = OnceAMinute()
+        self._skipped: tuple[int, int | None] = (0, None)
+        """samples that were reported as skipped, and when; None before the first statement"""
+
+    def begin(self) -> None:
+        """Begin an epoch."""
+        self._constant.clear()
+
+    def on_link_down(self) -> None:
+        """Begin with a board that may be another one."""
+        self._waits_since_ns = None
+        self._skipped = (0, None)
+
+    def unused(self, now_ns: int) -> Iterator[Notice]:
+        """Report which settings were changed in vain, since the board has its own."""
+        if self._unused_reported:
+            return
+        self._unused_reported = True
+        unused = unused_settings(self._config)
+        if unused:
+            who = self._config.estimate_on
+            text = (
+                f"{', '.join(unused)}: not used with --estimate-on {who}, since the device estimates with "
+                "the settings of its firmware" + (", and so does this computer." if who == "both" else ".")
+            )
+            yield Notice("settings_unused", text, now_ns)
+
+    def silent_from(self, host_ns: Ints) -> int | None:
+        """Return the row of samples with which the board's silence is too long; None while it is not."""
+        if self._silence_reported:
+            return None
+        if self._waits_since_ns is None:
+            self._waits_since_ns = int(host_ns[0])
+        late = np.flatnonzero(host_ns - self._waits_since_ns >= PATIENCE_NS)
+        return int(late[0]) if len(late) else None
+
+    def silence(self, now_ns: int) -> Notice:
+        """Report that the board makes no estimates."""
+        self._silence_reported = True
+        return Notice(
+            "no_device_estimates",
+            f"the device sends samples, but in {PATIENCE_NS // 10**9} s no estimates of its own: its "
+            "firmware was built with estimation switched off, or is none of an Arduino Due. Flash that of "
+            "this program (fltea flash), or let this computer estimate: --estimate-on host.",
+            now_ns,
+        )
+
+    def on_settings(self, problem: ValueError, now_ns: int) -> Iterator[Notice]:
+        """Report that this computer cannot compute with the board's settings."""
+        if self._settings_reported:
+            return
+        self._settings_reported = True
+        text = f"the device's settings cannot be this program's, so nothing is compared: {problem}."
+        yield Notice("device_settings", text, now_ns)
+
+    def on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:
+        """Report samples that the board's estimator skipped since the last report."""
+        self._silence_reported = False
+        before, before_ns = self._skipped
+        if before_ns is None or stated.skipped < before:
+            self._skipped = stated.skipped, stated.host_ns - REPEAT_NS
+        elif stated.skipped > before and stated.host_ns - before_ns >= REPEAT_NS:
+            self._skipped = stated.skipped, stated.host_ns
+            yield Notice(
+                "device_skipped",
+                f"the device's estimator skipped {stated.skipped - before} samples ({stated.skipped} since "
+                "its boot): it had fallen behind, so its estimates are of fewer samples than there were, and "
+                "nothing is compared until it begins again. No sample itself is lost by this. A lower rate "
+                "in the firmware's settings helps.",
+                stated.host_ns,
+            )
+
+    def on_axis(self, e: DeviceAxis, before: DeviceAxis | None) -> Iterator[Notice]:
+        """Report what is wrong with an axis that only the board estimates; before: its last estimate."""
+        if e.constant and e.axis not in self._constant:
+            self._constant.add(e.axis)
+            text = (
+                f"{e.axis} did not change over the device's start-up window, so R cannot be drawn from it, "
+                "and the axis stays invalid until the device begins again. Is the sensor alive?"
+            )
+            yield Notice("constant_axis", text, e.host_ns)
+        if before and before.valid and not e.valid and self._invalid.is_due(e.axis, e.host_ns):
+            text = (
+                f"{e.axis} is not valid any more, says the device: it ran away, or needs the guard in more "
+                "than a quarter of its samples. Is the sensor at rest, and does R (see stats) fit it?"
+            )
+            yield Notice("axis_bound", text, e.host_ns)

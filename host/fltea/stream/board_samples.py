@@ -1,0 +1,71 @@
+"""The newest samples of a board, for its estimates and fits, which come after them."""
+
+from typing import NamedTuple
+
+from fltea.records.block import Block
+from fltea.records.events import SEQUENCE_WRAP
+from fltea.records.records import GYRO_UNIT, AxisEstimate
+
+REMEMBERED = 256
+"""Samples for which an estimate may still come; the board drops samples when it is further behind."""
+
+
+class Moment(NamedTuple):
+    """Number, epoch, and times of a sample, as records state them."""
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+
+
+class RecentSample(NamedTuple):
+    """A sample, row `row` of `block`. age: steps of the host's estimates since the start-up window."""
+
+    seq: int
+    block: Block
+    row: int
+    age: int
+
+    def moment(self) -> Moment:
+        """Return its number, epoch, and the times of device and host."""
+        block, row = self.block, self.row
+        return Moment(self.seq, block.epoch, int(block.device_us[row]), int(block.host_ns[row]))
+
+    def host_estimates(self) -> dict[str, AxisEstimate]:
+        """Return the host's estimates after it; none in its start-up window, or if it makes none."""
+        found = [columns for columns in self.block.estimates if columns.unit == GYRO_UNIT]
+        return found[0].at(self.row) if found else {}
+
+
+class RecentSamples:
+    """Remembers the newest samples of an epoch."""
+
+    def __init__(self) -> None:
+        self._samples: dict[int, RecentSample] = {}
+        self._window_end = 0
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self._samples.clear()
+
+    def add(self, block: Block) -> None:
+        """Remember the newest samples of a block, and forget the oldest."""
+        if not block.estimates:
+            self._window_end = int(block.seq[-1])
+        first = max(0, len(block) - REMEMBERED)
+        for row, seq in enumerate(block.seq[first:].tolist(), first):
+            self._samples[seq] = RecentSample(seq, block, row, seq - self._window_end)
+        while len(self._samples) > REMEMBERED:
+            del self._samples[next(iter(self._samples))]
+
+    def newest(self) -> Moment | None:
+        """Return the newest sample's moment; None if there is none."""
+        return self._samples[next(reversed(self._samples))].moment() if self._samples else None
+
+    def find(self, number: int) -> RecentSample | None:
+        """Return the sample of a number as the wire has it, which wraps; None if it is not remembered."""
+        if not self._samples:
+            return None
+        newest = next(reversed(self._samples))
+        return self._samples.get(newest - (newest - number) % SEQUENCE_WRAP)
