@@ -202,7 +202,7 @@ def test_an_address_that_is_none_is_refused_without_its_password(url: str) -> No
 
 
 @pytest.mark.parametrize("url", ["nats://host", "nats://host:4222,nats://10.0.0.1:1", "nats://[::1]:4222"])
-def test_an_address_with_and_without_port_is_taken(url: str) -> None:
+def test_an_address_with_or_without_port_is_not_refused(url: str) -> None:
     from fltea.service.ingest.receivers import receiver_of
     from fltea.settings.config import load_configs
 

@@ -188,6 +188,9 @@ def test_a_history_of_before_the_mark_is_still_ours(tmp_path: Path) -> None:
     old.execute("PRAGMA application_id = 0")
     old.close()
     opened(tmp_path / "h.db", 1.0).close()
+    now = sqlite3.connect(tmp_path / "h.db")
+    assert now.execute("PRAGMA application_id").fetchone() == (databases.APPLICATION_ID,)
+    now.close()
 
 
 def test_export(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from fltea.records.errors import UsageError
         "tls://_under_score-1:8786",
     ],
 )
-def test_addresses_of_schedulers(address: str) -> None:
+def test_addresses_of_schedulers_are_not_refused(address: str) -> None:
     check_address(address)
 
 

@@ -19,7 +19,7 @@ def image(tmp_path: Path) -> Path:
     return tmp_path / "some.bin"
 
 
-def test_the_committed_image_passes_for_one() -> None:
+def test_the_committed_image_is_not_refused() -> None:
     flash.check_image(ROOT / "firmware/due/image/fltea_due.bin")
 
 
@@ -33,7 +33,7 @@ def test_the_committed_image_passes_for_one() -> None:
     ],
     ids=["stack", "first", "last", "largest"],
 )
-def test_the_limits_of_an_image(content: bytes, image: Path) -> None:
+def test_an_image_at_a_limit_is_not_refused(content: bytes, image: Path) -> None:
     image.write_bytes(content)
     flash.check_image(image)
 

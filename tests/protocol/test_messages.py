@@ -160,7 +160,7 @@ def test_another_version_is_refused_whatever_its_length(size: int, major: int, s
     assert isinstance(caught.value, ProtocolError)
 
 
-def test_another_minor_version_passes() -> None:
+def test_another_minor_version_is_not_refused() -> None:
     check_version(HELLO._replace(protocol_minor=9).pack())
 
 

@@ -275,7 +275,7 @@ def test_what_is_not_needed_is_not_read(tmp_path: Path) -> None:
     """Neither for its size nor for what unpickling it could do."""
     beside = {"note": np.array({"a": 1}, dtype=object), "large": np.zeros(1 << 20)}
     path = npz_file(tmp_path, **beside)
-    assert len(read_npz(path, Limits(max_mb=0.001)).gyro) == 4
+    assert read_npz(path, Limits(max_mb=0.001)).gyro.tolist() == GOOD["gyro_raw"].tolist()
 
 
 @pytest.mark.parametrize("data", [b"", b"hello", b"\x93NUMPY", b"PK\x03\x04" + bytes(50)])

@@ -331,7 +331,8 @@ def test_without_an_allan_deviation_there_is_a_report_and_no_yaml(served: Served
 
 
 def test_facts_tell_of_the_recording_as_json() -> None:
-    json.dumps([recording.nothing(), recording.words(VIEW, True)], allow_nan=False)
+    for facts in (recording.nothing(), recording.words(VIEW, True)):
+        assert json.loads(json.dumps(facts, allow_nan=False)) == facts
 
 
 def test_folder_of_the_button_is_checked() -> None:

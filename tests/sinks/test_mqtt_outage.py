@@ -96,6 +96,8 @@ def test_slow_network_loses_streams_and_holds_back_what_is_rare(bench: Callable[
     b.wait(1)
     b.happens(Up())
     assert len(b.connection.on("gap")) == 1
+    # Not the five of before.
+    assert f"; {IN_FLIGHT} records were lost" in b.told[-1][1]
 
 
 def test_socket_that_has_just_died_loses_streams_only(bench: Callable[..., Bench]) -> None:

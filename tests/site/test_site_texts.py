@@ -66,7 +66,7 @@ def test_commands_in_a_text_exist_with_their_options(text: str) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
-def test_settings_on_a_page_are_taken(page: Path) -> None:
+def test_settings_on_a_page_are_not_refused(page: Path) -> None:
     for block in re.findall(
         r"^ *```toml\n(.*?)^ *```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     ):

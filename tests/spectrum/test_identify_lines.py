@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from fltea.spectrum.lines import f_log_tail, find_peaks
+from fltea.spectrum.lines import Peak, f_log_tail, find_peaks
 from fltea.spectrum.periodogram import periodogram
+from fltea.spectrum.spectral import _above_slow_lines
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white
@@ -71,3 +72,20 @@ def test_a_resonance_is_found_with_its_width() -> None:
     assert peak.power_share == pytest.approx(0.2, abs=0.05)
     assert peak.notch_hz[0] < peak.frequency_hz - peak.width_hz
     assert peak.notch_hz[1] > peak.frequency_hz + peak.width_hz
+
+
+@pytest.mark.parametrize(
+    ("kind", "notch_hz", "from_hz"),
+    [
+        ("line", (0.25, 0.5), 1.25),
+        ("peak", (0.25, 0.5), 1.25),
+        ("resonance", (0.25, 0.5), 0.125),
+        ("line", (0.5, 0.75), 0.125),
+        ("line", (0.0, 0.03125), 0.125),
+    ],
+)
+def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
+    kind: str, notch_hz: tuple[float, float], from_hz: float
+) -> None:
+    """Three widths of it, where a line is below four times the band's lowest frequency."""
+    assert _above_slow_lines((Peak(kind, 0.3, 0.1, 0.5, 9.0, notch_hz),), 0.125) == from_hz
