@@ -124,6 +124,7 @@ def test_no_room_for_a_copy(s3: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "TMPDIR" in (row.error or "")
 
 
+@pytest.mark.slow
 def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Path) -> None:
     """Two workers, small files and one in pieces; one worker is killed in the midst of that one."""
 

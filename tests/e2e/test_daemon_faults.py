@@ -69,6 +69,7 @@ def playing(request: pytest.FixtureRequest) -> dict[str, "Future[Outcome]"]:
     return play_all([case for case in CASES if case.name in wanted], short=True, at_once=AT_ONCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_it_is_survived_and_everything_is_counted(
     case: Case, playing: dict[str, "Future[Outcome]"], tmp_path: Path

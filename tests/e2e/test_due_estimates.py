@@ -40,6 +40,7 @@ def estimates(run: DueRun) -> list[DeviceEstimates]:
     return [record for record in run.records if isinstance(record, DeviceEstimates)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_on_a_real_sensors_noise_it_agrees_with_the_host(recordings: Path, name: str) -> None:
     run = DueRun(image(), world=recorded_world(recordings / name), settings=BOTH).run_until(11.0)

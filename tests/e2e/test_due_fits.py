@@ -25,6 +25,7 @@ def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
     return {b.device_us - a.device_us for a, b in pairwise(samples) if b.sequence == a.sequence + 1}
 
 
+@pytest.mark.slow
 def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     # In the midst of a search: neither costs a sample.
     faults = ("nack_burst at=17.0 count=1", "sda_stuck at=19.3 clocks=5")
@@ -67,6 +68,7 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     assert 300 < estimator.longest_slice < 1200
 
 
+@pytest.mark.slow
 def test_at_200_hz_it_fits_too_and_no_sample_waits(tmp_path: Path) -> None:
     fast = build("timer", tmp_path, "FLTEA_RATE_HZ=200")
     run = DueRun(fast, noise="rate_hz=200&alpha=0.5&f=-1&seed=7").run_until(8.4)
@@ -77,6 +79,7 @@ def test_at_200_hz_it_fits_too_and_no_sample_waits(tmp_path: Path) -> None:
     assert (last.fit_every, last.longest_slice > 300) == (600, True)
 
 
+@pytest.mark.slow
 def test_a_build_that_tunes_hands_its_fit_to_its_filters(tmp_path: Path) -> None:
     tuned = build("timer", tmp_path, "FLTEA_TUNED=true")
     noise = "alpha=0.8&f=-1&R=0.0001&seed=7"

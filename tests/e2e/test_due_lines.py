@@ -32,6 +32,7 @@ def start_s() -> float:
     return next(burst.at_ps * 1e-12 for burst in run.boots[0].bursts if burst.at_ps > 0.25e12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", STUCK)
 @pytest.mark.parametrize("phase", PHASES)
 def test_a_line_that_gets_stuck_costs_two_samples_at_most(phase: str, line: str) -> None:

@@ -83,6 +83,7 @@ def complaint(mutants: Sequence[Mutant], text: str, folder: Path) -> str:
     return ""
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_each_bug_compiles(tmp_path: Path) -> None:
     """Else `make mutants` could not say whether anybody would notice it."""
@@ -109,6 +110,7 @@ def test_a_bug_that_does_not_compile_is_found(tmp_path: Path) -> None:
     assert "error" in complaint([mutant], text, tmp_path)
 
 
+@pytest.mark.slow
 def test_the_committed_image_passes_the_trial() -> None:
     assert first_failure(image()) is None
 

@@ -49,6 +49,7 @@ def image_by_command(mode: str, folder: Path, *defines: str) -> bytes:
     return file.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate_hz", "mode"), [(200, "timer"), (500, "data_ready"), (1000, "data_ready")])
 def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Path) -> None:
     image = (image_by_command if rate_hz == 200 else build)(mode, tmp_path, *SETTINGS[rate_hz])
@@ -104,6 +105,7 @@ def test_a_setting_that_cannot_be_does_not_compile(defines: tuple[str, ...], say
     assert says in compiled(*defines).stderr
 
 
+@pytest.mark.slow
 def test_the_small_ring_of_arduino_bears_500_hz(tmp_path: Path) -> None:
     """127 bytes: ESTIMATOR has 113, and a sample of 28 comes every 2 ms."""
     folder = ROOT / "tests/firmware/arduino_stub"
@@ -131,6 +133,7 @@ def test_the_small_ring_of_arduino_bears_500_hz(tmp_path: Path) -> None:
     assert json.loads(done.stderr)["waited"] is False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gyro_dps", "accel_g", "gyro_lsb", "accel_lsb"),
     [(250, 4, 131.0, 8192.0), (500, 8, 65.5, 4096.0), (1000, 16, 32.8, 2048.0)],

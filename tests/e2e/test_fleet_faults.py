@@ -19,6 +19,7 @@ def table() -> list[str]:
     return [row.split(" | ")[0] for row in rows[1:]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "told"),
     [

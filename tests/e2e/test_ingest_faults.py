@@ -10,6 +10,7 @@ from tools.faults import ingest, ingest_mqtt, ingest_server
 from tools.faults.boards import DEVICES
 
 
+@pytest.mark.slow
 def test_the_server_away_for_longer_than_a_lease(tmp_path: Path) -> None:
     """Boards that keep what they could not send lose nothing; workers go on by themselves."""
     tool("nats-server")
@@ -21,6 +22,7 @@ def test_the_server_away_for_longer_than_a_lease(tmp_path: Path) -> None:
     assert row.where["before a sensor's second message"] == 100 * DEVICES
 
 
+@pytest.mark.slow
 def test_an_mqtt_broker_that_is_killed_and_started_again(tmp_path: Path) -> None:
     """What boards sent before the program was back is counted as lost: how much is chance."""
     tool("mosquitto")

@@ -91,6 +91,7 @@ def estimated(*daemons: Daemon) -> dict[str, Counter[int]]:
     return found
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
     tmp_path: Path, processes: Processes, servers: list[NatsServer]
 ) -> None:
@@ -143,6 +144,7 @@ def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
     assert any("gone silent" in message for message in taken)
 
 
+@pytest.mark.slow
 def test_three_nodes_with_tls_and_accounts(
     tmp_path: Path, processes: Processes, servers: list[NatsServer], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -227,6 +227,7 @@ def test_leases_have_room_when_snapshots_have_none(server: Callable[..., NatsSer
     assert worker.serves_all()
 
 
+@pytest.mark.slow
 def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
     server: Callable[..., NatsServer], start: Start, caplog: pytest.LogCaptureFixture
 ) -> None:

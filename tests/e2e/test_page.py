@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import pytest
 from browser_support import SEQ, Watched
 from playwright.sync_api import Browser, Page
 from support import QUICK, Daemon, Processes, wait_until
@@ -81,6 +82,7 @@ def test_figures_fill_and_their_values_are_those_of_the_ndjson(
     assert one.complaints == []
 
 
+@pytest.mark.slow
 def test_estimates_of_device_and_host_stand_side_by_side(
     processes: Processes, chromium: Browser, tmp_path: Path
 ) -> None:
@@ -130,6 +132,7 @@ def test_estimates_of_device_and_host_stand_side_by_side(
     assert one.complaints == []
 
 
+@pytest.mark.slow
 def test_status_tells_of_a_stall_a_restart_and_the_start_up(
     processes: Processes, chromium: Browser, tmp_path: Path
 ) -> None:
@@ -151,6 +154,7 @@ def test_status_tells_of_a_stall_a_restart_and_the_start_up(
     daemon.end()
 
 
+@pytest.mark.slow
 def test_page_says_that_the_daemon_is_gone_and_comes_back_with_it(
     processes: Processes, chromium: Browser
 ) -> None:
@@ -168,6 +172,7 @@ def test_page_says_that_the_daemon_is_gone_and_comes_back_with_it(
     daemon.end()
 
 
+@pytest.mark.slow
 def test_light_dark_phone_and_choices(processes: Processes, chromium: Browser) -> None:
     daemon, url = start(
         processes, "--source", "synthetic:?window=100", "--source", "synthetic:?window=100&n=60&alpha=0.7"
@@ -214,6 +219,7 @@ def test_light_dark_phone_and_choices(processes: Processes, chromium: Browser) -
     daemon.end()
 
 
+@pytest.mark.slow
 def test_text_of_a_device_is_shown_as_text(processes: Processes, chromium: Browser, tmp_path: Path) -> None:
     name = "<img src=x onerror=document.title='owned'>"
     recording = tmp_path / f"{name.replace('/', '')}.csv"
@@ -258,6 +264,7 @@ def test_record_button_records_what_can_be_replayed(
     assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_written_to_is_said_on_the_page(
     processes: Processes, chromium: Browser, tmp_path: Path
 ) -> None:

@@ -72,6 +72,7 @@ def test_the_answer_leads_and_no_figure_is_large_that_the_data_do_not_support(
     assert one.complaints == []
 
 
+@pytest.mark.slow
 def test_curves_of_the_chosen_axis_are_drawn_with_the_coefficients(
     sink: DashboardSink, chromium: Browser
 ) -> None:
@@ -124,6 +125,7 @@ def test_a_button_whose_daemon_is_gone_says_so(sink: DashboardSink, chromium: Br
     assert one.page.inner_text("#said") == "The daemon does not answer."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_on_a_phone_all_fits_and_can_be_read(sink: DashboardSink, chromium: Browser, scheme: str) -> None:
     one = Watched(chromium, sink.url, viewport={"width": 390, "height": 844}, color_scheme=scheme)

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 from support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
+from tiers import slow
 
 FLUSHED_S = 1.0
 
@@ -74,7 +75,7 @@ def test_a_replay_gives_what_the_live_run_published(processes: Processes, port: 
             assert make_reader(file, validate_crcs=True).get_summary() is not None
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, slow(2)])
 def test_kill_9_costs_the_last_second(seed: int, processes: Processes, port: Path, tmp_path: Path) -> None:
     folder = tmp_path / "rec"
     device = processes.stand_in(port, "--noise", f"alpha=0.5&f=-1&seed={seed}")
@@ -98,6 +99,7 @@ def test_kill_9_costs_the_last_second(seed: int, processes: Processes, port: Pat
         assert make_reader(file, validate_crcs=True).get_summary() is not None
 
 
+@pytest.mark.slow
 def test_record_export_replay(processes: Processes, port: Path, tmp_path: Path) -> None:
     """Each command as in the README, one after the other."""
     folder = tmp_path / "rec"

@@ -16,6 +16,7 @@ from fltea.stream.place import Place
 from fltea.wire import layout as wire
 from fltea.wire.message_events import hello_event
 from fltea.wire.messages import Frame, FrameReader
+from tiers import slow
 from toolchain import missing
 
 FOLDER = Path(__file__).parent
@@ -23,7 +24,7 @@ ROOT = FOLDER.parents[1]
 SKETCH = ROOT / "firmware/arduino/fltea"
 
 
-@pytest.fixture(scope="session", params=["g++", "clang++"])
+@pytest.fixture(scope="session", params=["g++", slow("clang++")])
 def build(request: pytest.FixtureRequest) -> Path:
     """Folder of the programs, made by one of both compilers with all warnings as errors."""
     if shutil.which(request.param) is None:

@@ -6,11 +6,12 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from tiers import slow
 
 FOLDER = Path(__file__).parent
 BUILD = FOLDER.parents[1] / "build/tests-firmware"
 
-compilers = pytest.mark.parametrize("compiler", ["g++", "clang++"])
+compilers = pytest.mark.parametrize("compiler", ["g++", slow("clang++")])
 """Each builds in a folder of its own."""
 
 
@@ -47,11 +48,13 @@ def test_core_compiles_in_both_modes_with_the_flags_of_the_firmware(compiler: st
     make(compiler, "strict")
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_clang_tidy_and_cppcheck_find_nothing() -> None:
     make("clang++", "check")
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
     make("clang++", "fuzz")

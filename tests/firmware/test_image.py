@@ -128,6 +128,7 @@ def test_image_knows_no_paths() -> None:
     assert all(map(path.search, (b"firmware/core", b"noise_fit.cpp")))
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_the_place(built: Path, tmp_path: Path) -> None:
     root = copy_tree(tmp_path / "another place/and deeper")
     done = run_tool("build_firmware.py", root)

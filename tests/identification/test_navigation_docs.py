@@ -4,11 +4,13 @@ import re
 import shlex
 from pathlib import Path
 
+import pytest
 from host_support import fltea
 
 PAGE = Path(__file__).parents[2] / "host" / "identify.md"
 
 
+@pytest.mark.slow
 def test_the_example_gives_what_the_page_says(tmp_path: Path) -> None:
     section = PAGE.read_text().split("## What a navigation filter needs\n")[1].split("\n## ")[0]
     model, table = (re.search(rf"```{kind}\n(.*?)```", section, re.DOTALL) for kind in ("json", "text"))

@@ -86,6 +86,7 @@ def test_an_estimate_that_is_not_finite_is_lost_as_well() -> None:
     assert estimator.restarts == {"x": 1}
 
 
+@pytest.mark.slow
 def test_white_noise_with_the_papers_settings_shows_the_papers_figures() -> None:
     # White noise has no order; what the algorithm says of it after 3,000 samples is a property of its own.
     # A prototype found medians of 0.39 and -2.2 over 12 seeds. Five dozens of seeds gave 0.39 to 0.43 and

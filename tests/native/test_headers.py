@@ -22,11 +22,13 @@ def test_doctest_with_sanitizers() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_headers_compile_with_the_flags_of_the_device() -> None:
     make("strict")
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
     make("fuzz")

@@ -126,6 +126,7 @@ def test_bursts_are_rejected(message: wire.Message) -> None:
                     must_be_rejected(frame, pattern, start)
 
 
+@pytest.mark.slow
 @given(messages, st.integers(0, 2**11), st.integers(1, 2**32 - 1))
 @fixed(750)
 def test_bursts_in_any_message_are_rejected(message: wire.Message, start: int, pattern: int) -> None:

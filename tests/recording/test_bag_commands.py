@@ -137,6 +137,7 @@ def test_a_bag_in_several_files(tmp_path: Path) -> None:
     assert (stored.samples, [note.kind for note in stored.notes]) == (40, ["recording_gap"])
 
 
+@pytest.mark.slow
 def test_a_bag_in_run_and_topics_elsewhere(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.db3", {"/a": even(N), "/b": even(N, seed=2)})
     flags = ("--once", "--format", "none", "--window", "50", "--startup", "100")

@@ -18,6 +18,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
 from mcap_support import record, transport
+from tiers import slow_but
 
 RIG = Path(__file__).parents[1] / "rig"
 SMALL = ["--set", "estimator.startup=2", "--format", "none", "--once"]
@@ -45,7 +46,7 @@ def all_commands(path: Path, out: Path) -> list[list[object]]:
     ]
 
 
-@pytest.mark.parametrize("name", hostile_files.MCAP_BOMBS)
+@pytest.mark.parametrize("name", slow_but(["zstd"], hostile_files.MCAP_BOMBS))
 def test_a_chunk_that_unpacks_to_more_than_allowed(name: str, tmp_path: Path) -> None:
     path = tmp_path / "due.mcap"
     path.write_bytes(hostile_files.MCAP_BOMBS[name]())
@@ -60,7 +61,7 @@ def test_a_chunk_that_unpacks_to_more_than_allowed(name: str, tmp_path: Path) ->
     assert [found.name for found in tmp_path.iterdir()] == ["due.mcap"]
 
 
-@pytest.mark.parametrize("name", hostile_files.MCAP_LIES)
+@pytest.mark.parametrize("name", slow_but(["declares 60 MB"], hostile_files.MCAP_LIES))
 def test_a_chunk_that_lies_about_its_size_is_damaged_and_costs_little(name: str, tmp_path: Path) -> None:
     record(tmp_path, transport(samples=60), channels=())
     (path,) = tmp_path.glob("*.mcap")
@@ -72,7 +73,7 @@ def test_a_chunk_that_lies_about_its_size_is_damaged_and_costs_little(name: str,
     assert recover(path, in_place=False).out is None  # whole now
 
 
-@pytest.mark.parametrize("kind", hostile_files.SPARSE_KINDS)
+@pytest.mark.parametrize("kind", slow_but([6], hostile_files.SPARSE_KINDS))
 def test_a_record_that_is_as_long_as_the_file(kind: int, tmp_path: Path) -> None:
     path = hostile_files.sparse(tmp_path / "due.mcap", hostile_files.mcap_with(), kind, 3_000_000_000)
     results, grown_mb = probed(["info", path], ["recover", path])
@@ -82,6 +83,7 @@ def test_a_record_that_is_as_long_as_the_file(kind: int, tmp_path: Path) -> None
     assert grown_mb < MOST_MB
 
 
+@pytest.mark.slow
 def test_the_limit_of_a_chunk_can_be_raised(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=200))
     (path,) = tmp_path.glob("*.mcap")
@@ -109,6 +111,7 @@ def test_only_limits_can_be_set_where_nothing_else_is(tmp_path: Path) -> None:
     assert "replay: max_mb must be a positive number of MB" in results[1][1]
 
 
+@pytest.mark.slow
 def test_npz_that_takes_more_than_allowed(tmp_path: Path) -> None:
     bombs = hostile_files.npz_bombs(tmp_path)
     results, grown_mb = probed(*[["info", path] for path, _ in bombs.values()])
@@ -163,6 +166,7 @@ TEXTS = {
 }
 
 
+@pytest.mark.slow
 def test_text_without_end_and_without_bottom(tmp_path: Path) -> None:
     for name, (data, _) in TEXTS.items():
         (tmp_path / name).write_bytes(data)

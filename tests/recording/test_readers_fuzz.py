@@ -128,6 +128,7 @@ def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
     assert summarise([folder / name], 100, LIMITS).samples > 100
 
 
+@pytest.mark.slow
 @given(how=changes)
 @settings(max_examples=30)
 @pytest.mark.parametrize("name", KINDS)
@@ -142,6 +143,7 @@ def test_any_bytes(name: str, folder: Path, data: bytes) -> None:
     check(folder, name, data)
 
 
+@pytest.mark.slow
 @given(line=st.integers(0, 400), key=st.integers(0, 40), value=odd)
 @settings(max_examples=50)
 def test_ndjson_with_odd_values(real: Files, folder: Path, line: int, key: int, value: Any) -> None:
@@ -166,6 +168,7 @@ ARRAYS = (
 )
 
 
+@pytest.mark.slow
 @given(
     name=st.sampled_from(ARRAYS),
     value=st.sampled_from([number for number in NUMBERS if isinstance(number, int | float)]),
@@ -270,6 +273,7 @@ def test_mcap_with_an_odd_head(real: Files, folder: Path, key: str, value: str) 
     check(folder, "due.mcap", mcap_of(opened, opened, **{key: value}))
 
 
+@pytest.mark.slow
 @given(key=st.integers(0, 40), value=odd)
 @settings(max_examples=25)
 def test_mcap_with_an_odd_hello(real: Files, folder: Path, key: int, value: Any) -> None:

@@ -87,6 +87,7 @@ def test_links_lead_to_a_file_and_a_heading_of_it(text: str) -> None:
             assert anchor in {one.anchor for one in sections(there.read_text(encoding="utf-8"))}, target
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_as_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

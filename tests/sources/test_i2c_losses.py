@@ -18,6 +18,7 @@ AT_RANDOM = settings(phases=[Phase.generate])
 ERRNOS = [errno.EREMOTEIO, errno.EIO, errno.ETIMEDOUT, errno.ENXIO, errno.EAGAIN]
 
 
+@pytest.mark.slow
 @given(st.floats(0.2, 6), st.floats(0, 0.3), st.integers(0, 10_000))
 @settings(AT_RANDOM, max_examples=8)
 def test_a_stall_of_300_ms_loses_nothing(at_s: float, for_s: float, ppm: int) -> None:
@@ -29,6 +30,7 @@ def test_a_stall_of_300_ms_loses_nothing(at_s: float, for_s: float, ppm: int) ->
     assert (pi.missing, pi.told) == ([], [])
 
 
+@pytest.mark.slow
 @given(st.floats(SETTLED_S, SETTLED_S + 1), st.floats(0.45, 2.0), st.integers(-9_000, 9_000))
 @settings(AT_RANDOM, max_examples=5)
 def test_a_stall_of_2_s_is_counted_to_the_sample(at_s: float, for_s: float, ppm: int) -> None:
@@ -139,6 +141,7 @@ def disturbed(pi: Pi, seed: int, share: float, numbers: list[int]) -> Pi:
     return pi
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32), st.sampled_from([0.005, 0.03]), st.integers(-9_000, 9_000))
 @settings(AT_RANDOM, max_examples=5)
 def test_errors_at_random_tear_no_sample_and_hide_no_loss(seed: int, share: float, ppm: int) -> None:

@@ -174,6 +174,7 @@ def _places(data: bytes) -> list[tuple[int, int, int]]:
 # --- cut at any byte ---
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("many_chunks")
 def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> None:
     items = transport(samples=3)
@@ -373,6 +374,7 @@ def test_the_offset_is_that_of_the_event(tmp_path: Path) -> None:
             assert {source.unix_offset_ns} == {offsets[host_ns] for host_ns in event.host_ns.tolist()}
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_module, "FLUSH_NS", 0)
 

@@ -93,6 +93,7 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     assert board.R / ((1 - weight) * scale) == pytest.approx(1, abs=0.25 if gaps else 0.1)
 
 
+@pytest.mark.slow
 def test_of_a_million_samples_it_says_what_the_host_says() -> None:
     """All twenty noises of `make bench ARGS=--device`; the figures are in firmware/README.md."""
     cases = board_agreement.measure((1_000_000,))["1000000"]

@@ -161,6 +161,7 @@ def test_what_leaks_of_a_walk(n: int) -> None:
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.slow
 def test_k_of_a_short_record() -> None:
     held = 0
     for seed in range(20):
@@ -182,6 +183,7 @@ def test_bounds_are_those_of_the_data() -> None:
     assert np.exp(high[3:5]) == pytest.approx(np.pi)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth() -> None:
     """95 in 100; fewer than 87 come by chance once in 500. More series are in host/identify.md."""
     kind, held = Kind(2, True, False), []

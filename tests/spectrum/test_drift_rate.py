@@ -36,6 +36,7 @@ def test_variance_of_coloured_noise(kind: str) -> None:
     assert np.var(slopes) == pytest.approx(slope_variance(n, H, spectrum), rel=0.15)
 
 
+@pytest.mark.slow
 def test_interval_holds_the_rate_of_white_noise() -> None:
     n, held = 4000, 0
     for y in white(n, 50, 5):

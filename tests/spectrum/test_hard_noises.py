@@ -14,6 +14,7 @@ def evidence(name: str, rate_hz: float, seconds: float, series: int = 0) -> Evid
     return examined(draw(Cell(name, rate_hz, seconds, series)), 1 / rate_hz).evidence
 
 
+@pytest.mark.slow
 def test_an_order_that_is_arfima() -> None:
     """It has the lowest BIC by far, and no sum comes near."""
     e = evidence("ARFIMA(1, .4, 1)", 100.0, 10_800.0)

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from identify_support import H, drawn
 from slow_fit import slow_fit
 from slow_profile import slow_intervals
+from tiers import slow
 
 Shape = Callable[[np.ndarray], np.ndarray]
 
@@ -60,7 +61,7 @@ def nested(data: Binned, model: Model) -> np.ndarray | None:
     return None
 
 
-@pytest.mark.parametrize("n", [3_000, 60_000])
+@pytest.mark.parametrize("n", [3_000, slow(60_000)])
 @pytest.mark.parametrize(
     "model",
     [models.AR1, models.FULL, models.UP_TO_ONE, models.AR2, models.TWO_AR1],
@@ -97,6 +98,7 @@ def test_warm_start_ends_where_the_cold_one_did(n: int) -> None:
     assert np.mean(np.concatenate(worse) <= 0.1) >= 0.97
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [3_000, 60_000])
 def test_intervals_as_the_slow_ones(n: int) -> None:
     """Ends agree within a tenth of the interval, or the native search has found what the slow one did not.

@@ -38,6 +38,7 @@ def test_a_short_record_is_its_periodogram(n: int, seed: int, offset: float) -> 
         assert ours_too == pytest.approx(other, rel=1e-5, abs=1e-6)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.integers(WHOLE + 1, 60_000), st.integers(0, 99))
 def test_a_long_record_is_what_numpy_makes_of_it(n: int, seed: int) -> None:
@@ -64,6 +65,7 @@ def test_stretches_between_gaps_are_what_numpy_makes_of_them(data: st.DataObject
     check_lines(octaves.periodogram(0, H), lines([part[:, 0] for part in parts]))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.data())
 def test_bridged_samples_spoil_level_0_only(data: st.DataObject) -> None:
@@ -104,6 +106,7 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
     assert once.save() == cut.save()
 
 
+@pytest.mark.slow
 def test_white_noise_is_flat_across_the_joints() -> None:
     """Every line and every octave of many series, and the step at every joint."""
     n, lanes = 60_000, 300
@@ -126,6 +129,7 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     assert weight.sum() > 0.95 * n / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("alpha", "g"), [(0.4, -0.02), (0.8, -0.02), (1.2, -0.01)])
 def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) -> None:
     """A million samples; the state in white noise of a third of its innovations' variance."""

@@ -69,6 +69,7 @@ def test_snapshots_of_others_are_refused() -> None:
         Octaves.restore(2, 0.0, data[: len(data) // 2])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.lists(st.integers(1, 20_000), min_size=2, max_size=4), st.integers(0, 99))
 def test_sums_of_two_are_those_of_both(lengths: list[int], seed: int) -> None:

@@ -58,6 +58,7 @@ def test_rising_and_arfima_are_found() -> None:
     assert float(phi) == pytest.approx(0.6, abs=0.08)
 
 
+@pytest.mark.slow
 def test_three_relaxations_are_never_called_fractional() -> None:
     """The usual picture of flicker in MEMS: 0.05, 0.5 and 5 Hz in white noise."""
     kinds = [
@@ -101,6 +102,7 @@ def test_drift_follows_the_record() -> None:
     assert not SlowPower(0.1, 1.0, 1.0, 9.0, 1e-9).is_drift()
 
 
+@pytest.mark.slow
 def test_slow_flicker_is_fitted_where_the_record_is_long_enough() -> None:
     """1/f below 0.03 Hz: three hours have two decades of it."""
     y = 0.043 * fractionally_integrated(1_080_000, 0.499, 5) + white(1_080_000, 1, 6)[0]

@@ -11,6 +11,7 @@ from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import Change, find_change
 from fltea.spectrum.verdict import decide
 from identify_support import Array, H, ar, long_recursion, white
+from tiers import slow
 
 LEVEL = 0.01
 
@@ -31,7 +32,7 @@ NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = {
 }
 
 
-@pytest.mark.parametrize("n", [3000, 20_000])
+@pytest.mark.parametrize("n", [3000, slow(20_000)])
 @pytest.mark.parametrize("noise", NOISES)
 def test_noises_that_stay_the_same(noise: str, n: int) -> None:
     """At 1 %, of 50 series."""

@@ -12,6 +12,7 @@ CASES = [Case(0.8, -1.0, 3.0), Case(0.4, -1.0, 0.3), Case(0.6, -3.0, 0.3), Case(
 FIGURES = ("alpha", "f", "F", "s2", "R")
 
 
+@pytest.mark.slow
 def test_in_nearly_all_fits_the_ends_are_the_same() -> None:
     y = np.ascontiguousarray(np.stack([samples(one, 1, 12_000, record=3)[:, 0] for one in CASES], axis=1))
     axes = tuple("abcd")

@@ -63,6 +63,7 @@ def check_any_reads(story: Story, places: list[float], changes: dict[str, Any]) 
     return whole
 
 
+@pytest.mark.slow
 @given(stories(), st.lists(st.floats(0, 1), max_size=4), st.sampled_from(SETTINGS))
 @settings(max_examples=40)
 def test_bytes_of_the_same_moments_give_the_same_records_however_they_are_read(

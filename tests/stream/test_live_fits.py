@@ -97,6 +97,7 @@ def test_at_full_speed_the_record_grows_by_a_tenth_from_fit_to_fit() -> None:
     assert 65 <= len(numbers) <= 72
 
 
+@pytest.mark.slow
 @given(st.sets(st.integers(1, 40_000), max_size=20), st.integers(1, 150), st.integers(0, 100_000))
 def test_the_fits_that_settle_are_the_same_live_and_at_full_speed(
     breaks: set[int], period: int, before: int

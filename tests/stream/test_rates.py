@@ -15,6 +15,7 @@ from fltea.settings.config import load_config
 from fltea.sources.replay import TOGETHER_NS, _paced
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
+from tiers import slow
 
 LASTS_S = 2
 STARTUP_S = 1
@@ -48,7 +49,7 @@ def of(kind: type[T], records: list[Any]) -> list[T]:
     return [record for record in records if isinstance(record, kind)]
 
 
-@pytest.mark.parametrize("rate_hz", [10, 1000, 8000])
+@pytest.mark.parametrize("rate_hz", [10, 1000, slow(8000)])
 def test_every_sample_is_estimated_and_shown(rate_hz: int) -> None:
     found = records_of(walk(rate_hz))
     (epoch,), estimates, stats = of(Epoch, found), of(Estimate, found), found[-1]
@@ -64,7 +65,7 @@ def test_every_sample_is_estimated_and_shown(rate_hz: int) -> None:
     assert history.samples_of_epoch == LASTS_S * rate_hz
 
 
-@pytest.mark.parametrize("rate_hz", [10, 1000, 8000])
+@pytest.mark.parametrize("rate_hz", [10, 1000, slow(8000)])
 def test_fits_come_once_a_second(rate_hz: int) -> None:
     """Where somebody looks on; else they come as the record grows."""
     *fits, last = of(Fit, walk(rate_hz, live__period_s=1.0))
@@ -72,7 +73,7 @@ def test_fits_come_once_a_second(rate_hz: int) -> None:
     assert last.samples == LASTS_S * rate_hz  # of everything, at the end of a recording
 
 
-@pytest.mark.parametrize("rate_hz", [10, 1000, 8000])
+@pytest.mark.parametrize("rate_hz", [10, 1000, slow(8000)])
 @pytest.mark.parametrize(("longest", "reasons"), [("600 ms", ["start"]), ("400 ms", ["start", "gap"])])
 def test_a_gap_is_as_long_as_it_lasts(rate_hz: int, longest: str, reasons: list[str]) -> None:
     found = walk(rate_hz, gap=True, link__max_gap=longest, live__on=False)

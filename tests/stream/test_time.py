@@ -127,6 +127,7 @@ def test_lost_samples_do_not_move_time() -> None:
     assert timebase.rate_hz == pytest.approx(100.0)
 
 
+@pytest.mark.slow
 def test_changed_clock_is_followed_within_ten_minutes() -> None:
     """As a cold oscillator's does; ten minutes are the 600 blocks that are kept."""
     timebase, k = Timebase(0), np.arange(0, 1_440_000, 20)  # a sample every 0.2 s

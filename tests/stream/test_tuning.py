@@ -114,6 +114,7 @@ def test_a_saved_walk_goes_on_tuned() -> None:
         assert (one.Q, one.R, one.tuned) == (before[axis].Q, before[axis].R, before[axis].tuned)
 
 
+@pytest.mark.slow
 def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
     """True fits, ninety of them beside forty: begun elsewhere, they differ in their last digits."""
     generator = NoiseGenerator(parse_noise("alpha=0.8&f=-1&Q=20&R=0.004&seed=7"))

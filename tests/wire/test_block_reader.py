@@ -114,6 +114,7 @@ def test_it_gives_what_the_python_decoder_gives(data: bytes) -> None:
     assert native.bytes_in == len(data)
 
 
+@pytest.mark.slow
 @given(streams, st.lists(st.one_of(st.integers(0, 30), st.integers(0, 300)), max_size=60))
 @fixed(300)
 def test_chunks_do_not_matter(data: bytes, sizes: list[int]) -> None:
