@@ -1,4 +1,4 @@
-"""Writes the table of error kinds in host/README.md from host/fltea/records/kinds.py.
+"""Writes the table of error kinds in host/docs/reference/errors.md from host/fltea/records/kinds.py.
 
 With `--check` nothing is written; exit code 1 tells of a difference.
 """
@@ -8,7 +8,7 @@ import sys
 from fltea.records.kinds import ERROR_KINDS
 from generated import arguments, update
 
-README = "host/README.md"
+README = "host/docs/reference/errors.md"
 HEAD = "| kind | what happened | what to do |\n|---|---|---|\n"
 
 

@@ -1,7 +1,7 @@
 """Writes what holds the filters' numbers from host/fltea/settings/filters.toml, their only home.
 
-These are the Python defaults, the device's, and the values in the example of host/README.md (its comments are
-its own). With `--check` nothing is written; exit code 1 tells of a difference.
+These are the Python defaults, the device's, and the values in the example of host/docs/reference/settings.md
+(its comments are its own). With `--check` nothing is written; exit code 1 tells of a difference.
 """
 
 import re
@@ -16,7 +16,7 @@ from generated import arguments, update
 SOURCE = "host/fltea/settings/filters.toml"
 PYTHON = "host/fltea/settings/filters.py"
 CPP = "firmware/core/filter_settings.h"
-README = "host/README.md"
+PAGE = "host/docs/reference/settings.md"
 
 KEYS = {"value", "unit", "meaning", "device"}
 
@@ -118,10 +118,10 @@ def _constant(s: Setting) -> str:
     return f"// {s.text}\nconstexpr {kind} {name} = {value};\n"
 
 
-def readme(settings: list[Setting], page: str) -> str:
+def example(settings: list[Setting], page: str) -> str:
     """Return the page with the values of the example brought up to date, comments kept in their column."""
-    start = page.index("\n## Settings\n")
-    end = page.index("\n```\n", start)
+    start = page.index("\n```toml\n")
+    end = page.index("\n```\n", start + 1)
     values = {s.path: _quoted(s.value) for s in settings}
     values = {("accel", *path[1:]): text for path, text in values.items() if path[0] == "estimator"} | values
     table: tuple[str, ...] = ()
@@ -147,8 +147,8 @@ def main() -> int:
     """Write the files, or compare them; return the exit status."""
     asked = arguments(__doc__.splitlines()[0])
     settings = read(asked.root)
-    page = (asked.root / README).read_text(encoding="utf-8")
-    wanted = {PYTHON: python(settings), CPP: cpp(settings), README: readme(settings, page)}
+    page = (asked.root / PAGE).read_text(encoding="utf-8")
+    wanted = {PYTHON: python(settings), CPP: cpp(settings), PAGE: example(settings, page)}
     return update(asked.root, wanted, check=asked.check, source=SOURCE)
 
 

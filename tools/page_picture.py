@@ -1,8 +1,8 @@
 """A picture of the live page, as a browser shows it.
 
     make run                                             # in another terminal
-    .venv/bin/python -m tools.page_picture http://127.0.0.1:5006/ host/dashboard.png
-    .venv/bin/python -m tools.page_picture http://127.0.0.1:5006/ host/dashboard-dark.png --dark
+    .venv/bin/python -m tools.page_picture http://127.0.0.1:5006/ host/docs/guide/dashboard.png
+    .venv/bin/python -m tools.page_picture http://127.0.0.1:5006/ host/docs/guide/dashboard-dark.png --dark
 
 Needs Debian's Chromium. Waits until the page has settled; complaints of the page go to stderr.
 """

@@ -1,61 +1,76 @@
-"""What MkDocs calls: texts from their places, parts written from the code, equations as MathML."""
+"""What `make docs` adds to MkDocs: parts of pages that are written from the code, and equations as MathML.
+
+A page asks for a part by a line of its own, `<!-- generated: settings -->`.
+"""
 
 import html
-import logging
 import re
-from pathlib import Path
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
 
 import latex2mathml.converter
+import msgspec
+from fltea.records.records import AnyRecord
+from fltea.sinks.metrics.families import Families
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
-from mkdocs.structure.pages import Page
-from site_pages import Site, slug
-from site_reference import PARTS, schema
+from site_settings import cell, code, settings
 
-ROOT = Path(__file__).resolve().parents[1]
-GENERATED = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
-_log = logging.getLogger("mkdocs.hooks.site")
-_texts: dict[str, str] = {}
+GENERATED = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 
 
-def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Give headings the anchors that they have on GitHub, so that links hold on both."""
-    config.mdx_configs.setdefault("toc", {})["slugify"] = _slugify
-    return config
+def commands() -> str:
+    """Return a section for each command with all its options, as Typer itself writes it.
+
+    Its title, and its list of commands with their summaries cut off, are left out.
+    """
+    write = [sys.executable, "-m", "typer", "fltea.cli.app", "utils", "docs", "--name", "fltea"]
+    page = subprocess.run(write, check=True, capture_output=True, encoding="utf-8").stdout
+    return re.sub(r"^# .*\n|^\*\*Commands\*\*:\n(?:\n|\* .*\n)+", "", page, flags=re.MULTILINE)
 
 
-def _slugify(text: str, separator: str) -> str:
-    return slug(html.unescape(text))
+def metrics() -> str:
+    """Return a table of every metric with its labels."""
+    rows = []
+    for family in Families({}, {}, list).collect():
+        name = family.name + {"counter": "_total", "info": "_info"}.get(family.type, "")
+        labels = ", ".join(code(label) for label in getattr(family, "_labelnames", ()))
+        rows.append(f"| {code(name)} | {family.type} | {labels} | {cell(family.documentation)} |")
+    return "\n".join(["| metric | kind | labels | what |", "|---|---|---|---|", *rows])
+
+
+def schema() -> str:
+    """Return the JSON Schema of every record, as the program writes it."""
+    (top,), parts = msgspec.json.schema_components([AnyRecord], ref_template="#/$defs/{name}")
+    whole = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "fltea's records", **top}
+    return msgspec.json.format(msgspec.json.encode({**whole, "$defs": parts}), indent=1).decode() + "\n"
+
+
+PARTS: dict[str, Callable[[], str]] = {"commands": commands, "settings": settings, "metrics": metrics}
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Put every page together, and add pictures and the schema of the records."""
-    authored = {page.src_uri: page.content_string for page in files.documentation_pages()}
-    pages = {name: GENERATED.sub(_generated, text) for name, text in authored.items()}
-    site = Site(ROOT, pages, _log.warning)
-    _texts.clear()
-    for page in pages:
-        _texts[page] = site.markdown(page)
-    for name, source in site.pictures.items():
-        files.append(File.generated(config, name, content=(ROOT / source).read_bytes()))
+    """Add the schema of the records."""
     files.append(File.generated(config, "reference/records.schema.json", content=schema()))
     return files
 
 
-def _generated(match: re.Match[str]) -> str:
-    if match[1] not in PARTS:
-        _log.warning("there is no generated part '%s'", match[1])
-        return ""
-    return PARTS[match[1]]()
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Write the generated parts of a page."""
+    return GENERATED.sub(_part, markdown)
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Return the text that `on_files` put together."""
-    return _texts.get(page.file.src_uri, markdown)
+def _part(asked: re.Match[str]) -> str:
+    if asked[1] not in PARTS:
+        raise PluginError(f"there is no generated part '{asked[1]}'; there are: {', '.join(PARTS)}")
+    return PARTS[asked[1]]()
 
 
-def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+def on_page_content(content: str, **_: Any) -> str:
     r"""Turn \(…\) and \[…\] into MathML, which browsers draw without a script."""
     return EQUATION.sub(_mathml, content)
 

@@ -133,7 +133,7 @@ def test_every_fault_is_expected_and_stands_in_the_documentation() -> None:
     """What a fault makes the daemon tell is there too; the other columns are figures of one run."""
     assert set(EXPECTED) == {case.name for case in CASES}
     assert set(WHAT_ELSE) <= set(EXPECTED)
-    text = (ROOT / "host/running.md").read_text(encoding="utf-8")
+    text = (ROOT / "host/docs/guide/running.md").read_text(encoding="utf-8")
     assert line(HEADS) in text
     for case in CASES:
         expected = EXPECTED[case.name]

@@ -14,7 +14,7 @@ from tools.fleet_faults import line
 
 def table() -> list[str]:
     """First cells of the rows in the documentation."""
-    text = (ROOT / "host/fleet.md").read_text(encoding="utf-8").partition("## Every fault\n")[2]
+    text = (ROOT / "host/docs/guide/fleet.md").read_text(encoding="utf-8").partition("## Every fault\n")[2]
     rows = [line for line in text.partition("\n## ")[0].splitlines() if line.startswith("| ")]
     return [row.split(" | ")[0] for row in rows[1:]]
 

@@ -35,4 +35,4 @@ def test_an_mqtt_broker_that_is_killed_and_started_again(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("case", ingest.CASES)
 def test_every_fault_stands_in_the_documentation(case: object) -> None:
-    assert f"`{case.__name__}`" in (ROOT / "host/ingest.md").read_text(encoding="utf-8")  # type: ignore[attr-defined]
+    assert f"`{case.__name__}`" in (ROOT / "host/docs/guide/ingest.md").read_text(encoding="utf-8")  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""A Dask cluster with TLS, set up as in host/identify.md: who has a certificate of its authority gets in."""
+"""A Dask cluster with TLS, set up as in host/docs/guide/verdict.md, takes those that have its certificate."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""host/README.md documents every field of every record that the code can emit, and nothing else."""
+"""The reference documents every field of every record that the code can emit, and nothing else."""
 
 import typing
 from pathlib import Path
@@ -23,7 +23,7 @@ from fltea.wire import layout as wire
 from fltea.wire.messages import REASONS
 from host_support import QUICK, ROOT, fltea, strict_records
 
-README = ROOT / "host/README.md"
+REFERENCE = ROOT / "host/docs/reference"
 KINDS = {kind.__struct_config__.tag: kind for kind in typing.get_args(AnyRecord)}
 
 
@@ -85,25 +85,16 @@ def tables(section: str) -> dict[str, dict[str, list[str]]]:
 
 def documented() -> dict[str, dict[str, dict[str, list[str]]]]:
     """Class of a record to the tables of its section."""
-    if not README.is_file():
-        pytest.fail(f"{README.relative_to(ROOT)} does not exist")
-    _, found, rest = README.read_text(encoding="utf-8").partition("\n## Records\n")
-    assert found, "host/README.md has no section '## Records'"
-    section = rest.partition("\n## ")[0]
-    parts = section.split("\n### ")[1:]
-    return {part.partition("\n")[0].strip().strip("`"): tables(part) for part in parts}
+    parts = (REFERENCE / "records.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    found = {part.partition("\n")[0].strip().strip("`"): tables(part) for part in parts}
+    errors = (REFERENCE / "errors.md").read_text(encoding="utf-8").partition("\n## ")[0]
+    return found | {"error": tables(errors)}
 
 
 def compare(what: str, in_code: set[str], on_page: set[str]) -> None:
     missing, surplus = sorted(in_code - on_page), sorted(on_page - in_code)
-    text = (
-        [f"{what}: the code emits it, host/README.md does not say so: {', '.join(missing)}"]
-        if missing
-        else []
-    )
-    text += (
-        [f"{what}: host/README.md says so, the code never emits it: {', '.join(surplus)}"] if surplus else []
-    )
+    text = [f"{what}: the code emits it, the page does not say so: {', '.join(missing)}"] if missing else []
+    text += [f"{what}: the page says so, the code never emits it: {', '.join(surplus)}"] if surplus else []
     if text:
         pytest.fail("\n".join(text))
 
@@ -162,9 +153,7 @@ def test_helpers_see_what_is_there() -> None:
     } <= set(stats)
     assert stats["board"] is True
     assert not {"link", "axes", "link.bad_frames"} & set(stats)
-    with pytest.raises(
-        pytest.fail.Exception, match=r"x: the code emits .*: b\nx: host/README.md says .*: c, d$"
-    ):
+    with pytest.raises(pytest.fail.Exception, match=r"x: the code emits .*: b\nx: the page says .*: c, d$"):
         compare("x", {"a", "b"}, {"a", "c", "d"})
 
 

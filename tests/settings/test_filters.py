@@ -13,8 +13,12 @@ from fltea.estimator.engine_settings import EngineSettings
 from fltea.settings.config import Config
 from support import ROOT
 
-FILES = ("host/fltea/settings/filters.toml", "host/README.md")
-WRITTEN = ("host/fltea/settings/filters.py", "firmware/core/filter_settings.h", "host/README.md")
+FILES = ("host/fltea/settings/filters.toml", "host/docs/reference/settings.md")
+WRITTEN = (
+    "host/fltea/settings/filters.py",
+    "firmware/core/filter_settings.h",
+    "host/docs/reference/settings.md",
+)
 
 
 def entries(table: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -75,7 +79,7 @@ def test_a_change_reaches_every_file_and_nothing_else(tmp_path: Path) -> None:
     assert "\nWINDOW: Final = 123456789\n" in python
     assert "\nconstexpr float kStateQ = 12.25f;\n" in cpp
     assert "window" not in cpp.lower().replace("start-up window", "")
-    before = (ROOT / "host/README.md").read_text(encoding="utf-8").split("\n")
+    before = (ROOT / "host/docs/reference/settings.md").read_text(encoding="utf-8").split("\n")
     changed = [(a, b) for a, b in zip(before, page.split("\n"), strict=True) if a != b]
     assert [re.split(r"\s*#", b)[0] for _, b in changed] == ["window = 123456789", "Q = 12.25"]
     assert all(a.index("#") == b.index("#") for a, b in changed)

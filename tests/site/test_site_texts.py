@@ -1,5 +1,6 @@
 """What the site says is true: commands, options and settings, and all that is written from the code."""
 
+import itertools
 import os
 import re
 import shlex
@@ -12,14 +13,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-import site_reference
-import yaml
-from command_tree import command_tree
+import site_hooks
+import site_settings
+import typer.main
+from fltea.cli.app import app
 from fltea.recording.npz_file import open_npz
 from fltea.records.records import AnyRecord, Epoch
 from fltea.settings.config import Config
-from host_support import ROOT
-from site_pages import sections
+from host_support import ROOT, fltea
+from pymdownx.slugs import slugify
 
 DOCS = ROOT / "host/docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -32,11 +34,25 @@ TEXTS = [
         for file in (ROOT / folder).rglob("*.md")
     ),
 ]
-"""All that people read, where it stands: links of the site itself are checked when it is built."""
+"""All that people read. The links of the site's own pages are checked when it is built (`make docs`)."""
+INCLUDED = ("firmware/README.md", "protocol/README.md", "host/README.md")
+"""What is a page of the site, or a part of one, too."""
 FLAGS = {
-    command.name.partition(" ")[2]: {name for flag in command.options for name in flag.names}
-    for command in command_tree().commands
+    name: {
+        flag
+        for one in command.params
+        if one.param_type_name == "option" and not one.hidden
+        for flag in (*one.opts, *one.secondary_opts)
+    }
+    for name, command in typer.main.get_command(app).commands.items()
 }
+FENCED = re.compile(r"^ *(```|~~~).*?^ *\1", re.MULTILINE | re.DOTALL)
+
+
+def anchors(text: Path) -> set[str]:
+    """The headings' anchors, as GitHub makes them and the site does."""
+    headings = re.findall(r"^#+ +(.*?) *$", FENCED.sub("", text.read_text(encoding="utf-8")), re.MULTILINE)
+    return {slugify(case="lower")(heading.replace("`", ""), "-") for heading in headings}
 
 
 def code(page: Path) -> Iterator[str]:
@@ -73,18 +89,18 @@ def test_settings_on_a_page_are_not_refused(page: Path) -> None:
         msgspec.convert(tomllib.loads(block), Config)
 
 
-@pytest.mark.parametrize("text", TEXTS)
+@pytest.mark.parametrize("text", [text for text in TEXTS if not text.startswith("host/docs/")])
 def test_links_lead_to_a_file_and_a_heading_of_it(text: str) -> None:
     file = ROOT / text
     content = re.sub(r"```.*?```|`[^`\n]*`", "", file.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^()\s]+)\)", content):
-        if re.match(r"[a-z]+:", target) or target == "records.schema.json":  # which the site writes
+        if re.match(r"[a-z]+:", target):
             continue
         path, _, anchor = target.partition("#")
         there = file.parent / path if path else file
         assert there.exists(), target
         if anchor:
-            assert anchor in {one.anchor for one in sections(there.read_text(encoding="utf-8"))}, target
+            assert anchor in anchors(there), target
 
 
 @pytest.mark.slow
@@ -92,7 +108,7 @@ def test_the_notebook_runs_as_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = (DOCS / "cookbook/notebook.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    _sketch, block = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     noise = np.random.default_rng(1).normal(0.0, 0.05, (2000, 1))
     np.savetxt(tmp_path / "rest.csv", noise, header="x", comments="")
     monkeypatch.chdir(tmp_path)
@@ -116,27 +132,51 @@ def test_samples_of_a_linux_driver_become_a_recording(
     np.testing.assert_allclose(recording.gyro / recording.lsb_per_dps, np.degrees(counts * 0.001065))
 
 
-def test_every_page_is_in_the_navigation_once() -> None:
-    def files(part: object) -> Iterator[str]:
-        if isinstance(part, str):
-            yield part
-        elif isinstance(part, dict | list):
-            for below in part.values() if isinstance(part, dict) else part:
-                yield from files(below)
+@pytest.mark.slow
+def test_the_example_of_a_navigation_filter_gives_what_the_page_says(tmp_path: Path) -> None:
+    section = (
+        (DOCS / "guide/verdict.md")
+        .read_text(encoding="utf-8")
+        .split("## What a navigation filter needs\n")[1]
+        .split("\n## ")[0]
+    )
+    model, table = (re.search(rf"```{kind}\n(.*?)```", section, re.DOTALL) for kind in ("json", "text"))
+    assert model is not None
+    assert table is not None
+    (tmp_path / "sensor.json").write_text(model[1])
+    files = {name: str(tmp_path / name) for name in ("sensor.json", "rest.npz", "navigation.json")}
+    shown = ""
+    for line in re.findall(r"^    fltea (.*)$", section, re.MULTILINE):
+        done = fltea(*(files.get(word, word) for word in shlex.split(line)))
+        assert (done.returncode, done.stderr) == (0, "")
+        shown = done.stdout
+    rows = [line.split() for line in shown.splitlines()]
+    for line in table[1].splitlines():
+        assert line.split() in rows
+    assert (tmp_path / "navigation.json").exists()
 
-    settings = yaml.safe_load((ROOT / "host/mkdocs.yml").read_text(encoding="utf-8"))
-    assert sorted(files(settings["nav"])) == [page.relative_to(DOCS).as_posix() for page in PAGES]
+
+@pytest.mark.parametrize("text", [*(page.relative_to(ROOT).as_posix() for page in PAGES), *INCLUDED])
+def test_lists_are_written_as_both_github_and_the_site_read_them(text: str) -> None:
+    """Python's Markdown wants an empty line before a list, and four spaces a level."""
+    lines = FENCED.sub("", (ROOT / text).read_text(encoding="utf-8")).split("\n")
+    for before, line in itertools.pairwise(lines):
+        if re.match(r"([-*]|\d+\.) ", line):
+            assert not before or re.match(r"([-*]|\d+\.) | {2,}", before), line
+        assert not re.match(r" {1,3}([-*]|\d+\.) ", line), line
 
 
 def test_every_command_and_option_is_in_the_reference() -> None:
-    text = site_reference.commands()
+    text = site_hooks.commands()
     for name, flags in FLAGS.items():
-        section = text.split(f"\n## fltea {name}\n")[1].split("\n## ")[0]
-        assert all(f"`{flag}`" in section for flag in flags), name
+        section = text.split(f"\n## `fltea {name}`\n")[1].split("\n## ")[0]
+        options = " ".join(re.findall(r"^\* `([^`]*)`", section, re.MULTILINE))
+        assert flags <= set(re.split(r"[ ,/]+", options)), name
+    assert "..." not in text.partition("\n## ")[0].replace("[ARGS]...", "")
 
 
 def test_every_setting_is_in_the_reference_with_its_default() -> None:
-    text = site_reference.settings()
+    text = site_settings.settings()
     for name in ("link.max_gap", "estimator.joint.beta0", "live.target", "mqtt.broker", "source"):
         assert text.count(f"| `{name}` |") == 1
     assert "| `live.target` | number | `0.05` | Half the width of α's interval" in text
@@ -159,7 +199,7 @@ def test_a_docstring_gives_each_setting_its_meaning() -> None:
 
         c: int = 2
 
-    assert site_reference.explained(Below) == {
+    assert site_settings.explained(Below) == {
         "a": "The first; unset: none.",
         "b": "Both of them.",
         "c": "Another. `d`: no setting.",
@@ -167,25 +207,13 @@ def test_a_docstring_gives_each_setting_its_meaning() -> None:
 
 
 def test_the_schema_of_records_describes_them() -> None:
-    schema = msgspec.json.decode(site_reference.schema())
+    schema = msgspec.json.decode(site_hooks.schema())
     assert schema["$defs"]["Epoch"]["properties"]["class"] == {"enum": ["epoch"]}
     assert set(schema["$defs"]["Epoch"]["required"]) <= set(Epoch.__struct_fields__) | {"class"}
     kinds = {kind.__name__ for kind in AnyRecord.__args__}
     assert kinds <= set(schema["$defs"])
 
 
-def test_modules_below_the_api_exist() -> None:
-    for name in site_reference.DEEPER:
-        assert (ROOT / "host" / (name.replace(".", "/") + ".py")).is_file(), name
-
-
-def test_texts_that_a_help_text_names_become_links() -> None:
-    assert site_reference.linked("host/README.md says it; firmware/README.md: more.") == (
-        "[host/README.md](../../../host/README.md#records) says it; "
-        "[firmware/README.md](../../../firmware/README.md): more."
-    )
-
-
 def test_a_cell_stays_one() -> None:
-    assert site_reference.cell("a | b\n<c>") == "a \\| b &lt;c>"
-    assert "|" not in site_reference.code("a|b")
+    assert site_settings.cell("a | b\n<c>") == "a \\| b &lt;c>"
+    assert "|" not in site_settings.code("a|b")

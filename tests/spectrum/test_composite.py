@@ -185,7 +185,7 @@ def test_bounds_are_those_of_the_data() -> None:
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth() -> None:
-    """95 in 100; fewer than 87 come by chance once in 500. More series are in host/identify.md."""
+    """95 in 100; fewer than 87 come by chance once in 500. More series are in host/docs/guide/verdict.md."""
     kind, held = Kind(2, True, False), []
     values = [
         APART.N**2 / H,

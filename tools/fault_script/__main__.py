@@ -3,7 +3,7 @@
     python -m tools.fault_script               a table
     python -m tools.fault_script clock disk    only faults with these words in their names
     python -m tools.fault_script --short       as the tests play them: seconds in place of minutes
-    python -m tools.fault_script --markdown    for host/running.md
+    python -m tools.fault_script --markdown    for host/docs/guide/running.md
     python -m tools.fault_script --json
 
 The board, on a pseudo-terminal, knows every sample that it sent, and the daemon's counts have to agree with

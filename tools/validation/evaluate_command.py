@@ -63,7 +63,7 @@ def evaluate(
     where its null test does not reject white noise. In a heat map grey is none in half of them or more.
 
     The same arguments give the same files. All of it takes some eight minutes on two processors, twice the
-    seeds twice as long. What came out, and what to make of it: host/evaluation.md.
+    seeds twice as long. What came out, and what to make of it: host/docs/evaluation/live.md.
 
     For example:
 

@@ -67,7 +67,7 @@ def gallery(
     relaxations within 6 in 2 log L (none should).
 
     The same arguments give the same records. A whole run with one record a cell takes a quarter of an hour on
-    two processors. What came out, and what to make of it: host/gallery.md.
+    two processors. What came out, and what to make of it: host/docs/evaluation/gallery.md.
 
     For example:
 

@@ -178,7 +178,7 @@ def sample_table(decoded: Iterable[Decoded]) -> Table:
 
 
 def gather_samples(spool: Spool, decoded: Iterable[Decoded]) -> tuple[dict[str, float], int]:
-    """Gather the arrays that `replay:` reads (host/README.md, Recordings); their scales, and their length.
+    """Gather the arrays that `replay:` reads (host/docs/guide/sources.md); their scales, and their length.
 
     Raises:
         UsageError: rate or scale change within the recording; an npz file has one of each.

@@ -130,14 +130,14 @@ def identify(
         typer.Option(
             metavar="NAME.parquet",
             help="Write one row an axis to a table instead, and pass over files that are in it. Workers read "
-            "the files themselves (host/cluster.md).",
+            "the files themselves (host/docs/guide/cluster.md).",
         ),
     ] = None,
 ) -> None:
     """Identify the noise of recordings, and say what the figures are worth: one verdict an axis.
 
     FLTEA beside what white noise gives, a null test, a Whittle fit with intervals and its rivals, the Allan
-    deviation, and what in the data can mislead. host/identify.md explains every figure.
+    deviation, and what in the data can mislead. host/docs/guide/verdict.md explains every figure.
 
     For example:
 

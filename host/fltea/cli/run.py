@@ -192,8 +192,8 @@ def run(
 ) -> None:
     """Estimate state, order α and parameter f of each gyroscope axis, sample by sample.
 
-    Writes one JSON object a line (host/README.md documents the records), or draws a live table on a
-    terminal. A device that is missing or falls silent is reported and waited for.
+    Writes one JSON object a line (host/docs/reference/records.md documents the records), or draws a live
+    table on a terminal. A device that is missing or falls silent is reported and waited for.
 
     For example:
 

@@ -123,7 +123,7 @@ def _split(pattern: str) -> tuple[str, str]:
     if "@" in rest.partition("/")[0]:
         raise UsageError(
             f"{protocol}://…@…: a name or password in a URL would stand in the table. The workers "
-            "take credentials from their environment (host/cluster.md)."
+            "take credentials from their environment (host/docs/guide/cluster.md)."
         )
     if "::" in protocol:
         raise UsageError(f"{pattern}: chains of file systems are not read; name the file itself.")

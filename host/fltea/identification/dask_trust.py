@@ -17,8 +17,8 @@ def trust_warning(address: str) -> str | None:
     return (
         f"--dask {address}: not encrypted, and nothing says who answers there. What Dask sends are pickles, "
         "so whoever reaches the scheduler or a worker, or stands in for one, can run any program as you, and "
-        "read the recordings. Use tls:// with certificates (host/identify.md, A Dask cluster), or a tunnel "
-        "to this machine's loopback."
+        "read the recordings. Use tls:// with certificates (host/docs/guide/verdict.md, A Dask cluster), or "
+        "a tunnel to this machine's loopback."
     )
 
 

@@ -149,7 +149,7 @@ def _connected(address: str) -> Any:
             raise UsageError(
                 f"--dask {address}: no scheduler answers there that takes our certificate ({cause}). Is it "
                 "running, with --protocol tls, and did one authority sign its certificate and that of "
-                "…__CLIENT__CERT (host/identify.md, A Dask cluster)?"
+                "…__CLIENT__CERT (host/docs/guide/verdict.md, A Dask cluster)?"
             ) from error
         raise UsageError(
             f"--dask {address}: no scheduler answers there ({cause}); is it running, and is the address that "
@@ -164,12 +164,12 @@ def _check_certificate(address: str) -> None:
     except (OSError, ValueError) as error:  # an SSLError is an OSError
         raise UsageError(
             f"--dask {address}: the certificates cannot be used ({error}). Do {SETTINGS} name files that are "
-            "there, and is the key that of the certificate (host/identify.md, A Dask cluster)?"
+            "there, and is the key that of the certificate (host/docs/guide/verdict.md, A Dask cluster)?"
         ) from error
     if not found:
         raise UsageError(
-            f"--dask {address}: no certificate to show there. Set {SETTINGS} (host/identify.md, A Dask "
-            "cluster)."
+            f"--dask {address}: no certificate to show there. Set {SETTINGS} (host/docs/guide/verdict.md, "
+            "A Dask cluster)."
         )
 
 

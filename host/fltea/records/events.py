@@ -210,7 +210,7 @@ class DeviceBins(NamedTuple):
 
 
 class Trouble(NamedTuple):
-    """Something is wrong with the source; kind is one of the `error` kinds of host/README.md.
+    """Something is wrong with the source; kind is one of the `error` kinds of host/docs/reference/errors.md.
 
     fatal: under `--once` this ends the command.
     """

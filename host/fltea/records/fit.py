@@ -1,4 +1,4 @@
-"""What the maximum-likelihood fit says of one axis: a part of the record `fit` (host/README.md, Records)."""
+"""The maximum-likelihood fit of one axis, a part of the record `fit` (host/docs/reference/records.md)."""
 
 from typing import Literal
 

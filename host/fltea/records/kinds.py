@@ -1,6 +1,7 @@
 """Every kind of `error` record: what it means, and what a person does about it.
 
-host/README.md's table is generated from this list (`make gen`); a test holds it against the code.
+The table of host/docs/reference/errors.md is generated from this list (`make gen`). A test compares it with
+the code.
 """
 
 from typing import NamedTuple

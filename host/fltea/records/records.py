@@ -1,6 +1,6 @@
 """The records that the program publishes, units in their names.
 
-As JSON each is one object whose first key is `class` (host/README.md documents every field).
+As JSON each is one object whose first key is `class` (host/docs/reference/records.md documents every field).
 """
 
 from typing import Literal

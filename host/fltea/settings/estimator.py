@@ -122,7 +122,7 @@ Tuning = Literal["live", "startup"]
 """Who sets the filters' Q and R while they run."""
 
 DEFAULT_TUNING: Tuning = "live"
-"""Right for every noise of the grid of `make validate ARGS=evaluate` (host/evaluation.md, Tuned live)."""
+"""It is right for every noise that was tried (host/docs/evaluation/live.md, Tuned live)."""
 
 BY_DEVICE = ("device", "both")
 """Those of `EstimateOn` for which the device estimates by itself."""

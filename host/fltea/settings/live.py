@@ -13,7 +13,7 @@ SHORTEST_MEMORY_S, LONGEST_MEMORY_S = 10.0, 366 * 86400.0
 TUNED_WITHIN = 2.0
 """The fit hands s2 and R to the filters where the upper end of each one's 95 % interval is at most so many
 times the lower: filters that have believed a worse figure for a while do not come back
-(host/evaluation.md)."""
+(host/docs/evaluation/live.md)."""
 
 
 class LiveConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,4 +1,4 @@
-"""Settings of the outputs, each with the name of its table in the TOML file (host/README.md, Outputs)."""
+"""Settings of the outputs, each with the name of its table in the TOML file (host/docs/guide/outputs.md)."""
 
 import math
 from typing import NamedTuple

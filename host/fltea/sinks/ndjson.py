@@ -1,4 +1,4 @@
-"""One JSON object a line on a binary stream (host/README.md, Records)."""
+"""One JSON object a line on a binary stream (host/docs/reference/records.md)."""
 
 import time
 from typing import BinaryIO

@@ -26,7 +26,7 @@ Make = Callable[[Sequence[int]], Data]
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """A file that `replay:` reads, and what a CSV file does not say itself (host/README.md, Recordings)."""
+    """A file that `replay:` reads, and what a CSV file does not say itself (host/docs/guide/sources.md)."""
 
     path: Path
     columns: list[str] | None = None

@@ -1,4 +1,4 @@
-"""Frames of many devices from NATS JetStream, shared among several workers (host/ingest.md).
+"""Frames of many devices from NATS JetStream, shared among several workers (host/docs/guide/ingest.md).
 
 The server puts each device into a partition, by a mapping of subjects: `fltea.NAME.frames` becomes
 `fltea.frames.PARTITION.NAME`, kept in a stream. Of each partition one worker has the lease, pulls messages in

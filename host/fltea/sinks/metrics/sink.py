@@ -1,4 +1,4 @@
-"""An HTTP endpoint that Prometheus scrapes: the newest records of every device (host/README.md, Metrics)."""
+"""An HTTP endpoint that Prometheus scrapes for the newest records (host/docs/guide/outputs.md)."""
 
 import errno
 import socket

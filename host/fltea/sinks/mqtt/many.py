@@ -1,4 +1,4 @@
-"""Publishes the records of many devices over one connection (host/ingest.md).
+"""Publishes the records of many devices over one connection (host/docs/guide/ingest.md).
 
 Each device has an `MqttSink` without a thread or a connection of its own, so topics, states, retries and
 counts are those of any device. Devices stand under the name by which the broker let them publish, never under

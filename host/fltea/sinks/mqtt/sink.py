@@ -1,4 +1,4 @@
-"""Publishes the records of one device to an MQTT broker (host/README.md, MQTT)."""
+"""Publishes the records of one device to an MQTT broker (host/docs/guide/outputs.md)."""
 
 import re
 import secrets

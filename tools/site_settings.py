@@ -1,34 +1,13 @@
-"""Pages of the site's reference that are written from the code: commands, settings, records, metrics, API."""
+"""The tables of all settings on the site, written from the structs that read the TOML file."""
 
 import html
 import re
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
-from command_tree import Command, Flag, command_tree
-from fltea.records.records import AnyRecord
 from fltea.settings.config import Config
-from fltea.sinks.metrics.families import Families
 from msgspec import inspect as types
-
-ROOT = Path(__file__).resolve().parents[1]
-DEEPER = (
-    "fltea.noise.simulation",
-    "fltea.noise.spectra",
-    "fltea.noise.weights",
-    "fltea.noise.allan_deviation",
-    "fltea.settings.how",
-    "fltea.estimator.bank",
-    "fltea.estimator.engine",
-    "fltea.spectrum.live_axes",
-)
-"""What lies below the API, for who builds upon it; each has to exist."""
-NO_API = (
-    "This version has no stable API. The command line is stable, and easy to call: "
-    "[Notebook](../cookbook/notebook.md#with-the-command)."
-)
 
 
 def cell(text: str) -> str:
@@ -43,41 +22,6 @@ def code(text: str) -> str:
         if "|" in text
         else f"`{text}`"
     )
-
-
-# --- commands ---
-
-
-def linked(text: str) -> str:
-    """Make links of the repository's texts that a help text names; the daemon's is named for its records."""
-    link = re.sub(r"(?<![\w/])((?:host|firmware|protocol)/[\w/]+\.md)", r"[\1](../../../\1)", text)
-    return link.replace("host/README.md)", "host/README.md#records)")
-
-
-def commands() -> str:
-    """A section for each command, with every option."""
-    program = command_tree()
-    text = [program.summary, "", *_options(program)]
-    for command in program.commands:
-        text += ["", f"## {command.name}", "", command.summary, ""]
-        text += [line for paragraph in command.paragraphs for line in (linked(cell(paragraph)), "")]
-        text += ["```sh", *command.examples, "```", "", *_options(command)]
-    return "\n".join(text)
-
-
-def _options(command: Command) -> list[str]:
-    rows = [_row(flag) for flag in (*command.arguments, *command.options)]
-    return ["| option | meaning |", "|---|---|", *rows]
-
-
-def _row(flag: Flag) -> str:
-    names = ", ".join(code(name) for name in flag.names)
-    value = "" if flag.value is None else " " + code(flag.value)
-    default = f" Default: {code(flag.default)}." if flag.default else ""
-    return f"| {names}{value} | {cell(flag.text)}{default} |"
-
-
-# --- settings ---
 
 
 def settings() -> str:
@@ -169,47 +113,3 @@ def _first(struct: type[msgspec.Struct]) -> str:
     text = (struct.__doc__ or "").strip().split("\n\n")[0]
     sentences = re.split(r"(?<=[.;]) (?=\w+(?:, \w+)*: )", " ".join(text.split()))
     return cell(sentences[0])
-
-
-# --- records, metrics, API ---
-
-
-def schema() -> str:
-    """The JSON Schema of every record, as the program writes it."""
-    (top,), parts = msgspec.json.schema_components([AnyRecord], ref_template="#/$defs/{name}")
-    whole = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "fltea's records", **top}
-    return msgspec.json.format(msgspec.json.encode({**whole, "$defs": parts}), indent=1).decode() + "\n"
-
-
-def metrics() -> str:
-    """Every metric with its labels."""
-    rows = []
-    for family in Families({}, {}, list).collect():
-        labels = ", ".join(code(label) for label in getattr(family, "_labelnames", ()))
-        suffix = {"counter": "_total", "info": "_info"}.get(family.type, "")
-        rows.append(
-            f"| {code(family.name + suffix)} | {family.type} | {labels} | {cell(family.documentation)} |"
-        )
-    return "\n".join(["| metric | kind | labels | what |", "|---|---|---|---|", *rows])
-
-
-def api() -> str:
-    """The public API, if this version has one, and what lies below it: mkdocstrings makes text of these."""
-    files = sorted((ROOT / "host/fltea/api").glob("*.py"))
-    public = [f"fltea.api.{file.stem}" for file in files if not file.stem.startswith("_")]
-    return "\n\n".join(f"::: {name}" for name in public) or NO_API
-
-
-def deeper() -> str:
-    """The modules below the API."""
-    return "\n\n".join(f"::: {name}" for name in DEEPER)
-
-
-PARTS: dict[str, Callable[[], str]] = {
-    "commands": commands,
-    "settings": settings,
-    "metrics": metrics,
-    "api": api,
-    "deeper": deeper,
-}
-"""Name of a generated part, as a page asks for it, to what writes it."""
