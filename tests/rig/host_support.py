@@ -12,11 +12,11 @@ from unittest import mock
 import msgspec
 from fltea.cli.app import main
 from fltea.records.records import AnyRecord, Hello
+from support import PATIENCE_S
 
 from tools.board_voice import HELLO
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 60.0
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
 """An estimator that is fast rather than good."""
 

@@ -4,7 +4,6 @@ import math
 import os
 import pty
 import threading
-import time
 import tty
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -20,8 +19,7 @@ from fltea.sources.serial import SerialSource
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
-
-PATIENCE_S = 20.0
+from support import PATIENCE_S, wait_until
 
 
 class Line:
@@ -113,7 +111,7 @@ def running() -> Iterator[Callable[..., Running]]:
     def start(*lines: Line) -> Running:
         made.append(Running(*lines).start())
         for line in lines:
-            until(lambda line=line: line.source._wire._connected, "all to be open")
+            wait_until(lambda line=line: line.source._wire._connected, "all to be open")
         return made[-1]
 
     yield start
@@ -123,13 +121,6 @@ def running() -> Iterator[Callable[..., Running]]:
         one.join()
 
 
-def until(condition: Callable[[], bool], what: str) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline_s, f"waited in vain for {what}"
-        time.sleep(0.002)
-
-
 def test_each_walk_takes_what_its_own_device_says(lines, running) -> None:
     many = lines(12)
     one = running(*many)
@@ -137,7 +128,7 @@ def test_each_walk_takes_what_its_own_device_says(lines, running) -> None:
         for k, line in enumerate(many):
             line.send(k + part)
     total = [3 * k + 6 for k in range(12)]
-    until(lambda: [len(line.heard) for line in many] == total, "all samples")
+    wait_until(lambda: [len(line.heard) for line in many] == total, "all samples")
     one.loop.close()
     one.join()
     for line, count in zip(many, total, strict=True):
@@ -154,11 +145,11 @@ def test_a_walk_that_raises_ends_alone(lines, running) -> None:
     one = running(left, broken, right)
     for line in (broken, left, right):
         line.send(5)
-    until(lambda: len(left.heard) == len(right.heard) == 5, "the others")
-    until(lambda: bool(one.ended), "its end")
+    wait_until(lambda: len(left.heard) == len(right.heard) == 5, "the others")
+    wait_until(lambda: bool(one.ended), "its end")
     for line in (broken, left, right):
         line.send(5)
-    until(lambda: len(left.heard) == len(right.heard) == 10, "the others, who go on")
+    wait_until(lambda: len(left.heard) == len(right.heard) == 10, "the others, who go on")
     assert one.ended == [(broken, broken.raises)]
     assert broken.finished == 0
     assert len([event for event in broken.events if isinstance(event, RawBlock)]) == 1, "it takes no more"
@@ -173,9 +164,9 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
     fault = encode(wire.Fault(wire.FaultCode.SENSOR_MISSING, 0), 0, 0)
     for line in (first, second):
         line.send(2)
-        until(lambda line=line: len(line.heard) == 2, "samples")
+        wait_until(lambda line=line: len(line.heard) == 2, "samples")
         os.write(line.master, fault)
-        until(lambda line=line: any(walk is line for walk, _ in one.ended), "its end")
+        wait_until(lambda line=line: any(walk is line for walk, _ in one.ended), "its end")
         assert line.finished == 1
     one.join()
     assert one.ended == [(first, None), (second, second.finish_raises)]
@@ -185,7 +176,7 @@ def test_who_has_nothing_to_say_is_told_that_time_passes(lines, running) -> None
     talks, is_silent = lines(2)
     running(talks, is_silent)
     talks.send(3)
-    until(lambda: len([e for e in is_silent.events if isinstance(e, Tick)]) >= 2, "ticks")
+    wait_until(lambda: len([e for e in is_silent.events if isinstance(e, Tick)]) >= 2, "ticks")
     assert talks.heard == [0, 1, 2]
 
 

@@ -1,7 +1,6 @@
 """Sinks behind their queues: each loses only its own records, counts them, and ends in order."""
 
 import threading
-import time
 from collections.abc import Callable
 
 import pytest
@@ -11,8 +10,7 @@ from fltea.service.hub import Hub
 from fltea.service.outlet import Outlet
 from hypothesis import given
 from hypothesis import strategies as st
-
-PATIENCE_S = 20.0
+from support import PATIENCE_S, wait_until
 
 
 def gap(seq: int) -> Gap:
@@ -61,13 +59,6 @@ class Wire(Memory):
 
 class Patient(Memory):
     lossless = True
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
 
 
 def ends() -> tuple[list[Exception | None], Callable[[Outlet, Exception | None], None]]:
@@ -169,7 +160,7 @@ def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
     assert sink.entered.wait(PATIENCE_S)
     outlet.put([gap(k) for k in range(1, 10)])
     sink.go.set()
-    wait_for(lambda: len(sink.items) == 10)
+    wait_until(lambda: len(sink.items) == 10, "ten records")
     sink.entered.clear()
     sink.held()
     outlet.put([gap(k) for k in range(10, 30)])

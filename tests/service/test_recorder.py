@@ -1,7 +1,5 @@
 """Recordings that begin and end while the program runs: they hold what came meanwhile, and harm nothing."""
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -18,21 +16,13 @@ from fltea.sinks.record import RecordSink
 from fltea.sources.synthetic import SyntheticSource
 from host_support import hello
 from mcap_support import replay, transport
-
-PATIENCE_S = 30.0
+from support import PATIENCE_S, wait_until
 
 
 def made(record_to: Path, **settings: object) -> tuple[Hub, RecorderOfHub]:
     hub = Hub(lambda error: None)
     config = RecordConfig(**settings)  # type: ignore[arg-type]
     return hub, RecorderOfHub(hub, config, str(record_to), {"old"})
-
-
-def wait_until(condition: Callable[[], bool], what: str) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline_s, f"waited in vain for {what}"
-        time.sleep(0.02)
 
 
 def only(found: list, kind: type) -> list:

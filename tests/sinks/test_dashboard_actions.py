@@ -22,6 +22,7 @@ from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.page import recording
 from fltea.sinks.page.actions import NOT_ALLOWED, TOKEN
 from fltea.sinks.page.downloads import report_of, seen
+from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
 from fltea.sinks.page.sink import DashboardSink
 
@@ -81,11 +82,19 @@ class Served:
         return [r for r in found if isinstance(r, Fit)]
 
 
-@pytest.fixture
-def served() -> Iterator[Served]:
+@pytest.fixture(scope="module")
+def server() -> Iterator[Served]:
     made = Served()
     yield made
     made.sink.close()
+
+
+@pytest.fixture
+def served(server: Served) -> Served:
+    """The one server, with a recorder that was asked for nothing and a history in which nothing happened."""
+    server.fake.asked, server.fake.fail = [], ""
+    server.sink._histories["due"] = DeviceHistory("due", "host")
+    return server
 
 
 # --- who may ---

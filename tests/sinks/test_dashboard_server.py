@@ -9,7 +9,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,24 +28,18 @@ from fltea.sinks.page.page import Page
 from fltea.sinks.page.server import PageServer
 from fltea.sinks.page.sink import DashboardSink
 from fltea.sinks.page.tiers import WINDOWS
+from support import PATIENCE_S, wait_until
 
-PATIENCE_S = 30.0
 SCRIPT = "/static/js/bokeh.min.js"
-
-
-def wait_until(condition: Callable[[], bool], what: str) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline_s, f"waited in vain for {what}"
-        time.sleep(0.02)
 
 
 def no_report(kind: str, message: str) -> None:
     raise AssertionError((kind, message))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def sink() -> Iterator[DashboardSink]:
+    """For requests that leave nothing behind which another test would notice."""
     made = DashboardSink(DashboardConfig(address=0), {"due": "host"}, no_report)
     yield made
     made.close()
@@ -206,21 +200,21 @@ class Pages:
 
 
 def test_browser_that_stops_reading_is_sent_nothing_more(
-    sink: DashboardSink, monkeypatch: pytest.MonkeyPatch
+    small: DashboardSink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pages = Pages(monkeypatch)
-    port = port_of(sink)
+    port = port_of(small)
     line, one = open_websocket(port, f"http://127.0.0.1:{port}")
     assert " 101 " in line
     for record in records("n=400"):
-        sink.write(record)
+        small.write(record)
     before = pages.asked
     wait_until(lambda: pages.asked >= before + 8, "eight turns")
     assert [page._tick for page in pages.made] == [1]
     one.close()
 
 
-def test_closed_pages_leave_nothing_behind(sink: DashboardSink, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closed_pages_leave_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fltea.sinks.page.server.UNUSED_SESSION_MS", 200)
     quick = DashboardSink(DashboardConfig(address=0), {"due": "host"}, no_report)
     port = port_of(quick)
@@ -260,11 +254,12 @@ def test_fault_in_a_page_is_told_once_and_ends_nothing(monkeypatch: pytest.Monke
 
 
 def test_close_with_an_open_page_leaves_no_thread_and_frees_the_port() -> None:
+    before = set(threading.enumerate())
     sink = DashboardSink(DashboardConfig(address=0), {"due": "host"}, no_report)
     port = port_of(sink)
     _, one = open_websocket(port, f"http://127.0.0.1:{port}")
     sink.close()
-    wait_until(lambda: not any(t.name == "live page" for t in threading.enumerate()), "the thread's end")
+    wait_until(lambda: before.issuperset(threading.enumerate()), "the end of its threads")
     one.close()
     again = PageServer("127.0.0.1", port, (), lambda document: None, 1, no_report)
     again.close()
@@ -364,7 +359,10 @@ def test_the_page_knows_only_what_records_say() -> None:
     assert {module.split(".")[1] for module in found} == {"documents", "records", "settings", "sinks"}
     written = list((folder.parents[1] / "documents").glob("*.py"))
     assert len(written) > 2
-    assert {module for file in written for module in modules_of(file)} <= {"fltea.records.visible"}
+    assert {module for file in written for module in modules_of(file)} <= {
+        "fltea.records.version",
+        "fltea.records.visible",
+    }
 
 
 def modules_of(file: Path) -> set[str]:

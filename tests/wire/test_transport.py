@@ -17,8 +17,7 @@ from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
 from fltea.wire import transport
 from fltea.wire.transport import Port, Reader, explain_open_failure
-
-PATIENCE_S = 20.0
+from support import PATIENCE_S, wait_until
 
 
 class FakeStatus(NamedTuple):
@@ -152,10 +151,7 @@ def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatc
     next_of(Opened, events)
     for left in (1, 0):
         os.write(master, b"taken")
-        deadline = time.monotonic() + PATIENCE_S
-        while len(outcomes) > left:
-            assert time.monotonic() < deadline
-            time.sleep(0.001)
+        wait_until(lambda left=left: len(outcomes) <= left, "the read to be tried")
     os.write(master, b"ours")
     found = next(event for event in events if event is not None)
     assert isinstance(found, Chunk)
@@ -211,21 +207,20 @@ def test_a_slow_consumer_costs_bytes_that_are_counted(monkeypatch, terminal) -> 
     master, name = terminal
     reader = Reader(Port(name, 250000))
     reader.start()
-    deadline = time.monotonic() + PATIENCE_S
-    while reader._queue.empty():  # until it has opened the port, and thrown away what was in it
-        time.sleep(0.005)
-        assert time.monotonic() < deadline
+    wait_until(lambda: not reader._queue.empty(), "the port to be open, and what was in it thrown away")
     sent = 0
-    while not reader.overflow_bytes:
+
+    def overflows() -> bool:
+        nonlocal sent
         sent += os.write(master, b"0123456789")
-        time.sleep(0.005)
-        assert time.monotonic() < deadline
-    time.sleep(0.3)
+        return reader.overflow_bytes > 0
+
+    wait_until(overflows, "bytes that nobody took")
     kept = 0
     for event in reader.events(0.05):
-        if event is None:
-            break
         kept += len(event.data) if isinstance(event, Chunk) else 0
+        if kept + reader.overflow_bytes >= sent:
+            break
     reader.close()
     assert kept + reader.overflow_bytes == sent
 
