@@ -30,8 +30,8 @@ SLOW = "n=700&rate_hz=20"
 
 
 def columns(history: DeviceHistory, table: Table, axis: str, window: int = 0) -> dict[str, np.ndarray]:
-    values = history.read(table, window, Cursor()).values
-    return {name: values[:, place] for name, place in history.columns(table, axis).items()}
+    values = history.tables.read(table, window, Cursor()).values
+    return {name: values[:, place] for name, place in history.tables.columns(table, axis).items()}
 
 
 def status(history: DeviceHistory) -> tuple[str, str]:
@@ -45,7 +45,7 @@ def status(history: DeviceHistory) -> tuple[str, str]:
 def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> None:
     found = alone(records(NOISE), late=late)
     history = told(found, who="device")
-    assert history.estimator("gyro_y") == "device"
+    assert history.tables.estimator("gyro_y") == "device"
     shown, samples = columns(history, "own", "gyro_y"), columns(history, "rows", "gyro_y")
     expected = [
         (e.host_ns * 1e-6, e.seq, y.alpha, y.alpha_std, y.f, y.f_std, y.state)
@@ -76,7 +76,7 @@ def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -
         else:
             found.append(record)
     history = told(found, who="device")
-    assert [history.estimator(axis) for axis in history.axes] == ["device", "host", "host"]
+    assert [history.tables.estimator(axis) for axis in history.axes] == ["device", "host", "host"]
     assert history.newest.keys() == {"gyro_x", "accel_x", "accel_y"}
     assert np.isfinite(columns(history, "rows", "accel_y")["alpha"][-2])
     assert np.isnan(columns(history, "rows", "gyro_x")["alpha"]).all()
@@ -135,11 +135,11 @@ def test_engine_is_named_with_whose_the_estimates_are(
 def test_the_devices_estimates_stand_beside_and_the_hosts_stay_as_they_are() -> None:
     found = both(records(NOISE), lambda seq: seq * 1e-9 if seq % 20 else None)
     history, plain = told(found, who="both"), told(records(NOISE))
-    assert history.estimator("gyro_z") == "both"
+    assert history.tables.estimator("gyro_z") == "both"
     np.testing.assert_array_equal(
-        history.read("rows", 0, Cursor()).values, plain.read("rows", 0, Cursor()).values
+        history.tables.read("rows", 0, Cursor()).values, plain.tables.read("rows", 0, Cursor()).values
     )
-    shown = columns(history, "beside", "gyro_z")
+    shown = columns(history, "compared", "gyro_z")
     records_of_device = [r for r in found if isinstance(r, DeviceEstimates)][-len(shown["time"]) :]
     assert len(records_of_device) >= 50
     for i, record in enumerate(records_of_device):
@@ -160,7 +160,7 @@ def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign
     assert at_most[0] == pytest.approx((3e-6, 9e-6)), "the first was more than 30 s ago"
     assert at_most[1] == pytest.approx((5e-6, 15e-6))
     assert at_most[2] == pytest.approx((5e-6, 15e-6))
-    axis = facts.axes(history, 0)[0]["beside"]
+    axis = facts.axes(history, 0)[0]["compared"]
     assert (axis["alpha_apart"], axis["f_apart"]) == (
         f"{'-+'[sign > 0]}1.0e-8 now, at most 3.0e-6",
         f"{'+-'[sign > 0]}3.0e-8 now, at most 9.0e-6",
@@ -178,7 +178,7 @@ def test_rows_that_are_kept_longer_than_they_are_shown_do_not_count() -> None:
 
 def test_newest_difference_counts_before_its_bucket_is_full() -> None:
     found = both(records(SLOW), lambda seq: 4e-6 if seq == 699 else 1e-8, every=1)
-    axis = facts.axes(told(found, who="both"), 2)[0]["beside"]
+    axis = facts.axes(told(found, who="both"), 2)[0]["compared"]
     assert axis["alpha_apart"] == "+4.0e-6 now, at most 4.0e-6"
 
 
@@ -193,11 +193,11 @@ def test_newest_difference_counts_before_its_bucket_is_full() -> None:
 def test_what_cannot_be_compared_says_why_and_draws_no_difference(why: WhyNot, words: str) -> None:
     found = both(records(NOISE), lambda seq: None, why_not=why)
     history = told(found, who="both")
-    axis = facts.axes(history, 0)[1]["beside"]
+    axis = facts.axes(history, 0)[1]["compared"]
     assert axis["why_not"] == words
     assert (axis["alpha_apart"], axis["f_apart"], axis["apart"], axis["drawn"]) == ("", "", None, False)
     assert axis["alpha_text"] != "–", "the estimate itself is shown"
-    assert np.isfinite(columns(history, "beside", "gyro_y")["alpha"]).all()
+    assert np.isfinite(columns(history, "compared", "gyro_y")["alpha"]).all()
 
 
 def test_what_is_not_valid_cannot_be_compared() -> None:
@@ -213,7 +213,7 @@ def test_what_is_not_valid_cannot_be_compared() -> None:
         why_not="device_not_valid",
     )
     history = told(found, [msgspec.structs.replace(last, axes={**last.axes, "gyro_x": gone})], who="both")
-    x, y = (axis["beside"] for axis in facts.axes(history, 0)[:2])
+    x, y = (axis["compared"] for axis in facts.axes(history, 0)[:2])
     assert x["why_not"] == "not comparable: the device's estimate is not valid"
     assert x["alpha_text"] == "–"
     assert y["why_not"] == ""
@@ -222,18 +222,18 @@ def test_what_is_not_valid_cannot_be_compared() -> None:
 
 def test_new_epoch_forgets_the_devices_estimates_and_cuts_their_lines() -> None:
     history = told(both(with_breaks([400, 60])), who="both")
-    shown = columns(history, "beside", "gyro_x")
+    shown = columns(history, "compared", "gyro_x")
     assert np.isnan(shown["alpha"]).any()
     begun = both(with_breaks([400, 20]))
-    axis = facts.axes(told(begun, who="both"), 0)[0]["beside"]
+    axis = facts.axes(told(begun, who="both"), 0)[0]["compared"]
     assert axis["why_not"] == "no estimate of the device yet"
 
 
 def test_rows_of_a_device_take_no_more_room_than_their_pace_needs() -> None:
     slow, quick = (told(both(records(NOISE), every=n), who="both") for n in (10, 1))
-    assert slow.read("beside", 0, Cursor()).capacity == 302
-    assert quick.read("beside", 0, Cursor()).capacity == 3002
-    assert len(quick.read("beside", 0, Cursor()).values) >= 490
+    assert slow.tables.read("compared", 0, Cursor()).capacity == 302
+    assert quick.tables.read("compared", 0, Cursor()).capacity == 3002
+    assert len(quick.tables.read("compared", 0, Cursor()).values) >= 490
 
 
 # --- facts and the page ---
@@ -281,9 +281,9 @@ def test_page_draws_what_belongs_to_each_device_and_empties_the_rest() -> None:
         lengths[said["estimator"]] = (
             len(f.rows.data["y"]),
             len(f.estimates.data["alpha"]),
-            len(f.beside.data["apart"]),
+            len(f.compared.data["apart"]),
         )
-        assert all((axis["beside"] is not None) == (name == "both") for axis in said["axes"])
+        assert all((axis["compared"] is not None) == (name == "both") for axis in said["axes"])
         assert bool(said["own"]) == (name != "host")
     every = lengths["host"][0]
     assert every == 500

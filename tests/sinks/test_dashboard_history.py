@@ -7,15 +7,16 @@ from dashboard_support import records, told, with_breaks
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves, with_fits
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Gap, Sample, Stats
 from fltea.settings.estimator import EstimatorConfig
-from fltea.sinks.page.history import DeviceHistory, Table
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import Cursor
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 
 
 def columns(history: DeviceHistory, table: Table, axis: str, window: int = 0) -> dict[str, np.ndarray]:
-    values = history.read(table, window, Cursor()).values
-    return {name: values[:, place] for name, place in history.columns(table, axis).items()}
+    values = history.tables.read(table, window, Cursor()).values
+    return {name: values[:, place] for name, place in history.tables.columns(table, axis).items()}
 
 
 def of(kind: type, group: list[AnyRecord]) -> list[AnyRecord]:
@@ -66,8 +67,8 @@ def test_fits_are_rows_with_their_intervals_where_there_is_an_order() -> None:
     found = with_fits(records(NOISE), axes)
     history = told(found)
     fits = of(Fit, found)
-    assert history.fit == fits[-1]
-    assert history.fits == axes
+    assert history.fits.newest == fits[-1]
+    assert history.fits.axes == axes
     x, y, z = (columns(history, "fits", axis) for axis in axes)
     assert x["time"].tolist() == [f.host_ns * 1e-6 for f in fits][-len(x["time"]) :]
     assert len(x["time"]) >= 4
@@ -82,22 +83,22 @@ def test_curves_stay_until_there_are_newer_ones_or_another_sensor() -> None:
     samples = of(Sample, found)
     history = told(found)
     history.write(fit_after(samples[-2], {"gyro_x": with_curves(FRACTIONAL)}))
-    first = history.curves["gyro_x"]
+    first = history.fits.curves["gyro_x"]
     history.write(fit_after(samples[-1], {"gyro_x": FRACTIONAL, "gyro_y": with_curves(WHITE)}))
-    assert history.curves["gyro_x"] is first
+    assert history.fits.curves["gyro_x"] is first
     spectrum = msgspec.structs.replace(with_curves(FRACTIONAL), allan=None)
     history.write(fit_after(samples[-1], {"gyro_x": spectrum}))
-    newer = history.curves["gyro_x"]
+    newer = history.fits.curves["gyro_x"]
     assert newer.number > first.number
     assert (newer.spectrum, newer.allan) == (spectrum.spectrum, first.allan)
     epoch = next(r for r in found if isinstance(r, Epoch))
     history.write(msgspec.structs.replace(epoch, epoch=2, seq=600, host_ns=samples[-1].host_ns + 1))
-    assert history.curves["gyro_x"] is newer, "the fit goes on through epochs"
+    assert history.fits.curves["gyro_x"] is newer, "the fit goes on through epochs"
     mid = columns(history, "fits", "gyro_x")["alpha_mid"]
     assert np.isnan(mid[-1]), "no line joins two epochs"
     assert mid[-2] == FRACTIONAL.alpha.value
     history.write(fit_after(samples[-1], {"gyro_x": WHITE}, samples=100))
-    assert (history.fits, history.curves) == ({"gyro_x": WHITE}, {})
+    assert (history.fits.axes, history.fits.curves) == ({"gyro_x": WHITE}, {})
 
 
 @pytest.mark.parametrize("every", [1, 4, 7])

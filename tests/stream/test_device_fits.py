@@ -345,7 +345,7 @@ def test_the_page_says_them_in_words() -> None:
     assert shown["alpha"] == ["0.50", "0.38 … 0.62", True]
     assert "896 samples" in shown["text"]
     assert "0.50 of the half-width" in shown["text"]
-    assert history.device_spectra["gyro_y"].hz[-1] == 7.0
+    assert history.fits.device_spectra["gyro_y"].hz[-1] == 7.0
     (white,) = told([FIT._replace(verdict=wire.FitVerdict.WHITE)], HOST)
     history.write(white)
     shown = facts_of_device.fit(history, "gyro_y")

@@ -54,14 +54,14 @@ def seen(history: DeviceHistory) -> Seen:
     Raises:
         UsageError: there is no fit yet.
     """
-    fit, hello = history.fit, history.hello
+    fit, hello = history.fits.newest, history.hello
     if fit is None or hello is None:
         raise UsageError("There is no fit yet: it comes within seconds of the first samples.")
     axes = {}
     for axis in history.axes or fit.axes:
-        found = history.fits.get(axis)
+        found = history.fits.axes.get(axis)
         if found is not None:
-            curves = history.curves.get(axis)
+            curves = history.fits.curves.get(axis)
             spectrum, allan = (curves.spectrum, curves.allan) if curves else (None, None)
             axes[axis] = msgspec.structs.replace(found, spectrum=spectrum, allan=allan)
     parts = [visible(hello.sensor or hello.source), f"{hello.rate_hz:.6g} Hz", facts.fitted(history)]

@@ -7,7 +7,8 @@ from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.answer import answer
 from fltea.sinks.page.data_sheet import coefficients
-from fltea.sinks.page.history import EPOCH_WORDS, DeviceHistory
+from fltea.sinks.page.happenings import EPOCH_WORDS
+from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import Level, counted, duration, guard_words, quantity, with_std
 
 STALL_NS = 1_500_000_000
@@ -27,15 +28,15 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
     error = history.error
     if heard_ns is None or hello is None or epoch is None:
         if error is not None:
-            return "bad", f"waiting for the device: {visible_lines(error.message)}"
+            return "bad", f"waiting for the device: {visible_lines(error.record.message)}"
         return (
             "wait",
             "waiting for the device" if hello is None else "connected, waiting for the first sample",
         )
     silent_ns = now_ns - heard_ns
     if silent_ns > STALL_NS:
-        if error is not None and history.error_heard_ns > heard_ns:
-            return "bad", f"stalled for {duration(silent_ns * 1e-9)}: {visible_lines(error.message)}"
+        if error is not None and error.heard_ns > heard_ns:
+            return "bad", f"stalled for {duration(silent_ns * 1e-9)}: {visible_lines(error.record.message)}"
         if hello.sampling_mode == "recording" or hello.source.startswith("synthetic:"):
             return "wait", f"at its end: no sample for {duration(silent_ns * 1e-9)}"
         return "bad", f"stalled for {duration(silent_ns * 1e-9)}: no sample arrives"
@@ -66,10 +67,10 @@ def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
 def axes(history: DeviceHistory, window: int) -> list[dict[str, Any]]:
     """What is known of every axis: the fit first, then the filters. window: the one that is shown."""
     stats = history.stats.axes if history.stats else {}
-    beside = facts_of_device.beside(history, window)
+    compared = facts_of_device.compared(history, window)
     return [
         _axis(history, name, history.newest.get(name), stats.get(name))
-        | {"beside": beside.get(name), "of_board": facts_of_device.fit(history, name)}
+        | {"compared": compared.get(name), "of_board": facts_of_device.fit(history, name)}
         for name in history.axes
     ]
 
@@ -95,8 +96,8 @@ def _axis(
     ]
     return {
         "name": name,
-        "estimator": history.estimator(name),
-        "answer": answer(history.fits.get(name), off=off).plain(),
+        "estimator": history.tables.estimator(name),
+        "answer": answer(history.fits.axes.get(name), off=off).plain(),
         "running": {"alpha": e.alpha, "f": e.f} if e else {"alpha": None, "f": None},
         "rows": rows,
         "guard": guard_words(stats.interventions if stats else {}),
@@ -105,7 +106,7 @@ def _axis(
 
 def fitted(history: DeviceHistory) -> str:
     """Of how many samples the newest fit is, in a line."""
-    fit, hello = history.fit, history.hello
+    fit, hello = history.fits.newest, history.hello
     if fit is None:
         return ""
     time = f" ({duration(fit.samples / hello.rate_hz)})" if hello else ""
@@ -114,7 +115,7 @@ def fitted(history: DeviceHistory) -> str:
 
 def curves(history: DeviceHistory, axis: str) -> dict[str, Any]:
     """Which curves of an axis there are, and what the Allan deviation says in units of data sheets."""
-    found = history.curves.get(axis)
+    found = history.fits.curves.get(axis)
     allan = found.allan if found else None
     return {
         "spectrum": found is not None and found.spectrum is not None,

@@ -14,7 +14,7 @@ NOTHING_YET = "no estimate of the device yet"
 
 def silent(history: DeviceHistory) -> bool:
     """Whether the device alone estimates the gyroscope, and has not said anything in this epoch."""
-    expected = [axis for axis in history.axes or AXES if history.estimator(axis) == "device"]
+    expected = [axis for axis in history.axes or AXES if history.tables.estimator(axis) == "device"]
     return bool(expected) and not any(axis in history.newest for axis in expected)
 
 
@@ -56,15 +56,15 @@ def own(history: DeviceHistory) -> list[list[str]]:
     ]
 
 
-def beside(history: DeviceHistory, window: int) -> dict[str, dict[str, Any]]:
+def compared(history: DeviceHistory, window: int) -> dict[str, dict[str, Any]]:
     """Of every axis that both estimate, the device's figures and how far they are from the host's."""
-    names = [axis for axis in history.axes if history.estimator(axis) == "both"]
+    names = [axis for axis in history.axes if history.tables.estimator(axis) == "both"]
     farthest = history.farthest(window) if names else {}
-    return {axis: _beside(history, axis, farthest[axis]) for axis in names}
+    return {axis: _compared(history, axis, farthest[axis]) for axis in names}
 
 
-def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) -> dict[str, Any]:
-    e = history.newest_beside.get(axis)
+def _compared(history: DeviceHistory, axis: str, farthest: tuple[float, float]) -> dict[str, Any]:
+    e = history.compared.get(axis)
     why = NOTHING_YET if e is None else not_comparable(e.why_not) if e.why_not else ""
     stats = history.stats.device_estimator if history.stats else None
     known = None if why or e is None else e
@@ -86,7 +86,7 @@ def _beside(history: DeviceHistory, axis: str, farthest: tuple[float, float]) ->
 
 def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
     """What the device's own maximum-likelihood fit of an axis says, in words; None without one."""
-    found = history.device_fits.get(axis)
+    found = history.fits.device.get(axis)
     if found is None:
         return None
     alpha = found.alpha

@@ -23,8 +23,8 @@ ESTIMATES = ("time", "seq", "state", "alpha", "alpha_low", "alpha_high", "f", "f
 FITS = ("time", "alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
 """Columns of the source `fits`: what the fit says, with its 95 % interval."""
 
-BESIDE = ("time", "alpha", "f", "apart_low", "apart", "apart_high")
-"""Columns of the source `beside`: the device's own estimates beside the host's; apart: their difference."""
+COMPARED = ("time", "alpha", "f", "apart_low", "apart", "apart_high")
+"""Columns of the source `compared`: the device's own estimates; apart: their difference from the host's."""
 
 LOCAL_TIME = """
 const date = new Date(tick)
@@ -44,7 +44,7 @@ class Figures:
     def __init__(self) -> None:
         self.rows, self.estimates = _source(ROWS), _source(ESTIMATES)
         self.fits, self.checks = _source(FITS), _source(("time", "lag1", "nis"))
-        self.beside = _source(BESIDE)
+        self.compared = _source(COMPARED)
         self.moment = Range1d(start=0, end=1)
         self._heights: list[_Height] = []
         self.noise = self._noise()
@@ -78,13 +78,13 @@ class Figures:
 
     def _estimate(self, name: str, letter: str, label: str) -> figure:
         low, mid, high = f"{name}_low", f"{name}_mid", f"{name}_high"
-        shown = (self.estimates, (low, high)), (self.fits, (mid,)), (self.beside, (name,))
+        shown = (self.estimates, (low, high)), (self.fits, (mid,)), (self.compared, (name,))
         plot = self._figure(name, label, *shown, loose=(self.fits, (low, high)))
         plot.varea("time", low, high, source=self.fits, color=FIT, alpha=0.3)
         plot.line("time", mid, source=self.fits, color=FIT, line_width=1.5)
         plot.varea("time", low, high, source=self.estimates, color=ESTIMATE, alpha=0.25)
         line = plot.line("time", name, source=self.estimates, color=ESTIMATE, line_width=2)
-        plot.line("time", name, source=self.beside, line_width=2, line_dash=[7, 7], name=INKED)
+        plot.line("time", name, source=self.compared, line_width=2, line_dash=[7, 7], name=INKED)
         tips = [
             ("sample", "@seq{0,0}"),
             (letter, f"@{name}{{0.0000}}"),
@@ -107,11 +107,11 @@ class Figures:
         return plot
 
     def _apart(self) -> figure:
-        shown = self.beside, ("apart_low", "apart_high")
+        shown = self.compared, ("apart_low", "apart_high")
         plot = self._figure("apart", "device − host, α", shown, always=(0.0,), least=1e-9)
         plot.add_layout(Span(location=0.0, dimension="width", line_color=BAND, line_dash="dashed"))
-        plot.varea("time", "apart_low", "apart_high", source=self.beside, color=SAMPLE, alpha=0.35)
-        plot.line("time", "apart", source=self.beside, line_width=1.5, name=INKED)
+        plot.varea("time", "apart_low", "apart_high", source=self.compared, color=SAMPLE, alpha=0.35)
+        plot.line("time", "apart", source=self.compared, line_width=1.5, name=INKED)
         plot.yaxis.formatter = CustomJSTickFormatter(code=POWER_OF_TEN)
         return plot
 

@@ -130,15 +130,15 @@ window.fltea = (() => {
     }
     f.axes.forEach((axis, number) => fill(place.children[number], axis, axis.name === f.axis))
     const chosen = f.axes.find(axis => axis.name === f.axis)
-    const beside = chosen ? chosen.beside : null
-    for (const apart of document.querySelectorAll("figure .apart")) compare(apart, beside, apart.dataset.of)
-    for (const part of document.querySelectorAll("#apart .drawn")) part.hidden = !(beside && beside.drawn)
+    const compared = chosen ? chosen.compared : null
+    for (const apart of document.querySelectorAll("figure .apart")) compare(apart, compared, apart.dataset.of)
+    for (const part of document.querySelectorAll("#apart .drawn")) part.hidden = !(compared && compared.drawn)
   }
 
   // How far the device's own estimate is from the host's, or why nobody can say.
-  function compare(place, beside, name) {
-    place.textContent = !beside ? "" : beside.why_not || `device − host: ${beside[`${name}_apart`]} of what is shown`
-    place.dataset.compared = beside && beside.why_not ? "no" : "yes"
+  function compare(place, compared, name) {
+    place.textContent = !compared ? "" : compared.why_not || `device − host: ${compared[`${name}_apart`]} of what is shown`
+    place.dataset.compared = compared && compared.why_not ? "no" : "yes"
   }
 
   function card(axis) {
@@ -162,7 +162,7 @@ window.fltea = (() => {
       const place = made.querySelector(selector)
       if (place.textContent !== text) place.textContent = text  // else what is selected would be lost
     }
-    const found = axis.answer, beside = axis.beside
+    const found = axis.answer, compared = axis.compared
     made.querySelector(".pick").setAttribute("aria-pressed", pressed)
     made.classList.toggle("picked", pressed)
     made.dataset.verdict = found.kind
@@ -177,10 +177,10 @@ window.fltea = (() => {
     if (board) parameter(made.querySelector("dd.board-alpha"), board.alpha, [])
     set(".board-text", board ? board.text : "")
     set(".guard", guard("FLTEA's guard", axis.guard))
-    made.dataset.apart = beside ? beside.apart ?? "" : ""
-    set(".why-not", beside ? beside.why_not : "")
-    set(".guard-of-device", beside ? guard("the device's guard", beside.guard) : "")
-    fillRows(made.querySelector("dl.rows"), beside ? [...axis.rows, ...beside.rows] : axis.rows)
+    made.dataset.apart = compared ? compared.apart ?? "" : ""
+    set(".why-not", compared ? compared.why_not : "")
+    set(".guard-of-device", compared ? guard("the device's guard", compared.guard) : "")
+    fillRows(made.querySelector("dl.rows"), compared ? [...axis.rows, ...compared.rows] : axis.rows)
   }
 
   // A figure is large only where the data support it.

@@ -19,7 +19,8 @@ from fltea.sinks.page import facts, facts_of_device, recording
 from fltea.sinks.page.areas import closed
 from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
-from fltea.sinks.page.history import Curves, DeviceHistory
+from fltea.sinks.page.fits import Curves
+from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor
 
@@ -84,22 +85,22 @@ class Page:
 
     def _shown(self, history: DeviceHistory) -> dict[Table, list[ColumnDataSource]]:
         """Which tables the figures draw; what they do not draw is emptied."""
-        f, estimator = self._figures, history.estimator(self._axis)
+        f, estimator = self._figures, history.tables.estimator(self._axis)
         shown: dict[Table, list[ColumnDataSource]] = {"fits": [f.fits], "checks": [f.checks]}
         if estimator == "device":
             shown |= {"rows": [f.rows], "own": [f.estimates]}
         else:
             shown |= {"rows": [f.rows, f.estimates]}
         if estimator == "both":
-            shown |= {"beside": [f.beside]}
-        elif len(f.beside.data["time"]):
-            f.beside.data = {name: [] for name in f.beside.column_names}
+            shown |= {"compared": [f.compared]}
+        elif len(f.compared.data["time"]):
+            f.compared.data = {name: [] for name in f.compared.column_names}
         return shown
 
     def _send(self, history: DeviceHistory, table: Table, sources: list[ColumnDataSource]) -> None:
-        new = history.read(table, self._window, self._cursors.get(table, Cursor()))
+        new = history.tables.read(table, self._window, self._cursors.get(table, Cursor()))
         self._cursors[table] = new.cursor
-        places = history.columns(table, self._axis)
+        places = history.tables.columns(table, self._axis)
         columns: dict[str, Any] = {name: new.values[:, place] for name, place in places.items()}
         for name in ("alpha", "f"):
             if f"{name}_std" in columns:
@@ -120,12 +121,12 @@ class Page:
 
     def _show_curves(self, history: DeviceHistory) -> None:
         """Send the curves of the axis only if they are other ones."""
-        curves, board = history.curves.get(self._axis), history.device_spectra.get(self._axis)
+        curves, board = history.fits.curves.get(self._axis), history.fits.device_spectra.get(self._axis)
         wanted = history.name, self._axis, curves, board
         if wanted[:2] == self._drawn[:2] and curves is self._drawn[2] and board is self._drawn[3]:
             return
         self._drawn = wanted
-        fit = history.fits.get(self._axis)
+        fit = history.fits.axes.get(self._axis)
         if fit is not None and curves is not None:
             fit = msgspec.structs.replace(fit, spectrum=curves.spectrum, allan=curves.allan)
         self._curves.show(self._axis, facts.unit_of(self._axis), fit, board)
@@ -143,7 +144,7 @@ class Page:
             "devices": states,
             "device": self._device,
             "axis": self._axis,
-            "estimator": history.estimator(self._axis),
+            "estimator": history.tables.estimator(self._axis),
             "unit": facts.unit_of(self._axis) if self._axis else "",
             "window": self._window,
             "windows": [window.label for window in WINDOWS],

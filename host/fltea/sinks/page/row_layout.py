@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from typing import Literal
 
 from fltea.records.fit import AxisFit
-from fltea.records.records import AxisEstimate, DeviceAxisEstimate
+from fltea.records.records import AxisEstimate, AxisStats, DeviceAxisEstimate
 from fltea.sinks.page.answer import order
 from fltea.sinks.page.tiers import Kind, Tiers
 
-Table = Literal["rows", "fits", "checks", "own", "beside"]
+Table = Literal["rows", "fits", "checks", "own", "compared"]
 """fits: α and f of the fit with their intervals, NaN where undefined; own: estimates of the device in place
-of the host's; beside: those beside the host's, at its own pace."""
+of the host's; compared: those of the device that are compared with the host's, at its own pace."""
 
 ESTIMATE: dict[str, Kind] = dict.fromkeys(("state", "alpha", "alpha_std", "f", "f_std"), "mean")
 
@@ -19,14 +19,14 @@ COMMON: dict[Table, dict[str, Kind]] = {
     "fits": {"time": "mean"},
     "checks": {"time": "mean"},
     "own": {"time": "mean", "seq": "max"},
-    "beside": {"time": "mean"},
+    "compared": {"time": "mean"},
 }
 OF_AXIS: dict[Table, dict[str, Kind]] = {
     "rows": {"y_low": "min", "y": "mean", "y_high": "max", **ESTIMATE},
     "fits": dict.fromkeys(("alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high"), "mean"),
     "checks": dict.fromkeys(("lag1", "nis"), "mean"),
     "own": ESTIMATE,
-    "beside": {
+    "compared": {
         "alpha": "mean",
         "f": "mean",
         "apart_low": "min",
@@ -58,6 +58,17 @@ def estimate(e: AxisEstimate | None) -> list[float | None]:
     return [e.state, e.alpha, e.alpha_std, e.f, e.f_std]
 
 
+def sample(found: tuple[float, AxisEstimate | None] | None) -> list[float | None]:
+    """A sample without its offset, and its estimate, in the order of the columns of `rows`."""
+    y, e = found or (None, None)
+    return [y, y, y, *estimate(e)]
+
+
+def checks(stats: AxisStats | None) -> list[float | None]:
+    """What statistics say of the innovations of an axis."""
+    return [stats.innovation_lag1, stats.innovation_nis] if stats else [None, None]
+
+
 def fit(found: AxisFit | None) -> list[float | None]:
     """α and f of a fit with their intervals, in the order of the table's columns."""
     if found is None:
@@ -68,9 +79,9 @@ def fit(found: AxisFit | None) -> list[float | None]:
     return row
 
 
-def beside(e: DeviceAxisEstimate | None) -> list[float | None]:
+def compared(e: DeviceAxisEstimate | None) -> list[float | None]:
     """What a device's own estimate says, in the order of the table's columns."""
     if e is None:
-        return [None] * len(OF_AXIS["beside"])
+        return [None] * len(OF_AXIS["compared"])
     apart, f_apart = e.alpha_difference, e.f_difference
     return [e.alpha, e.f, apart, apart, apart, None if f_apart is None else abs(f_apart)]

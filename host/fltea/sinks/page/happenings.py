@@ -1,0 +1,46 @@
+"""The list of what happened to a device, as the page shows it."""
+
+from collections import deque
+from typing import Literal, NamedTuple
+
+from fltea.records.records import EpochReason
+
+MOST = 60
+"""Entries that are kept."""
+
+EPOCH_WORDS: dict[EpochReason, str] = {
+    "start": "the first since the program started",
+    "restart": "the device restarted",
+    "sensor_restart": "the device set up its sensor again",
+    "discontinuity": "sequence and time disagreed",
+    "gap": "a gap too long to bridge",
+    "silence": "half an hour of silence",
+    "resumed": "resumed from a snapshot",
+}
+
+
+class Happening(NamedTuple):
+    """An entry of the list. host_ns: Unix time as in the records."""
+
+    host_ns: int
+    kind: Literal["epoch", "gap", "error", "missed"]
+    text: str
+
+
+class Happenings(deque[Happening]):
+    """The newest entries, the oldest first; gaps without anything in between are one entry."""
+
+    def __init__(self) -> None:
+        super().__init__(maxlen=MOST)
+        self._gaps = self._missing = 0
+
+    def gap(self, host_ns: int, missing: int) -> None:
+        """Add a gap, or count it in the newest entry if that is of gaps."""
+        if self and self[-1].kind == "gap":
+            self.pop()
+        else:
+            self._gaps = self._missing = 0
+        self._gaps += 1
+        self._missing += missing
+        what = "a gap" if self._gaps == 1 else f"{self._gaps} gaps"
+        self.append(Happening(host_ns, "gap", f"{what}: {self._missing} samples lost"))
