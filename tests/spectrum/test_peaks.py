@@ -1,0 +1,233 @@
+"""Lines and resonances, in files and live: found where they are, and not where there are none."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from filtered_noise import averaged, low_passed
+from fltea.spectrum.lines import Peak, f_log_tail, find_peaks
+from fltea.spectrum.octave_lines import around, find_octave_peaks
+from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.periodogram import Periodogram, periodogram
+from fltea.spectrum.spectral import _above_slow_lines
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_support import Array, H, ar, long_recursion, white
+
+N = 60_000
+
+
+class Search(NamedTuple):
+    """How a record is seen, and what looks for peaks in that."""
+
+    seen: Callable[[Array], Periodogram]
+    find: Callable[[Periodogram], tuple[Peak, ...]]
+
+    def __call__(self, y: Array) -> tuple[Peak, ...]:
+        return self.find(self.seen(y))
+
+
+def octave_lines(y: Array) -> Periodogram:
+    sums = Octaves(1)
+    sums.add(np.ascontiguousarray(y[:, np.newaxis]))
+    return sums.periodogram(0, H)
+
+
+FILE, LIVE = Search(lambda y: periodogram(y, H), find_peaks), Search(octave_lines, find_octave_peaks)
+both = pytest.mark.parametrize("search", [FILE, LIVE], ids=["file", "live"])
+
+
+def tone(hz: float, n: int) -> Array:
+    return np.asarray(np.sin(2 * np.pi * hz * np.arange(n) * H + 1))
+
+
+def resonance(radius: float, angle: float, n: int, seed: int) -> Array:
+    return ar((2 * radius * np.cos(angle), -(radius**2)), n, 1, seed)[0]
+
+
+# --- the tail of F ---
+
+
+@pytest.mark.parametrize("m", [1, 4, 64])
+def test_tail_by_counting(m: int) -> None:
+    rng = np.random.default_rng(m)
+    ratio = rng.gamma(m, size=100_000) / m / (rng.gamma(48, size=100_000) / 48)
+    for x in (0.8, 1.2, 1.6):
+        assert np.exp(f_log_tail(m, 48, x)) == pytest.approx((ratio > x).mean(), abs=0.006)
+    assert f_log_tail(1, 48, 3.0) == pytest.approx(-48 * np.log(1 + 3 / 48))
+    assert f_log_tail(1, 48, 1e9) == pytest.approx(-48 * np.log1p(1e9 / 48))
+
+
+@given(st.integers(1, 3000), st.sampled_from([48, 500, 6000]), st.floats(0, 50), st.floats(0, 5))
+def test_tail_falls(m: int, k: int, ratio: float, more: float) -> None:
+    assert f_log_tail(m, k, ratio + more) <= f_log_tail(m, k, ratio) + 1e-9 <= 1e-9
+
+
+# --- what is there is found ---
+
+AT_JOINTS_OF_OCTAVES = (1.09, 2.16, 2.18, 4.33, 4.35, 8.68, 8.7, 17.3, 17.45)
+
+
+@pytest.mark.parametrize(
+    ("search", "n", "amplitude", "hz"),
+    [(FILE, 6000, 0.4, hz) for hz in (3.3, 13.37, 31.4, 45.0)]
+    + [(LIVE, N, 0.25, hz) for hz in (0.7, *AT_JOINTS_OF_OCTAVES, 31.4, 44.0, 46.5, 47.8)],
+)
+def test_a_line_is_found_and_left_out(search: Search, n: int, amplitude: float, hz: float) -> None:
+    seen = search.seen(white(n, 1, 4)[0] + amplitude * tone(hz, n))
+    (peak,) = search.find(seen)
+    resolution_hz = 1 / (n * H) if search is FILE else max(0.12, 0.01 * hz)
+    assert peak.frequency_hz == pytest.approx(hz, abs=resolution_hz)
+    # Half of a line that stands at a joint.
+    share = amplitude**2 / 2
+    assert peak.power_share == pytest.approx(share / (1 + share), rel=0.25 if search is FILE else 0.6)
+    assert peak.kind == "line" or search is LIVE
+    low_hz, high_hz = peak.notch_hz
+    assert low_hz < hz < high_hz < low_hz + 2
+    assert search.find(seen.without(0, [peak.notch_hz])) == ()
+
+
+@both
+@pytest.mark.parametrize(("n", "amplitude"), [(3000, 1.0), (N, 0.4)])
+@pytest.mark.parametrize("periods", [10, 12.5, 20, 30.5])
+def test_a_slow_line(search: Search, n: int, amplitude: float, periods: float) -> None:
+    hz = periods / (n * H)
+    (peak,) = search(white(n, 1, 1)[0] + amplitude * tone(hz, n))
+    assert peak.kind == "line"
+    assert peak.frequency_hz == pytest.approx(hz, abs=1.01 / (n * H))
+    assert peak.notch_hz[0] < hz < peak.notch_hz[1]
+
+
+@both
+@pytest.mark.parametrize(("n", "amplitude"), [(3000, 1.0), (N, 0.4)])
+@pytest.mark.parametrize("hz", [49.6, 49.95, 49.98])
+def test_a_line_at_nyquist(search: Search, n: int, amplitude: float, hz: float) -> None:
+    """A block of the live fit has lines at every 0.39 Hz, the last at 49.6."""
+    (peak,) = search(white(n, 1, 2)[0] + amplitude * tone(hz, n))
+    assert peak.kind in ("line", "peak")
+    assert peak.frequency_hz == pytest.approx(hz, abs=0.4 if n > 3072 and search is LIVE else 0.05)
+
+
+@both
+def test_a_slow_line_on_a_random_walk(search: Search) -> None:
+    y = white(N, 1, 4)[0] + 0.003 * np.cumsum(white(N, 1, 3)[0])
+    assert search(y) == ()
+    (peak,) = search(y + 0.6 * tone(20 / (N * H), N))
+    assert peak.frequency_hz == pytest.approx(20 / (N * H), abs=1 / (N * H))
+
+
+@both
+def test_several_are_found_strongest_first(search: Search) -> None:
+    found = search(white(N, 1, 5)[0] + 0.3 * tone(12, N) + 0.9 * tone(30, N))
+    assert [round(peak.frequency_hz) for peak in found] == [30, 12]
+
+
+def test_a_tone_without_any_noise() -> None:
+    (peak, *_) = FILE(np.sin(2 * np.pi * 0.1 * np.arange(2000)))
+    assert peak.frequency_hz == pytest.approx(10)
+
+
+@both
+def test_a_line_among_side_lobes(search: Search) -> None:
+    (peak,) = search(averaged(N, 8, 1) + 0.1 * tone(33.3, N))
+    assert peak.frequency_hz == pytest.approx(33.3, abs=0.2)
+    assert peak.kind in ("line", "peak")
+    assert peak.notch_hz[0] < 33.3 < peak.notch_hz[1]
+
+
+@both
+def test_a_resonance_is_found_with_its_width(search: Search) -> None:
+    radius, angle = 0.97, 1.97
+    x = resonance(radius, angle, N, 5)
+    peak = search(x / x.std() * 0.5 + white(N, 1, 6)[0])[0]
+    assert peak.kind == "resonance"
+    assert peak.frequency_hz == pytest.approx(angle / (2 * np.pi * H), abs=0.4)
+    width_hz = 2 * (1 - radius) / (2 * np.pi * H)
+    assert peak.width_hz == pytest.approx(width_hz, abs=0.4 if search is FILE else 2 * 0.39)
+    assert peak.power_share == pytest.approx(0.2, abs=0.05)
+    assert peak.notch_hz[0] < peak.frequency_hz - peak.width_hz
+    assert peak.notch_hz[1] > peak.frequency_hz + peak.width_hz
+
+
+@both
+@pytest.mark.parametrize("n", [3000, N])
+def test_a_resonance_above_slow_noise_stays_one(search: Search, n: int) -> None:
+    """Between the two lies a floor, which is no notch."""
+    for seed in range(3):
+        y = 0.4 * resonance(0.95, 2.0, n, seed) + white(n, 1, seed + 10)[0]
+        y += 3 * ar((0.99,), n, 1, seed + 20)[0]
+        (peak,) = (peak for peak in search(y) if peak.kind == "resonance")
+        assert peak.frequency_hz == pytest.approx(2.0 / (2 * np.pi * H), abs=1)
+
+
+# --- and nothing where nothing is ---
+
+NOISES: dict[str, Callable[[int, int], Array]] = {
+    "white": lambda n, series: white(n, series, 3),
+    "t4": lambda n, series: np.random.default_rng(n).standard_t(4, (series, n)),
+    "one LSB": lambda n, series: np.rint(white(n, series, 3)),
+    "walk": lambda n, series: white(n, series, 1) + 0.05 * np.cumsum(white(n, series, 2), axis=1),
+    "ramp": lambda n, series: white(n, series, 4) + np.linspace(0, 3, n),
+    "AR(.99)": lambda n, series: ar((0.99,), n, series, 5),
+    "AR(.9)": lambda n, series: ar((0.9,), n, series, 2),
+    "AR(-.9)": lambda n, series: ar((-0.9,), n, series, 6),
+    "fractional": lambda n, series: np.array([long_recursion(0.6, -0.19, n, i) for i in range(series)]),
+}
+
+
+@both
+@pytest.mark.parametrize(("n", "series", "most"), [(3000, 100, 4), (20_000, 20, 1)])
+@pytest.mark.parametrize("noise", NOISES)
+def test_noise_has_no_peaks(search: Search, noise: str, n: int, series: int, most: int) -> None:
+    """At a rate of false alarms of 1 %; also where the spectrum is steep at the ends of the band."""
+    assert sum(bool(search(y)) for y in NOISES[noise](n, series)) <= most
+
+
+@both
+@pytest.mark.parametrize("phi", [-0.5, -0.8, -0.9])
+def test_a_spectrum_that_rises_to_nyquist_has_no_peak(search: Search, phi: float) -> None:
+    """Also where a line of the live fit is as wide as what the spectrum changes over."""
+    assert sum(bool(search(y)) for n in (20_000, N) for y in ar((phi,), n, 6, 7)) <= 1
+
+
+@both
+@pytest.mark.parametrize("n", [3000, N])
+@pytest.mark.parametrize("hz", [5, 20, 41])
+def test_a_low_pass_has_no_peak(search: Search, n: int, hz: float) -> None:
+    assert search(low_passed(n, hz, 2, 1)) == ()
+
+
+@both
+@pytest.mark.parametrize("n", [3000, N])
+@pytest.mark.parametrize("taps", [2, 3, 4, 5, 8, 16, 20])
+def test_side_lobes_are_no_resonances(search: Search, n: int, taps: int) -> None:
+    assert search(averaged(n, taps, 2)) == ()
+
+
+# --- the band about them ---
+
+
+def test_bands_are_widened_by_the_lobes_of_averaged_lines() -> None:
+    p = octave_lines(white(N, 1, 6)[0])
+    slow, fast = around(p, ((0.5, 0.6), (30.0, 30.1)))
+    assert slow == pytest.approx((0.5, 0.6))
+    assert fast == pytest.approx((30 - 0.59, 30.1 + 0.59), abs=0.02)
+    assert around(p._replace(weight=None), ((1.0, 2.0),)) == ((1.0, 2.0),)
+
+
+@pytest.mark.parametrize(
+    ("kind", "notch_hz", "from_hz"),
+    [
+        ("line", (0.25, 0.5), 1.25),
+        ("peak", (0.25, 0.5), 1.25),
+        ("resonance", (0.25, 0.5), 0.125),
+        ("line", (0.5, 0.75), 0.125),
+        ("line", (0.0, 0.03125), 0.125),
+    ],
+)
+def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
+    kind: str, notch_hz: tuple[float, float], from_hz: float
+) -> None:
+    """Three widths of it, where a line is below four times the band's lowest frequency."""
+    assert _above_slow_lines((Peak(kind, 0.3, 0.1, 0.5, 9.0, notch_hz),), 0.125) == from_hz
