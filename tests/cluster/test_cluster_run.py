@@ -56,6 +56,17 @@ def test_from_s3_and_again(s3: Any, tmp_path: Path) -> None:
     assert [row["error"] is None for row in rows_in(out) if row["file"].endswith("b.npz")] == [False, True]
 
 
+def test_an_axis_without_a_result_says_why(tmp_path: Path) -> None:
+    raw = counts(600, 2)
+    raw[:, 0] = 7
+    (file,) = files_of([str(npz(tmp_path / "a.npz", raw))])
+    still, moving = identify_file(file, ASK)
+    assert (still.axis, still.alpha, still.lost, still.again) == ("gyro_x", None, 0, False)
+    assert still.error is not None
+    assert "constant" in still.error
+    assert (moving.axis, moving.error) == ("gyro_y", None)
+
+
 def test_a_file_that_goes_away_is_tried_again(s3: Any, tmp_path: Path) -> None:
     s3.pipe("lab/gone/a.npz", b"PK none")
     files = list(files_of(["s3://lab/gone"]))

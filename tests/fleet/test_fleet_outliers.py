@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fltea.fleet.figures import figures_of
 from fltea.fleet.messages import AxisFit, Interval
-from fltea.fleet.outliers import FEWEST, judge, student_quantile, student_tail
+from fltea.fleet.outliers import FEWEST, comparisons_of, judge, student_quantile, student_tail
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
@@ -60,6 +60,9 @@ def test_a_wide_interval_excuses() -> None:
 def test_few_sensors_are_not_judged() -> None:
     value = np.r_[np.zeros(FEWEST - 2), 1e9]
     assert judge(value, value - 1, value + 1, comparisons=7) == (None, [])
+    value = np.r_[value, 0.0]
+    assert judge(value, value - 1, value + 1, comparisons=8)[0] is not None
+    assert comparisons_of([FEWEST - 1, FEWEST, 20]) == FEWEST + 20
 
 
 @given(

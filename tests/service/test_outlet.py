@@ -282,6 +282,8 @@ def test_the_only_output_ends_the_program_and_one_among_others_does_not(error: E
         expected = None if isinstance(error, SinkClosed) else error
         assert stops == ([] if others else [expected])
         assert errors(other) == ([("output_lost", None)] if others else [])
+        why = "(its reader left)" if expected is None else "(OSError: [Errno 28] No space left)"
+        assert all(why in item.message for item in other.items if isinstance(item, Error))
 
 
 def test_the_wire_goes_only_to_those_who_take_it() -> None:
