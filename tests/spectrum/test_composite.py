@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from composite_noise import Truth, noise
 from fltea.identification.sums import examined
-from fltea.spectrum.composite import Composite, compared, composite
-from fltea.spectrum.composite_fit import Kind, at, bounds, lines, score, slopes
+from fltea.spectrum.composite import Composite, composite
+from fltea.spectrum.composite_fit import Kind, at, lines, score, slopes
 from fltea.spectrum.composite_intervals import Estimate, interval
 from fltea.spectrum.periodogram import Binned, binned
 from fltea.spectrum.relaxations import sum_of
@@ -123,13 +123,6 @@ def test_a_part_slower_than_the_record_is_a_random_walk() -> None:
             assert found.from_hz < corner_hz < 0.5 / H
 
 
-def test_models_with_a_corner_below_the_data_are_not_compared() -> None:
-    """Whatever their BIC: the search then ends at the lowest frequency, which is no corner."""
-    found = compared(lines(theory(Truth(0.005, ((1.0, 3000.0),)), 1), N))
-    assert Kind(0, True, False) in found
-    assert Kind(1, False, False) not in found
-
-
 def test_what_a_filter_is_given_agrees_with_itself() -> None:
     for part in fitted(APART, N, 4).gauss_markov:
         tau, variance = part.tau_s.value, part.sigma.value**2
@@ -174,13 +167,6 @@ def test_k_of_a_short_record() -> None:
 def test_estimates_in_other_units() -> None:
     assert Estimate(4.0, 1.0, 9.0).scaled(2.0, 0.5) == Estimate(4.0, 2.0, 6.0)
     assert Estimate(4.0, None, 8.0).scaled(8.0, -1.0) == Estimate(2.0, 1.0, None)
-
-
-def test_bounds_are_those_of_the_data() -> None:
-    seen = lines(theory(APART, 1), N)
-    low, high = bounds(seen, Kind(2, True, False))
-    assert np.exp(low[3:5]) == pytest.approx(seen.lam[0])
-    assert np.exp(high[3:5]) == pytest.approx(np.pi)
 
 
 @pytest.mark.slow

@@ -23,11 +23,6 @@ def test_aliases(phi: float) -> None:
     np.testing.assert_allclose(spectrum.ar2(LAM, phi, 0.0), textbook, rtol=1e-9)
 
 
-def test_white_noise_is_no_state_at_all() -> None:
-    np.testing.assert_allclose(spectrum.fractional(LAM, 0.0, 0.0), 1)
-    np.testing.assert_allclose(spectrum.fractional(LAM, 1.0, -1.0), 1)
-
-
 @given(st.floats(0, 1.99), st.floats(-4, 0.5))
 def test_fractional_is_the_square_of_its_transfer_function(alpha: float, g: float) -> None:
     z = np.exp(-1j * LAM)

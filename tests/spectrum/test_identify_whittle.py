@@ -59,20 +59,6 @@ def test_ar1_is_found(phi: float, noise: float) -> None:
     assert np.median(values) == pytest.approx(phi, abs=0.05)
 
 
-def test_ar2_resonance_is_found() -> None:
-    y = ar((2 * 0.95 * np.cos(1.5), -(0.95**2)), 4000, 8, 5) + white(4000, 8, 6)
-    phi1, phi2, _ = models.ar2_parameters(fit(binned(periodogram(y, H)), models.AR2).theta)
-    np.testing.assert_allclose(phi1, 2 * 0.95 * np.cos(1.5), atol=0.05)
-    np.testing.assert_allclose(phi2, -(0.95**2), atol=0.03)
-
-
-def test_two_relaxations_are_found() -> None:
-    y = ar((0.99,), 20_000, 4, 7) + 4 * ar((0.5,), 20_000, 4, 8)
-    one, two, _, _ = models.two_ar1_parameters(fit(binned(periodogram(y, H)), models.TWO_AR1).theta)
-    np.testing.assert_allclose(np.maximum(one, two), 0.99, atol=0.01)
-    np.testing.assert_allclose(np.minimum(one, two), 0.5, atol=0.08)
-
-
 @pytest.mark.parametrize(("alpha", "f", "near"), [(0.4, -1.0, 0.15), (0.6, -3.0, 0.07), (0.8, -1.0, 0.07)])
 def test_fractional_noise_is_found(alpha: float, f: float, near: float) -> None:
     """α, and 2 log L of the truth below the best like χ² with four degrees."""
@@ -95,12 +81,6 @@ def test_scale_multiplies_the_variances_and_nothing_else(seed: int, c: float) ->
     other = fit(binned(p._replace(power=p.power * c**2)), models.FULL)
     np.testing.assert_allclose(other.theta, one.theta, rtol=1e-3, atol=1e-3)
     assert other.scale[0] == pytest.approx(one.scale[0] * c**2, rel=1e-3)
-
-
-def test_sign_and_offset_do_not_matter() -> None:
-    y = white(2000, 1, 3)[0]
-    first = binned(periodogram(y, H)).power
-    np.testing.assert_allclose(binned(periodogram(7 - y, H)).power, first, rtol=1e-9)
 
 
 @settings(max_examples=5)

@@ -211,3 +211,39 @@ def test_the_allan_sums_take_what_the_gate_accepts() -> None:
     assert again.allan(0) == found
     again.merge(octaves)
     assert again.allan(0).terms[0] == 2 * found.terms[0]
+
+
+@pytest.mark.parametrize("drift", ["ramp", "exponential"])
+def test_drift_does_not_leak(drift: str) -> None:
+    """20 σ in ten minutes under white noise: from 0.02 Hz on, where drift ends by name, white is left."""
+    n, lanes = 60_000, 8
+    t = np.arange(n)[:, np.newaxis] / n
+    octaves = fed(noise(n, lanes, 3) + 20 * (t if drift == "ramp" else -np.expm1(-3 * t)))
+    spectra = [octaves.periodogram(lane, H) for lane in range(lanes)]
+    hz = spectra[0].lam / (2 * np.pi * H)
+    power = np.mean([one.power for one in spectra], axis=0)
+    for low, high in ((0.02, 0.05), (0.05, 0.2), (0.2, 1.0)):
+        band = (hz >= low) & (hz < high)
+        error = 1 / np.sqrt(lanes * band.sum())
+        assert power[band].mean() == pytest.approx(1, abs=5 * error), (low, high)
+
+
+def test_what_was_taken_out_is_told() -> None:
+    """Of white noise as much as it has at other frequencies; of a short record, where it is left, too."""
+    lanes = 40
+    y = noise(20_000, lanes, 4)
+    octaves = fed(y[:3000])
+    short = [octaves.lines_and_drift(lane, H)[1] for lane in range(lanes)]
+    assert np.mean([one.power for one in short if one]) == pytest.approx(1, abs=4 * np.sqrt(2 / 3 / lanes))
+    octaves.add(y[3000:])
+    found = [octaves.lines_and_drift(lane, H)[1] for lane in range(lanes)]
+    assert {one.amplitudes for one in found if one} == {3}
+    assert np.mean([one.power for one in found if one]) == pytest.approx(1, abs=4 * np.sqrt(2 / 3 / lanes))
+    octaves.skip(1000)
+    octaves.add(y[:5000] + 3)
+    gap = octaves.lines_and_drift(0, H)[1]
+    assert gap is not None
+    assert (gap.amplitudes, gap.power < 5) == (6, True)
+    steep = fed(y[:, :1] + np.linspace(0, 1, 20_000)[:, np.newaxis]).lines_and_drift(0, H)[1]
+    assert steep is not None
+    assert steep.power == pytest.approx(20_000 / 12 / 3, rel=0.1)

@@ -73,6 +73,7 @@ def test_snapshots_of_others_are_refused() -> None:
 @settings(deadline=None, max_examples=30)
 @given(st.lists(st.integers(1, 20_000), min_size=2, max_size=4), st.integers(0, 99))
 def test_sums_of_two_are_those_of_both(lengths: list[int], seed: int) -> None:
+    """Also of one with itself, and of what comes after."""
     lengths[0] += 1000
     parts = [noise(n, 1, seed + k) + k for k, n in enumerate(lengths)]
     total = fed(parts[0])
@@ -80,27 +81,15 @@ def test_sums_of_two_are_those_of_both(lengths: list[int], seed: int) -> None:
         total.merge(fed(part))
     assert total.samples == total.counts(0).used == sum(lengths)
     check_lines(total.periodogram(0, H), lines([part[:, 0] for part in parts]))
-
-
-def test_after_a_merge_it_goes_on() -> None:
-    a, b, c = (noise(n, 1, n) for n in (5_000, 9_000, 7_000))
-    total = fed(a)
-    total.merge(fed(b))
-    total.add(c)
-    check_lines(total.periodogram(0, H), lines([part[:, 0] for part in (a, b, c)]))
+    total.merge(total)
+    total.add(parts[0])
+    check_lines(total.periodogram(0, H), lines([part[:, 0] for part in (*parts, *parts, parts[0])]))
 
 
 def test_a_merge_needs_the_same_lanes_and_memory() -> None:
     for other in (Octaves(2), Octaves(1, 1000.0)):
         with pytest.raises(ValueError, match="other lanes"):
             Octaves(1).merge(other)
-
-
-def test_a_merge_with_itself_doubles_it() -> None:
-    y = noise(4_000, 1, 1)
-    total = fed(y)
-    total.merge(total)
-    check_lines(total.periodogram(0, H), lines([y[:, 0], y[:, 0]]))
 
 
 @pytest.mark.parametrize("memory", [500.0, 2_000.0, 20_000.0])
