@@ -16,7 +16,7 @@ compilers = pytest.mark.parametrize("compiler", ["g++", slow("clang++")])
 
 
 LONG = "recovery: lost one wrap*,recovery: a sensor gone*,noise fit: a board that was moved*,edges: each is*"
-"""Hours of virtual time: half of all test cases' time, which one compiler's build spends."""
+"""Hours of virtual time, half of all test cases' time: only clang's build runs them, in the second tier."""
 
 
 def make(compiler: str, *goals: str | Path) -> None:

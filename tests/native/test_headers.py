@@ -4,6 +4,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from tiers import slow
 
 FOLDER = Path(__file__).parent
 BUILD = FOLDER.parents[1] / "build/tests-native"
@@ -15,10 +16,22 @@ def make(*goals: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+LONG = ",".join(
+    [
+        *("sliced fit: answers*", "sliced fit: the interval*", "sliced fit: from the last*", "searches end*"),
+        *("octaves: snapshots of strangers*", "octaves: a merge of any two*", "count spectrum: its lines*"),
+    ]
+)
+"""Four fifths of all test cases' time."""
+
+
 @pytest.mark.timeout(600)  # a first build with sanitizers on a small machine
-def test_doctest_with_sanitizers() -> None:
+@pytest.mark.parametrize(
+    "cases", [f"--test-case-exclude={LONG}", slow(f"--test-case={LONG}")], ids=["short", "long"]
+)
+def test_doctest_with_sanitizers(cases: str) -> None:
     make("tests")
-    done = subprocess.run([BUILD / "tests"], capture_output=True, text=True, check=False)
+    done = subprocess.run([BUILD / "tests", cases], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
