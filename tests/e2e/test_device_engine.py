@@ -26,7 +26,7 @@ def test_with_once_a_device_that_does_not_estimate_is_a_failure(processes: Proce
     daemon = processes.daemon("--source", f"serial:{port}", "--estimate-on", "device", "--once")
     code, stderr = daemon.end(None)
     assert code == 1
-    assert stderr.startswith("fltea: error: the device sends samples, but in 5 s no word of estimates")
+    assert stderr.startswith("fltea: error: the device sends samples, but in 5 s no estimates of its own")
     assert stderr.count("\n") == 1
     assert daemon.errors() == ["no_device_estimates"]
     assert not daemon.of("estimate")

@@ -34,7 +34,7 @@ LONGEST_MESSAGE = 255
 """Of some adapters; those of the Raspberry Pi take more."""
 TICK_NS = 100_000
 WRAP = 16_384
-NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000}
+NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000, "live.on": False}
 Injection = Callable[[tuple[i2c_msg, ...]], int | None]
 
 
