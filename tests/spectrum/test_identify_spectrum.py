@@ -50,13 +50,6 @@ def test_recursion_has_the_spectrum() -> None:
         assert part.mean() == pytest.approx(1, abs=4 / np.sqrt(64 * len(part)) + 0.01)
 
 
-@pytest.mark.parametrize(("alpha", "g"), [(0.3, -0.5), (0.7, -0.02), (1.5, -2.0), (0.45, 0.0)])
-def test_geometric_mean_is_one(alpha: float, g: float) -> None:
-    """Szegő and Kolmogorov: s2 is the variance of the innovations."""
-    lam = np.pi * (np.arange(400_000) + 0.5) / 400_000
-    assert np.exp(np.log(spectrum.fractional(lam, alpha, g)).mean()) == pytest.approx(1, abs=2e-3)
-
-
 @given(st.floats(0, 2.5), st.floats(-20, 5))
 def test_stationarity_is_that_of_simulate(alpha: float, f: float) -> None:
     """Two statements of the rule, in g and in f."""

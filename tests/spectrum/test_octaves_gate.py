@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from fltea.spectrum.octaves import Counts, Octaves
 from fltea.spectrum.periodogram import Periodogram
-from identify_support import H, long_recursion
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from identify_support import Array, H, long_recursion
 
 
 def noise(n: int, seed: int = 1) -> Array:
@@ -18,10 +15,6 @@ def fed(y: Array) -> Octaves:
     octaves = Octaves(1)
     octaves.add(y[:, np.newaxis])
     return octaves
-
-
-def cut(counts: Counts) -> int:
-    return counts.knocks + counts.steps + counts.changes + counts.gaps
 
 
 def mean_power(p: Periodogram) -> float:
