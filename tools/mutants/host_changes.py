@@ -17,21 +17,10 @@ from typing import Any, NamedTuple
 
 HOST = Path("host/fltea")
 
-PAIRS = [
-    (ast.Lt, ast.LtE),
-    (ast.Gt, ast.GtE),
-    (ast.Add, ast.Sub),
-    (ast.Mult, ast.Div),
-    (ast.LShift, ast.RShift),
-]
-OTHER: dict[type[ast.AST], Any] = dict(PAIRS) | {new: old for old, new in PAIRS}
-OTHER |= {
-    ast.FloorDiv: ast.Mult,
-    ast.Mod: ast.FloorDiv,
-    ast.BitAnd: ast.BitOr,
-    ast.And: ast.Or,
-    ast.Or: ast.And,
-}
+ONE = (ast.Lt, ast.Gt, ast.Add, ast.Mult, ast.LShift, ast.And)
+TWO = (ast.LtE, ast.GtE, ast.Sub, ast.Div, ast.RShift, ast.Or)
+OTHER: dict[type[ast.AST], Any] = dict(zip(ONE, TWO, strict=True)) | dict(zip(TWO, ONE, strict=True))
+OTHER |= {ast.FloorDiv: ast.Mult, ast.Mod: ast.FloorDiv, ast.BitAnd: ast.BitOr}
 NAMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any"}
 TELLS = {"problem", "report", "say", "tell", "warn", "warning", "info", "debug", "print", "echo", "help"}
 """Functions, perhaps with a _ before their names, whose arguments are texts for people."""
