@@ -74,6 +74,7 @@ def test_on_a_real_sensors_noise_it_agrees_with_the_host(recordings: Path, name:
             assert getattr(message, field) == np.float32(rows[message.axis][field][at]), (message, field)
 
 
+@pytest.mark.slow
 def test_status_says_what_it_costs() -> None:
     run = with_faults()
     shares = [arrival.frame.message.cpu_share for arrival in run.of(wire.Status) if 14 < arrival.at_s < 17]
@@ -90,6 +91,7 @@ def test_status_says_what_it_costs() -> None:
     assert 150 < estimator.longest_axis < 1000
 
 
+@pytest.mark.slow
 def test_after_each_fault_it_begins_anew_or_goes_on_as_the_host_does() -> None:
     run = with_faults()
     assert run.error is None

@@ -175,6 +175,7 @@ def test_the_bus_is_freed_by_as_many_clocks_as_it_needs() -> None:
     assert with_fault("SDA held, 5 clocks free it")[0].board.lines.recovery_clocks == 5 + 2
 
 
+@pytest.mark.slow
 def test_a_board_that_sags_in_mid_transfer_frees_the_bus() -> None:
     """Wherever in the bits of a byte the controller vanished: the sensor may be left holding SDA."""
     quiet = DueRun(image()).run_until(0.6)

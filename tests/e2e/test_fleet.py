@@ -143,6 +143,7 @@ def test_of_200_sensors_the_three_bad_ones_stand_out(
     assert running.stop() == 0
 
 
+@pytest.mark.slow
 def test_alerts_are_published_and_a_broker_that_went_comes_back(
     stage: Stage, broker: Mosquitto, tmp_path: Path
 ) -> None:

@@ -234,6 +234,7 @@ def test_text_of_a_device_is_shown_as_text(processes: Processes, chromium: Brows
     daemon.end()
 
 
+@pytest.mark.slow
 def test_record_button_records_what_can_be_replayed(
     processes: Processes, chromium: Browser, tmp_path: Path
 ) -> None:

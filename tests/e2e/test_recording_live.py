@@ -121,6 +121,7 @@ def test_record_export_replay(processes: Processes, port: Path, tmp_path: Path) 
     assert (result.returncode, "holds no estimates" in result.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_synthetic_noise_is_recorded_as_frames(tmp_path: Path) -> None:
     """Faster than it would come, and still nothing is lost."""
     folder = tmp_path / "rec"
@@ -135,6 +136,7 @@ def test_synthetic_noise_is_recorded_as_frames(tmp_path: Path) -> None:
     assert "its samples are deg/s, not counts" in result.stderr
 
 
+@pytest.mark.slow
 def test_two_devices_in_one_folder(processes: Processes, tmp_path: Path) -> None:
     ports = [tmp_path / name for name in ("left", "right")]
     devices = [processes.stand_in(port, "--noise", f"seed={k}") for k, port in enumerate(ports)]

@@ -182,6 +182,7 @@ def test_a_reader_that_stops_reading_costs_only_the_output(processes: Processes,
         daemon.stderr.close()
 
 
+@pytest.mark.slow
 def test_a_service_manager_hears_ready_alive_and_stopping(
     processes: Processes, tmp_path: Path, monkeypatch
 ) -> None:

@@ -44,6 +44,7 @@ def test_compressed_engine_is_near_the_formulas(number: int) -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_files_are_what_the_tool_computes() -> None:
     done = subprocess.run(
         [sys.executable, ROOT / "tools/make_golden.py", "--check"],

@@ -101,6 +101,7 @@ def test_vector_table() -> None:
     assert len({unexpected, reset, interrupts[UART], interrupts[TC0]}) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mode", "handlers"),
     [
@@ -150,6 +151,7 @@ def disassembly(root: Path, function: str) -> list[str]:
     return found[1].splitlines()
 
 
+@pytest.mark.slow
 def test_unique_id_is_read_from_ram_alone(built: Path) -> None:
     lines = disassembly(built, "read_unique_words")
     assert int(lines[0].split(":")[0], 16) in RAM
@@ -159,6 +161,7 @@ def test_unique_id_is_read_from_ram_alone(built: Path) -> None:
         assert "read_unique_words" in line.partition("\t")[2], f"leaves the function: {line}"
 
 
+@pytest.mark.slow
 def test_no_double_and_no_libc(built: Path) -> None:
     command = ["arm-none-eabi-nm", "-C", str(built / ELF)]
     names = subprocess.run(command, capture_output=True, text=True, check=True).stdout
@@ -169,6 +172,7 @@ def test_no_double_and_no_libc(built: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_check_finds_a_changed_byte(built: Path, tmp_path: Path) -> None:
     root = copy_tree(tmp_path / "fltea")
     shutil.copytree(built / "firmware", root / "firmware", dirs_exist_ok=True)
@@ -213,6 +217,7 @@ def test_check_without_the_compiler_says_so(tmp_path: Path) -> None:
     assert "gcc-arm-none-eabi" in done.stderr
 
 
+@pytest.mark.slow
 def test_check_with_another_compiler_says_so(built: Path, tmp_path: Path) -> None:
     root = copy_tree(tmp_path)
     facts = record()
@@ -223,6 +228,7 @@ def test_check_with_another_compiler_says_so(built: Path, tmp_path: Path) -> Non
     assert "4.8.3" in done.stderr
 
 
+@pytest.mark.slow
 def test_failed_build_shows_the_compilers_words(built: Path, tmp_path: Path) -> None:
     root = copy_tree(tmp_path)
     (root / "firmware/due/main.cpp").write_text("int main() { return nothing; }\n")

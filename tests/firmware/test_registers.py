@@ -189,6 +189,7 @@ def test_all_peripherals_are_in_the_table() -> None:
             assert register["access"] in {"read-write", "read-only", "write-only"}
 
 
+@pytest.mark.slow
 def test_committed_files_are_up_to_date(svd: Path) -> None:
     done = generate(ROOT, "--check")
     assert done.returncode == 0, done.stderr

@@ -182,6 +182,7 @@ def test_tables_and_json(recording: Path) -> None:
     json.dumps(told, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_there_and_back(recording: Path, tmp_path: Path) -> None:
     """Noise that is drawn of an exported model has that model."""
     model, navigation = tmp_path / "m.json", tmp_path / "n.json"

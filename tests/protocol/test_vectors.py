@@ -13,8 +13,10 @@ import pytest
 from cobs import cobs
 from fltea import _native
 from fltea.wire import layout as wire
+from fltea.wire.block_reader import BlockReader
 from fltea.wire.framing import BadFrame, encode_frame
-from fltea.wire.messages import Frame, FrameReader, Refused, decode, encode
+from fltea.wire.messages import REASONS, Frame, FrameReader, Refused, decode, encode
+from native_frames import counted, flat, in_chunks
 from protocol_support import ROOT, names, records, run, table
 
 GOOD, BAD, STREAMS = records("good.txt"), records("bad.txt"), records("streams.txt")
@@ -56,6 +58,18 @@ def test_good_frame(record: list[tuple[str, str]]) -> None:
     assert _native.encode_message(kind, sequence, device_us, tuple(message)) == on_wire
 
 
+@pytest.mark.parametrize("record", GOOD, ids=names(GOOD))
+def test_good_frame_to_the_native_decoder(record: list[tuple[str, str]]) -> None:
+    row = dict(record)
+    kind, on_wire = int(row["type"]), bytes.fromhex(row["wire"])
+    (found,) = flat(BlockReader().feed(on_wire))
+    assert found.end == len(on_wire)
+    if kind in wire.MESSAGES:
+        assert repr(found.item) == repr(decode(cobs.decode(on_wire[:-1])))
+    else:
+        assert found.item == BadFrame("unknown_type", on_wire[:-1])
+
+
 def shown(item: Frame | BadFrame | Refused) -> str:
     match item:
         case Frame(kind, sequence, device_us, _):
@@ -72,26 +86,30 @@ def test_bad_frame(record: list[tuple[str, str]]) -> None:
     reader = FrameReader()
     assert list(map(shown, reader.feed_all(bytes.fromhex(data)))) == [" ".join(expected)]
     assert reader.counts == ({expected[1]: 1} if expected[0] == "bad" else {})
+    assert [shown(item) for item, _ in flat(BlockReader().feed(bytes.fromhex(data)))] == [" ".join(expected)]
 
 
-@pytest.mark.parametrize("step", [1, 2, 7, 64, 10_000])
 @pytest.mark.parametrize("record", STREAMS, ids=names(STREAMS))
-def test_stream(record: list[tuple[str, str]], step: int) -> None:
+def test_stream(record: list[tuple[str, str]]) -> None:
+    """Once through each decoder; that chunks do not matter is tested with any bytes."""
     data = b"".join(bytes.fromhex(value) for key, value in record if key == "bytes")
     expected = [f"{key} {value}" for key, value in record if key in ("frame", "bad", "refused")]
     counts = Counter({v.split()[0]: int(v.split()[1]) for key, v in record if key == "count"})
+    chunks = [data[i : i + 7] for i in range(0, len(data), 7)]
     reader = FrameReader()
-    found = [item for i in range(0, len(data), step) for item in reader.feed_all(data[i : i + step])]
+    found = [item for chunk in chunks for item in reader.feed_all(chunk)]
     assert list(map(shown, found)) == expected
     assert reader.counts == counts
     assert reader.bytes_in == len(data)
     good = FrameReader()
     assert repr(good.feed(data)) == repr([item for item in found if not isinstance(item, BadFrame)])
+    native = in_chunks(BlockReader(), chunks)
+    assert [shown(item) for item, _ in native] == expected
+    assert counted(native) == counts
+    assert counted(native).keys() <= {"frames", *REASONS}
 
 
 def test_every_reason_has_a_vector() -> None:
-    from fltea.wire.messages import REASONS
-
     assert {value for record in BAD for key, value in record if key == "bad"} == set(REASONS)
 
 

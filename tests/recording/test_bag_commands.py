@@ -19,6 +19,7 @@ from host_support import fltea
 N = 1200
 
 
+@pytest.mark.slow
 def test_from_a_bag_to_imu_yaml_in_one_command(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "drive.bag", {"/imu/data": even(N)}, words=["/chatter"])
     yaml = tmp_path / "imu.yaml"

@@ -50,6 +50,7 @@ def test_a_long_record_is_what_numpy_makes_of_it(n: int, seed: int) -> None:
     assert octaves.samples == octaves.counts(0).used == n
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.data())
 def test_stretches_between_gaps_are_what_numpy_makes_of_them(data: st.DataObject) -> None:

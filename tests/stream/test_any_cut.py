@@ -106,7 +106,7 @@ def walk_events(chosen: Config, found: Iterable[Event]) -> list[Any]:
 
 
 @given(stories(), st.sampled_from(SETTINGS), st.data())
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_samples_in_blocks_of_any_cut_give_the_same_records(
     story: Story, changes: dict[str, Any], data: st.DataObject
 ) -> None:

@@ -25,6 +25,7 @@ def evaluate(validate: Call, monkeypatch: pytest.MonkeyPatch) -> Call:
     return functools.partial(validate, "evaluate")
 
 
+@pytest.mark.slow
 def test_table_and_files(
     evaluate: Call, tiny: Result, drawn: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

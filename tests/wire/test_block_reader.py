@@ -1,12 +1,9 @@
-"""The native decoder against the Python one on any bytes, in any chunks, and against the vectors.
+"""The native decoder against the Python one on any bytes, in any chunks (vectors: tests/protocol).
 
 The oracle is `FrameReader` fed byte by byte: what comes with a byte ends behind that byte.
 """
 
-from collections import Counter
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,10 +11,11 @@ from fltea import _native
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import BlockReader, Decoded, Located, SampleColumns
 from fltea.wire.framing import BadFrame, Deframer, encode_frame
-from fltea.wire.messages import REASONS, Frame, FrameReader, Refused, encode
+from fltea.wire.messages import Frame, FrameReader, encode
 from hypothesis import given
 from hypothesis import strategies as st
-from protocol_support import fixed, messages, names, records, sequences, times
+from native_frames import Found, counted, flat, in_chunks
+from protocol_support import fixed, messages, sequences, times
 
 SAMPLE = wire.Sample(12, -7, 3, -120, 85, 16390, -1042, 5)
 NEXT = encode(SAMPLE, 99, 990_000)
@@ -61,34 +59,6 @@ halves = st.booleans().flatmap(lambda sample: sample_frames if sample else parts
 streams = st.lists(halves, max_size=12).map(b"".join)
 
 
-class Found(NamedTuple):
-    item: Frame | Refused | BadFrame
-    end: int
-
-
-def of_columns(columns: SampleColumns) -> Iterable[Found]:
-    for sequence, device_us, gyro, accel, temperature, flags, end in zip(*columns, strict=True):
-        sample = wire.Sample(*map(int, (*gyro, *accel, temperature, flags)))
-        yield Found(Frame(sample.TYPE, int(sequence), int(device_us), sample), int(end))
-
-
-def flat(found: list[Decoded], before: int = 0) -> list[Found]:
-    """What one call gave, item by item; `before` is the number of bytes fed before it."""
-    items: list[Found] = []
-    for one in found:
-        items += of_columns(one) if isinstance(one, SampleColumns) else [Found(*one)]
-    return [Found(item, before + end) for item, end in items]
-
-
-def in_chunks(reader: BlockReader, chunks: Iterable[bytes]) -> list[Found]:
-    return [item for chunk in chunks for item in flat(reader.feed(chunk), reader.bytes_in - len(chunk))]
-
-
-def counted(found: list[Found]) -> Counter[str]:
-    names = ("frames" if isinstance(item, Frame) else getattr(item, "reason", None) for item, _ in found)
-    return Counter(name for name in names if name)
-
-
 def chunks_of(data: bytes, sizes: list[int]) -> list[bytes]:
     chunks = []
     for size in sizes:
@@ -102,7 +72,7 @@ def oracle(data: bytes, reader: FrameReader) -> list[Found]:
 
 
 @given(streams)
-@fixed(400)
+@fixed(150)
 def test_it_gives_what_the_python_decoder_gives(data: bytes) -> None:
     python, native = FrameReader(), BlockReader()
     found = flat(native.feed(data))
@@ -114,9 +84,8 @@ def test_it_gives_what_the_python_decoder_gives(data: bytes) -> None:
     assert native.bytes_in == len(data)
 
 
-@pytest.mark.slow
 @given(streams, st.lists(st.one_of(st.integers(0, 30), st.integers(0, 300)), max_size=60))
-@fixed(300)
+@fixed(100)
 def test_chunks_do_not_matter(data: bytes, sizes: list[int]) -> None:
     expected = repr(flat(BlockReader().feed(data)))
     assert repr(in_chunks(BlockReader(), chunks_of(data, sizes))) == expected
@@ -216,50 +185,3 @@ def test_threads_may_share_a_decoder() -> None:
             assert columns is not None
             assert not others
             assert columns[0].tolist() == [k] * 2000
-
-
-GOOD, BAD, STREAMS = records("good.txt"), records("bad.txt"), records("streams.txt")
-
-
-@pytest.mark.parametrize("record", GOOD, ids=names(GOOD))
-def test_good_vector(record: list[tuple[str, str]]) -> None:
-    row = dict(record)
-    kind, payload = int(row["type"]), bytes.fromhex(row["payload"])
-    (found,) = flat(BlockReader().feed(bytes.fromhex(row["wire"])))
-    assert found.end == len(row["wire"]) // 2
-    if kind in wire.MESSAGES:
-        message = wire.MESSAGES[kind].unpack(payload)
-        expected = Frame(kind, int(row["sequence"]), int(row["device_us"]), message)
-        assert repr(found.item) == repr(expected)
-    else:
-        assert found.item == BadFrame("unknown_type", bytes.fromhex(row["wire"])[:-1])
-
-
-def shown(item: Frame | BadFrame | Refused) -> str:
-    match item:
-        case Frame(kind, sequence, device_us, _):
-            return f"frame {kind} {sequence} {device_us}"
-        case BadFrame(reason, _):
-            return f"bad {reason}"
-        case Refused(major, minor, schema):
-            return f"refused {major} {minor} {schema:08x}"
-
-
-@pytest.mark.parametrize("record", BAD, ids=names(BAD))
-def test_bad_vector(record: list[tuple[str, str]]) -> None:
-    _, expected, (_, data) = record
-    found = flat(BlockReader().feed(bytes.fromhex(data)))
-    assert [shown(item) for item, _ in found] == [" ".join(expected)]
-
-
-@pytest.mark.parametrize("step", [1, 2, 7, 64, 10_000])
-@pytest.mark.parametrize("record", STREAMS, ids=names(STREAMS))
-def test_stream_vector(record: list[tuple[str, str]], step: int) -> None:
-    data = b"".join(bytes.fromhex(value) for key, value in record if key == "bytes")
-    expected = [f"{key} {value}" for key, value in record if key in ("frame", "bad", "refused")]
-    found = in_chunks(BlockReader(), [data[i : i + step] for i in range(0, len(data), step)])
-    assert [shown(item) for item, _ in found] == expected
-    assert counted(found) == {
-        value.split()[0]: int(value.split()[1]) for key, value in record if key == "count"
-    }
-    assert counted(found).keys() <= {"frames", *REASONS}
