@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def period_s(rate_hz: float) -> float:
-    """The sampling period of a rate in Hz."""
+    """Return the sampling period of a rate in Hz."""
     if not (math.isfinite(rate_hz) and LOWEST_RATE_HZ <= rate_hz <= HIGHEST_RATE_HZ):
         raise ValueError(
             f"rate_hz is the sample rate in Hz, {LOWEST_RATE_HZ:g} to {HIGHEST_RATE_HZ:g}, got {rate_hz}"
@@ -20,7 +20,7 @@ def period_s(rate_hz: float) -> float:
 
 
 def finite(y: ArrayLike, what: str, remedy: str) -> Array:
-    """Numbers as an array of float; `remedy` is what to do about one that is not finite."""
+    """Return numbers as an array of float; `remedy` is what to do about one that is not finite."""
     try:
         found = np.asarray(y, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
@@ -33,7 +33,7 @@ def finite(y: ArrayLike, what: str, remedy: str) -> Array:
 
 
 def one_axis(y: ArrayLike) -> Array:
-    """Samples of one axis, (n,)."""
+    """Return samples of one axis, (n,)."""
     found = finite(
         y, "y", "leave them out only at the ends, or use fltea.Live and its skip(), which knows gaps."
     )

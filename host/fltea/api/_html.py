@@ -2,55 +2,57 @@
 
 from html import escape
 
-from fltea.api._said import Said
 from fltea.api._svg import Curve, log_log
+from fltea.api._tables import FittedAxis
 from fltea.records.fit import Interval
 
 UNDEFINED = "undefined"
 SMALLEST = 1e-16
-"""Of probabilities: what is below is none that anyone can tell."""
+"""The smallest probability that is shown as a number; below it "less than" is shown."""
 
 
 def page(body: str) -> str:
-    """A frame around it; colours are those of the notebook."""
+    """Return HTML in a frame, with the colours of the notebook."""
     return f'<div class="fltea" style="max-width:60em;margin:0.5em 0">{body}</div>'
 
 
-def axis_html(axis: str, said: Said, heading: str) -> str:
-    """One axis; whatever comes from a file is escaped."""
-    unit = said.unit
+def axis_html(axis: str, fitted: FittedAxis, heading: str) -> str:
+    """Return the HTML of one axis, in which all that comes from a file is escaped."""
+    unit = fitted.unit
     parameters = [
-        ("order α", said.alpha, ""),
-        ("parameter f", said.f, "s<sup>−α</sup>"),
-        ("F = h<sup>α</sup> f + α", said.F, ""),
-        ("variance s2", said.s2, f"({escape(unit)})²"),
-        ("white noise R", said.R, f"({escape(unit)})²"),
+        ("order α", fitted.alpha, ""),
+        ("parameter f", fitted.f, "s<sup>−α</sup>"),
+        ("F = h<sup>α</sup> f + α", fitted.F, ""),
+        ("variance s2", fitted.s2, f"({escape(unit)})²"),
+        ("white noise R", fitted.R, f"({escape(unit)})²"),
     ]
     rows = [f"<tr><th>{label}</th><td>{_interval(one)} {of}</td></tr>" for label, one, of in parameters]
-    if said.null_p is not None:
-        rows.append(f"<tr><th>p of the null test</th><td>{_probability(said.null_p)}</td></tr>")
-    if said.allan is not None:
+    if fitted.null_p is not None:
+        rows.append(f"<tr><th>p of the null test</th><td>{_probability(fitted.null_p)}</td></tr>")
+    if fitted.allan is not None:
         for name, of in (("N", "/√Hz"), ("B", ""), ("K", "/√s")):
-            value = getattr(said.allan, name)
+            value = getattr(fitted.allan, name)
             shown = "not seen" if value is None else f"{value:.3g} {escape(unit)}{of}"
             rows.append(f"<tr><th>{name}</th><td>{shown}</td></tr>")
     return (
-        f"<p><strong>{escape(axis)}: {escape(said.verdict)}</strong> <small>{escape(heading)}</small><br>"
-        f"{escape(said.text)}</p><table>{''.join(rows)}</table>{_curves(said)}"
+        f"<p><strong>{escape(axis)}: {escape(fitted.verdict)}</strong> <small>{escape(heading)}</small><br>"
+        f"{escape(fitted.text)}</p><table>{''.join(rows)}</table>{_curves(fitted)}"
     )
 
 
-def _curves(said: Said) -> str:
+def _curves(fitted: FittedAxis) -> str:
     shown = ""
-    if (s := said.spectrum) is not None:
+    if (s := fitted.spectrum) is not None:
         curves = [Curve(s.hz, s.density, "data"), Curve(s.hz, s.model, "model")]
-        shown += log_log("Spectrum (orange: fitted)", "frequency [Hz]", f"density [{said.unit}/√Hz]", curves)
-    if (a := said.allan) is not None:
+        shown += log_log(
+            "Spectrum (orange: fitted)", "frequency [Hz]", f"density [{fitted.unit}/√Hz]", curves
+        )
+    if (a := fitted.allan) is not None:
         curves = [Curve(a.tau_s, a.adev, "data", a.low, a.high), Curve(a.tau_s, a.model, "model")]
         shown += log_log(
             "Allan deviation, 95 % (orange: fitted)",
             "averaging time τ [s]",
-            f"deviation [{said.unit}]",
+            f"deviation [{fitted.unit}]",
             curves,
         )
     return shown

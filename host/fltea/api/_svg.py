@@ -15,7 +15,7 @@ STYLES = {
 
 
 class Curve(NamedTuple):
-    """Points of a line in one of `STYLES`; low and high: of the band around it."""
+    """The points of a line in one of `STYLES`, and the ends low and high of the band around it."""
 
     x: Sequence[float]
     y: Sequence[float]
@@ -25,7 +25,7 @@ class Curve(NamedTuple):
 
 
 class _Scale(NamedTuple):
-    """Decades between two ends to pixels."""
+    """A logarithmic scale between two ends, in pixels."""
 
     low: float
     high: float
@@ -42,7 +42,7 @@ class _Scale(NamedTuple):
 
 
 def log_log(title: str, x_label: str, y_label: str, curves: Sequence[Curve]) -> str:
-    """The chart; values that have no logarithm are left out. Empty if nothing is left."""
+    """Return the chart without values that have no logarithm, or nothing if no value has one."""
     xs = _usable(v for c in curves for v in c.x)
     ys = _usable(v for c in curves for v in c.y)
     if not xs or not ys:
@@ -83,7 +83,7 @@ def _usable(values: Iterable[float]) -> list[float]:
 
 
 def _ends(values: Sequence[float]) -> tuple[float, float]:
-    """Logarithms of the ends, with some room, also of one value."""
+    """Return logarithms of the ends, with some room, also of one value."""
     low, high = math.log10(min(values)), math.log10(max(values))
     room = max(0.05 * (high - low), 0.1)
     return low - room, high + room

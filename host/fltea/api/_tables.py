@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
-from fltea.api._said import PARAMETERS, Said
+from fltea.records.fit import FitAllan, FitSpectrum, Interval
 from fltea.records.whole_file import whole_file
 from fltea.settings.extras import load
 
@@ -12,24 +12,80 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def row(axis: str, said: Said) -> dict[str, Any]:
-    """One axis: each parameter with `_low` and `_high`, the ends of its interval."""
-    found: dict[str, Any] = {"axis": axis, "verdict": said.verdict, "unit": said.unit, "null_p": said.null_p}
+PARAMETERS = ("alpha", "f", "F", "s2", "R")
+
+
+class FittedAxis(Protocol):
+    """What is shown of an axis: `Identified` and the live `AxisFit` both have it."""
+
+    @property
+    def verdict(self) -> str:
+        """What the noise is, in a word or two."""
+
+    @property
+    def text(self) -> str:
+        """What the noise is, in sentences."""
+
+    @property
+    def unit(self) -> str:
+        """The unit of the samples."""
+
+    @property
+    def null_p(self) -> float | None:
+        """The p-value of the null test."""
+
+    @property
+    def alpha(self) -> Interval:
+        """The order α."""
+
+    @property
+    def f(self) -> Interval:
+        """The parameter f."""
+
+    @property
+    def F(self) -> Interval:
+        """The weight of the last state."""
+
+    @property
+    def s2(self) -> Interval:
+        """The variance of the innovations."""
+
+    @property
+    def R(self) -> Interval:
+        """The variance of the white noise."""
+
+    @property
+    def allan(self) -> FitAllan | None:
+        """The curve of the Allan deviation."""
+
+    @property
+    def spectrum(self) -> FitSpectrum | None:
+        """The curve of the spectrum."""
+
+
+def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
+    """Return the row of one axis: each parameter with the ends of its interval, `_low` and `_high`."""
+    found: dict[str, Any] = {
+        "axis": axis,
+        "verdict": fitted.verdict,
+        "unit": fitted.unit,
+        "null_p": fitted.null_p,
+    }
     for name in PARAMETERS:
-        one = getattr(said, name)
+        one = getattr(fitted, name)
         found |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
     for name in ("N", "B", "K"):
-        found[name] = None if said.allan is None else getattr(said.allan, name)
+        found[name] = None if fitted.allan is None else getattr(fitted.allan, name)
     return found
 
 
 def frame(rows: Sequence[Mapping[str, Any]]) -> "pd.DataFrame":
-    """Rows as a table, by axis."""
+    """Return a table of rows, with the axis as its index."""
     return _pandas().DataFrame(rows).set_index("axis")
 
 
 def columns(found: Mapping[str, Any], time_s: Any) -> "pd.DataFrame":
-    """Columns over time in s."""
+    """Return a table of columns over the time in s."""
     pandas = _pandas()
     return pandas.DataFrame(dict(found), index=pandas.Index(time_s, name="time_s"))
 

@@ -15,51 +15,51 @@ if TYPE_CHECKING:
 
 
 class Identified(msgspec.Struct, frozen=True):
-    """One axis, identified. A notebook shows it with its spectrum and Allan deviation.
+    """What was found out about one axis. A notebook shows it with its spectrum and Allan deviation.
 
     Intervals are of 95 %; their ends are None where the data do not define the parameter.
     """
 
     axis: str
     unit: str
-    """of the samples; s2 and R are in its square"""
+    """The unit of the samples; s2 and R are in its square."""
     samples: int
     rate_hz: float
     mean: float
     std: float
-    """standard deviation"""
+    """Standard deviation."""
     verdict: VerdictKind
-    """what the noise is, in a word or two"""
+    """What the noise is, in a word or two."""
     text: str
-    """the same in sentences: what it is, how sure that is, what to do"""
+    """The verdict in sentences: what the noise is, how sure that is, what to do."""
     null_p: float
-    """of the test whether the noise is white"""
+    """The p-value of the test whether the noise is white."""
     alpha: Interval
-    """order"""
+    """The order α."""
     f: Interval
-    """parameter, in s^-α"""
+    """The parameter f, in s^-α."""
     F: Interval
-    """h^α f + α: what the data say most about"""
+    """F = h^α f + α, which the data say most about."""
     s2: Interval
-    """variance of the state's innovations, h^2α Q"""
+    """Variance of the state's innovations, h^2α Q."""
     R: Interval
-    """variance of the white noise"""
+    """Variance of the white noise."""
     allan: FitAllan | None
-    """None of a record that is too short for it"""
+    """The Allan deviation, or None for a record that is too short for it."""
     spectrum: FitSpectrum
     details: AxisResult
-    """all figures of `fltea identify`: rivals, composite model (N, K, Gauss–Markov parts), peaks, FLTEA"""
+    """All figures of `fltea identify`: rivals, composite model (N, K, Gauss–Markov parts), peaks, FLTEA."""
 
     def __repr__(self) -> str:
         return f"Identified({self.axis}: {self.verdict}, {self.samples} samples at {self.rate_hz:g} Hz)"
 
     @property
     def duration_s(self) -> float:
-        """Length of the record in seconds."""
+        """The length of the record in seconds."""
         return self.samples / self.rate_hz
 
     def to_pandas(self) -> "pd.DataFrame":
-        """A table of one row: verdict, and every figure with the ends of its interval.
+        """Return a table of one row: verdict, and every figure with the ends of its interval.
 
         Raises:
             UsageError: pandas is not installed.
@@ -72,7 +72,7 @@ class Identified(msgspec.Struct, frozen=True):
 
 
 class Report(Mapping[str, Identified]):
-    """Axes by name, each identified. A notebook shows all of them."""
+    """What was found out about each axis, by its name. A notebook shows all axes."""
 
     def __init__(self, axes: Mapping[str, Identified]) -> None:
         self._axes = dict(axes)
@@ -90,7 +90,7 @@ class Report(Mapping[str, Identified]):
         return f"Report({', '.join(f'{name}: {found.verdict}' for name, found in self.items())})"
 
     def to_pandas(self) -> "pd.DataFrame":
-        """A table with a row an axis, as `Identified.to_pandas`.
+        """Return a table with a row an axis, as `Identified.to_pandas`.
 
         Raises:
             UsageError: pandas is not installed.

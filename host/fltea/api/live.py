@@ -19,7 +19,7 @@ GYRO = ("gyro_x", "gyro_y", "gyro_z")
 
 
 class LiveReport(Mapping[str, AxisFit]):
-    """Fits of all axes by name, of as many samples. A notebook shows all of them."""
+    """The fits of all axes by name, of as many samples. A notebook shows all axes."""
 
     def __init__(self, axes: Mapping[str, AxisFit], samples: int, rate_hz: float) -> None:
         self._axes = dict(axes)
@@ -39,7 +39,7 @@ class LiveReport(Mapping[str, AxisFit]):
         return f"LiveReport({self.samples} samples, {axes})"
 
     def to_pandas(self) -> "pd.DataFrame":
-        """A table with a row an axis: verdict, and every figure with the ends of its interval.
+        """Return a table with a row an axis: verdict, and every figure with the ends of its interval.
 
         Raises:
             UsageError: pandas is not installed.
@@ -75,7 +75,7 @@ class Live:
 
     @property
     def samples(self) -> int:
-        """Samples of an axis that were taken."""
+        """The number of samples of an axis that were taken."""
         return self._live.samples
 
     def add(self, y: ArrayLike) -> None:
@@ -84,7 +84,7 @@ class Live:
         Raises:
             ValueError: another shape, or values that are not finite; then nothing is taken.
         """
-        found = finite(y, "y", "lost samples are told by skip(count).")
+        found = finite(y, "y", "report lost samples by skip(count).")
         if found.ndim == 1 and len(self.axes) == 1:
             found = found[:, None]
         if found.ndim != 2 or found.shape[1] != len(self.axes):
@@ -106,7 +106,7 @@ class Live:
         self._live.skip(count)
 
     def fit(self, *, curves: bool = True, last: bool = False) -> LiveReport:
-        """What the noise is, by all samples so far.
+        """Return what the noise is, by all samples so far.
 
         Args:
             curves: with spectrum and Allan deviation.

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 IN_NAMES = {GYRO_UNIT: "dps", ACCEL_UNIT: "ms2"}
-"""Units as names of columns have them."""
+"""Each unit as the names of columns spell it."""
 
 
 class Recording(Mapping[str, Array]):
@@ -43,7 +43,7 @@ class Recording(Mapping[str, Array]):
 
     def __init__(self, name: str, loaded: Loaded) -> None:
         self.name = name
-        """what was opened"""
+        """What was opened."""
         self._loaded = loaded
 
     def __getitem__(self, axis: str) -> Array:
@@ -69,7 +69,7 @@ class Recording(Mapping[str, Array]):
 
     @property
     def time_s(self) -> Array:
-        """Time of each sample in s from the first one, (n,), by the rate; lost samples take their time.
+        """The time of each sample in s from the first one, (n,). Lost samples take their time.
 
         Where nobody knows how many were lost, as at a restart, no time passes.
         """
@@ -80,7 +80,7 @@ class Recording(Mapping[str, Array]):
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each axis."""
+        """The unit of each axis by its name."""
         return {name: series.unit for name, series in self._loaded.axes.items()}
 
     @property
@@ -109,7 +109,7 @@ class Recording(Mapping[str, Array]):
         return Report(found)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """A column an axis over `time_s`.
+        """Return a column an axis over `time_s`.
 
         Raises:
             UsageError: pandas is not installed.
@@ -135,10 +135,10 @@ class Recording(Mapping[str, Array]):
             f"<td>{escape(self.units[name])}</td></tr>"
             for name, y in self.items()
         )
-        told = "".join(f"<br>{escape(f'{trap.text} {trap.remedy}')}" for trap in self.traps)
+        problems = "".join(f"<br>{escape(f'{trap.text} {trap.remedy}')}" for trap in self.traps)
         return page(
             f"<p><strong>{escape(self.name)}</strong> {c.used:,} of {c.samples:,} samples "
-            f"at {self.rate_hz:g} Hz, {c.lost:,} lost in {c.gaps:,} gaps{told}</p>"
+            f"at {self.rate_hz:g} Hz, {c.lost:,} lost in {c.gaps:,} gaps{problems}</p>"
             f"<table><tr><th>axis</th><th>mean</th><th>σ</th><th>unit</th></tr>{rows}</table>"
         )
 

@@ -47,7 +47,7 @@ def identify(
 
 
 def of_series(axis: str, series: Series, h: float, options: IdentifyOptions) -> Identified:
-    """The same of an axis of a recording."""
+    """Return the same of an axis of a recording."""
     found = identify_axis(series.y, h, series.lsb, options, series.gaps)
     stretches = bridged(series.y, series.gaps)
     seen = examined_stretches(stretches, len(series.y), h, options.from_hz, options.notch_hz)

@@ -30,11 +30,11 @@ class Simulated(msgspec.Struct, frozen=True):
     R: float
 
     def identify(self) -> Identified:
-        """What `fltea.identify` says of y."""
+        """Return what `fltea.identify` says of y."""
         return identify(self.y, self.rate_hz)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Table of y and the state over the time in s.
+        """Return a table of y and the state over the time in s.
 
         Raises:
             UsageError: pandas is not installed.

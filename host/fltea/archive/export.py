@@ -32,7 +32,7 @@ from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 
 Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
-"""What an array of whole numbers takes, differences too."""
+"""The type of an array of whole numbers, which holds their differences, too."""
 
 Axis = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(AXES + ACCEL_AXES)})$")]
 
@@ -68,7 +68,7 @@ OF_ALL = ("epoch", "seq", "device_us", "host_ns")
 
 
 class Table(NamedTuple):
-    """Columns and rows, as they come."""
+    """The names of a table's columns, and its rows as they come."""
 
     columns: list[str]
     rows: Iterator[list[Any]]
@@ -122,7 +122,7 @@ def export(
 def decode(
     paths: Sequence[Path], max_gap: Duration, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
 ) -> Iterator[Decoded]:
-    """The samples of a recording of any kind."""
+    """Yield the samples of a recording of any kind."""
     if len(paths) == 1 and is_one_file(paths[0]):
         source: Any = ReplaySource(paths[0], how=how, limits=limits)
     else:
@@ -135,7 +135,7 @@ def decode(
 
 
 class DeviceTime:
-    """Seconds since the first sample by the device's clock; where it began again, the host's bridges."""
+    """The seconds since the first sample by the device's clock, bridged by the host's where it restarts."""
 
     def __init__(self) -> None:
         self._origin_us: int | None = None
@@ -144,7 +144,7 @@ class DeviceTime:
         self._last: tuple[int, int, float] = (0, 0, 0.0)
 
     def add(self, found: Decoded) -> Array:
-        """Times of the next samples [s], (n,); they always increase."""
+        """Return times of the next samples [s], (n,); they always increase."""
         block = found.block
         seq, device_us, time_s = self._last
         first_us = int(block.device_us[0])
@@ -160,7 +160,7 @@ class DeviceTime:
 
 
 def sample_table(decoded: Iterable[Decoded]) -> Table:
-    """One row a sample; what a recording does not have stays empty."""
+    """Return a table with one row a sample; what a recording does not have stays empty."""
     columns = ["time_s", *(f"{axis}_dps" for axis in AXES), *(f"{axis}_ms2" for axis in ACCEL_AXES)]
     columns += ["temperature_c", "epoch", "seq", "device_us", "host_ns", "flags"]
 
@@ -239,12 +239,12 @@ def _counts(values: Values) -> NDArray[np.int32]:
 
 
 def published_table(paths: Sequence[Path], what: What, limits: Limits = DEFAULT_LIMITS) -> Table:
-    """What was published, a row a record: estimates of either kind, or fits."""
+    """Return a table with one row a record: estimates of either kind, or fits."""
     return fit_table(paths, limits) if what == "fits" else estimate_table(paths, what, limits)
 
 
 def fit_table(paths: Sequence[Path], limits: Limits = DEFAULT_LIMITS) -> Table:
-    """One row a fit; what the data did not define stays empty. fractional: whether the verdict says so.
+    """Return a table with one row a fit; what the data did not define stays empty.
 
     Raises:
         UsageError: no recording, or one without fits.
@@ -278,7 +278,7 @@ def fit_table(paths: Sequence[Path], limits: Limits = DEFAULT_LIMITS) -> Table:
 
 
 def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS) -> Table:
-    """One row an estimate, as it was published; what was not valid stays empty.
+    """Return a table with one row an estimate as published; what was not valid stays empty.
 
     what: "estimates", or "device_estimates" for those that the device made beside the host's.
 
@@ -311,7 +311,7 @@ def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limi
 
 
 def gather_rows(spool: Spool, table: Table) -> int:
-    """The same as arrays, NaN for what was not valid; their length."""
+    """Return the same as arrays with NaN for what was not valid, and their length."""
     count = 0
     while rows := list(islice(table.rows, AT_ONCE)):
         for name, values in zip(table.columns, zip(*rows, strict=True), strict=True):
@@ -349,7 +349,7 @@ _Kind = TypeVar("_Kind", _Estimate, _Fit)
 def _published(
     paths: Sequence[Path], topic: str, decoder: "msgspec.json.Decoder[_Kind]", limits: Limits
 ) -> Iterator[_Kind]:
-    """The records of one kind in a recording, as they were published."""
+    """Yield the records of one kind in a recording, as they were published."""
     if is_one_file(paths[0]):
         return
     from fltea.sources.mcap import read_entries
@@ -364,7 +364,7 @@ def _published(
 
 
 def _number(value: float | bool | str | None) -> float | None:
-    """Truths as 1 and 0; so is whether white noise is rejected."""
+    """Return a value as a number: 1 and 0 for true and false, also for rejected white noise."""
     if isinstance(value, str):
         value = value == "rejected"
     return int(value) if isinstance(value, bool) else value

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 
 class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
-    """One recording.
+    """The summary of one recording.
 
     whole: its files were finished in an orderly way. breaks: places where the recorder missed something.
     epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as in `stats`.
     resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what reading it
-    told, as the texts of `error` records. about: what else the file says of itself.
+    reported, as the texts of `error` records. about: what else the file says of itself.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
 
 
 def sessions(paths: Sequence[Path]) -> list[list[Path]]:
-    """The recordings in these files and folders, each as the files it is made of.
+    """Return the recordings in these files and folders, each as the files it is made of.
 
     Raises:
         UsageError: there is none.
@@ -151,7 +151,7 @@ def _size_bytes(path: Path) -> int:
 
 
 def as_text(s: Summary) -> str:
-    """The summary for a person, a line a fact."""
+    """Return the summary for a person, a line a fact."""
     lines: list[tuple[str, Any]] = [("recording", s.name)]
     if s.session is not None:
         lines.append(("device", f"{s.device}, session {s.session}"))
@@ -184,8 +184,8 @@ def as_text(s: Summary) -> str:
 def _hello_lines(h: Hello) -> list[tuple[str, str]]:
     lines = []
     if h.device_id is not None:
-        lines.append(("firmware", f"{h.firmware_version or 'not told'}, device id {h.device_id}"))
-    sensor = h.sensor or "sensor not told"
+        lines.append(("firmware", f"{h.firmware_version or 'not known'}, device id {h.device_id}"))
+    sensor = h.sensor or "sensor not known"
     if h.gyro_range_dps:
         sensor += f", ±{h.gyro_range_dps:g} deg/s"
     if h.gyro_lsb_per_dps:

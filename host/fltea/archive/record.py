@@ -24,7 +24,7 @@ from fltea.stream.decode import Decoder
 
 STATUS_NS = 10**9
 STATUS_QUIET_NS = 60 * 10**9
-"""How often the line of status comes: on a terminal, where it is overwritten, and elsewhere."""
+"""Nanoseconds between two lines of status: on a terminal, where they are overwritten, and elsewhere."""
 
 
 def record(config: Config, seconds: float | None) -> str:
@@ -57,7 +57,7 @@ def record(config: Config, seconds: float | None) -> str:
 
 
 class _Recorder:
-    """The sink, and what is decoded beside it for its JSON channels."""
+    """The sink that keeps the bytes, with the records that are decoded for its JSON channels."""
 
     def __init__(self, source: Source, config: Config) -> None:
         self._source, self._name = source, config.name or "device"
@@ -87,7 +87,7 @@ class _Recorder:
 
     @property
     def lost(self) -> int:
-        """Items that no file took, and bytes that had to be thrown away before they could be given to one."""
+        """The number of items that no file took, and of bytes that were thrown away before."""
         return self._sink.lost + self._source.link_stats().overflow_bytes
 
     def close(self) -> None:
@@ -97,7 +97,7 @@ class _Recorder:
             self._say("")
 
     def summary(self) -> str:
-        """One line: how much there is, and what is missing."""
+        """Return one line: how much there is, and what is missing."""
         count, rate_hz = self._decoder.place, None
         if self._decoder.timebase is not None:
             rate_hz = self._decoder.timebase.rate_hz
@@ -131,7 +131,7 @@ class _Recorder:
         self._say(f"{kind}: {message}")
 
     def _say(self, text: str, passing: bool = False) -> None:
-        """A line on stderr; on a terminal one that is `passing` gives way to the next."""
+        """Write a line on stderr; on a terminal one that is `passing` gives way to the next."""
         text = visible_lines(text)
         if self._live:
             sys.stderr.write(f"\r\x1b[K{text}" + ("" if passing or not text else "\n"))

@@ -54,7 +54,7 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Entry point: every expected failure is one line on stderr and an exit code."""
+    """Run the command; every expected failure is one line on stderr and an exit code."""
     try:
         if sys.stdout is None:
             raise UsageError("standard output is closed; give it a file, a pipe or /dev/null.")

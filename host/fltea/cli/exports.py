@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Files(NamedTuple):
-    """Which of them are wanted. inflation: factors of imu.yaml."""
+    """The files that are wanted; inflation has the factors of imu.yaml."""
 
     model: Path | None
     yaml: Path | None
@@ -20,12 +20,12 @@ class Files(NamedTuple):
 
     @property
     def any(self) -> bool:
-        """Whether one is."""
+        """Whether any export is asked for."""
         return any(path is not None for path in (self.model, self.yaml, self.navigation))
 
 
 def parse_inflation(text: str | None, yaml: Path | None) -> tuple[float, float]:
-    """The factors of `10` or `5,10`: of noise densities and of random walks; 1 of None.
+    """Return the factors of `10` or `5,10`: of noise densities and of random walks; 1 of None.
 
     Raises:
         UsageError: they are no numbers, or below 1, or there is no imu.yaml to write them to.

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from fltea.fleet.program import Fleet
 
 SETTLED_S = 1.0
-"""The broker has said all that it retained when nothing came for so long."""
+"""Seconds without a message after which the broker has sent all that it retains."""
 
 FIRST_S = 10.0
-"""So long the broker is waited for with --json."""
+"""Seconds that the broker is waited for with --json."""
 
 
 def fleet(
@@ -85,7 +85,7 @@ def fleet(
     json: Annotated[
         bool,
         typer.Option(
-            "--json", help="No page: print the fleet in numbers as one line, once the broker has told all."
+            "--json", help="No page: print the fleet in numbers as one line, once the broker has sent all."
         ),
     ] = False,
     every: Annotated[
@@ -222,7 +222,7 @@ def _turn(running: "Fleet", seconds: float) -> None:
 
 
 def _settle(running: "Fleet", quiet_s: float) -> None:
-    """Until all that the broker retains has been asked for, and nothing new came for a while."""
+    """Wait until the broker has sent all that it retains, and nothing new came for a while."""
     before = -1, False
     while before != (len(running.roll.sensors), True):
         before = len(running.roll.sensors), running.is_complete

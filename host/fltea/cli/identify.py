@@ -238,7 +238,7 @@ def identify(
 
 
 def parse_notch(text: str) -> tuple[float, float]:
-    """The band of `31.4±0.5`, `31.4+-0.5` or `30.9-31.9` in Hz.
+    """Return the band of `31.4±0.5`, `31.4+-0.5` or `30.9-31.9` in Hz.
 
     Raises:
         UsageError: it is none.
@@ -327,7 +327,7 @@ def _bar() -> "Iterator[Progress]":
 
 
 def _show(reports: "Sequence[FileReport]") -> None:
-    """Tables on stdout."""
+    """Write tables on stdout."""
     from rich.console import Console
 
     from fltea.identification.terminal import show, summary
@@ -342,7 +342,7 @@ def _show(reports: "Sequence[FileReport]") -> None:
 
 
 def _fail(reports: "Sequence[FileReport]") -> None:
-    """End with the first failure, if there was one; the others are told before."""
+    """End with the first failure, if there was one, after all others were reported."""
     from fltea.identification.run import Failure
 
     failures = []

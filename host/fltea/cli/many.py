@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".parquet"
 TELL_S = 30.0
-"""Between two lines on a stderr that is no terminal."""
+"""Seconds between two lines on a stderr that is no terminal."""
 
 
 def check(files: Sequence[str], out: Path | None, others: Sequence[str]) -> None:

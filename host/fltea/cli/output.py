@@ -44,7 +44,7 @@ def print_lines(text: str) -> None:
 
 @contextlib.contextmanager
 def result_console() -> "Iterator[Console]":
-    """What is drawn on it goes to stdout at its end."""
+    """Yield a console; what is drawn on it goes to stdout at its end."""
     from rich.console import Console
 
     console = Console()

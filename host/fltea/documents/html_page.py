@@ -15,7 +15,7 @@ MEANING = (
 
 
 def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
-    """The page. body, made_by, head: HTML, in which all that comes from elsewhere is escaped already."""
+    """Return the page. body, made_by and head are HTML, in which foreign text is escaped already."""
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -26,5 +26,5 @@ def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
 
 
 def wide_table(head: str, lines: Sequence[str]) -> str:
-    """A table that scrolls by itself where there is no room. head, lines: HTML of its rows."""
+    """Return a table that scrolls by itself where there is no room. head, lines: HTML of its rows."""
     return f'<div class="wide"><table>{head}<tbody>{"".join(lines)}</tbody></table></div>'

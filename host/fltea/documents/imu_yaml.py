@@ -11,16 +11,16 @@ from fltea.records.visible import visible
 
 
 class Shown(NamedTuple):
-    """N or K of one axis: None where the curve does not show it, and `reason` says why."""
+    """N or K of one axis, or None where the curve does not show it and `reason` says why."""
 
     value: float | None
     reason: str = ""
     origin: str = ""
-    """where it comes from, if not from the Allan deviation"""
+    """The origin of the figure, if it is not the Allan deviation."""
 
 
 class AxisNoise(NamedTuple):
-    """N and K of one axis: in deg/√s and (deg/s)/√s, of an accelerometer with m/s² for deg/s."""
+    """N and K of one axis, in deg/√s and (deg/s)/√s; for an accelerometer m/s² stands for deg/s."""
 
     N: Shown
     K: Shown
@@ -47,7 +47,7 @@ def imu_yaml(
     rostopic: str = "/imu0",
     inflation: Inflation = AS_MEASURED,
 ) -> str:
-    """The text of the file, for axes by name; source: what they were identified from.
+    """Return the text of the file, for axes by name; source: what they were identified from.
 
     Kalibr has one figure for all axes: it gets that of the worst. What is not known is a comment. Of inflated
     figures the comment has what was measured.
@@ -80,7 +80,7 @@ def imu_yaml(
 
 
 def _about(inflation: Inflation) -> list[str]:
-    """What the factors are for."""
+    """Return what the factors are for."""
     if inflation == AS_MEASURED:
         return [
             "# These are figures of a sensor at rest. In motion come errors of scale, alignment and",
@@ -98,7 +98,7 @@ def _about(inflation: Inflation) -> list[str]:
 def _entry(
     key: str, found: Mapping[str, Shown], unit: str, factor: float, without: str = "no axis was analysed"
 ) -> list[str]:
-    """The largest of the axes, in rad where the unit has it, and whose it is."""
+    """Return the largest figure of the axes, in rad where the unit is one of angles, and its axis."""
     known = {axis: one.value for axis, one in found.items() if one.value is not None}
     if not known:
         reasons = dict.fromkeys(one.reason for one in found.values())
@@ -118,7 +118,7 @@ def _entry(
 
 
 def _plain(topic: str) -> str:
-    """A name of a topic as YAML; quoted if it is none that ROS allows."""
+    """Return a name of a topic as YAML; quoted if it is none that ROS allows."""
     return (
         topic if re.fullmatch(r"[A-Za-z0-9_/~]+", topic) else json.dumps(visible(topic), ensure_ascii=False)
     )

@@ -35,14 +35,14 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tau_s: tuple[float, ...]
     deviation: tuple[float, ...]
     low: tuple[float, ...]
-    """95 % interval"""
+    """95 % interval."""
     high: tuple[float, ...]
     degrees_of_freedom: tuple[float, ...]
     N: Coefficient
-    """per √s, which is the same as the unit over √Hz"""
+    """N in the unit per √s, which is the same as the unit over √Hz."""
     B: Coefficient
     K: Coefficient
-    """the unit per √s"""
+    """The unit per √s."""
 
 
 class Scale(NamedTuple):
@@ -53,7 +53,7 @@ class Scale(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """Of one sensor."""
+    """The scales of N, B and K for one sensor."""
 
     N: Scale
     B: Scale
@@ -61,14 +61,14 @@ class Scales(NamedTuple):
 
 
 def scales(unit: str) -> Scales:
-    """The units of data sheets for a curve in deg/s; of another unit its own."""
+    """Return the units of data sheets for a curve in deg/s; of another unit its own."""
     if unit == "deg/s":
         return Scales(Scale("deg/√h", SQRT_HOUR), Scale("deg/h", HOUR), Scale("deg/h/√h", HOUR * SQRT_HOUR))
     return Scales(Scale(f"{unit}/√Hz", 1.0), Scale(unit, 1.0), Scale(f"{unit}/√s", 1.0))
 
 
 def allan(y: ArrayLike, h: float, unit: str = "deg/s") -> Allan:
-    """Allan deviation of one axis (n,) in `unit`, without missing samples, at a sampling period of h s.
+    """Return the Allan deviation of one axis (n,) in `unit`, with no sample missing; h is the period in s.
 
     Raises:
         ValueError: y is not finite, constant or shorter than SHORTEST_RECORD, or h is not positive.
@@ -77,7 +77,7 @@ def allan(y: ArrayLike, h: float, unit: str = "deg/s") -> Allan:
 
 
 def allan_of_stretches(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
-    """The same of several stretches (n,), each overlapping in itself, as far as a quarter of the longest.
+    """Return the same of several stretches (n,), as far as a quarter of the longest. Each overlaps in itself.
 
     Raises:
         ValueError: as `allan`; the longest stretch is shorter than SHORTEST_RECORD.
@@ -98,7 +98,7 @@ def allan_of_stretches(stretches: Sequence[Array], h: float, unit: str = "deg/s"
 
 
 def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
-    """Degrees of freedom of all stretches together, by their number of terms."""
+    """Return degrees of freedom of all stretches together, by their number of terms."""
     if len(lengths) == 1:
         return full_overlap(power, factors, lengths[0])
     m = np.asarray(factors, dtype=np.float64)
@@ -110,7 +110,7 @@ def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int
 
 
 def with_white_noise(found: Allan, white: Estimate) -> Allan:
-    """The curve with N from the spectrum, if that has white noise whose ends are known.
+    """Return the curve with N from the spectrum, if that has white noise whose ends are known.
 
     Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
     there is; the fit of the spectrum knows of both.
@@ -123,14 +123,14 @@ def with_white_noise(found: Allan, white: Estimate) -> Allan:
 
 
 def averaging_factors(samples: int) -> NDArray[np.int64]:
-    """Samples that are averaged for each point of the curve, PER_DECADE a decade."""
+    """Return samples that are averaged for each point of the curve, PER_DECADE a decade."""
     longest = max(int(samples * LONGEST_SHARE), 1)
     count = 1 + math.ceil(PER_DECADE * math.log10(longest))
     return np.unique(np.rint(np.geomspace(1, longest, count)).astype(np.int64))
 
 
 def overlapping(y: Array, factors: NDArray[np.int64]) -> Array:
-    """Overlapping Allan deviation of y (n,) for each factor, in the unit of y: that of allantools' `oadev`.
+    """Return the overlapping Allan deviation of y (n,) for each factor, as allantools' `oadev` has it.
 
     Blocks stay in the cache and memory is one array more, also for a day at 100 Hz.
     """
@@ -138,7 +138,7 @@ def overlapping(y: Array, factors: NDArray[np.int64]) -> Array:
 
 
 def overlapping_stretches(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array:
-    """The same of several stretches, averaged by their number of terms."""
+    """Return the same of several stretches, averaged by their number of terms."""
     squares, terms = np.zeros(len(factors)), np.zeros(len(factors))
     for y in stretches:
         phase = np.empty(len(y) + 1)

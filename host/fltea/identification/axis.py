@@ -1,4 +1,4 @@
-"""All that is said of one axis of one recording."""
+"""All that `fltea identify` finds out about one axis of one recording."""
 
 import math
 from collections.abc import Sequence
@@ -35,13 +35,13 @@ class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     estimator: EstimatorConfig = EstimatorConfig()
     from_hz: float = 0.0
-    """ordinates of the periodogram below are left out"""
+    """Ordinates of the periodogram below are left out."""
     notch_hz: tuple[tuple[float, float], ...] = ()
-    """bands that are left out"""
+    """Bands that are left out."""
     shuffles: int = 200
-    """shuffled copies; 0 for none"""
+    """Shuffled copies; 0 for none."""
     seed: int = 0
-    """of the shuffles"""
+    """The seed of the shuffles."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.from_hz) and self.from_hz >= 0):
@@ -61,11 +61,11 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     critical_5_percent: float
     critical_1_percent: float
     p_without_peaks: float
-    """without the lines and resonances that were found"""
+    """The p-value without the lines and resonances that were found."""
     p_clean: float
-    """of these, on the ordinates of `band`"""
+    """The p-value of the ordinates of `band` without them."""
     shuffled: ShuffledBand | None
-    """of the variant of `AxisResult.fltea`"""
+    """The shuffled copies by the variant of `AxisResult.fltea`."""
 
 
 class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -73,7 +73,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     samples: int
     longest_stretch: int
-    """of them, without a break but for bridged gaps; narrow lines and the drift rate are looked for in it"""
+    """Samples without a break but for bridged gaps, in which narrow lines and the drift rate are sought."""
     rate_hz: float
     duration_s: float
     mean: float
@@ -81,18 +81,18 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     verdict: Verdict
     null: NullResult
     whittle: FractionalFit
-    """fitted to the ordinates of `band`, as the rivals are"""
+    """Fitted to the ordinates of `band`, as the rivals are."""
     band: Band
     rivals: Contest
     composite: Composite
-    """white noise, Gauss–Markov parts, random walk, quantisation, fitted to the same"""
+    """White noise, Gauss–Markov parts, random walk, quantisation, fitted to the same."""
     peaks: tuple[Peak, ...]
     fltea: FlteaFit
-    """the variant of the options"""
+    """The variant of the options."""
     fltea_other: FlteaFit
-    """the other variant"""
+    """The other variant."""
     innovations: dict[str, Innovations | None]
-    """of FLTEA, by variant"""
+    """The innovations of FLTEA by variant."""
 
 
 def identify_axis(

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 COPIES = 60
 POINTS = 400
-"""Of a trajectory, at most."""
+"""The largest number of points of a trajectory."""
 LAGS = 100
 ORDERS = np.linspace(0, HIGHEST_ORDER - 0.01, 41)
 
@@ -36,7 +36,7 @@ class Spectrum(NamedTuple):
     hz: Array
     power: Array
     counts: Array
-    """ordinates in each bin"""
+    """Ordinates in each bin."""
 
 
 class Path(NamedTuple):
@@ -58,12 +58,12 @@ class Curves(NamedTuple):
     spectrum: Spectrum
     orders: Array
     deviance: Array
-    """2 log L below the best fit, of the best fit that has the order"""
+    """2 log L below the best fit, of the best fit that has the order."""
     critical: Array
-    """up to which the order is in its interval"""
+    """The deviance up to which the order is in its interval."""
     path: Path
     autocorrelation: Array
-    """of FLTEA's innovations in the last two thirds, lags 1 to `LAGS`"""
+    """The autocorrelation of FLTEA's innovations in the last two thirds, at lags 1 to `LAGS`."""
     innovations: int
 
 
@@ -100,7 +100,7 @@ def curves(
 
 
 def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
-    """The data, as far as FLTEA is run over them, in lane 0; in the others white noise, drawn from them.
+    """Return the data over which FLTEA is run in lane 0, and white noise drawn from them in the others.
 
     Returns the innovations of the data, too.
     """
@@ -138,7 +138,7 @@ def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOp
 def _baselines(
     window: Array, bias: float, R: float, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array]:
-    """Bias and R of all lanes; those of the copies from their own start-up windows, where the data's are."""
+    """Return bias and R of all lanes; the copies have those of their own start-up windows."""
     biases, Rs = lane_baselines(window, config, lsb)
     # A copy can happen to be constant, of data that hardly ever change.
     Rs = np.maximum(Rs, 1e-6 * R) if config.R == "auto" else Rs
@@ -146,7 +146,7 @@ def _baselines(
 
 
 def _quantiles(values: Array) -> Array:
-    """Over the copies, (points, 3); NaN without any."""
+    """Return quantiles over the copies, (points, 3), or NaN where there are none."""
     found = np.full((len(values), 3), np.nan)
     for row, these in zip(found, values, strict=True):
         finite = these[np.isfinite(these)]

@@ -7,7 +7,10 @@ ENCRYPTED = ("tls", "wss")
 
 
 def trust_warning(address: str) -> str | None:
-    """What to say before a cluster at `address` is used; None if nobody else can be on the way to it."""
+    """Return what to say before a cluster at `address` is used.
+
+    None if nobody else can be on the way to it.
+    """
     try:
         url = urlsplit(address if "://" in address else f"tcp://{address}")
         if url.scheme in ENCRYPTED or _is_loopback(url.hostname or ""):

@@ -24,7 +24,7 @@ CONNECT_S = 10.0
 LONELY_S = 60.0
 """How long a cluster may be without any worker."""
 RETRIES = 3
-"""Of a task that has failed; one whose worker died is not counted here, but by the scheduler."""
+"""Tries of a task that has failed; those of a task whose worker died are counted by the scheduler."""
 SETTINGS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY"
 
 
@@ -65,7 +65,7 @@ class DaskWorkers:
 
     @property
     def slots(self) -> int:
-        """Two a thread: the next one is there when one is done."""
+        """Two tasks a thread are worth handing over, so that the next one is there when one is done."""
         return max(2, 2 * self._threads())
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
@@ -81,7 +81,7 @@ class DaskWorkers:
         return future
 
     def renew(self) -> None:
-        """Deaths are the scheduler's affair."""
+        """Do nothing, since the scheduler replaces workers that die."""
 
     def check(self) -> None:
         """Complain when there has been no worker for a minute, or the scheduler is gone.
@@ -98,7 +98,7 @@ class DaskWorkers:
             raise FlteaError(f"--dask {self._address}: there has been no worker for {LONELY_S:.0f} s.")
 
     def _threads(self) -> int:
-        """Of all workers.
+        """Return the number of threads of all workers.
 
         Raises:
             FlteaError: the scheduler is gone.
@@ -124,7 +124,7 @@ class DaskWorkers:
 
 
 def _connected(address: str) -> Any:
-    """A client of the scheduler there.
+    """Return a client of the scheduler there.
 
     Dask's client may take 20 s to go away if it fails as it is made, with a traceback: so all that can be
     checked before that is.

@@ -32,7 +32,7 @@ HIGHEST_DEVIANCE = 20.0
 
 
 def draw(axis: AxisReport) -> dict[str, bytes]:
-    """The figures by their names in `TITLES`; that of the Allan deviation only where there is one."""
+    """Return the figures by their names in `TITLES`; that of the Allan deviation only where there is one."""
     assert axis.curves is not None
     return {name: _png(paint, axis, axis.curves) for name, paint in _PAINTERS.items() if _has(name, axis)}
 
@@ -124,7 +124,7 @@ def _path(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
 
 
 def _limits(value: Array, white: Array) -> tuple[float, float]:
-    """Of all but the first tenth, in which everything moves."""
+    """Return the limits of all but the first tenth, in which everything moves."""
     late = slice(len(value) // 10, None)
     known = np.concatenate([value[late], white[late].ravel()])
     known = known[np.isfinite(known)]
@@ -222,4 +222,4 @@ TITLES = {
         "model does not describe this noise.",
     ),
 }
-"""Of each figure, and how to read it."""
+"""The title of each figure, and how to read it."""

@@ -25,7 +25,7 @@ Row = tuple[str, str]
 
 
 def document(reports: Sequence[FileReport]) -> dict[str, Any]:
-    """All of it, for JSON."""
+    """Return all of it, for JSON."""
     return {"files": [_file(report) for report in reports]}
 
 
@@ -62,7 +62,7 @@ def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
 
 
 def heading(report: FileReport) -> str:
-    """What the recording is, in a line."""
+    """Return what the recording is, in a line."""
     if report.recording is None:
         return ""
     hello, c = report.recording.hello, report.recording.counts
@@ -73,7 +73,7 @@ def heading(report: FileReport) -> str:
 
 
 def doubts(report: FileReport) -> list[str]:
-    """What the device or the link said of the samples; nothing where all is well."""
+    """Return what the device or the link said of the samples; nothing where all is well."""
     if report.recording is None:
         return []
     c = report.recording.counts
@@ -88,7 +88,10 @@ def doubts(report: FileReport) -> list[str]:
 
 
 def traps(report: FileReport) -> list[tuple[str, Trap]]:
-    """All of a recording with their axis, the worst first; what several axes have in common comes once."""
+    """Return all of a recording with their axis, the worst first.
+
+    What several axes have in common comes once.
+    """
     found: dict[tuple[str, str], tuple[list[str], Trap]] = {}
     of_axes = [(name, axis.traps) for name, axis in report.axes.items() if isinstance(axis, AxisReport)]
     of_all = report.recording.traps if report.recording else ()
@@ -100,7 +103,7 @@ def traps(report: FileReport) -> list[tuple[str, Trap]]:
 
 
 def rows(axis: AxisReport) -> list[Row]:
-    """One axis."""
+    """Return the rows of one axis for the report."""
     r = axis.result
     found = [
         (f"mean [{axis.unit}]", f"{r.mean:.4g}"),
@@ -147,7 +150,10 @@ def rows(axis: AxisReport) -> list[Row]:
 
 
 def composite_rows(axis: AxisReport) -> list[Row]:
-    """What a navigation filter needs; of a gyroscope in the units of data sheets, with the 95 % interval."""
+    """Return what a navigation filter needs.
+
+    Of a gyroscope in the units of data sheets, with the 95 % interval.
+    """
     c, unit = axis.result.composite, axis.unit
     degrees = unit == GYRO_UNIT
     found = [
@@ -174,13 +180,13 @@ def composite_rows(axis: AxisReport) -> list[Row]:
 
 
 def _estimate(e: Estimate, factor: float = 1.0) -> str:
-    """The value and its interval; … without a number: no such end is known."""
+    """Return the value and its interval; … without a number: no such end is known."""
     low, high = ("" if end is None else f"{end * factor:.3g}" for end in (e.low, e.high))
     return f"{e.value * factor:.3g}" + (f" ({low}…{high})" if low or high else ", not known well")
 
 
 def settings(axis: AxisReport) -> str:
-    """What FLTEA was run with, in a line."""
+    """Return what FLTEA was run with, in a line."""
     f = axis.result.fltea
     guard = ", ".join(f"{cause} {n:,}" for cause, n in f.interventions.items()) or "never"
     drift = NONE if f.alpha_drift is None else f"{f.alpha_drift:+.3g}"
@@ -192,7 +198,7 @@ def settings(axis: AxisReport) -> str:
 
 
 def not_described(axes: Mapping[str, AxisReport]) -> list[str]:
-    """Of which axes a filter's α and f, and their deviations, say nothing: a sentence for each variant."""
+    """Return a sentence for each variant whose α and f say nothing about some axes."""
     names: dict[str, list[str]] = {}
     for name, axis in axes.items():
         for fit in (axis.result.fltea, axis.result.fltea_other):
@@ -206,7 +212,7 @@ def not_described(axes: Mapping[str, AxisReport]) -> list[str]:
 
 
 def method(r: AxisResult) -> str:
-    """The settings that the axes have in common, and over how many of the samples FLTEA was run."""
+    """Return the settings that the axes have in common, and over how many of the samples FLTEA was run."""
     f = r.fltea
     window = "unlimited" if f.settings.window is None else f"{f.settings.window:,} samples"
     return (
@@ -221,7 +227,7 @@ def method(r: AxisResult) -> str:
 
 
 def short(axis: AxisReport) -> list[str]:
-    """One axis for a table over many, under `SHORT_HEADINGS`."""
+    """Return one axis for a table over many, under `SHORT_HEADINGS`."""
     r = axis.result
     band = r.null.shuffled
     return [
@@ -237,7 +243,7 @@ SHORT_HEADINGS = ("s", "α", "shuffled α", "null p", "verdict")
 
 
 def best(r: AxisResult) -> str:
-    """The model of lowest BIC, and where its spectrum bends or peaks."""
+    """Return the model of lowest BIC, and where its spectrum bends or peaks."""
     found = r.rivals.models[r.rivals.best].parameters
     at = found.get("resonance_hz", found.get("bend_hz", found.get("bend_1_hz")))
     if at is None:
@@ -252,7 +258,7 @@ def best(r: AxisResult) -> str:
 
 
 def model_name(axis: AxisReport) -> str:
-    """Which of the models is exported, and compared with the sensor."""
+    """Return which of the models is exported, and compared with the sensor."""
     tag = str(axis.model.noise.__struct_config__.tag)
     return MODELS.get(tag, tag)
 
@@ -298,7 +304,7 @@ def _parameter(p: Parameter) -> str:
 
 
 def _number(value: float) -> str:
-    """Two or three digits that count; less than a thousandth is 0."""
+    """Return a number with two or three significant digits; less than a thousandth is 0."""
     return "0" if abs(value) < 5e-4 else f"{value:.2f}" if abs(value) < 10 else f"{value:.3g}"
 
 
@@ -313,13 +319,16 @@ def _coefficient(c: Coefficient, scale: float) -> str:
 
 
 def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:
-    """The axes of each sensor by themselves, for their rows have other units."""
+    """Return the axes of each sensor by themselves, for their rows have other units."""
     units = dict.fromkeys(axis.unit for axis in axes.values())
     return [{name: axis for name, axis in axes.items() if axis.unit == unit} for unit in units]
 
 
 def side_by_side(axes: Mapping[str, AxisReport]) -> list[tuple[str, list[str]]]:
-    """The rows of several axes: a label, and a value for each; nothing where an axis has no such row."""
+    """Return the rows of several axes: a label, and a value for each.
+
+    Nothing where an axis has no such row.
+    """
     columns = [_keyed(rows(axis)) for axis in axes.values()]
     labels: list[tuple[str, str]] = []
     for column in columns:
@@ -334,7 +343,7 @@ def side_by_side(axes: Mapping[str, AxisReport]) -> list[tuple[str, list[str]]]:
 
 
 def _keyed(found: list[Row]) -> dict[tuple[str, str], str]:
-    """By label and, for indented ones that come twice, the label above."""
+    """Return the rows by label, and by the label above if an indented one comes twice."""
     keyed, above = {}, ""
     for label, value in found:
         above = above if label.startswith(" ") else label

@@ -30,34 +30,34 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     guard: str
     alpha: float | None
     alpha_std: float | None
-    """the filter's own: how steady the figure is, not how true"""
+    """The filter's own standard deviation, which says how steady the figure is, not how true."""
     f: float | None
-    """in s^-α"""
+    """The parameter f in s^-α."""
     f_std: float | None
     valid: bool
     bias: float
-    """taken off, in the unit of y"""
+    """Taken off, in the unit of y."""
     R: float
-    """in its square"""
+    """The variance of the white noise in the square of that unit."""
     R_from: Literal["start-up window", "setting"]
     startup_samples: int
     samples: int
-    """that it was run over, the start-up window among them: those of the longest epoch"""
+    """Samples that it was run over with the start-up window: those of the longest epoch."""
     predicted: int
-    """lost ones between them, of which it made predictions only"""
+    """Lost ones between them, of which it made predictions only."""
     restarts: int
     interventions: dict[str, int]
-    """of the guard, since the last start, by cause; those that never happened left out"""
+    """Interventions of the guard since the last start by cause, without those that never happened."""
     alpha_drift: float | None
-    """change of α over the last third of the record, by the means of its two halves"""
+    """Change of α over the last third of the record, by the means of its two halves."""
     f_drift: float | None
     converged: bool
-    """the drift of α is less than its standard deviation or 0.02"""
+    """The drift of α is less than its standard deviation or 0.02."""
     describes_noise: bool | None
     """False: the innovations of the last two thirds are not white, so that α and f, and their deviations, say
-    nothing of the noise; None: there are too few"""
+    nothing of the noise; None: there are too few."""
     settings: EstimatorConfig
-    """all of them: window, start-up, tuning"""
+    """All of them: window, start-up, tuning."""
 
 
 def fltea_fit(
@@ -119,7 +119,7 @@ def fltea_fit(
 
 
 def after_startup(y: Array, gaps: Gaps, config: EstimatorConfig) -> tuple[Array, Mask | None]:
-    """What follows the start-up window of one epoch, lost samples in their places, and which these are."""
+    """Return what follows the start-up window of an epoch, and which of its samples are lost."""
     return spread(y[config.startup_needed :], gaps.within(config.startup_needed, len(y)))
 
 
@@ -164,7 +164,7 @@ class _Drift:
         self._sums, self._counts = [0.0, 0.0], [0, 0]
 
     def add(self, start: int, values: Array) -> None:
-        """The next values, from number `start` on."""
+        """Add the next values, from number `start` on."""
         for i, (begin, end) in enumerate(self._halves):
             part = values[max(0, begin - start) : max(0, end - start)]
             part = part[np.isfinite(part)]
@@ -172,7 +172,7 @@ class _Drift:
             self._counts[i] += len(part)
 
     def value(self) -> float | None:
-        """None if too few are finite."""
+        """The result, or None if too few values are finite."""
         if not all(self._counts):
             return None
         first, second = (total / count for total, count in zip(self._sums, self._counts, strict=True))

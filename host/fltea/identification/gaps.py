@@ -18,13 +18,13 @@ Mask = NDArray[np.bool_]
 LONGEST_BRIDGE = 8
 """Lost samples, as of the live sums (firmware/core/engine/gate.hpp)."""
 MOST_BRIDGED = 0.1
-"""Of the samples: where more are lost in short gaps, none is drawn, for the rate may be another one."""
+"""The largest share of samples that are drawn; if more are missing, the rate may be wrong, and none is."""
 LONGEST_PREDICTION = 100
 """Lost samples that FLTEA predicts, as `link.max_gap`; after more of them it begins again."""
 AROUND = 16
 """Neighbours on either side that a drawn sample depends on."""
 LEAST_VARIANCE = 1e-9
-"""Of the largest in the neighbours' covariance: measured from few pairs, it can have negative ones."""
+"""The least variance over the largest in a covariance, which few pairs can make negative."""
 SEED = 16
 ROUNDED = 5
 """Samples a value, from which on the record is one of counts, and what is drawn is one of its values."""
@@ -34,26 +34,26 @@ class Gaps(NamedTuple):
     """Where samples are missing between those of a series: before number `at` of it, `missing` of them."""
 
     at: NDArray[np.int64]
-    """(k,), rising, above 0"""
+    """The rising positions (k,) of gaps, above 0."""
     missing: NDArray[np.int64]
-    """(k,); 0: nobody knows how many, for time was lost there"""
+    """The number of lost samples of each, (k,), or 0 where time was lost and the number is unknown."""
 
     def within(self, begin: int, end: int) -> "Gaps":
-        """Those between the samples begin … end - 1, which are numbered from 0 then."""
+        """Return those between the samples begin … end - 1, which are numbered from 0 then."""
         first, last = np.searchsorted(self.at, (begin + 1, end)).tolist()
         return Gaps(self.at[first:last] - begin, self.missing[first:last])
 
     def lost_up_to(self, longest: int) -> int:
-        """Lost samples in gaps of so many or fewer."""
+        """Return lost samples in gaps of so many or fewer."""
         return int(self.missing[self.missing <= longest].sum())
 
     def place(self, number: int) -> int:
-        """The number of a sample, lost ones counted."""
+        """Return the number of a sample, lost ones counted."""
         return number + int(self.missing[: np.searchsorted(self.at, number, "right")].sum())
 
 
 def no_gaps() -> Gaps:
-    """Of an unbroken series."""
+    """Return the gaps of an unbroken series: none."""
     none = np.empty(0, dtype=np.int64)
     return Gaps(none, none)
 
@@ -66,12 +66,12 @@ class Stretch(NamedTuple):
 
 
 def bridge(n: int, gaps: Gaps) -> int:
-    """The longest gap between n samples that is bridged; 0: none is."""
+    """Return the longest gap between n samples that is bridged; 0: none is."""
     return LONGEST_BRIDGE if gaps.lost_up_to(LONGEST_BRIDGE) <= MOST_BRIDGED * n else 0
 
 
 def cut(n: int, gaps: Gaps, longest: int) -> list[tuple[int, int, int]]:
-    """The parts of n samples between gaps of more than `longest`: begin, end, how many are missing before."""
+    """Return begin, end and the number missing before each part between gaps of more than `longest`."""
     broken = (gaps.missing == 0) | (gaps.missing > longest)
     edges = [0, *gaps.at[broken].tolist(), n]
     return list(zip(edges[:-1], edges[1:], [0, *gaps.missing[broken].tolist()], strict=True))
@@ -84,7 +84,10 @@ def longest_epoch(n: int, gaps: Gaps) -> tuple[int, int]:
 
 
 def spread(y: Array, gaps: Gaps) -> tuple[Array, Mask | None]:
-    """The series y (n,) with a 0 in place of each lost sample, and which these are; None without any."""
+    """Return the series y (n,) with a 0 in place of each lost sample, and which these are.
+
+    None without any.
+    """
     lost = int(gaps.missing.sum())
     if not lost:
         return y, None
@@ -98,7 +101,7 @@ def spread(y: Array, gaps: Gaps) -> tuple[Array, Mask | None]:
 
 
 def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
-    """The stretches of y (n,), finite numbers; the very same array where there is no gap."""
+    """Return the stretches of y (n,), finite numbers; the very same array where there is no gap."""
     if not len(gaps.at):
         return [Stretch(y, 0)]
     parts = cut(len(y), gaps, bridge(len(y), gaps))
@@ -116,7 +119,7 @@ def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
 
 
 def _values(y: Array) -> Array | None:
-    """The values of y in order, if they were rounded."""
+    """Return the values of y in order, if they were rounded."""
     values = np.unique(y)
     return values if len(values) * ROUNDED <= len(y) else None
 
@@ -144,7 +147,7 @@ class _Drawn:
             open_[begin:end] = False
 
     def _rule(self, seen: Mask, at: int, count: int) -> tuple[Array, Array]:
-        """Weights (count, seen) of the neighbours, and the root (count, count) of the variance they leave."""
+        """Return the neighbours' weights (count, seen), and the root (count, count) of what they leave."""
         key = bytes([at, count]) + seen.tobytes()
         if key not in self._known:
             whole = self._covariance[: len(seen), : len(seen)]
@@ -165,7 +168,7 @@ def _runs(missing: Mask) -> list[tuple[int, int]]:
 
 
 def _covariance(parts: Sequence[tuple[Array, Mask | None]]) -> Array:
-    """Of so many neighbours as a rule takes; each lag from the pairs of which both are there."""
+    """Return the autocovariance of as many lags as the rule takes, each from the pairs that are there."""
     lags = 2 * AROUND + LONGEST_BRIDGE
     sums, pairs = np.zeros(lags), np.zeros(lags)
     for values, missing in parts:

@@ -35,7 +35,7 @@ MAX_GAP = 100
 """Samples, as `link.max_gap`: what it decides is only how a break is counted."""
 
 MOST_TOLD = 5
-"""Troubles of the recording itself that are told one by one."""
+"""The largest number of troubles of a recording that are reported one by one."""
 
 MOST_GROUPS = 8
 """Rates and scales whose samples are kept at a time: each has its files."""
@@ -58,7 +58,7 @@ class Request(msgspec.Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """What to call it: its file, or the session that its files are of."""
+        """What to call the recording: its file, or the session that its files are of."""
         first = self.paths[0]
         return str(first) if len(self.paths) == 1 else str(first.with_name(first.stem.rpartition("_")[0]))
 
@@ -110,19 +110,19 @@ class Loaded(NamedTuple):
 
     @property
     def h(self) -> float:
-        """Sampling period in s."""
+        """The sampling period in s."""
         return 1 / self.hello.rate_hz
 
 
 class Unreadable(NamedTuple):
-    """In place of a recording: where there is none, and why."""
+    """Stands for a recording that cannot be read, with the reason."""
 
     name: str
     error: FlteaError
 
 
 def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
-    """The recordings in files, folders and names of sessions, each as the files it is made of."""
+    """Return the recordings in files, folders and names of sessions, each as the files it is made of."""
     found: list[tuple[Path, ...] | Unreadable] = []
     paths = [path for one in paths for path in bags_in(one) or [one]]
     mcap = [path for path in paths if not is_one_file(path)]
@@ -135,7 +135,7 @@ def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
 
 
 def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
-    """All at once, so that the files of one session are put together, or else one by one."""
+    """Return all sessions at once, so that files of one are put together, or else one by one."""
     try:
         return [tuple(files) for files in sessions(paths)]
     except FlteaError as error:
@@ -170,10 +170,10 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)
     groups = _Groups(folder)
-    told: list[Trap] = []
+    reported: list[Trap] = []
     for event in events:
         if isinstance(event, Trouble):
-            told.append(source_trap(event.kind, event.message))
+            reported.append(source_trap(event.kind, event.message))
         for found in decoder.feed(event):
             if isinstance(found, Decoded):
                 groups.add(found, decoder)
@@ -187,7 +187,9 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
     axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
     traps = _traps(used, counts, axes, clock_ppm)
-    return Loaded(used.hello, counts, _chosen(axes, request), clock_ppm, (*told[:MOST_TOLD], *traps), topic)
+    return Loaded(
+        used.hello, counts, _chosen(axes, request), clock_ppm, (*reported[:MOST_TOLD], *traps), topic
+    )
 
 
 def _traps(
@@ -242,7 +244,7 @@ class _Groups:
         self._last = group
 
     def largest(self) -> "_Group":
-        """That with the most samples, the first of equals; the others are forgotten."""
+        """Return the series with the most samples, the first of equals, and forget the others."""
         largest = max(self._groups.values(), key=len, default=_Group(0, None))
         for group in self._groups.values():
             if group is not largest:
@@ -289,7 +291,7 @@ class _Group:
         return self._samples
 
     def gaps(self) -> Gaps:
-        """Where samples are missing."""
+        """Return where samples are missing."""
         return Gaps(np.array(self._at, dtype=np.int64), np.array(self._missing, dtype=np.int64))
 
     def add(self, found: Decoded, decoder: Decoder, missing: int | None) -> None:
@@ -312,11 +314,11 @@ class _Group:
         self._ask(decoder.timebase, len(block))
 
     def axis(self, name: str) -> Array:
-        """One axis in memory, (n,)."""
+        """Return one axis as an array in memory, (n,)."""
         return self._spool.whole(name)
 
     def axes(self, gaps: Gaps) -> dict[str, Series]:
-        """All of them by name."""
+        """Return all of them by name."""
         assert self.hello is not None
         found = {}
         for names, unit, lsb in (
@@ -334,7 +336,7 @@ class _Group:
         self._spool.remove()
 
     def _ask(self, clock: Timebase | None, samples: int) -> None:
-        """The device's clock against the host's, as the longest epoch has it."""
+        """Return how the device's clock goes against the host's in the longest epoch."""
         if clock is None:
             return
         self._of_clock = self._of_clock + samples if clock is self._clock else samples

@@ -29,11 +29,11 @@ class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rate_hz: float
     h_s: float
     source: str
-    """file or session that was identified"""
+    """File or session that was identified."""
     axes: dict[str, AxisModel]
-    """of the gyroscope"""
+    """The axes of the gyroscope."""
     accel_axes: dict[str, AxisModel] = {}
-    """of the accelerometer: wherever a name says dps, it is m/s²"""
+    """The axes of the accelerometer, in m/s² wherever a name says dps."""
     fltea: str = __version__
     format: str = FORMAT
     version: int = VERSION
@@ -109,7 +109,7 @@ def imu_yaml_of(
     rostopic: str = "/imu0",
     inflation: Inflation = AS_MEASURED,
 ) -> str:
-    """Kalibr's imu.yaml from the Allan deviations of axes of both sensors, by name.
+    """Return Kalibr's imu.yaml from the Allan deviations of axes of both sensors, by name.
 
     composites: what is asked for N and K where the curve does not have their slope. A Gauss–Markov part is
     given for neither: it is no random walk, and Kalibr has no entry for it.
@@ -136,7 +136,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _shown(c: Coefficient, modelled: Estimate | None) -> Shown:
-    """As the curve has it, else as the model does where that is bounded on both sides."""
+    """Return the curve's figure, else the model's if that is bounded on both sides."""
     if c.value is None and modelled is not None and modelled.low is not None and modelled.high is not None:
         return Shown(modelled.value, origin="from the composite model; the Allan deviation does not show it")
     return Shown(c.value, c.reason)

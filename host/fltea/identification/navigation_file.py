@@ -23,7 +23,7 @@ class GaussMarkovState(msgspec.Struct, frozen=True):
     sigma_dps: Estimate
     tau_s: Estimate
     q_dps2_per_s: float
-    """2 σ² / τ"""
+    """2 σ² / τ."""
     phi: float
     s2_dps2: float
 
@@ -39,13 +39,13 @@ class NavigationAxis(msgspec.Struct, frozen=True):
     gauss_markov: tuple[GaussMarkovState, ...]
     drift_dps_per_s: Estimate | None
     from_hz: float
-    """nothing is known of what is slower"""
+    """Nothing is known of what is slower."""
     low_pass_hz: float | None
-    """the parts are those before this filter"""
+    """The parts are those before this filter."""
 
 
 class AccelGaussMarkovState(msgspec.Struct, frozen=True):
-    """As `GaussMarkovState`, of an accelerometer."""
+    """The same as `GaussMarkovState`, for an accelerometer."""
 
     sigma_ms2: Estimate
     tau_s: Estimate
@@ -55,7 +55,7 @@ class AccelGaussMarkovState(msgspec.Struct, frozen=True):
 
 
 class NavigationAccelAxis(msgspec.Struct, frozen=True):
-    """As `NavigationAxis`, of an accelerometer, in m/s²."""
+    """The same as `NavigationAxis`, for an accelerometer, in m/s²."""
 
     model: str
     N_ms2_per_sqrt_hz: Estimate
@@ -81,7 +81,7 @@ class NavigationModels(msgspec.Struct, frozen=True):
 
 
 def navigation_axis(found: Composite) -> NavigationAxis:
-    """Of y in deg/s."""
+    """Return the entry of an axis whose samples y are in deg/s."""
     return NavigationAxis(
         model=found.name,
         N_dps_per_sqrt_hz=found.N,
@@ -98,7 +98,7 @@ def navigation_axis(found: Composite) -> NavigationAxis:
 
 
 def navigation_accel_axis(found: Composite) -> NavigationAccelAxis:
-    """Of y in m/s²."""
+    """Return the entry of an axis whose samples y are in m/s²."""
     return NavigationAccelAxis(
         model=found.name,
         N_ms2_per_sqrt_hz=found.N,

@@ -23,32 +23,32 @@ AROUND = 4
 """Noise is drawn for a circle of at least this many records, of which one is cut out."""
 SHORTEST_CIRCLE = 1 << 16
 LEAST_GAIN = 0.5
-"""In BIC, of a composite model over another: one or two AR(1) are both."""
+"""BIC that a composite model has to gain over another: one or two AR(1) are both."""
 
 
 class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True):
-    """Base of all kinds."""
+    """The base of all kinds of noise."""
 
     R_dps2: float
-    """variance of the white part v"""
+    """Variance of the white part v."""
 
     def __post_init__(self) -> None:
         _check(self.R_dps2 >= 0, f"R_dps2 is a variance and must be 0 or more, got {self.R_dps2}")
 
     def state_spectrum(self, lam: Array, h: float) -> Array:
-        """Spectrum of x at λ > 0 in rad a sample, normalised so that white noise has its variance."""
+        """Return the spectrum of x at λ > 0 in rad a sample, on which white noise has its variance."""
         raise NotImplementedError
 
     def walk_dps2(self, h: float) -> float:
-        """Variance of a step of the random walk within x, at h s."""
+        """Return the variance of a step of the random walk within x, at h s."""
         return 0.0
 
 
 class White(Noise, frozen=True, tag="white"):
-    """No x at all."""
+    """White noise alone, without a state x."""
 
     def state_spectrum(self, lam: Array, h: float) -> Array:
-        """0."""
+        """Return 0, the spectrum of a state that is not there."""
         return np.zeros_like(lam)
 
 
@@ -64,7 +64,7 @@ class AR1(Noise, frozen=True, tag="ar1"):
         _check_step(self.s2_dps2)
 
     def state_spectrum(self, lam: Array, h: float) -> Array:
-        """That of AR(1)."""
+        """Return the spectrum of AR(1)."""
         return self.s2_dps2 * spectrum.ar1(lam, self.phi)
 
 
@@ -84,7 +84,7 @@ class AR2(Noise, frozen=True, tag="ar2"):
         _check_step(self.s2_dps2)
 
     def state_spectrum(self, lam: Array, h: float) -> Array:
-        """That of AR(2)."""
+        """Return the spectrum of AR(2)."""
         return self.s2_dps2 * spectrum.ar2(lam, self.phi1, self.phi2)
 
 
@@ -103,7 +103,7 @@ class TwoAR1(Noise, frozen=True, tag="two_ar1"):
         _check_step(self.s2_fast_dps2)
 
     def state_spectrum(self, lam: Array, h: float) -> Array:
-        """The sum of both."""
+        """Return the sum of both."""
         slow = self.s2_slow_dps2 * spectrum.ar1(lam, self.phi_slow)
         return np.asarray(slow + self.s2_fast_dps2 * spectrum.ar1(lam, self.phi_fast))
 
@@ -121,7 +121,7 @@ class Fractional(Noise, frozen=True, tag="fractional"):
         _check(self.Q >= 0, f"Q is a variance and must be 0 or more, got {self.Q}")
 
     def state_spectrum(self, lam: Array, h: float) -> Array:
-        """That of the fractional state."""
+        """Return the spectrum of the fractional state."""
         g = spectrum.g_of(self.alpha, self.f, h)
         return spectrum.step_variance(self.alpha, self.Q, h) * spectrum.fractional(lam, self.alpha, g)
 
@@ -150,7 +150,7 @@ class CompositeNoise(Noise, frozen=True, tag="composite"):
         _check(self.Q_deg >= 0, f"Q_deg must be 0 or more, got {self.Q_deg}")
 
     def state_spectrum(self, lam: Array, h: float) -> Array:
-        """The sum of all parts."""
+        """Return the sum of the spectra of all parts."""
         total = self.walk_dps2(h) * spectrum.ar1(lam, 1.0) + (2 * np.sin(lam / 2) * self.Q_deg / h) ** 2
         for part in self.gauss_markov:
             s2 = -(part.sigma_dps**2) * math.expm1(-2 * h / part.tau_s)
@@ -158,7 +158,7 @@ class CompositeNoise(Noise, frozen=True, tag="composite"):
         return np.asarray(total)
 
     def walk_dps2(self, h: float) -> float:
-        """K² h."""
+        """The variance K² h of a step of the random walk, in (deg/s)²."""
         return self.K_dps_per_sqrt_s**2 * h
 
 
@@ -166,7 +166,7 @@ NoiseKind = White | AR1 | AR2 | TwoAR1 | Fractional | CompositeNoise
 
 
 class Resonance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A line or resonance beside the model: a Lorentzian of this power, so wide at half its height."""
+    """A line or resonance apart from the model: a Lorentzian of this power and width at half its height."""
 
     frequency_hz: float
     width_hz: float
@@ -192,7 +192,7 @@ def identified(
     h: float,
     composite: Composite | None = None,
 ) -> AxisModel:
-    """The model of lowest BIC that the verdict allows, and the peaks that were left out of its fit.
+    """Return the model of lowest BIC that the verdict allows, and the peaks that were left out of its fit.
 
     verdict: a filter, a resonance or drift is not given as a fractional model, though one may fit best, and
     what is fractional not as a composite one. std: standard deviation of the whole axis, of which the peaks'
@@ -216,7 +216,7 @@ def identified(
 
 
 def composite_noise(found: Composite, h: float) -> CompositeNoise:
-    """The noise of a composite model of y in deg/s, at h s."""
+    """Return the noise of a composite model of y in deg/s, at h s."""
     return CompositeNoise(
         R_dps2=found.N.value**2 / h,
         gauss_markov=tuple(
@@ -228,7 +228,7 @@ def composite_noise(found: Composite, h: float) -> CompositeNoise:
 
 
 def noise_of(name: str, contest: Contest, h: float) -> NoiseKind:
-    """One of the fitted models, by its name in the contest."""
+    """Return one of the fitted models, by its name in the contest."""
     p = contest.models[name].parameters
     R = p["R"]
     match name:
@@ -253,7 +253,7 @@ def noise_of(name: str, contest: Contest, h: float) -> NoiseKind:
 
 
 def model_spectrum(model: AxisModel, lam: Array, h: float) -> Array:
-    """Spectrum of y at λ > 0, normalised like `periodogram`."""
+    """Return the spectrum of y at λ > 0, normalised like `periodogram`."""
     return np.asarray(_coloured(model, lam, h) + model.noise.R_dps2)
 
 
@@ -280,7 +280,7 @@ def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[
 def draws(
     model: AxisModel, h: float, n: int, rng: np.random.Generator, mean_of: int = 1
 ) -> Iterator[tuple[Array, Array]]:
-    """The same again and again, without end; each number is the mean of `mean_of` samples."""
+    """Yield the same again and again, without end; each number is the mean of `mean_of` samples."""
     circle = 1 << (max(AROUND * n, SHORTEST_CIRCLE) - 1).bit_length()
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
     size = np.sqrt(_of_means(model, lam, h, mean_of) * (circle / 2))
@@ -299,7 +299,7 @@ def draws(
 
 
 def _of_means(model: AxisModel, lam: Array, h: float, count: int) -> Array:
-    """Spectrum of means of `count` samples of what is not white, at λ in rad a mean."""
+    """Return the spectrum of means of `count` samples of what is not white, at λ in rad a mean."""
     if count == 1:
         return _coloured(model, lam, h)
     total = np.zeros_like(lam)

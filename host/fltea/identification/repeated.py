@@ -1,4 +1,4 @@
-"""Samples that were delivered twice, told from neighbours that rounding makes equal (pure).
+"""Samples that were delivered twice, distinguished from neighbours that rounding makes equal (pure).
 
 Rounding makes neighbours equal on each axis by itself, the more often the coarser the counts and the slower
 the noise. A sample that is delivered twice is equal to the one before on all axes at once. With m_i the share
@@ -24,11 +24,11 @@ Array = NDArray[np.float64]
 Equal = NDArray[np.bool_]
 
 PARTS = 32
-"""Of the record: their spread gives the error, whatever the autocorrelation."""
+"""Parts of the record whose spread gives the error, whatever the autocorrelation."""
 SIGNIFICANT = 5.5
-"""Of Student's t with PARTS - 1 degrees of freedom: once in 400,000."""
+"""Student's t with PARTS - 1 degrees of freedom that chance exceeds once in 400,000."""
 LEAST_DETERMINANT = 1e-3
-"""Of the correlation of the steps: axes that are more alike are one axis."""
+"""The least determinant of the steps' correlation: axes that are more alike are one axis."""
 HALVINGS = 40
 FINE_COUNTS = 3.0
 """Spread of the steps in LSB from which on their density is that of steps without rounding."""
@@ -47,11 +47,11 @@ class Repeats(NamedTuple):
 
     same: int
     pairs: int
-    """that were compared"""
+    """The number of pairs that were compared."""
     expected: float
-    """how many chance makes equal"""
+    """How many chance makes equal."""
     found: bool
-    """whether there are more"""
+    """Whether there are more."""
 
 
 def repeats(axes: Iterable[tuple[ArrayLike, float | None]]) -> Repeats | None:
@@ -96,7 +96,7 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
 
 
 def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
-    """Times as often as independent axes with fine counts they are equal at once, for correlated steps."""
+    """Return how many times as often axes are equal at once as independent ones, for correlated steps."""
     if int(moved.sum()) < PARTS or not all(one[moved].var(dtype=np.float64) > 0 for one in steps):
         return 1.0  # of numbers too small to be squared nothing is known
     correlation = np.atleast_2d(np.corrcoef([one[moved] for one in steps]))
@@ -104,7 +104,7 @@ def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
 
 
 def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
-    """Share of repeats, and (PARTS,) what it is without each part of the record."""
+    """Return the share of repeats, and (PARTS,) what it is without each part of the record."""
     own, all_of_them = _shares(each), _shares(together)
     others = (PARTS * own.mean(axis=1)[:, np.newaxis] - own) / (PARTS - 1)
     left_out = _root((PARTS * all_of_them.mean() - all_of_them) / (PARTS - 1), others)
@@ -112,14 +112,14 @@ def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
 
 
 def _shares(equal: NDArray[np.bool_]) -> Array:
-    """(..., PARTS) of (..., n); the last few samples are in none."""
+    """Return the values (..., n) in parts (..., PARTS); the last few samples are in none."""
     size = equal.shape[-1] // PARTS
     parts = equal[..., : size * PARTS].reshape(*equal.shape[:-1], PARTS, size)
     return np.asarray(parts.mean(axis=-1), dtype=np.float64)
 
 
 def _root(together: Array, each: Array) -> Array:
-    """The q of the equation above for J (k,) and m (axes, k); negative where J is less than chance."""
+    """Return the q of the equation above for J (k,) and m (axes, k); negative where J is less than chance."""
     low, high = np.full(together.shape, -1.0), each.min(axis=0)
     for _ in range(HALVINGS):
         q = (low + high) / 2
@@ -151,7 +151,7 @@ def _of_one_axis(samples: Array, count: float | None) -> Repeats:
 
 
 def _none(one: Array, two: Array) -> Array:
-    """Share of steps of no count, from those of one count and of two, for Gaussian steps before rounding."""
+    """Return the share of steps of no count, from those of one and two counts, if steps are Gaussian."""
     chance = [_rounded_step(k) for k in range(3)]
     # Where steps of two are rarer than the finest of these has them, nothing can be told: take all.
     known = two > one * (chance[2] / chance[1])[0]
@@ -160,7 +160,7 @@ def _none(one: Array, two: Array) -> Array:
 
 
 def _rounded_step(k: int) -> Array:
-    """Share of steps of k counts up or down alike, for the spreads in _STEPS."""
+    """Return the share of steps of k counts up or down alike, for the spreads in _STEPS."""
 
     def integral(x: float) -> Array:
         z = x / _STEPS

@@ -59,7 +59,7 @@ def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
 
 
 def _prefixes(reports: Sequence[FileReport]) -> list[str]:
-    """A name for the figures of each recording, numbered where two would be the same."""
+    """Return a name for the figures of each recording, numbered where two would be the same."""
     found: list[str] = []
     for report in reports:
         stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(report.name).stem).strip("._") or "recording"

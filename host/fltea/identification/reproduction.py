@@ -22,7 +22,7 @@ much noise, and over longer ones with means of k samples, drawn with the spectru
 FEWEST_MEANS = 8
 """Averaging times of at least so many means are compared with means."""
 SPREADS = 4.0
-"""Or so many standard deviations of the simulations: some forty points are looked at."""
+"""A model may be off by so many standard deviations of the simulations, since forty points are compared."""
 
 
 class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -33,13 +33,13 @@ class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     tau_s: tuple[float, ...]
     ratio: tuple[float, ...]
-    """median of the simulations"""
+    """Median of the simulations."""
     low: tuple[float, ...]
-    """5 % of them"""
+    """5 % of them."""
     high: tuple[float, ...]
-    """95 %"""
+    """95 %."""
     within: tuple[bool, ...]
-    """the median is within 10 % of the data, or within four standard deviations of the simulations"""
+    """The median is within 10 % of the data, or within four standard deviations of the simulations."""
     from_s: float | None
     to_s: float | None
     text: str
@@ -116,7 +116,7 @@ def _logs(
     rng: np.random.Generator,
     mean_of: int = 1,
 ) -> Array:
-    """Logarithm of simulated over measured Allan deviation, (simulations, factors), of n means each."""
+    """Return log(simulated / measured Allan deviation), (simulations, factors), of n means each."""
     noises = itertools.islice(draws(model, h, n, rng, mean_of), simulations)
     drawn = np.array([overlapping(noise, factors // mean_of) for noise, _ in noises])
     return np.asarray(np.log(np.maximum(drawn, np.finfo(np.float64).tiny) / data))

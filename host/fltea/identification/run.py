@@ -29,23 +29,26 @@ from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
 
 CHECK_S = 5.0
-"""Between two looks at whether the workers are still there."""
+"""Seconds between two looks at whether the workers are still there."""
 
 USUAL_TASKS = 3
-"""Of a recording that has not been read yet: its axes. The bar grows with the groups of their copies."""
+"""Tasks that a recording is taken for before it is read. The bar grows with the groups of copies."""
 
 Progress = Callable[[str, int, int], None]
-"""Is told what has just been done, and how many tasks of how many are done."""
+"""Is called with what has just been done, and how many tasks of how many are done."""
 
 
 class Failure(msgspec.Struct, frozen=True):
-    """Why there is no result."""
+    """The reason why there is no result."""
 
     error: str
 
 
 class AxisReport(msgspec.Struct, frozen=True):
-    """One axis. allan and reproduction: None for `allan_reason`. curves: only if figures are wanted."""
+    """The results of one axis; allan and reproduction may be None for `allan_reason`.
+
+    There are curves only if figures are wanted.
+    """
 
     unit: str
     lsb: float | None
@@ -60,7 +63,7 @@ class AxisReport(msgspec.Struct, frozen=True):
 
 @dataclass
 class FileReport:
-    """One recording. failure: why it could not be read; else `recording` is what was, without the samples."""
+    """The results of one recording, or the failure why it could not be read."""
 
     name: str
     recording: Loaded | None = None
@@ -72,14 +75,14 @@ class Settings(msgspec.Struct, frozen=True):
     """How to identify; bias and R of the estimators may be lists, one number a channel."""
 
     options: IdentifyOptions
-    """but for the estimator"""
+    """But for the estimator."""
     gyro: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
     figures: bool = False
-    """make what figures are drawn from"""
+    """Make what figures are drawn from."""
 
     def of_axis(self, axis: str, channels: Sequence[str]) -> IdentifyOptions:
-        """The options of one axis of those that are identified."""
+        """Return the options of one axis of those that are identified."""
         config, names = (self.accel, ACCEL_AXES) if axis in ACCEL_AXES else (self.gyro, AXES)
         place = [name for name in channels if name in names].index(axis)
         numbers: dict[str, Any] = {}
@@ -93,7 +96,10 @@ class Settings(msgspec.Struct, frozen=True):
 
 
 def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
-    """The options with times as samples, h s each; UsageError if there are more of them than may be."""
+    """Return the options with times as samples, h s each.
+
+    UsageError if there are more of them than may be.
+    """
     try:
         return msgspec.structs.replace(options, estimator=options.estimator.at(1 / h))
     except ValueError as error:
@@ -108,9 +114,9 @@ class _Task(NamedTuple):
     do: Callable[..., Any]
     arguments: tuple[Any, ...]
     part: int | None = None
-    """number of the group of copies"""
+    """Number of the group of copies."""
     again: bool = False
-    """whether a process has died of it, or of what was under way at the same time"""
+    """Whether a process has died of it, or of what was under way at the same time."""
 
 
 @dataclass
@@ -249,7 +255,7 @@ class _Loop:
         self._progress(" ".join(what), self._done, self._total)
 
     def _plan(self, report: FileReport, recording: Loaded) -> None:
-        """The axes first, then their copies: many and alike, so that no process idles at the end."""
+        """Return the tasks: axes, then their copies, which are many and alike, so that no process idles."""
         axes, copies = [], []
         h = recording.h
         for name, series in recording.axes.items():
@@ -271,7 +277,7 @@ class _Loop:
         self._total += len(axes) + len(copies) - USUAL_TASKS
 
     def _after_death(self) -> None:
-        """One of those under way killed its process; each is tried alone: who dies then did it."""
+        """Run each task alone that was under way when a process died; the one that dies again did it."""
         tasks = list(self._pending.values())
         self._pending.clear()
         if len(tasks) == 1 and tasks[0].again:
@@ -284,7 +290,7 @@ class _Loop:
 
 
 def identify_series(series: Series, h: float, options: IdentifyOptions, figures: bool) -> AxisReport:
-    """All that is found out about one axis, but for its shuffled copies.
+    """Return all that is found out about one axis, but for its shuffled copies.
 
     Raises:
         ValueError: it is too short or constant.

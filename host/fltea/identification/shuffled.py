@@ -24,9 +24,9 @@ PROBABILITIES = (0.05, 0.5, 0.95)
 BLOCK = 100
 """Samples of all lanes that the engine takes at once: what it returns has to fit the caches."""
 GROUP_BYTES = 64_000_000
-"""Of the samples of a group of copies."""
+"""The memory of the samples of a group of copies."""
 LEAST_LANES, MOST_LANES = 8, 40
-"""Of a group: fewer leave wide instructions idle, more keep other processes idle at the end."""
+"""Lanes of a group: fewer leave wide instructions idle, more keep other processes idle at the end."""
 LONGEST = 1 << 17
 """Samples; copies of a longer record are drawn from it, part by part, so that they need no memory. Those of
 the joint filter end here: it forgets, and the quantiles of its last α move by 0.003 up to a million samples.
@@ -42,12 +42,12 @@ class ShuffledBand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     copies: int
     lost: int
-    """copies that ran away (only without a guard), or are not valid at the end; left out"""
+    """Copies that ran away (only without a guard), or are not valid at the end; left out."""
     alpha: tuple[float, float, float] | None
     f: tuple[float, float, float] | None
-    """in s^-α"""
+    """The parameter f in s^-α."""
     alpha_rank: float | None
-    """share of the copies whose α is below that of the data: 0.05 to 0.95 is what white noise gives"""
+    """Share of the copies whose α is below that of the data: 0.05 to 0.95 is what white noise gives."""
     f_rank: float | None
 
 
@@ -60,7 +60,7 @@ class Copies(msgspec.Struct, frozen=True):
 
 
 def groups(samples: int, copies: int) -> list[range]:
-    """The numbers of the copies, in groups of as many as may be in memory at a time.
+    """Return the numbers of the copies, in groups of as many as may be in memory at a time.
 
     They depend on the record only, and not on who estimates them.
     """
@@ -111,7 +111,7 @@ def estimate(
 
 
 def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> Iterator[Array]:
-    """The samples of the copies, (copies, n), part after part; the first holds the start-up window."""
+    """Yield the samples of the copies, (copies, n), part after part; the first holds the start-up window."""
     rngs = [np.random.default_rng((seed, number)) for number in copies]
     if len(y) <= LONGEST:
         shuffles = np.empty(
@@ -140,7 +140,7 @@ def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None)
 
 
 def _quantiles(values: Array) -> tuple[float, float, float] | None:
-    """At Weibull's positions: one more copy falls between two of them with their share."""
+    """Return quantiles at Weibull's positions: one more copy falls between two of them with their share."""
     if not values.size:
         return None
     places = np.array(PROBABILITIES) * (values.size + 1) - 1

@@ -1,4 +1,4 @@
-"""Simulated noise to a file that `replay:` reads, with the truth beside it."""
+"""Writes simulated noise and its true state to a file that `replay:` reads."""
 
 import csv
 import math
@@ -106,7 +106,7 @@ def _check_name(out: Path) -> None:
 def _as_sensor(
     y: NDArray[np.float64], offset_dps: float, lsb_per_dps: float | None, range_dps: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int16] | None]:
-    """With its offset, in deg/s and, if it is quantised, in counts."""
+    """Return the samples with their offset in deg/s and, if they are quantised, in counts."""
     y = y + offset_dps
     if lsb_per_dps is None:
         return y, None

@@ -1,4 +1,4 @@
-"""One axis of a recording: the sums of the live fit, and the lines that only a file can show."""
+"""The sums of the live fit for one axis of a recording, and the lines that only a file can show."""
 
 import math
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 
 CHUNK, MOST_DEVIATIONS = 128, 12.0
-"""As in firmware/core/engine/gate.hpp."""
+"""The same numbers as in firmware/core/engine/gate.hpp."""
 AT_ONCE = 1 << 18
 """Samples, so that of a long file little is in memory."""
 LEAST_SHARE = 0.5
-"""Of the samples, in the longest stretch: where it is less, lines are searched for in the sums of all."""
+"""The least share of samples in the longest stretch; with less, lines are sought in the sums of all."""
 
 
 def octaves_of(y: Array) -> Octaves:
@@ -51,7 +51,7 @@ def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
 def lines_of_stretches(
     stretches: Sequence[Stretch], sums: Octaves, h: float
 ) -> tuple[Periodogram, Drift | None]:
-    """The spectrum and the drift of stretches, of which `sums` are the sums.
+    """Return the spectrum and the drift of stretches, of which `sums` are the sums.
 
     Sums of a long record have the octaves that fit its length, and of short stretches in it the lower ones
     hold nothing. So each stretch has sums of its own here.
@@ -67,12 +67,12 @@ def lines_of_stretches(
 
 
 def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
-    """What the spectrum of each stretch is put together from, of those that are long enough for one."""
+    """Return the sums from which the spectra of all stretches are made that are long enough for one."""
     return [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
 
 
 def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Periodogram, Drift | None]:
-    """The spectrum and the drift of several stretches, the longest of so many samples.
+    """Return the spectrum and the drift of several stretches, the longest of so many samples.
 
     Raises:
         ValueError: they are too short.
@@ -88,14 +88,14 @@ def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Peri
 
 
 def drift_together(found: Sequence[Parts]) -> Drift | None:
-    """The drift of several stretches."""
+    """Return the drift of several stretches."""
     drifts = [one.drift for one in found if one.drift is not None]
     amplitudes = sum(one.amplitudes for one in drifts)
     return Drift(sum(d.power * d.amplitudes for d in drifts) / amplitudes, amplitudes) if drifts else None
 
 
 def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
-    """The same in few lines: stretches that are kept whole at the same rate become one."""
+    """Return the same in few lines: stretches that are kept whole at the same rate become one."""
     depths: dict[int, list[Parts]] = {}
     for one in found:
         depths.setdefault(one.depth, []).append(one)
@@ -114,7 +114,7 @@ def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
 
 
 def on_one_grid(parts: Sequence[Lines]) -> Lines:
-    """The lines of stretches of several lengths, averaged where they are nearer than those of the longest."""
+    """Return the lines of all stretches, averaged where they are nearer than those of the longest one."""
     lam, power, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     step = min(float(np.diff(one[0]).min(initial=math.inf)) for one in parts)
     cell = np.rint(lam / step).astype(np.int64) if math.isfinite(step) else np.arange(len(lam))
@@ -139,7 +139,7 @@ def limited(y: Array) -> Array:
 
 
 def lines_of(sums: Octaves, h: float, from_hz: float = 0.0, notch: Bands = ()) -> Periodogram:
-    """The lines above from_hz and outside of the bands (low, high), in Hz; h: sampling period in s.
+    """Return the lines above from_hz and outside of the bands (low, high), in Hz; h: sampling period in s.
 
     Raises:
         ValueError: y is constant, or too few are left.
@@ -148,7 +148,7 @@ def lines_of(sums: Octaves, h: float, from_hz: float = 0.0, notch: Bands = ()) -
 
 
 def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
-    """The lines above from_hz and outside of the bands (low, high), in Hz.
+    """Return the lines above from_hz and outside of the bands (low, high), in Hz.
 
     Raises:
         ValueError: too few are left.
@@ -159,7 +159,7 @@ def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
 def examined(
     y: Array, h: float, from_hz: float = 0.0, notch: Bands = (), gaps: Gaps | None = None
 ) -> Spectral:
-    """What the spectrum of y (n,) says; h, from_hz and notch as for `lines_of`.
+    """Return what the spectrum of y (n,) says; h, from_hz and notch as for `lines_of`.
 
     gaps: between the samples of y, if there are any. Lines are searched for at the full resolution in the
     longest stretch, if it has half of the samples.
@@ -173,7 +173,7 @@ def examined(
 def examined_stretches(
     stretches: Sequence[Stretch], samples: int, h: float, from_hz: float = 0.0, notch: Bands = ()
 ) -> Spectral:
-    """What `examined` says of stretches with so many samples; arguments as there.
+    """Return what `examined` says of stretches with so many samples; arguments as there.
 
     Raises:
         ValueError: as `examined`.
@@ -198,7 +198,7 @@ def examined_sums(
     notch: Bands = (),
     peaks: tuple[Peak, ...] | None = None,
 ) -> Spectral:
-    """The same of the spectrum and the drift of so many samples, and their sums.
+    """Return the same of the spectrum and the drift of so many samples, and their sums.
 
     peaks: those found in the samples; None: they are searched for in the spectrum.
 

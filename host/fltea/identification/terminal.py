@@ -13,12 +13,12 @@ from fltea.identification.run import AxisReport, Failure, FileReport
 from fltea.records.visible import visible_lines
 
 WIDTHS = (7, 9, 18, 9, 21)
-"""Of the columns of the summary."""
+"""The widths of the summary's columns."""
 COLOURS = {"bad": "bold red", "warning": "yellow", "note": "dim"}
 
 
 def show(console: Console, report: FileReport, first: bool = True) -> None:
-    """One recording: a table with a column an axis, the verdicts, and the traps."""
+    """Show one recording: a table with a column an axis, the verdicts, and the traps."""
     if not first:
         console.print()
     console.print(_shown(report.name, style="bold"), _shown(findings.heading(report)), soft_wrap=True)
@@ -58,7 +58,7 @@ def _verdict(name: str, axis: AxisReport | Failure) -> Text:
 
 
 def summary(console: Console, reports: Sequence[FileReport]) -> None:
-    """All axes of all recordings, a line each under the recording's name, which may be long."""
+    """Show all axes of all recordings, a line each under the recording's name, which may be long."""
     console.print()
     console.print(_shown(_line("Summary", findings.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
     for report in reports:
@@ -73,7 +73,7 @@ def summary(console: Console, reports: Sequence[FileReport]) -> None:
 
 
 def _shown(text: str, style: str = "") -> Text:
-    """What files and the names in them say, so that nothing in it steers the terminal."""
+    """Return what files and the names in them say, so that nothing in it steers the terminal."""
     return Text(visible_lines(text), style=style)
 
 

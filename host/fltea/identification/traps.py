@@ -23,11 +23,11 @@ Severity = Literal["note", "warning", "bad"]
 SHORT_S = 580.0
 """About ten minutes."""
 BLOCKS = 20
-"""Of the record, whose means tell offset and drift."""
+"""Blocks of the record whose means show offset and drift."""
 SIGNIFICANT = 5.0
-"""Of Student's t with about BLOCKS degrees of freedom: once in ten thousand."""
+"""Student's t with about BLOCKS degrees of freedom that chance exceeds once in ten thousand."""
 OFFSET_SHARE, DRIFT_SHARE = 0.1, 0.1
-"""Of the standard deviation: less does no harm."""
+"""Shares of the standard deviation below which an offset or a drift does no harm."""
 OUTLIER = 6.0
 """Robust standard deviations: of Gaussian noise one sample in 500 million."""
 TORN_COUNTS = 256.0
@@ -44,11 +44,11 @@ FINER = {
     "m/s²": "±2 g has eight times the resolution of ±16 g",
 }
 LINE_SHARE = 0.01
-"""Of the power, from which on a line is a warning."""
+"""The share of the power from which on a line is a warning."""
 
 
 class Trap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A finding. severity "bad": α and f cannot be believed before it is cured."""
+    """A finding; if its severity is "bad", α and f cannot be believed before it is cured."""
 
     kind: str
     severity: Severity
@@ -104,7 +104,7 @@ def sensor_traps(y: Iterable[ArrayLike], lsb: Sequence[float | None]) -> tuple[T
 
 
 def source_trap(kind: str, text: str) -> Trap:
-    """What the recording itself told, as one of the kinds of `error` records."""
+    """Return what the recording itself reported, as one of the kinds of `error` records."""
     remedy = next((one.remedy for one in ERROR_KINDS if one.name == kind), "")
     return Trap(kind, "note", text, remedy)
 
@@ -286,7 +286,7 @@ def _saturation(y: Array, lsb: float | None) -> list[Trap]:
 
 
 def _stuck(y: Array) -> list[Trap]:
-    """The longest run of one value, against what chance gives."""
+    """Return the trap of a value that stays the same for longer than by chance."""
     n = len(y)
     same = np.concatenate([[False], y[1:] == y[:-1], [False]])
     edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
@@ -326,12 +326,12 @@ def _peaks(peaks: Sequence[Peak]) -> list[Trap]:
 
 
 def _scale(values: Array) -> float:
-    """Standard deviation of a Gaussian with the same median absolute deviation."""
+    """Return the standard deviation of a Gaussian with the same median absolute deviation."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
 def _step(y: Array) -> float | None:
-    """The quantum of values that were rounded, or None."""
+    """Return the quantum of values that were rounded, or None."""
     y = _thin(y)
     values = np.unique(y)
     if len(values) < 2 or len(values) > len(y) / 5:
@@ -342,7 +342,7 @@ def _step(y: Array) -> float | None:
 
 
 def _thin(values: Array) -> Array:
-    """All of them, or of more than LONG every k-th: what is common or typical is then known well enough."""
+    """Return all values, or every k-th of more than LONG, which show well enough what is typical."""
     return values[:: -(-len(values) // LONG)] if len(values) > LONG else values
 
 

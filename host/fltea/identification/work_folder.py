@@ -11,12 +11,12 @@ from pathlib import Path
 
 PREFIX = "fltea-work-"
 YOUNG_S = 60.0
-"""Between making a folder and locking it less goes by."""
+"""Seconds; less goes by between making a folder and locking it."""
 
 
 @contextlib.contextmanager
 def work_folder() -> Iterator[Path]:
-    """A folder for temporary files; before it is made those go that killed processes left.
+    """Yield a folder for temporary files; before it is made those go that killed processes left.
 
     Whoever works holds a lock on its folder, which the system takes away with the process.
     """

@@ -17,11 +17,11 @@ T = TypeVar("T")
 
 
 class Workers(Protocol):
-    """What runs tasks."""
+    """The interface of what runs tasks."""
 
     @property
     def slots(self) -> int:
-        """How many tasks are worth handing over at a time."""
+        """The number of tasks that are worth handing over at a time."""
         ...
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
@@ -33,7 +33,7 @@ class Workers(Protocol):
         ...
 
     def check(self) -> None:
-        """Called now and then while tasks are waited for.
+        """Raise an error if the workers are lost; it is called now and then while tasks are awaited.
 
         Raises:
             FlteaError: they will never be done.
@@ -60,17 +60,17 @@ class Here:
         return future
 
     def renew(self) -> None:
-        """Nothing can break."""
+        """Do nothing, since nothing can break."""
 
     def check(self) -> None:
-        """Nothing to wait for."""
+        """Do nothing, since there is nothing to wait for."""
 
     def close(self) -> None:
-        """Nothing is under way."""
+        """Do nothing, since nothing is under way."""
 
 
 def _reduce(array: "np.memmap[Any, Any]") -> Any:
-    """A whole file in memory goes to another process of this machine by its name."""
+    """Return how another process of this machine gets a whole file in memory: by its name."""
     if isinstance(array.base, mmap.mmap) and array.filename is not None:
         return np.memmap, (array.filename, array.dtype, "r", array.offset, array.shape)
     return np.array, (np.array(array),)
@@ -110,7 +110,7 @@ class Processes:
         self._pool = self._start()
 
     def check(self) -> None:
-        """A death is told by the tasks themselves."""
+        """Do nothing, since a task reports the death of its process itself."""
 
     def close(self) -> None:
         """End the processes."""
@@ -123,7 +123,7 @@ class Processes:
 
 
 def _prepare() -> None:
-    """In a new process: end at Ctrl-C without a word, and with the program that started it."""
+    """Let a new process end at Ctrl-C without a word, and with the program that started it."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
 
@@ -136,6 +136,6 @@ def _prepare() -> None:
 
 
 def open_local(jobs: int | None) -> Workers:
-    """As many processes as asked for, or as this one may use processors; none for one."""
+    """Open as many processes as asked for, or as this one may use processors; none for one."""
     wanted = jobs or len(os.sched_getaffinity(0))
     return Here() if wanted == 1 else Processes(wanted)

@@ -68,7 +68,7 @@ class IioDevice(msgspec.Struct, frozen=True, tag_field="class", tag="iio_device"
 
 
 def find_iio(system: System) -> list[IioDevice]:
-    """The gyroscopes and IMUs that the kernel has drivers for and whose samples a buffer may hold."""
+    """Return the gyroscopes and IMUs that the kernel has drivers for and whose samples a buffer may hold."""
     found = [one for one in iio.devices(system.root) if one.is_imu]
     names = [one.name for one in found]
     return [
@@ -86,7 +86,7 @@ def find_iio(system: System) -> list[IioDevice]:
 
 
 def find_ports(system: System) -> list[Port]:
-    """The serial ports of this machine, Dues first."""
+    """Return the serial ports of this machine, Dues first."""
     ports = [_describe(system, port) for port in system.serial_ports()]
     return sorted(
         ports, key=lambda port: (not port.is_board, port.kind != NATIVE, port.usb_id is None, port.path)
@@ -94,7 +94,7 @@ def find_ports(system: System) -> list[Port]:
 
 
 def find_buses(system: System) -> list[Bus]:
-    """The I²C buses of this machine that programs can use."""
+    """Return the I²C buses of this machine that programs can use."""
     return [
         Bus(
             name,
@@ -106,12 +106,12 @@ def find_buses(system: System) -> list[Bus]:
 
 
 def is_raspberry_pi(system: System) -> bool:
-    """Whether this machine says that it is a Raspberry Pi."""
+    """Return whether this machine says that it is a Raspberry Pi."""
     return "Raspberry Pi" in system.text("/proc/device-tree/model")
 
 
 def stable_name(system: System, device: str) -> str:
-    """The link that keeps leading to the same board; the device itself if there is none."""
+    """Return the link that keeps leading to the same board; the device itself if there is none."""
     target = system.path(device).resolve()
     for folder, pattern in STABLE:
         for link in system.names(folder, pattern):

@@ -41,14 +41,14 @@ Method = Literal["auto", "arduino-cli", "platformio", "bossac"]
 FQBN = "arduino:sam:arduino_due_x_dbg"
 
 HOLD_S = 1.0
-"""At 1200 baud: the USB chip erases for 0.49 s and then resets, 0.74 s in all (180 ticks of 4.1 ms in
-ArduinoCore-sam's Arduino-usbserial.c). Whatever changes a line meanwhile starts it again."""
+"""Seconds to hold the port open at 1200 baud: the USB chip erases for 0.49 s and then resets, 0.74 s in all
+(180 ticks of 4.1 ms in ArduinoCore-sam's Arduino-usbserial.c). Changing a line meanwhile starts it again."""
 
 SAFE_BAUD = 115200
-"""What the terminal keeps: opening raises DTR before a program can set its rate, and at 1200 that erases."""
+"""The rate that the terminal keeps, since opening raises DTR before a program can set another."""
 
 SETTLE_S = 0.5
-"""Between the touch and the tool: the board starts in its boot loader."""
+"""Seconds between the touch and the tool, in which the board starts its boot loader."""
 
 FLASH_BEGIN = 0x0008_0000
 FLASH_BYTES = 512 * 1024
@@ -65,7 +65,7 @@ WRONG_PORT = (
 
 
 class Plan(NamedTuple):
-    """What will be done, in order."""
+    """The steps of flashing, in their order."""
 
     method: str
     port: str
@@ -73,11 +73,11 @@ class Plan(NamedTuple):
     """Whether the port is opened at 1200 baud first."""
     command: list[str]
     build_id: str | None
-    """What HELLO has to say afterwards; None: any build will do."""
+    """The build that HELLO has to name afterwards, or None if any build will do."""
     warning: str | None = None
 
     def lines(self) -> list[str]:
-        """The plan as a shell would have it."""
+        """Return the plan as a shell would have it."""
         touch = [
             f"stty -F {self.port} {FORBIDDEN_BAUD}   # erases the board when it closes the port",
             f"sleep {HOLD_S:g}",
@@ -88,7 +88,7 @@ class Plan(NamedTuple):
 
 
 def clone_root() -> Path | None:
-    """Folder of the clone that this program runs from; None if it was installed without one."""
+    """Return the folder of the clone that this program runs from; None if it was installed without one."""
     root = Path(__file__).resolve().parents[3]
     return root if (root / "firmware/arduino/fltea/fltea.ino").is_file() else None
 
@@ -230,7 +230,7 @@ def check_image(image: Path) -> None:
 
 
 def _bossac() -> str | None:
-    """The one of the Arduino core where there is one: it is known to work."""
+    """Return the one of the Arduino core where there is one: it is known to work."""
     arduino = Path.home() / ".arduino15/packages/arduino/tools/bossac/1.6.1-arduino/bossac"
     return str(arduino) if os.access(arduino, os.X_OK) else shutil.which("bossac")
 

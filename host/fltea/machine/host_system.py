@@ -24,7 +24,7 @@ PROGRAM_WORDS = 4
 
 
 class SerialPort(Protocol):
-    """What pyserial tells of a port."""
+    """What pyserial says of a port."""
 
     device: str
     description: str
@@ -52,7 +52,7 @@ class Holder(msgspec.Struct, frozen=True):
 
 
 class System:
-    """This machine.
+    """The machine as `fltea devices` and `fltea doctor` see it.
 
     root: the folder that stands for /.
     """
@@ -61,15 +61,15 @@ class System:
         self.root = root
 
     def path(self, name: str) -> Path:
-        """Where `name`, which begins with /, really is."""
+        """Return where `name`, which begins with /, really is."""
         return self.root / name.lstrip("/")
 
     def exists(self, name: str) -> bool:
-        """Whether there is such a file."""
+        """Return whether there is such a file."""
         return self.path(name).exists()
 
     def names(self, folder: str, pattern: str = "*") -> list[str]:
-        """Absolute names of what is in a folder, sorted; none if it cannot be read."""
+        """Return the sorted absolute names of what is in a folder; none if it cannot be read."""
         try:
             found = sorted(self.path(folder).glob(pattern))
         except OSError:
@@ -77,22 +77,22 @@ class System:
         return [f"/{path.relative_to(self.root)}" for path in found]
 
     def read(self, name: str) -> bytes | None:
-        """Content of a small file; None if it cannot be read."""
+        """Return the content of a small file, or None if it cannot be read."""
         try:
             return self.path(name).read_bytes()
         except OSError:
             return None
 
     def text(self, name: str) -> str:
-        """The same as text without white space and zeros at its end; "" if it cannot be read."""
+        """Return the same as text without white space and zeros at its end; "" if it cannot be read."""
         return (self.read(name) or b"").decode("utf-8", "replace").rstrip("\0 \t\r\n")
 
     def serial_ports(self) -> Sequence[SerialPort]:
-        """The serial ports of this machine, by name."""
+        """Return the serial ports of this machine, by name."""
         return sorted(list_ports.comports(), key=lambda port: port.device)
 
     def run(self, *command: str) -> str | None:
-        """Output of a command, without white space round it; None if it is missing or fails to run.
+        """Return the stripped output of a command, or None if it is missing or fails to run.
 
         Its exit code is not looked at: systemctl says `inactive` with 3.
         """
@@ -102,18 +102,18 @@ class System:
         return None
 
     def user(self) -> str:
-        """Name of the user who runs this."""
+        """Return the name of the user who runs this."""
         try:
             return pwd.getpwuid(os.geteuid()).pw_name
         except KeyError:
             return str(os.geteuid())
 
     def groups_in_force(self) -> set[int]:
-        """Groups that this process has."""
+        """Return groups that this process has."""
         return {os.getegid(), *os.getgroups()}
 
     def groups_granted(self) -> set[int]:
-        """Groups that the user will have after the next login."""
+        """Return groups that the user will have after the next login."""
         try:
             entry = pwd.getpwuid(os.geteuid())
             return set(os.getgrouplist(entry.pw_name, entry.pw_gid))
@@ -121,11 +121,11 @@ class System:
             return set()
 
     def may_use(self, name: str) -> bool:
-        """Whether this process may read and write a file."""
+        """Return whether this process may read and write a file."""
         return os.access(self.path(name), os.R_OK | os.W_OK)
 
     def group_of(self, name: str) -> Group | None:
-        """The group of a file; None if there is no such file."""
+        """Return the group of a file; None if there is no such file."""
         try:
             status = self.path(name).stat()
         except OSError:
@@ -138,7 +138,7 @@ class System:
         return Group(status.st_gid, group, status.st_mode & both == both and status.st_gid != 0)
 
     def holders(self, name: str) -> list[Holder]:
-        """Programs that have a file open, this one left out.
+        """Return the other programs that have a file open.
 
         Without root's rights only one's own programs show their files, and of others' those that locked the
         file, as fltea does.
@@ -155,7 +155,7 @@ class System:
         return found
 
     def _lockers(self, name: str) -> set[int]:
-        """From lines such as `1: FLOCK  ADVISORY  WRITE 1234 00:05:678 0 EOF` (proc(5))."""
+        """Return the processes in lines like `1: FLOCK  ADVISORY  WRITE 1234 00:05:678 0 EOF` (proc(5))."""
         try:
             status = self.path(name).stat()
         except OSError:
@@ -167,7 +167,7 @@ class System:
         }
 
     def _program(self, pid: int) -> str:
-        """Command line of a process, its first words."""
+        """Return the first words of a process's command line."""
         words = (self.read(f"/proc/{pid}/cmdline") or b"").decode("utf-8", "replace").split("\0")
         words = [word for word in words if word]
         if not words:
@@ -176,14 +176,14 @@ class System:
         return " ".join(words[:PROGRAM_WORDS]) + (" …" if len(words) > PROGRAM_WORDS else "")
 
     def is_running(self, program: str) -> bool:
-        """Whether some process has this name."""
+        """Return whether some process has this name."""
         return any(self.text(f"{folder}/comm") == program for folder in self._processes())
 
     def _processes(self) -> Iterator[str]:
         yield from self.names("/proc", "[0-9]*")
 
     def clock_is_kept(self) -> bool | None:
-        """Whether something keeps the clock right, such as NTP; None where nobody can tell."""
+        """Return whether something keeps the clock right, such as NTP; None where nobody can tell."""
         try:
             adjtimex = ctypes.CDLL(None).adjtimex
         except (OSError, AttributeError):
@@ -192,13 +192,13 @@ class System:
         return None if state < 0 else state != TIME_ERROR
 
     def free_bytes(self, folder: Path) -> int:
-        """Room for this user on the disk of a folder, or of the first of its parents that exists."""
+        """Return room for this user on the disk of a folder, or of the first of its parents that exists."""
         while not folder.exists() and folder != folder.parent:
             folder = folder.parent
         return shutil.disk_usage(folder).free
 
     def read_i2c_register(self, bus: str, address: int, register: int) -> int:
-        """One register of a chip on an I²C bus; reading changes nothing.
+        """Return the content of one register of a chip on an I²C bus; reading changes nothing.
 
         Raises:
             OSError: nothing answers, or a driver of the kernel has the chip.
@@ -209,12 +209,12 @@ class System:
             return int(open_bus.read_byte_data(address, register))
 
     def has_module(self, name: str) -> bool:
-        """Whether a Python package is installed."""
+        """Return whether a Python package is installed."""
         return importlib.util.find_spec(name) is not None
 
 
 def permission_remedy(system: System, name: str) -> str | None:
-    """What would open a device to its user; None if it is open already."""
+    """Return what would open a device to its user; None if it is open already."""
     if system.may_use(name):
         return None
     group, user = system.group_of(name), system.user()

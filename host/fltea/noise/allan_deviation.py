@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 NODES = 128
-"""Of Gauss and Legendre in each panel: an octave of λ, or a part of one of the highest octaves."""
+"""Gauss–Legendre nodes in each panel, which is an octave of λ or a part of one of the highest octaves."""
 PARTS = (16, 8, 4)
-"""Of the highest octaves, where AR(2) and orders above 1 have resonances, and few λ many periods."""
+"""Panels in each of the highest octaves, where AR(2) and orders above 1 have resonances."""
 PERIODS = 16
 """Where sin(mλ) has more periods in a panel, sin⁴ is taken at its mean, 3/8."""
 BELOW = 24
@@ -24,7 +24,7 @@ BELOW = 24
 
 
 def model_adev(spectrum: Callable[[Array], Array], factors: ArrayLike) -> Array:
-    """Allan deviation (k,) at averaging times (k,) of so many samples, in the unit of the samples.
+    """Return the Allan deviation (k,) at averaging times (k,) of so many samples, in the unit of the samples.
 
     spectrum: gives S at frequencies 0 < λ < π in rad a sample, (n,) to (n,).
 
@@ -52,7 +52,7 @@ def model_adev(spectrum: Callable[[Array], Array], factors: ArrayLike) -> Array:
 
 
 def _edges(octaves: int) -> Array:
-    """Of the panels, falling from π."""
+    """Return the edges of the panels, falling from π."""
     cuts = [1 - np.arange(n) / (2 * n) for n in (*PARTS, *[1] * (octaves - len(PARTS)))]
     octave = [0.5**k * cut for k, cut in enumerate(cuts)]
     return np.asarray(np.pi * np.append(np.concatenate(octave), 0.5**octaves))

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array:
-    """∂ log S by α, g, log s2 and log R at frequencies in rad a sample, (4, len(lam))."""
+    """Return ∂ log S by α, g, log s2 and log R at frequencies in rad a sample, (4, len(lam))."""
     z = np.exp(-1j * lam)
     difference = -np.expm1(-1j * lam)  # 1 - z, without its rounding near λ = 0
     order = difference**alpha

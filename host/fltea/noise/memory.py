@@ -36,7 +36,7 @@ class NewestFirst:
 
     @property
     def values(self) -> Array:
-        """View of shape (len, *shape), newest first; valid until the next push."""
+        """The kept samples as a view (len, *shape), newest first, which is valid until the next push."""
         return self._buffer[self._start : self._start + self._count]
 
 
@@ -60,7 +60,7 @@ class DirectMemory:
 
     @property
     def window(self) -> int:
-        """Largest number of samples kept (L)."""
+        """The largest number L of samples that are kept."""
         return self._states.window
 
     def push(self, x: Array, P: Array) -> None:
@@ -74,10 +74,10 @@ class DirectMemory:
 
     @property
     def states(self) -> Array:
-        """View (len, N) of the states, newest first; valid until the next push."""
+        """The states as a view (len, N), newest first, which is valid until the next push."""
         return self._states.values
 
     @property
     def covariances(self) -> Array:
-        """View (len, N, N) of the covariances, newest first; valid until the next push."""
+        """The covariances as a view (len, N, N), newest first, which is valid until the next push."""
         return self._covariances.values

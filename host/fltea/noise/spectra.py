@@ -33,7 +33,7 @@ def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
 
 
 def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
-    """S_x / s2 of the fractional state; α and g broadcast against each other, λ in a last axis of its own."""
+    """Return S_x / s2 of the fractional state; α and g broadcast, and λ is a last axis of its own."""
     a = np.asarray(alpha, dtype=np.float64)[..., np.newaxis]
     b = np.asarray(g, dtype=np.float64)[..., np.newaxis]
     # 1 - e^{-iλ} = ρ e^{i(π - λ)/2}
@@ -43,13 +43,13 @@ def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
 
 
 def ar1(lam: Array, phi: ArrayLike) -> Array:
-    """The same of an AR(1) process, x_k = φ x_{k-1} + noise."""
+    """Return the same of an AR(1) process, x_k = φ x_{k-1} + noise."""
     b = np.asarray(phi, dtype=np.float64)[..., np.newaxis]
     return np.asarray(1 / ((1 - b) ** 2 + 4 * b * np.sin(lam / 2) ** 2))
 
 
 def ar2(lam: Array, phi1: ArrayLike, phi2: ArrayLike) -> Array:
-    """The same of an AR(2) process, x_k = φ1 x_{k-1} + φ2 x_{k-2} + noise."""
+    """Return the same of an AR(2) process, x_k = φ1 x_{k-1} + φ2 x_{k-2} + noise."""
     a = np.asarray(phi1, dtype=np.float64)[..., np.newaxis]
     b = np.asarray(phi2, dtype=np.float64)[..., np.newaxis]
     z = np.exp(-1j * lam)

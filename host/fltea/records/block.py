@@ -39,15 +39,15 @@ class AxisColumns(NamedTuple):
     white_rejected: Bools
 
     def rows(self, begin: int, end: int) -> "AxisColumns":
-        """Some of its rows."""
+        """Return the block of some of its rows."""
         return AxisColumns._make((self.axes, self.unit, *(column[begin:end] for column in self[2:])))
 
     def at(self, row: int) -> dict[str, AxisEstimate]:
-        """The estimates after one sample."""
+        """Return the estimates after one sample."""
         return next(self.of_rows(slice(row, row + 1)))
 
     def of_rows(self, chosen: slice) -> Iterator[dict[str, AxisEstimate]]:
-        """The estimates after each of the chosen samples, by axis."""
+        """Return the estimates after each of the chosen samples, by axis."""
         k = len(self.axes)
         # All axes of a column at once: of a block of one row most of the cost is that of the calls.
         numbers = [_nullable(column[chosen]) for column in self[2:8]]
@@ -67,7 +67,7 @@ _WORDS = {False: "not rejected", True: "rejected"}
 
 
 def _nullable(column: Array) -> Sequence[float | None]:
-    """All numbers of columns, row after row, None for those that are not finite."""
+    """Return all numbers of columns, row after row, None for those that are not finite."""
     values: list[float] = column.ravel().tolist()
     if math.isfinite(sum(values)):
         return values
@@ -102,7 +102,7 @@ class Block:
 
     @cached_property
     def weight(self) -> int:
-        """How many records it stands for."""
+        """The number of records that it stands for."""
         return len(self.due_rows) * (2 if self.estimates else 1)
 
     @property
@@ -111,7 +111,7 @@ class Block:
         return range(len(self))[self.due(self.every)]
 
     def rows(self, begin: int, end: int) -> "Block":
-        """Some of its rows."""
+        """Return the block of some of its rows."""
 
         def cut(column: Array | None) -> Array | None:
             return None if column is None else column[begin:end]
@@ -132,16 +132,19 @@ class Block:
         )
 
     def due(self, every: int) -> slice:
-        """The rows whose number is a multiple of `every`; the numbers of a block follow one another."""
+        """Return the rows whose number is a multiple of `every`.
+
+        The numbers of a block follow one another.
+        """
         return slice(-int(self.seq[0]) % every, None, every)
 
     def last_estimate(self) -> Estimate | None:
-        """The newest of which there is a record; None where there is none."""
+        """Return the newest of which there is a record; None where there is none."""
         rows = self.due_rows
         return next(self.estimate_records(slice(rows[-1], rows[-1] + 1)), None) if rows else None
 
     def records(self, *, samples: bool = True, estimates: bool = True) -> Iterator[Sample | Estimate]:
-        """The records of the rows that are due, in the order of the samples."""
+        """Yield the records of the rows that are due, in the order of the samples."""
         chosen = self.due(self.every)
         if not (estimates and self.estimates):
             yield from self.samples(chosen) if samples else ()
@@ -152,7 +155,7 @@ class Block:
                 yield from pair
 
     def samples(self, chosen: slice = slice(None)) -> Iterator[Sample]:
-        """A record for each of the chosen rows."""
+        """Yield a record for each of the chosen rows."""
         n = len(self.seq[chosen])
         nothing = [None] * n
         columns = zip(
@@ -179,7 +182,7 @@ class Block:
             )
 
     def estimate_records(self, chosen: slice = slice(None)) -> Iterator[Estimate]:
-        """A record for each of the chosen rows; none while the start-up window fills."""
+        """Yield a record for each of the chosen rows; none while the start-up window fills."""
         if not self.estimates:
             return
         epoch, variant, device = self.epoch, self.variant, self.device

@@ -9,10 +9,10 @@ _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 
 def host_ns() -> int:
-    """Nanoseconds since some fixed moment; no change of the date moves it."""
+    """Return nanoseconds since some fixed moment; no change of the date moves it."""
     return time.clock_gettime_ns(_CLOCK)
 
 
 def unix_offset_ns() -> int:
-    """What to add to `host_ns` to get Unix time, as of now."""
+    """Return what to add to `host_ns` to get Unix time, as of now."""
     return time.time_ns() - host_ns()

@@ -12,7 +12,7 @@ relaxation as well."""
 
 
 class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The bins that were fitted.
+    """The bins of the spectrum that were fitted.
 
     density: of the noise, one-sided, in deg/s over √Hz; ordinates: effective ones that a bin is made of.
     """
@@ -23,7 +23,7 @@ class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One axis, as the device fits it.
+    """The fit of one axis by the device.
 
     number: fits of this axis since the device's start-up window, modulo 65,536. age: samples since that
     window, lost ones included, when the spectrum was read; samples: those of them that went into it, both

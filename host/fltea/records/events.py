@@ -13,7 +13,7 @@ Values = NDArray[np.float64] | NDArray[np.int16]
 
 
 class Opened(NamedTuple):
-    """The port is open. unix_offset_ns: what to add to host_ns to get Unix time, as of then."""
+    """The port is open; unix_offset_ns was then to be added to host_ns to get Unix time."""
 
     host_ns: int
     unix_offset_ns: int = 0
@@ -37,7 +37,7 @@ class Failed(NamedTuple):
 
 
 TransportEvent = Opened | Chunk | Failed
-"""What a port gives."""
+"""The events of a port."""
 
 
 SEQUENCE_WRAP = 1 << 16
@@ -75,11 +75,11 @@ class RawBlock(NamedTuple):
     flags: Ints | None = None
 
     def rows(self, begin: int, end: int) -> "RawBlock":
-        """Some of its rows."""
+        """Return the block of some of its rows."""
         return RawBlock._make(None if column is None else column[begin:end] for column in self)
 
     def samples(self) -> Iterator[RawSample]:
-        """One by one."""
+        """Yield the samples one by one."""
         n = len(self.sequence)
         accel = [None] * n if self.accel is None else map(tuple, self.accel.tolist())
         return map(
@@ -95,7 +95,7 @@ class RawBlock(NamedTuple):
 
 
 def block_of(samples: Sequence[RawSample]) -> RawBlock:
-    """Samples, at least one and all of the same shape, as columns."""
+    """Return samples as columns; there is at least one, and all have the same shape."""
     sequence, device_us, host_ns, gyro, accel, temperature, flags = zip(*samples, strict=True)
     first = samples[0]
     return RawBlock(
@@ -136,7 +136,7 @@ class DeviceAxis(NamedTuple):
 
 
 class DeviceEstimator(NamedTuple):
-    """With what the device estimates, and how it gets on.
+    """The settings with which the device estimates, and its own counters.
 
     Sequences have one entry for each of `AXES`; variances and states are in powers of deg/s. order and
     parameter are of the joint filter with variant "joint": parameter0 is then h^α f, else f.
@@ -241,14 +241,14 @@ class Tick(NamedTuple):
 
 
 DeviceSays = DeviceAxis | DeviceEstimator | DeviceFit | DeviceBins
-"""What a device that estimates by itself says of that."""
+"""The events of a device that estimates by itself."""
 
 Event = Hello | RawBlock | DeviceStatus | DeviceSays | Trouble | LinkDown | Break | Tick
-"""What a source gives."""
+"""The events of a source."""
 
 
 def host_ns_of(event: Event) -> int | None:
-    """When an event happened, by the source's monotonic clock; of samples the last. None without a time."""
+    """Return when an event happened by the source's monotonic clock (its last sample), or None."""
     if isinstance(event, RawBlock):
         return int(event.host_ns[-1])
     return None if isinstance(event, DeviceStatus) else event.host_ns

@@ -74,7 +74,7 @@ class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One axis, of all its samples so far.
+    """The fit of one axis to all its samples so far.
 
     verdict: what the noise is; text: the same in sentences. null_p: of the null test at the time. F = g + α,
     g = h^α f; s2, R: variances in the square of `unit`. rate_left_out: bands in Hz of lines and

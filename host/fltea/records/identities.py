@@ -1,4 +1,4 @@
-"""How many devices a source may be: a board that says another name in every HELLO must fill nothing."""
+"""A limit on identities: a board that says another name in every HELLO must not fill any memory."""
 
 from collections.abc import Hashable
 
@@ -19,7 +19,7 @@ class FewIdentities:
         self._told_ns: int | None = None
 
     def admits(self, identity: Hashable, now_ns: int) -> bool:
-        """Whether to believe this identity now, on a monotonic clock in ns."""
+        """Return whether to believe this identity now, on a monotonic clock in ns."""
         if identity not in self._heard_ns:
             self._heard_ns = {one: ns for one, ns in self._heard_ns.items() if now_ns - ns < PERIOD_NS}
             if len(self._heard_ns) >= MOST:
@@ -29,7 +29,7 @@ class FewIdentities:
         return True
 
     def is_to_tell(self, now_ns: int) -> bool:
-        """Whether to tell that one was turned away; if so, it counts as told for a period."""
+        """Return whether to report that one was refused; if so, it counts as reported for a period."""
         if self._told_ns is not None and now_ns - self._told_ns < PERIOD_NS:
             return False
         self._told_ns = now_ns

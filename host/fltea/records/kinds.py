@@ -68,7 +68,7 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "bad_lines",
-        "Lines of text hold no sample and are left out; told once a minute at most, counts are in `stats`.",
+        "Lines of text hold no sample and are left out; `stats` counts them, this comes once a minute.",
         "Look at the line that the text shows; a line that looks like a sample counts as a lost one.",
     ),
     ErrorKind(
@@ -133,12 +133,12 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "device_fault",
-        "The device reports a fault of its own or of its sensor; the same one is told once a minute at most.",
+        "The device reports a fault of its own or of its sensor; the same one once a minute at most.",
         "Do what the text says; host and firmware name the same faults.",
     ),
     ErrorKind(
         "sensor_relative",
-        "The sensor is a relative or a clone of the MPU-9250; told once.",
+        "The sensor is a relative or a clone of the MPU-9250; reported once.",
         "Nothing has to be done, if you know that its noise is another sensor's.",
     ),
     ErrorKind(
@@ -183,7 +183,7 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "device_skipped",
-        "The device's estimator had fallen behind and skipped samples; told once a minute at most.",
+        "The device's estimator had fallen behind and skipped samples; reported once a minute at most.",
         "Lower the rate of the device's estimates in the firmware's settings.",
     ),
     ErrorKind(
@@ -193,7 +193,7 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "settings_unused",
-        "Settings of `[estimator]` were changed for nothing, since the device has its own; told once.",
+        "Settings of `[estimator]` were changed for nothing, since the device has its own; reported once.",
         "Take them out, or change them in the firmware.",
     ),
     ErrorKind(
@@ -213,12 +213,12 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "too_many_visitors",
-        "More browsers want the live page than `dashboard.visitors` allows; told once a minute at most.",
+        "More browsers want the live page than `dashboard.visitors` allows; reported once a minute at most.",
         "Close a window that shows the page, or raise `dashboard.visitors`.",
     ),
     ErrorKind(
         "too_many_devices",
-        "A source said more than four different things of itself within an hour; told once an hour.",
+        "A source said more than four different things of itself within an hour; reported once an hour.",
         "Check the board and the line: further ones get no topics or labels.",
     ),
     ErrorKind(
@@ -259,7 +259,7 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "nats_lost",
-        "No NATS server can be reached, or the connection broke; told once an outage.",
+        "No NATS server can be reached, or the connection broke; reported once an outage.",
         "Start the server, or check address and network; it is tried again.",
     ),
     ErrorKind(
@@ -294,12 +294,12 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "page_fault",
-        "The live page has a fault of its own; told once a minute at most.",
+        "The live page has a fault of its own; reported once a minute at most.",
         "Load the page again, and report the text.",
     ),
     ErrorKind(
         "broker_lost",
-        "The MQTT broker cannot be reached, or the connection broke; told once an outage.",
+        "The MQTT broker cannot be reached, or the connection broke; reported once an outage.",
         "Start the broker, or check address and network; it is tried again.",
     ),
     ErrorKind(
@@ -350,4 +350,4 @@ ERROR_KINDS = (
         "Nothing has to be done.",
     ),
 )
-"""In the order of the way from the port to the outputs."""
+"""All kinds, in the order of the way from the port to the outputs."""

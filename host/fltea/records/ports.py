@@ -22,7 +22,7 @@ class Source(Protocol):
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the source's monotonic clock to Unix time, as of now."""
+        """Return the nanoseconds from the source's monotonic clock to Unix time, as of now."""
 
     def events(self) -> Iterator[Event]:
         """Yield events until the source ends or is closed."""
@@ -51,20 +51,20 @@ class Latency:
 
 
 class OutputView(Protocol):
-    """What may be known of an output that runs."""
+    """What a running output shows of itself."""
 
     latency: Latency
 
     @property
     def name(self) -> str:
-        """Key of its counts in `stats.outputs`."""
+        """The key of its counts in `stats.outputs`."""
 
     def stats(self) -> OutputStats:
         """Count what was written and what was lost."""
 
 
 class Departed(NamedTuple):
-    """Nothing more comes of a device here. moved: another program goes on with it."""
+    """Nothing more comes from a device here; if `moved`, another program goes on with it."""
 
     device: str
     moved: bool
@@ -74,7 +74,7 @@ Item = AnyRecord | Block | TransportEvent
 """What a sink may be given; what came over the wire, uninterpreted, only where `takes_wire`."""
 
 Report = Callable[[str, str], None]
-"""Tells everybody of a trouble: kind and text of an `error` record. Returns at once, from any thread."""
+"""Reports a trouble to all outputs by kind and text. It returns at once, from any thread."""
 
 
 class SinkClosed(Exception):
@@ -123,7 +123,7 @@ class Sink:
 
 
 class RecordingView(NamedTuple):
-    """How the recording of one device is.
+    """The state of the recording of one device.
 
     fixed: it runs as long as the program. file: the newest; size_bytes: of all of the session's, for seconds
     of time. lost: items that no file took. trouble: why nothing is recorded though it is on.
@@ -146,7 +146,7 @@ class Recorder(Protocol):
     """Records devices while the program runs. All but `view` may take seconds."""
 
     def view(self, device: str) -> RecordingView:
-        """How the recording of a device is."""
+        """Return how the recording of a device is."""
 
     def start(self, device: str, hello: Hello | None) -> None:
         """Begin to record, if nobody did. hello: what the device said of itself.

@@ -1,4 +1,4 @@
-"""What is told again: at most once a minute, however often it happens."""
+"""A limit on repeated messages: each goes out once a minute at most, however often its cause comes."""
 
 from collections.abc import Hashable
 
@@ -6,13 +6,13 @@ REPEAT_NS = 60 * 10**9
 
 
 class OnceAMinute:
-    """Remembers when each thing was told. Keys are bounded by what a program can tell, not by a device."""
+    """Remembers when each message went out. The program bounds the number of keys, not a device."""
 
     def __init__(self) -> None:
         self._told_ns: dict[Hashable, int] = {}
 
     def is_due(self, key: Hashable, now_ns: int) -> bool:
-        """Whether to tell it now, on a monotonic clock in ns; if so, it counts as told."""
+        """Return whether a message may go out now, by a monotonic clock in ns; if so, it counts as sent."""
         told_ns = self._told_ns.get(key)
         if told_ns is not None and now_ns - told_ns < REPEAT_NS:
             return False

@@ -8,12 +8,12 @@ JSON has escapes of its own; they are made visible where they leave for a termin
 
 
 def visible(text: str) -> str:
-    r"""The text in one line, with `\x1b` and the like for every character that cannot be printed."""
+    r"""Return the text in one line, with `\x1b` and the like for every character that cannot be printed."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def visible_lines(text: str) -> str:
-    """The same for a text of ours whose lines are meant as such."""
+    """Return the same for a text of ours whose lines are meant as such."""
     return "\n".join(map(visible, text.split("\n")))

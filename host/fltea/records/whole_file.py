@@ -54,5 +54,5 @@ def text_of(file: BinaryIO) -> Iterator[TextIO]:
 
 
 def _reason(error: Exception) -> str:
-    """Without the name of the part, which tells a person nothing."""
+    """Return the reason without the part's name, which says nothing to a person."""
     return getattr(error, "strerror", None) or str(error)

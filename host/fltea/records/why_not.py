@@ -9,9 +9,9 @@ WHY_NOT: dict[WhyNot, str] = {
     "device_skipped": "the device skipped samples",
     "other_settings": "the host has other settings than the device",
 }
-"""Each reason in words, those that are told first before others."""
+"""Each reason in words; an earlier one is reported before a later one."""
 
 
 def not_comparable(why: WhyNot) -> str:
-    """A reason as it is shown in place of a difference."""
+    """Return a reason as it is shown in place of a difference."""
     return f"not comparable: {WHY_NOT[why]}"

@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 FEWEST_DOF = 6.0
 """Degrees of freedom below which nothing is read from a point: it is uncertain by half its value."""
 SPAN = 3.0
-"""A stretch has to be at least this long: its last τ over its first."""
+"""The least length of a stretch, as its last τ over its first."""
 TOLERANCE = 0.1
 K_TOLERANCE = 0.25
-"""Of local slopes; K is read where the curve is uncertain, and the next slopes, 0 and 1, are twice as far."""
+"""The tolerance of K's local slope is wide, since the curve is uncertain there and other slopes are far."""
 FEWEST_AVERAGED = 5
 """Samples, for K: below, the sum of steps is more than 1 % above the line of a continuous random walk."""
 FLICKER = math.sqrt(2 * math.log(2) / math.pi)
@@ -31,7 +31,7 @@ HOUR = 3600.0
 
 
 class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One of N, B and K: None where the curve does not show it, and `reason` says why.
+    """One of N, B and K, or None where the curve does not show it and `reason` says why.
 
     low and high are the ends of the 95 % interval of the point that counts most.
     """
@@ -40,13 +40,13 @@ class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     low: float | None = None
     high: float | None = None
     tau_from_s: float | None = None
-    """where it was read"""
+    """Where it was read."""
     tau_to_s: float | None = None
     reason: str = ""
 
 
 class Coefficients(NamedTuple):
-    """In the unit of the curve: N per √s, B as it is, K per s and √s."""
+    """N, B and K in the unit of the curve: N per √s, B as it is, K per s and √s."""
 
     N: Coefficient
     B: Coefficient
@@ -54,16 +54,16 @@ class Coefficients(NamedTuple):
 
 
 class Points(NamedTuple):
-    """A curve, rising in τ."""
+    """The points of a curve, rising in τ."""
 
     tau_s: Array
     deviation: Array
     low: Array
-    """95 % interval"""
+    """95 % interval."""
     high: Array
     degrees_of_freedom: Array
     slope: Array
-    """of log σ against log τ"""
+    """The slope of log σ against log τ."""
 
 
 def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
@@ -77,12 +77,12 @@ def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
 
 
 def times(value: float | None, factor: float) -> float | None:
-    """The product, None of None."""
+    """Return the product, or None if a factor is None."""
     return None if value is None else value * factor
 
 
 class _Curve:
-    """Points in use, and where the slope is what."""
+    """The points in use, and the slopes there."""
 
     def __init__(self, points: Points, h: float, unit: str) -> None:
         self.h, self.unit = h, unit
@@ -92,7 +92,7 @@ class _Curve:
         self.tau, self.deviation, self.low, self.high, self.dof, self.slope = (one[use] for one in points)
 
     def stretch(self, slope: float, tolerance: float, from_s: float = 0.0) -> slice | None:
-        """The longest stretch with this slope that is long enough, of those from a τ on."""
+        """Return the longest stretch with this slope that is long enough, of those from a τ on."""
         inside = (np.abs(self.slope - slope) <= tolerance) & (self.tau >= from_s * (1 - 1e-9))
         edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
         best, longest = None, SPAN
@@ -102,7 +102,7 @@ class _Curve:
         return best
 
     def line(self, part: slice, slope: float, at_s: float) -> Coefficient:
-        """The line of this slope through a stretch, weighted by degrees of freedom, read at a τ."""
+        """Return the line of this slope through a stretch, weighted by degrees of freedom, read at a τ."""
         log_line = np.log(self.deviation[part]) - slope * np.log(self.tau[part] / at_s)
         value = float(np.exp(np.average(log_line, weights=self.dof[part])))
         heaviest = self.point(part.start + int(self.dof[part].argmax()))
@@ -112,7 +112,7 @@ class _Curve:
         )
 
     def point(self, i: int) -> Coefficient:
-        """One point as it is."""
+        """Return one point unchanged."""
         tau = float(self.tau[i])
         return Coefficient(float(self.deviation[i]), float(self.low[i]), float(self.high[i]), tau, tau)
 

@@ -32,22 +32,22 @@ class AllanCurve(NamedTuple):
     tau_s: Array
     adev: Array
     low: Array
-    """95 % interval"""
+    """95 % interval."""
     high: Array
     degrees_of_freedom: Array
     factors: Array
-    """τ in samples"""
+    """τ in samples."""
     N: Coefficient
-    """per √s"""
+    """N, per √s."""
     B: Coefficient
     K: Coefficient
-    """per s and √s"""
+    """K, per s and √s."""
 
 
 def live_allan(
     factors: ArrayLike, avar: ArrayLike, terms: ArrayLike, samples: float, h: float, unit: str = "deg/s"
 ) -> AllanCurve:
-    """The curve of running sums, as far as a third of the record.
+    """Return the curve of running sums, as far as a third of the record.
 
     factors, avar, terms (k,): averaging times in samples, rising; Allan variances in the square of `unit`;
     terms that were averaged (effective number), as `_native.AllanSums` has them. samples: that they are of.
@@ -83,7 +83,7 @@ def checked(samples: float, h: float) -> None:
 def points(
     factors: ArrayLike, deviation: Array, h: float, dof: Callable[[NDArray[np.int64]], Array]
 ) -> Points:
-    """Deviations > 0 at averaging times of so many samples with their 95 % intervals; h in s.
+    """Return the deviations above 0 at averaging times of so many samples, with 95 % intervals; h in s.
 
     dof: gives the degrees of freedom of every point by the power of the frequency of its noise, 0 to -2.
     """
@@ -99,7 +99,7 @@ def points(
 
 
 def local_slopes(tau: Array, deviation: Array) -> Array:
-    """Slope of log σ against log τ around each point."""
+    """Return the slope of log σ against log τ around each point."""
     x, z = np.log(tau), np.log(np.maximum(deviation, np.finfo(np.float64).tiny))
     near = np.abs(x[:, np.newaxis] - x) <= math.log(AROUND) * (1 + 1e-9)
     count = near.sum(axis=1)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 PARTS = 8
-"""S: blocks that begin within one block, of running sums (host/native/allan_sums.hpp)."""
+"""The number S of blocks that begin within one block, of running sums (host/native/allan_sums.hpp)."""
 FULL_PARTS = 64
 """So many stand for full overlap."""
 FINITE = 33
@@ -21,7 +21,7 @@ FINITE = 33
 def degrees_of_freedom(
     power: ArrayLike, factors: ArrayLike, terms: ArrayLike, most_parts: int = PARTS
 ) -> Array:
-    """Degrees of freedom of each variance, 1 or more.
+    """Return degrees of freedom of each variance, 1 or more.
 
     power: of the frequency, of the spectrum around 1/τ: 0 (white), -1 (flicker) or -2 (random walk).
     factors: samples a block, m. terms: differences of neighbouring blocks that were averaged. A block begins
@@ -40,7 +40,7 @@ def degrees_of_freedom(
 
 
 def full_overlap(power: ArrayLike, factors: ArrayLike, samples: int) -> Array:
-    """Degrees of freedom of each variance of a record, in which a block begins with every sample."""
+    """Return degrees of freedom of each variance of a record, in which a block begins with every sample."""
     m = np.asarray(factors, dtype=np.float64)
     terms = 1 + np.floor(np.minimum(m, FULL_PARTS) * (samples - 2 * m) / m)
     return degrees_of_freedom(power, m, terms, FULL_PARTS)
@@ -56,7 +56,7 @@ def _one(power: int, m: float, terms: float, parts: float) -> float:
 
 
 def _covariance(power: int, m: float, t: Array) -> Array:
-    """Of two differences of neighbouring blocks that are t blocks apart, up to a factor."""
+    """Return the covariance of two differences of blocks that are t blocks apart, up to a factor."""
     apart = t[:, np.newaxis] + np.arange(-2.0, 3.0)
     if m > FINITE:
         x = _generalised(power + 2, apart)
@@ -67,7 +67,7 @@ def _covariance(power: int, m: float, t: Array) -> Array:
 
 
 def _generalised(power: int, t: Array) -> Array:
-    """Generalised autocovariance of the phase of power-law noise."""
+    """Return the generalised autocovariance of the phase of power-law noise."""
     size = np.abs(t)
     exponent = 3 - power
     if power % 2 == 0:

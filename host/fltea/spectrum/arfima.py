@@ -19,7 +19,7 @@ LEAST_ORDER, MOST_ORDER = 0.15, 0.85
 
 
 def arfima_parameters(theta: Array) -> tuple[Array, Array, Array]:
-    """Of coordinates (..., 3): d, φ, and s2 / (s2 + R)."""
+    """Return d, φ and s2 / (s2 + R) of coordinates (..., 3)."""
     return (
         LEAST_ORDER + (MOST_ORDER - LEAST_ORDER) * share(theta[..., 0]),
         2 * share(theta[..., 1]) - 1,

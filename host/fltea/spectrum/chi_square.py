@@ -15,7 +15,7 @@ STEPS = 12
 
 
 def quantile(probability: float, degrees: ArrayLike) -> Array:
-    """The value that a chi-squared figure of each of `degrees` > 0 stays below with this probability.
+    """Return the value that a chi-squared figure of each of `degrees` > 0 stays below with this probability.
 
     Raises:
         ValueError: probability is not between 0 and 1, or a number of degrees is not positive.
@@ -36,7 +36,7 @@ def quantile(probability: float, degrees: ArrayLike) -> Array:
 
 
 def _few(probability: float, k: Array, start: Array) -> Array:
-    """Newton's method on the logarithms of x = chi²/2 and of its distribution, from a start."""
+    """Solve by Newton's method on the logarithms of x = chi²/2 and of its distribution, from a start."""
     a = k / 2
     log_gamma = np.array([math.lgamma(one) for one in (a + 1).tolist()])
     # x^a / Γ(a + 1) is above the distribution, so this is below the quantile.

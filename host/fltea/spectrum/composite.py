@@ -34,12 +34,12 @@ Array = NDArray[np.float64]
 MOST = 4
 """Gauss–Markov parts."""
 CORNERS_A_DECADE = 3
-"""Of a further part, as starts."""
+"""Corners a decade at which a further part starts."""
 KEPT_STARTS = 3
 NEW_PARTS = (0.1, 1.0)
 """Plateaus of a further part over the spectrum at its corner, as starts."""
 AT_END = 1e-3
-"""Of the logarithm of a corner: so near to an end of the data it is at it."""
+"""The distance in log corner from an end of the data below which a corner is at it."""
 MARGIN = 2.0
 """BIC that a further part has to gain: a dozen models are compared, and BIC reckons with two."""
 
@@ -48,14 +48,14 @@ class GaussMarkov(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A part with dx/dt = -x / τ + noise of density q; at h, x_k = φ x_{k-1} + noise of variance s2."""
 
     sigma: Estimate
-    """standard deviation of x, in the unit of y"""
+    """Standard deviation of x, in the unit of y."""
     tau_s: Estimate
-    """correlation time"""
+    """Correlation time."""
     q: float
-    """2 σ² / τ, in the square of the unit a second"""
+    """2 σ² / τ, in the square of the unit a second."""
     phi: float
     s2: float
-    """in the square of the unit"""
+    """The variance in the square of the unit."""
 
 
 class Composite(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -63,25 +63,25 @@ class Composite(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     name: str
     N: Estimate
-    """white noise, per √Hz: its Allan deviation is N / √τ"""
+    """White noise, per √Hz: its Allan deviation is N / √τ."""
     gauss_markov: tuple[GaussMarkov, ...]
-    """the slowest first"""
+    """The slowest first."""
     K: Estimate | None
-    """random walk, a second and √Hz: K √(τ / 3)"""
+    """Random walk, a second and √Hz: K √(τ / 3)."""
     Q: Estimate | None
-    """quantisation noise: √3 Q / τ"""
+    """Quantisation noise: √3 Q / τ."""
     bic: dict[str, float]
-    """of all models that were compared, below that of white noise: the lower, the better"""
+    """BIC of all models that were compared, above that of white noise: the lower, the better."""
     h_s: float
     from_hz: float
-    """lowest frequency that was fitted: nothing is known of what is slower"""
+    """Lowest frequency that was fitted: nothing is known of what is slower."""
     low_pass_hz: float | None = None
-    """corner of the filter that all of it has gone through; the parts are those before it"""
+    """Corner of the filter that all of it has gone through; the parts are those before it."""
     drift_rate: Estimate | None = None
-    """of the straight line through the record, in the unit a second; 0 within: it is not told from noise"""
+    """The slope of the line through the record, in the unit a second; if 0 is within, it may be noise."""
 
     def spectrum(self, lam: Array) -> Array:
-        """At λ in rad a sample, (len(lam),)."""
+        """Return the spectrum at λ in rad a sample, (len(lam),)."""
         kind = Kind(len(self.gauss_markov), self.K is not None, self.Q is not None)
         h = self.h_s
         parameters = [self.N.value**2 / h, *(one.sigma.value**2 for one in self.gauss_markov)]
@@ -106,7 +106,7 @@ def composite(data: Binned, h: float, samples: int, sums: Sequence[Fit] = ()) ->
 
 
 def compared(data: Lines, sums: Sequence[Fit] = ()) -> dict[Kind, Point]:
-    """The best point of every model whose corners are all where the data are."""
+    """Return the best point of every model whose corners are all where the data are."""
     found: dict[Kind, Point] = {}
     for walk, quantised in ((False, False), (True, False), (False, True), (True, True)):
         worse = 0
@@ -130,7 +130,7 @@ def compared(data: Lines, sums: Sequence[Fit] = ()) -> dict[Kind, Point]:
 
 
 def _simplest(bic: dict[Kind, float]) -> Kind:
-    """The one of lowest BIC, unless a smaller one is nearly as good."""
+    """Return the one of lowest BIC, unless a smaller one is nearly as good."""
     lowest = min(bic.values())
     return min((kind for kind in bic if bic[kind] <= lowest + MARGIN), key=lambda k: (k.parameters, bic[k]))
 
@@ -140,7 +140,7 @@ def _bic(data: Lines, kind: Kind, point: Point) -> float:
 
 
 def _level(data: Lines, kind: Kind) -> Array:
-    """White noise of the upper half, and of the others what leaves it so."""
+    """Return white noise for the upper half of lanes, and for the others what leaves it so."""
     power = data.power
     white = math.log(np.average(power[len(power) // 2 :], weights=data.counts[len(power) // 2 :]))
     walk = math.log(max(power[0], power[1]) * data.lam[0] ** 2)
@@ -148,7 +148,7 @@ def _level(data: Lines, kind: Kind) -> Array:
 
 
 def _grown(data: Lines, kind: Kind, last: Point | None) -> list[Array]:
-    """Starts of one part more: the best of corners all over the data."""
+    """Return starts of one part more: the best of corners all over the data."""
     if last is None:
         return []
     smaller = kind._replace(gauss_markov=kind.gauss_markov - 1)
@@ -170,7 +170,7 @@ def _with_part(smaller: Kind, eta: Array, variance: float, rate: float) -> Array
 
 
 def _of_sums(sums: Sequence[Fit], kind: Kind) -> list[Array]:
-    """Starts from the plain sum of as many parts, if all of them are Gauss–Markov."""
+    """Return starts from the plain sum of as many parts, if all of them are Gauss–Markov."""
     count = kind.gauss_markov
     if not 1 <= count <= len(sums) or kind.walk or kind.quantised:
         return []
@@ -187,7 +187,7 @@ def _of_sums(sums: Sequence[Fit], kind: Kind) -> list[Array]:
 
 
 def _extended(data: Lines, other: Kind, point: Point, kind: Kind) -> Iterable[Array]:
-    """Starts from a model that has one thing less: a random walk or quantisation noise."""
+    """Return starts from a model without a random walk or without quantisation noise."""
     if other.gauss_markov != kind.gauss_markov:
         return
     walk, quantised = kind.walk - other.walk, kind.quantised - other.quantised
@@ -202,7 +202,7 @@ def _extended(data: Lines, other: Kind, point: Point, kind: Kind) -> Iterable[Ar
 
 
 def _has_such_corners(data: Lines, kind: Kind, point: Point) -> bool:
-    """Whether all corners are where the data are."""
+    """Return whether all corners are where the data are."""
     low, high = bounds(data, kind)
     corners = slice(1 + kind.gauss_markov, 1 + 2 * kind.gauss_markov)
     rates = point.eta[corners]

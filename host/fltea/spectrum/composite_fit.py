@@ -18,14 +18,15 @@ Array = NDArray[np.float64]
 
 STEPS = 60
 CONVERGED = 1e-7
-"""Of -log L, gained by a step."""
+"""The gain of -log L in a step at which the search has converged."""
 SMALLEST = -30.0
 """Logarithm of the smallest part over the mean power."""
 LARGEST = 30.0
 LEAK_OF_CUBIC = 1 / 9
-"""Of a random walk without its cubic, mean square of the step from the last sample to the first over what it
-does in a record: so much more power it has at all frequencies of the whole. Of a short record the cubic is
-taken out only where the walk is large; where it is not the whole step leaks, but is lost in other noise."""
+"""The leak of a random walk without its cubic: the mean square of the step from the last sample to the first
+over what the walk does in a record: so much more power it has at all frequencies of the
+whole. Of a short record the cubic is taken out only where the walk is large; where it is not the whole step
+leaks, but is lost in other noise."""
 
 
 class Lines(NamedTuple):
@@ -37,11 +38,11 @@ class Lines(NamedTuple):
     walk: Array
     rising: Array
     leaks: NDArray[np.bool_]
-    """bins of the lowest octave"""
+    """Bins of the lowest octave."""
 
 
 class Kind(NamedTuple):
-    """Which parts there are, white noise apart."""
+    """Which parts a model has besides white noise."""
 
     gauss_markov: int
     walk: bool
@@ -49,12 +50,12 @@ class Kind(NamedTuple):
 
     @property
     def parameters(self) -> int:
-        """As BIC counts them."""
+        """The number of parameters, as BIC counts them."""
         return 1 + 2 * self.gauss_markov + self.walk + self.quantised
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The name of the model in words."""
         parts = ["white"]
         if self.gauss_markov:
             parts.append(f"{self.gauss_markov} Gauss–Markov")
@@ -65,13 +66,13 @@ class Point(NamedTuple):
     """Logarithms of the parameters of one spectrum, and -log L there."""
 
     eta: Array
-    """log R; log σ² of each Gauss–Markov part; log h/τ of each; log s2 of the walk; log of the variance of
-    the noise whose differences are quantisation noise"""
+    """Log R; log σ² of each Gauss–Markov part; log h/τ of each; log s2 of the walk; log of the variance of
+    the noise whose differences are quantisation noise."""
     nll: float
 
 
 def lines(data: Binned, samples: int) -> Lines:
-    """Of the one series of `data`, of a record of so many samples."""
+    """Return the lines of the one series of `data`, of a record of so many samples."""
     level = max(0, math.ceil(math.log2(samples / WHOLE)))
     leaks = data.lam < JOIN / 2**level if level else np.ones(len(data.lam), dtype=np.bool_)
     rising = 4 * np.sin(data.lam / 2) ** 2
@@ -80,7 +81,7 @@ def lines(data: Binned, samples: int) -> Lines:
 
 
 def at(lam: Array) -> Lines:
-    """Frequencies at which a spectrum is wanted, without what leaks."""
+    """Return frequencies at which a spectrum is wanted, without what leaks."""
     rising = 4 * np.sin(lam / 2) ** 2
     none = np.zeros_like(lam)
     return Lines(lam, none, none, 1 / rising, rising, np.zeros(len(lam), dtype=np.bool_))

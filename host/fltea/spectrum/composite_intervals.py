@@ -21,7 +21,7 @@ SLOWEST = 300.0
 LEAST = 7.0
 """Below this power of e under its best value a variance is 0."""
 CLOSE = 0.01
-"""Of 2 log L at an end."""
+"""The tolerance of 2 log L at an end."""
 LOOKS = 40
 NORMAL = 1.96
 
@@ -34,7 +34,7 @@ class Estimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     high: float | None
 
     def scaled(self, factor: float, power: float) -> "Estimate":
-        """Factor times its power; a power below 0 changes the ends."""
+        """Return factor times a power of the interval; a power below 0 changes its ends."""
         ends = [None if end is None else factor * end**power for end in (self.low, self.high)]
         low, high = ends if power > 0 else reversed(ends)
         return Estimate(factor * self.value**power, low, high)
@@ -52,7 +52,7 @@ def interval(data: Lines, kind: Kind, best: Point, i: int) -> Estimate:
 
 
 def of_walk(data: Lines, kind: Kind, best: Point, i: int) -> Estimate:
-    """The same of the walk: what leaks of it hangs on one step, and is the same at all frequencies."""
+    """Return the same of the walk: what leaks of it hangs on one step, and is the same at all frequencies."""
     found = interval(data, kind, best, i)
     relative = slopes(data, kind, best.eta)
     own = (relative[1][i] / relative[0]) ** 2 * data.counts
@@ -67,7 +67,7 @@ def of_walk(data: Lines, kind: Kind, best: Point, i: int) -> Estimate:
 
 
 def _end(data: Lines, kind: Kind, best: Point, i: int, sign: int, ends: tuple[Array, Array]) -> float | None:
-    """The value of parameter i where the profile crosses, to one side; None: it does nowhere."""
+    """Return the value of parameter i where the profile crosses, to one side; None: it does nowhere."""
     at = float(best.eta[i])
     corner = 1 + kind.gauss_markov <= i < 1 + 2 * kind.gauss_markov
     limit = float(ends[0 if sign < 0 else 1][i])
@@ -105,7 +105,7 @@ def _end(data: Lines, kind: Kind, best: Point, i: int, sign: int, ends: tuple[Ar
 
 
 def _deviation(data: Lines, kind: Kind, best: Point, i: int) -> float:
-    """Standard deviation by the curvature, with which the search begins."""
+    """Return the standard deviation by the curvature, with which the search begins."""
     spectrum, parts = slopes(data, kind, best.eta)
     relative = parts / spectrum
     information = (relative * data.counts) @ relative.T

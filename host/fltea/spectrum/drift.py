@@ -14,14 +14,14 @@ from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
 Array = NDArray[np.float64]
 
 PERIODS = 10.0
-"""In a record, of the slowest wave that is fitted. Of fewer nobody can say what they are a part of."""
+"""Periods in a record of the slowest wave that is fitted; fewer may be a part of anything."""
 CUBIC_PERIODS = 0.7
-"""In a record, of the waves that a cubic is most like."""
+"""Periods in a record of the waves that a cubic is most like."""
 LEAST_OFFSET = 10.0
-"""Power of the offset's drift over that of noise: of less nobody needs to know."""
+"""Power of the offset's drift over that of noise; less is of no importance."""
 LEAST_RATIO = 2.0
 FALSE_ALARM = 1e-4
-"""Of each of the two tests, in a record that is looked at once."""
+"""The false alarms of each of the two tests, in a record that is looked at once."""
 
 
 class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -29,22 +29,22 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     below_hz: float
     ratio: float = 1.0
-    """of the power there to what the best model has there"""
+    """The ratio of the power there to what the best model has there."""
     p: float = 1.0
-    """probability of so much, if that model were right there too"""
+    """Probability of so much, if that model were right there too."""
     offset: float = 0.0
-    """power of the cubic that was taken out of a long record, over what the model has there"""
+    """Power of the cubic that was taken out of a long record, over what the model has there."""
     offset_p: float = 1.0
-    """probability of so much"""
+    """Probability of so much."""
 
     def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:
-        """Whether it is more than the model explains, and enough to matter."""
+        """Return whether it is more than the model explains, and enough to matter."""
         of_offset = self.offset >= LEAST_OFFSET and self.offset_p < false_alarm
         return of_offset or (self.ratio >= LEAST_RATIO and self.p < false_alarm)
 
 
 def drift_hz(duration_s: float, samples: int) -> float:
-    """The frequency below which there is drift in a record of this length.
+    """Return the frequency below which there is drift in a record of this length.
 
     Of very few samples all that can be fitted is.
     """
@@ -73,6 +73,6 @@ def slow_power(
 
 
 def _tail(ratio: float, degrees: float) -> float:
-    """How often chi-squared over its degrees exceeds ratio, by Wilson and Hilferty's cube root."""
+    """Return how often chi-squared over its degrees exceeds ratio, by Wilson and Hilferty's cube root."""
     spread = 2 / (9 * degrees)
     return NormalDist().cdf(-(ratio ** (1 / 3) - 1 + spread) / math.sqrt(spread))

@@ -36,7 +36,7 @@ def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Estima
 
 
 def slope_variance(n: int, h: float, spectrum: Callable[[Array], Array]) -> float:
-    """Variance of the slope of n samples of noise, in the square of the unit a second."""
+    """Return the variance of the slope of n samples of noise, in the square of the unit a second."""
     highest = n * np.pi / 2
     x = np.linspace(0, min(WAVES_TO, highest), FINE + 1)[1:] - min(WAVES_TO, highest) / FINE / 2
     response = (np.sin(x) / x**2 - np.cos(x) / x) ** 2

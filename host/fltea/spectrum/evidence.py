@@ -13,41 +13,41 @@ from fltea.spectrum.stationarity import Change
 LEVEL = 0.05
 """The null test rejects below, of a recording that is looked at once."""
 ANYTIME_LEVEL = 1e-5
-"""The same of a sensor that is looked at every second for a day: with it at most one white sensor in a
+"""The level for a sensor that is looked at every second for a day: with it at most one white sensor in a
 hundred is ever called anything else."""
 
 
 def more_than_once(level: float) -> float:
-    """What 2 log L has to gain more than of one look, where a claim at this level holds for all looks."""
+    """Return how much more 2 log L has to gain than in one look, if a claim shall hold for all looks."""
     return -2 * math.log(level / LEVEL)
 
 
 class Evidence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the verdict is drawn from."""
+    """All figures that the verdict on one axis rests on."""
 
     duration_s: float
     samples: int
     rate_hz: float
     p_all: float
-    """null test of all ordinates that the user left in"""
+    """Null test of all ordinates that the user left in."""
     p_without_peaks: float
-    """of these without lines and resonances"""
+    """The p-value of these ordinates without lines and resonances."""
     p_clean: float
-    """of these above what is called drift, and without the low-pass"""
+    """The p-value of these above what is called drift, and without the low-pass."""
     peaks: tuple[Peak, ...]
     contest: Contest
-    """of the clean ordinates"""
+    """The contest of the models on the clean ordinates."""
     from_hz: float
     to_hz: float
-    """the clean ordinates are between"""
+    """The clean ordinates are between."""
     slow: SlowPower
     low_pass: LowPass | None = None
     change: Change | None = None
-    """of the noise during the record"""
+    """The change of the noise during the record."""
     decides_s: float | None = None
-    """length of a record that tells the fractional model from relaxations, where this one does not"""
+    """Length of a record that tells the fractional model from relaxations, where this one does not."""
     level: float = LEVEL
-    """at which the null test rejects"""
+    """The level at which the null test rejects."""
 
     @property
     def drifts(self) -> bool:
@@ -56,10 +56,10 @@ class Evidence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def more(self) -> float:
-        """`more_than_once` at its level."""
+        """How much more 2 log L has to gain than in one look, at the level of this look."""
         return more_than_once(self.level)
 
     @property
     def apart(self) -> float:
-        """In 2 log L, from which on two models are told apart."""
+        """The difference in 2 log L from which on two models count as different."""
         return APART + self.more

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def f_deviate(ratio: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
-    """The standard normal deviate that is exceeded as often as F with (first, second) degrees exceeds ratio.
+    """Return the standard normal deviate that is exceeded as often as F with these degrees exceeds ratio.
 
     All of one shape, or broadcast; ratio >= 0, degrees >= 2.
     """
@@ -26,7 +26,7 @@ def f_deviate(ratio: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
 
 
 def _g(x: Array) -> Array:
-    """(1 - x² + 2x log x) / (1 - x)²; 0 at 1, where it is (1 - x)/3."""
+    """Return (1 - x² + 2x log x) / (1 - x)², which is (1 - x)/3 near 1."""
     away = 1 - x
     near = np.abs(away) < 1e-3
     safe = np.where(near, 2.0, x)

@@ -20,7 +20,7 @@ from fltea.spectrum.whittle import Fit, fit, negative_log_likelihood
 Array = NDArray[np.float64]
 
 LARGEST_FLOOR, LARGEST_OF_SLOW = 0.03, 0.003
-"""Of AR(1) in white noise that is called a low-pass whatever the likelihood says: rounding makes as much."""
+"""Shares of white noise and of slow parts that rounding may add to a low-pass of one pole."""
 SLOW_CORNER = 2 * math.pi / 100
 """Rad a sample: nobody filters a hundred times as slowly as he samples."""
 LEAST_PHI = 0.05
@@ -34,7 +34,7 @@ HALVINGS = 3
 
 
 def find_low_pass(h: float, fits: Fits, search: Search, more: float = 0.0) -> LowPass | None:
-    """The filter that the noise of `fits` has gone through; None if none is seen. h in s.
+    """Return the filter that the noise of `fits` has gone through; None if none is seen. h in s.
 
     more: what 2 log L has to gain more than of one look.
     """
@@ -58,7 +58,7 @@ def find_low_pass(h: float, fits: Fits, search: Search, more: float = 0.0) -> Lo
 
 
 def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
-    """The fastest relaxation, if what is faster is next to nothing, and no fractional order says the same."""
+    """Return the fastest relaxation, if next to nothing is faster and no fractional order says the same."""
     data = fits.data
     best = min(fits.sums, key=lambda one: bic(one, data))
     if is_order(fits.order) and bic(fits.order, data) < bic(best, data):
@@ -83,7 +83,7 @@ def _one_pole(h: float, fits: Fits, more: float) -> LowPass | None:
 
 
 def _before_an_order(data: Binned, to_beat: float) -> float | None:
-    """φ of a pole that noise of a fractional order has gone through, if with it BIC is less than `to_beat`.
+    """Return φ of a pole that noise of an order has gone through, if it brings BIC below `to_beat`.
 
     Such noise looks like a sum of relaxations of which the fastest is the filter.
     """
@@ -115,7 +115,7 @@ def _before_an_order(data: Binned, to_beat: float) -> float | None:
 
 
 def _pure(data: Binned, found: Fit, fastest: int) -> float | None:
-    """φ of the fastest relaxation where there is no white noise, if that describes the data as well."""
+    """Return φ of the fastest relaxation if the data are described as well without white noise."""
     p = sum_parameters(found.theta, found.theta.shape[1] // 2)
     slow = np.zeros_like(data.lam)
     for k in range(p.poles.shape[1]):

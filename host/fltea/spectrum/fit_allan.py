@@ -19,7 +19,7 @@ def fit_allan(
     unit: str,
     spectrum: Callable[[Array], Array],
 ) -> FitAllan | None:
-    """Both curves; None while there are too few samples or the axis is constant.
+    """Return both curves, or None while there are too few samples or the axis is constant.
 
     sums: averaging times in samples, Allan variances, terms, as of `live_allan`; of so many samples, with a
     sampling period of h s. spectrum: of the model, normalised like `periodogram`, in the square of `unit`.

@@ -18,7 +18,7 @@ NO_WHITE = 1e-4
 
 
 def order_deviation(data: Binned, found: Fit) -> float | None:
-    """Standard deviation of α by Fisher's information at a fit of FULL; None where there is no such figure.
+    """Return the standard deviation of α by Fisher's information at a fit of FULL, or None.
 
     None of the other parameters is taken to be known.
     """
@@ -38,10 +38,10 @@ def order_deviation(data: Binned, found: Fit) -> float | None:
 def seconds_more(
     data: Binned, found: Fit, h: float, target: float, longest_s: float | None = None
 ) -> float | None:
-    """Seconds of samples until the 95 % interval of α is ± target, if the noise stays as it is.
+    """Return seconds of samples until the 95 % interval of α is ± target, if the noise stays as it is.
 
     data: all that is known. h in s. longest_s: of samples that are not forgotten; None: none are. 0 if it is
-    as narrow; None if that will never be, or cannot be told.
+    as narrow; None if that will never be, or cannot be known.
     """
     deviation = order_deviation(data, found)
     if deviation is None:
@@ -54,7 +54,7 @@ def seconds_more(
 
 
 def seconds_to_tell(data: Binned, one: Fit, other: Fit, duration_s: float, apart: float) -> float | None:
-    """Length of a record of which 2 log L tells two models apart by so much, whichever of them is true.
+    """Return the length of a record that tells two models apart by so much in 2 log L.
 
     one, other: their fits to `data`, of a record of duration_s. That longer records also show slower waves is
     not counted, so that it may well be shorter. None if it is longer than any record.
@@ -67,7 +67,7 @@ def seconds_to_tell(data: Binned, one: Fit, other: Fit, duration_s: float, apart
 
 
 def _gain(data: Binned, true: Fit, other: Fit) -> float:
-    """What 2 log L of the other model lacks on average, if this one is true."""
+    """Return what 2 log L of the other model lacks on average, if this one is true."""
     expected = data._replace(power=true.spectrum(data.lam))
     lacks = fit(expected, other.model, other.theta[:, np.newaxis])
     m = float(data.counts.sum())

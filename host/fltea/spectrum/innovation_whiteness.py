@@ -12,26 +12,26 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 LAGS = 20
-"""Of Ljung and Box's test; even, so that its χ² has a closed form."""
+"""The lags of Ljung and Box's test: an even number, so that its χ² has a closed form."""
 FEWEST = 100
 COLOURED_P = 1e-3
-"""Innovations are coloured if white ones give such a Ljung–Box statistic no more often,"""
+"""Innovations are coloured if white ones give such a Ljung–Box statistic no more often,."""
 COLOURED = 0.1
-"""and the root of the sum of the squares of their correlations is more. It is 0.3 to 0.7 behind a low-pass,
+"""And the root of the sum of the squares of their correlations is more. It is 0.3 to 0.7 behind a low-pass,
 and 0.12 to 0.15 where α is too small by 0.25 to 0.5; in a day something is significant in any noise."""
 
 
 class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Of a model that is right, nis is 1, lag1 0 ± 1/√n and ljung_box_p anywhere in 0 … 1."""
+    """Figures of the innovations: of a right model nis is 1, lag1 0 ± 1/√n and ljung_box_p in 0 … 1."""
 
     samples: int
     nis: float
-    """mean normalised innovation squared"""
+    """The mean normalised innovation squared."""
     lag1: float
-    """correlation of neighbours"""
+    """Correlation of neighbours."""
     ljung_box: float
     ljung_box_p: float
-    """probability that white innovations give this much or more"""
+    """Probability that white innovations give this much or more."""
 
 
 class InnovationSums:
@@ -60,7 +60,7 @@ class InnovationSums:
         self._before = both[-LAGS:]
 
     def result(self) -> Innovations | None:
-        """The test of all of them; None for fewer than 100."""
+        """Return the test of all of them; None for fewer than 100."""
         n = self._samples
         if n < FEWEST or not self._squares > 0:
             return None
@@ -85,7 +85,7 @@ def describes(samples: int, ljung_box: float) -> bool:
 
 
 def chi2_tail(x: float, degrees: int) -> float:
-    """Probability that χ² with an even number of degrees exceeds x."""
+    """Return the probability that χ² with an even number of degrees exceeds x."""
     term = total = math.exp(-min(x, 1400.0) / 2)
     for i in range(1, degrees // 2):
         term *= x / 2 / i

@@ -29,12 +29,12 @@ class NullFits(NamedTuple):
 
     @property
     def likelihood_ratio(self) -> Array:
-        """2 (log L of the alternative - log L of white), (series,), not below 0 but for rounding."""
+        """Return 2 (log L of the alternative - log L of white), (series,), 0 or more."""
         return 2 * (self.white.nll - self.alternative.nll)
 
     @property
     def ratio_to_ar1(self) -> Array:
-        """The same against AR(1) in white noise, which is the alternative with α = 1."""
+        """Return the same against AR(1) in white noise, which is the alternative with α = 1."""
         return 2 * (self.ar1.nll - self.alternative.nll)
 
 
@@ -47,7 +47,7 @@ def null_fits(data: Binned, search: Search = fit) -> NullFits:
 
 
 def p_value(likelihood_ratio: float, ordinates: float) -> float:
-    """Probability that white noise gives this ratio or more, with so many ordinates."""
+    """Return the probability that white noise gives this ratio or more, with so many ordinates."""
     quantiles = critical_values(ordinates)
     probabilities = np.array(PROBABILITIES)
     if likelihood_ratio <= quantiles[0]:
@@ -59,5 +59,5 @@ def p_value(likelihood_ratio: float, ordinates: float) -> float:
 
 
 def critical_values(ordinates: float) -> Array:
-    """The ratios that white noise exceeds with `PROBABILITIES`, falling ones: 50 %, ..., 5 %, 1 %, 0.1 %."""
+    """Return the ratios that white noise exceeds with `PROBABILITIES`, from 50 % down to 0.1 %."""
     return np.asarray(np.polynomial.polynomial.polyval(math.log10(ordinates), np.array(COEFFICIENTS).T))

@@ -33,11 +33,11 @@ LINE_SKIRT = 3
 SHORTEST_FLANK = 4
 """Near frequency 0."""
 END_WIDTHS = (1, 2, 4)
-"""Of stretches at the ends of the band."""
+"""Widths of stretches at the ends of the band."""
 WIDEST_SHARE = 0.08
 """The widest stretch, as a share of all ordinates."""
 LEAST_LEVEL = 1e-12
-"""Of the mean: a level of nothing, as that of made-up noise, is taken for this."""
+"""The least level over the mean, which stands for a level of 0, as made-up noise may have it."""
 LINE_ORDINATES = 6
 """What has nearly all its power in so many is a line: an oscillation that stays in phase over the record."""
 IN_A_LINE = 0.7
@@ -48,17 +48,17 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A line, or a resonance."""
 
     kind: str
-    """line or resonance; peak, where the resolution cannot tell"""
+    """Line or resonance; peak, where the resolution cannot tell."""
     frequency_hz: float
-    """where it is highest, the resonance after smoothing"""
+    """Where it is highest, the resonance after smoothing."""
     width_hz: float
-    """at half its height above the surroundings"""
+    """The width at half its height above the surroundings."""
     power_share: float
-    """of all power in the ordinates used"""
+    """Its share of all power in the ordinates used."""
     height: float
-    """its mean over the level around it"""
+    """Its mean over the level around it."""
     notch_hz: tuple[float, float]
-    """the band to leave out to be rid of it"""
+    """The band to leave out to be rid of it."""
 
 
 def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
@@ -67,7 +67,7 @@ def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, 
 
 
 def _search(p: Periodogram, total: float, false_alarm: float) -> tuple[Peak, ...]:
-    """The peaks of the ordinates of p; total: power of all that there were."""
+    """Return the peaks of the ordinates of p; total: power of all that there were."""
     lam, power = p.lam, p.power
     peaks: list[Peak] = []
     while len(peaks) < MOST:
@@ -88,7 +88,7 @@ def _search(p: Periodogram, total: float, false_alarm: float) -> tuple[Peak, ...
 
 
 def _with_stop_band(p: Periodogram, total: float, false_alarm: float, edge: float) -> tuple[Peak, ...]:
-    """The peaks of the pass band of a filter, and the lines of its stop band, which begins at `edge`."""
+    """Return the peaks of a filter's pass band, and the lines of its stop band, which begins at `edge`."""
     begin = int(np.searchsorted(p.lam, edge))
     below, above = slice(0, begin), slice(begin, None)
     peaks = _search(p._replace(lam=p.lam[below], power=p.power[below]), total, false_alarm)
@@ -104,7 +104,7 @@ def _with_stop_band(p: Periodogram, total: float, false_alarm: float, edge: floa
 
 
 def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | None:
-    """Where the most striking stretch begins and ends, and the level around it; None if none is."""
+    """Return where the most striking stretch begins and ends, and the level around it; None if none is."""
     m = len(power)
     sums = np.zeros(m + 1)
     np.cumsum(power, out=sums[1:])
@@ -140,7 +140,7 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
 
 
 def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """The likeliest line too near to an end for whole flanks: its gain, begin, end and surrounding level."""
+    """Return gain, begin, end and surrounding level of the likeliest line that is too near to an end."""
     m = len(sums) - 1
     tries = [
         (at, width)
@@ -176,12 +176,12 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
 
 
 def continued(near: float, far: float) -> float:
-    """The level that goes on to rise as it does from far to near."""
+    """Return the level that goes on to rise as it does from far to near."""
     return near * max(near / far, 1.0) if far > 0 else near
 
 
 def _extent(power: Array, start: int, stop: int, level: float) -> tuple[int, int]:
-    """The stretch with its skirts: as far as pieces of half its width are above the level."""
+    """Return the stretch with its skirts: as far as pieces of half its width are above the level."""
     piece = max(3, (stop - start) // 2)
     above = 1 + 2 / math.sqrt(piece)
     left, right = max(start - 1, 0), min(stop + 1, len(power))
@@ -223,14 +223,14 @@ def _describe(
 
 
 def _in_few_ordinates(excess: Array, top: int) -> bool:
-    """Whether nearly all of a peak's power is about its top."""
+    """Return whether nearly all of a peak's power is about its top."""
     half = LINE_ORDINATES // 2
     near = float(excess[max(top - half, 0) : top + half + 1].sum())
     return near > IN_A_LINE * float(excess.sum())
 
 
 def f_log_tail(m: int, k: int, ratio: float) -> float:
-    """Log of the probability that the mean of m exponentials exceeds `ratio` times that of k others.
+    """Return the log probability that the mean of m exponentials exceeds `ratio` times that of k others.
 
     That is F with 2m and 2k degrees; here it is a finite sum.
     """

@@ -25,7 +25,7 @@ from fltea.spectrum.warm import Warm
 Array = NDArray[np.float64]
 
 POINTS = 150
-"""Of the spectrum, at most."""
+"""The largest number of points of a spectrum."""
 SHORTEST_MEMORY = 256
 """Samples."""
 FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
@@ -62,7 +62,7 @@ class LiveAxes:
 
     @property
     def samples(self) -> int:
-        """Samples of an axis that were taken."""
+        """The number of samples of an axis that were taken."""
         return self._octaves.samples
 
     def add(self, y: Array) -> None:
@@ -89,7 +89,7 @@ class LiveAxes:
         return self._each(self._copied(), curves, last, fresh)
 
     def save(self) -> bytes:
-        """All of it, for a later run."""
+        """Return all of it, for a later run."""
         return msgspec.msgpack.encode(
             _Saved(self.axes, self.h, self.unit, self._memory, self._octaves.save())
         )
@@ -140,7 +140,7 @@ class LiveAxes:
         return self._said(octaves, lane, seen, whole if curves else None)
 
     def _said(self, octaves: Octaves, lane: int, seen: Spectral, drawn: Periodogram | None) -> AxisFit:
-        """What the record says of an axis; drawn: what the curves are drawn from."""
+        """Return what the record says of an axis; drawn: what the curves are drawn from."""
         e, data, full = seen.evidence, seen.fits.data, seen.fits.full
         verdict = decide(e)
         p = parameters(full.theta[0])
@@ -176,12 +176,12 @@ class LiveAxes:
 
 
 def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
-    """Made only where a change is looked for."""
+    """Return the cells, which are made only where a change is looked for."""
     yield from octaves.cells(lane, h)
 
 
 def spectrum_of(whole: Periodogram, seen: Spectral) -> FitSpectrum:
-    """All lines, also those that are not fitted, in at most POINTS bins."""
+    """Return all lines, also those that are not fitted, in at most POINTS bins."""
     data = binned(whole)
     starts = np.arange(0, len(data.lam), max(1, math.ceil(len(data.lam) / POINTS)))
     counts = np.add.reduceat(data.counts, starts)

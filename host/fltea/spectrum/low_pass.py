@@ -3,7 +3,7 @@
 A chip's own low-pass is the commonest colour of noise that there is. The family is Butterworth's with any
 slope, sampled: gain² = sum over branches ν = λ + 2πk of 1 / (1 + (ν²/c)^n), with n poles and its corner at
 ν² = c. Relaxations slower than it and a floor of white noise, which comes in after the filter, are fitted
-beside it. A low-pass of one pole, sampled, is AR(1): it is told from a relaxation in white noise only by the
+besides it. A low-pass of one pole, sampled, is AR(1): it differs from a relaxation in white noise only by the
 floor, of which it has next to none.
 """
 
@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 
 MOST_POLES = 24.0
 BRANCHES = (0, -1, 1)
-"""Of the spectrum before it was sampled, in multiples of the sample rate."""
+"""Branches of the spectrum before it was sampled, in multiples of the sample rate."""
 NAMES = ("low_pass", "low_pass_ar1", "low_pass_two_ar1")
-"""Alone, and with one and two relaxations beside it."""
+"""The low-pass alone, and with one and two relaxations."""
 DEEPEST = 0.1
 """Gain² of the filter below which the family is not fitted: far down filters differ."""
 CRITICAL_KS = 1.36
@@ -35,11 +35,11 @@ CRITICAL_KS = 1.36
 FEWEST_BINS = 16
 PASSES = 3
 LEAST_GAIN = 0.7
-"""Of the ordinates that are kept: the shape of the family errs by little there."""
+"""The least gain of the ordinates that are kept, where the family's shape errs by little."""
 MUCH_SLOWER = 0.2
 """Corners of relaxations over that of the filter, at most."""
 LEAST_FALL = 0.8
-"""At half the sample rate, of the density: what falls less may be anything."""
+"""The least fall of the density at half the sample rate: what falls less may be anything."""
 STEEP = 1.15
 """Poles from which on it is no relaxation."""
 
@@ -48,31 +48,31 @@ class LowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A low-pass filter that a spectrum has gone through."""
 
     corner_hz: float
-    """where it lets half of the power through; may be above half the sample rate"""
+    """Where it lets half of the power through; may be above half the sample rate."""
     poles: float
-    """how steep it is: 20 dB a decade each"""
+    """How steep it is: 20 dB a decade each."""
     floor: float
-    """density of what has not gone through it over that of what has, well below the corner"""
+    """Density of what has not gone through it over that of what has, well below the corner."""
     gain: float
-    """2 log L above the best model without a steep filter; 0 for a filter of one pole"""
+    """2 log L above the best model without a steep filter; 0 for a filter of one pole."""
 
 
 class _Numbers(NamedTuple):
-    """Of the family, (k,) each, but for the relaxations."""
+    """The numbers of the family, (k,) each, but for the relaxations."""
 
     log_c: Array
     poles: Array
     phi: Array
-    """(k, slow)"""
+    """The poles φ of the relaxations, (k, slow)."""
     through: Array
-    """density of the low-pass at frequency 0"""
+    """Density of the low-pass at frequency 0."""
     shares: Array
-    """(k, slow) variances of the relaxations' innovations"""
+    """Variances of the relaxations' innovations, (k, slow)."""
     white: Array
 
 
 def low_pass_parameters(theta: Array) -> _Numbers:
-    """Of coordinates (k, 3 + 2 slow); the spectrum is of scale 1."""
+    """Return the parameters of coordinates (k, 3 + 2 slow); the spectrum is of scale 1."""
     first = (theta.shape[1] - 3) // 2 + 2
     shares, white = broken_stick(theta[:, first:])
     return _Numbers(
@@ -86,7 +86,7 @@ def low_pass_parameters(theta: Array) -> _Numbers:
 
 
 def squared_gain(lam: Array, log_c: Array, poles: Array) -> Array:
-    """Of the family, (k, len(lam)), for numbers (k,); not scaled: at λ = 0 it is 1 and a little."""
+    """Return the family's squared gain (k, len(lam)) for numbers (k,), which is a little above 1 at λ = 0."""
     total = np.zeros((len(log_c), len(lam)))
     for branch in BRANCHES:
         ratio = 2 * np.log(np.abs(lam + 2 * np.pi * branch)) - log_c[:, np.newaxis]
@@ -127,7 +127,7 @@ LOW_PASS = tuple(_low_pass(slow) for slow in range(len(NAMES)))
 
 
 def fit_low_pass(data: Binned, search: Search) -> Fit:
-    """The low-pass of lowest BIC, with as many relaxations as it takes.
+    """Return the low-pass of lowest BIC, with as many relaxations as it takes.
 
     One whose residuals are not white is fitted down to `DEEPEST` of its own gain: below, filters differ most.
     -log L is of all bins.
@@ -152,14 +152,14 @@ def _best(data: Binned, search: Search) -> Fit:
 
 
 def _much_slower(found: Fit) -> bool:
-    """Whether what is fitted beside the low-pass is no part of its shape."""
+    """Return whether what is fitted besides the low-pass is no part of its shape."""
     p = low_pass_parameters(found.theta)
     corners = -np.log(np.maximum(p.phi[0], 1e-9))
     return bool((corners < MUCH_SLOWER * math.exp(float(p.log_c[0]) / 2)).all())
 
 
 def steep(found: Fit, h: float, gain: float) -> LowPass | None:
-    """The filter of a fit of `LOW_PASS`; None if it is no steeper than one pole, or does not attenuate.
+    """Return the filter of a fit of `LOW_PASS`, or None if it is no steeper than one pole.
 
     gain: 2 log L above the best model without it. h in s.
     """
@@ -173,12 +173,12 @@ def steep(found: Fit, h: float, gain: float) -> LowPass | None:
 
 
 def of_one_pole(phi: float, floor: float, h: float) -> LowPass:
-    """White noise through a low-pass of one pole: AR(1). h in s; floor as in `LowPass`."""
+    """Return the low-pass of one pole, AR(1), of white noise; h is in s, floor as in `LowPass`."""
     return LowPass(-math.log(phi) / (2 * np.pi * h), 1.0, floor, 0.0)
 
 
 def power_gain(lam: Array, found: LowPass, h: float) -> Array:
-    """What it has made of the density at λ, (len(lam),); 1 at 0."""
+    """Return what it has made of the density at λ, (len(lam),); 1 at 0."""
     lam = np.append(1e-9, lam)
     if found.poles == 1.0:
         phi = math.exp(-2 * np.pi * found.corner_hz * h)
@@ -191,7 +191,7 @@ def power_gain(lam: Array, found: LowPass, h: float) -> Array:
 
 
 def divided(p: Periodogram, found: LowPass) -> Periodogram:
-    """The one series without the filter, as far up as it lets `LEAST_GAIN` through.
+    """Return the one series without the filter, as far up as it lets `LEAST_GAIN` through.
 
     Raises:
         ValueError: too few ordinates are left.

@@ -17,23 +17,23 @@ TINY = 1e-6
 """Shares closer than that to 0 or 1 are moved to it as starts; the search itself goes to 1e-7."""
 
 WEIGHTS = np.array([1e-5, 1e-3, 0.01, 0.05, 0.15, 0.4, 0.75, 0.98])
-"""Of starts: variance of the innovations over the same plus R."""
+"""Weights of starts: variance of the innovations over the same plus R."""
 
 
 def logit(share: ArrayLike) -> Array:
-    """The coordinate of a number between 0 and 1."""
+    """Return the coordinate of a number between 0 and 1."""
     x = np.clip(share, TINY, 1 - TINY)
     return np.asarray(np.log(x / (1 - x)))
 
 
 def share(coordinate: ArrayLike) -> Array:
-    """The number between 0 and 1 of a coordinate, at least 1e-7 from both."""
+    """Return the number between 0 and 1 of a coordinate, at least 1e-7 from both."""
     # np.clip takes several times as long, which counts in a fit every second.
     return np.asarray(1 / (1 + np.exp(np.minimum(np.maximum(np.negative(coordinate), -16.0), 16.0))))
 
 
 def broken_stick(coordinates: Array) -> tuple[Array, Array]:
-    """Shares (..., K) of 1, and what is left, (...).
+    """Return shares (..., K) of 1, and what is left, (...).
 
     coordinates: (..., K); of each, the share of what those before it have left.
     """
@@ -46,29 +46,29 @@ def broken_stick(coordinates: Array) -> tuple[Array, Array]:
 
 
 class Parameters(NamedTuple):
-    """Of the fractional state in white noise; arrays of one shape."""
+    """The parameters of the fractional state in white noise, as arrays of one shape."""
 
     alpha: Array
     g: Array
     weight: Array
-    """s2 / (s2 + R)"""
+    """The weight s2 / (s2 + R)."""
 
 
 def parameters(theta: Array, highest_order: float = spectrum.HIGHEST_ORDER) -> Parameters:
-    """Of coordinates (..., 3): α folded into [0, highest), the logits of -g/2^α and of s2/(s2 + R)."""
+    """Return the parameters of coordinates (..., 3): α folded, logits of -g/2^α and of s2/(s2 + R)."""
     alpha = np.minimum(np.abs((theta[..., 0] + 2) % 4 - 2), highest_order - TINY)
     return Parameters(alpha, -(2.0**alpha) * share(theta[..., 1]), share(theta[..., 2]))
 
 
 def coordinates(alpha: ArrayLike, g: ArrayLike, weight: ArrayLike) -> Array:
-    """The inverse of `parameters`, (..., 3); g and weight are moved inside their bounds."""
+    """Return the inverse of `parameters`, (..., 3); g and weight are moved inside their bounds."""
     a = np.asarray(alpha, dtype=np.float64)
     parts = np.broadcast_arrays(a, logit(-np.asarray(g) / 2.0**a), logit(weight))
     return np.stack(parts, axis=-1)
 
 
 def fractional(highest_order: float = spectrum.HIGHEST_ORDER) -> Model:
-    """The fractional state, 0 <= α < highest_order and -2^α < g < 0, in white noise."""
+    """Return the fractional state, 0 <= α < highest_order and -2^α < g < 0, in white noise."""
 
     def shape(lam: Array, theta: Array) -> Array:
         p = parameters(theta, highest_order)
@@ -81,7 +81,7 @@ def fractional(highest_order: float = spectrum.HIGHEST_ORDER) -> Model:
 
 
 def held(name: str, value: float, h: float = 1.0) -> Model:
-    """The fractional model in which "alpha", "g", "f" (in s^-α, h in s) or "F" has this value.
+    """Return the fractional model in which "alpha", "g", "f" (in s^-α, h in s) or "F" has this value.
 
     With α held the coordinates are the other two of `fractional`; else that of the weight comes after log -g
     if F is held, and after α if another is.
@@ -104,23 +104,23 @@ def held(name: str, value: float, h: float = 1.0) -> Model:
 
 
 def ar1_coordinates(phi: ArrayLike, weight: ArrayLike) -> Array:
-    """Of AR(1) in white noise, (..., 2)."""
+    """Return the coordinates (..., 2) of AR(1) in white noise."""
     return np.stack(np.broadcast_arrays(logit((1 + np.asarray(phi)) / 2), logit(weight)), axis=-1)
 
 
 def ar1_parameters(theta: Array) -> tuple[Array, Array]:
-    """The inverse of `ar1_coordinates`: φ and s2/(s2 + R)."""
+    """Return the inverse of `ar1_coordinates`: φ and s2/(s2 + R)."""
     return 2 * share(theta[..., 0]) - 1, share(theta[..., 1])
 
 
 def ar2_parameters(theta: Array) -> tuple[Array, Array, Array]:
-    """Of coordinates (..., 3): φ1, φ2 and s2/(s2 + R). The first two coordinates are partial correlations."""
+    """Return φ1, φ2 and s2/(s2 + R) of coordinates (..., 3), of which two are partial correlations."""
     k1, k2 = 2 * share(theta[..., 0]) - 1, 2 * share(theta[..., 1]) - 1
     return k1 * (1 - k2), k2, share(theta[..., 2])
 
 
 def two_ar1_parameters(theta: Array) -> tuple[Array, Array, Array, Array]:
-    """Of coordinates (..., 4): two φ, and the shares of their innovations in the sum with R."""
+    """Return two φ of coordinates (..., 4), and the shares of their innovations in the sum with R."""
     first = share(theta[..., 2])
     return (
         2 * share(theta[..., 0]) - 1,
@@ -179,7 +179,7 @@ def _two_ar1_shape(lam: Array, theta: Array) -> Array:
 
 
 def _in_white(part: Array, weight: Array) -> Array:
-    """A part of unit innovations and white noise, `weight` (k,) of the first and the rest of the second."""
+    """Return a part of unit innovations with `weight` (k,), and white noise with the rest."""
     w = weight[:, np.newaxis]
     return np.asarray(w * part + (1 - w))
 

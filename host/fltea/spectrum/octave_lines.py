@@ -41,7 +41,7 @@ LEAST_IN_FLANK = 16.0
 END_FLANK = 4
 """Ordinates in the lower flank near frequency 0, of a line."""
 END_WIDTHS = (1, 2)
-"""Of stretches at the ends of the band, where only lines are searched for."""
+"""Widths of stretches at the ends of the band, where only lines are searched for."""
 CONTINUED = 5.0
 """Variance of near²/far, the level that is continued, over that of near; both are of as many averages."""
 WIDEST = 8
@@ -59,9 +59,9 @@ class _Lines(NamedTuple):
     power: Array
     weight: Array
     averaged: NDArray[np.bool_]
-    """under Hann's window"""
+    """Under Hann's window."""
     spread: Array
-    """rad a sample that each stands for"""
+    """Rad a sample that each stands for."""
 
     def without(self, left: int, right: int) -> "_Lines":
         keep = np.r_[0:left, right : len(self.lam)]
@@ -90,7 +90,7 @@ def find_octave_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple
 
 
 def _search(lines: _Lines, total: float, h: float, false_alarm: float) -> tuple[Peak, ...]:
-    """The peaks of `lines`; total: power of all that there were."""
+    """Return the peaks of `lines`; total: power of all that there were."""
     all_of_them = lines
     peaks: list[Peak] = []
     while len(peaks) < MOST:
@@ -109,7 +109,7 @@ def _search(lines: _Lines, total: float, h: float, false_alarm: float) -> tuple[
 
 
 def _notch_below(lines: _Lines, found: _Found) -> float | None:
-    """Where the notch of a side lobe begins. Among averages single ordinates would pass for notches."""
+    """Return where the notch of a side lobe begins, for which single ordinates are not taken."""
     single = np.flatnonzero(~lines.averaged[: found.start])
     begin = int(single[-1]) + 1 if lines.averaged[found.start] and single.size else 0
     least = 1 if lines.averaged[found.start] else SMOOTHEST
@@ -119,23 +119,23 @@ def _notch_below(lines: _Lines, found: _Found) -> float | None:
 def _with_stop_band(
     lines: _Lines, total: float, h: float, false_alarm: float, edge: float
 ) -> tuple[Peak, ...]:
-    """The peaks of the pass band of a filter, and the lines of its stop band, which begins at `edge`."""
+    """Return the peaks of a filter's pass band, and the lines of its stop band, which begins at `edge`."""
     begin = int(np.searchsorted(lines.lam, edge))
     peaks = _search(lines.part(0, begin), total, h, false_alarm)
     beyond = lines.part(begin, len(lines.lam))
     if not len(beyond.lam):
         return peaks
     many = SHORTEST_FLANK if beyond.averaged.any() else FLANK
-    told = []
+    described = []
     for start, stop, level in lines_among_lobes(beyond.power, many, float(np.median(beyond.weight))):
         skirts = max(start - LOBE, 0), min(stop + LOBE, len(beyond.lam))
-        told.append(_describe(beyond, _Found(start, stop, level), skirts, total, h))
-    told.sort(key=lambda line: -line.power_share)
-    return (*peaks, *told)[:MOST]
+        described.append(_describe(beyond, _Found(start, stop, level), skirts, total, h))
+    described.sort(key=lambda line: -line.power_share)
+    return (*peaks, *described)[:MOST]
 
 
 def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """The bands (low, high) in Hz, wide enough to be rid of sharp lines within them in p."""
+    """Return the bands (low, high) in Hz, wide enough to be rid of sharp lines within them in p."""
     if p.weight is None:
         return bands
     hz = p.lam / (2 * np.pi * p.h)
@@ -148,12 +148,12 @@ def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tupl
 
 
 def _averaged(weight: Array) -> NDArray[np.bool_]:
-    """Whether lines are averages over blocks; the others are ordinates, or averages of a few alike."""
+    """Return whether lines are averages over blocks; the others are ordinates, or averages of a few alike."""
     return np.asarray(weight != np.rint(weight))
 
 
 def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
-    """The most striking stretch, and the level around it; None if none is."""
+    """Return the most striking stretch, and the level around it; None if none is."""
     m = len(lines.lam)
     weights = np.concatenate([[0.0], lines.weight.cumsum()])
     sums = np.concatenate([[0.0], (lines.weight * lines.power).cumsum()])
@@ -216,7 +216,7 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
 def _at_the_ends(
     lines: _Lines, weights: Array, sums: Array, false_alarm: float
 ) -> tuple[_Found, float] | None:
-    """The likeliest line too near to an end for whole flanks, and its gain."""
+    """Return the likeliest line too near to an end for whole flanks, and its gain."""
     m = len(lines.lam)
     tries = []
     for width in END_WIDTHS:
@@ -265,14 +265,14 @@ def _at_the_ends(
 
 
 def _down(weights: Array, end: int, ordinates: int, lines: int) -> int:
-    """Where a flank up to `end` begins that has so many ordinates, and lines; 0 if there are fewer."""
+    """Return where a flank up to `end` begins that has so many ordinates, and lines; 0 if there are fewer."""
     first = int(np.searchsorted(weights, weights[end] - ordinates, "right")) - 1
     return max(min(first, end - lines), 0)
 
 
 @functools.cache
 def _gathered(width: int) -> float:
-    """Effective ordinates of so many averaged lines, over the sum of their weights (those in a long row)."""
+    """Return the effective ordinates of so many averaged lines, over the sum of their weights."""
 
     def correlated(lines: float) -> float:
         return 1 + 2 * sum(r * max(1 - (i + 1) / lines, 0.0) for i, r in enumerate(NEIGHBOURS))
@@ -281,7 +281,7 @@ def _gathered(width: int) -> float:
 
 
 def _extent(lines: _Lines, found: _Found) -> tuple[int, int]:
-    """The stretch with its skirts: as far as pieces of half its width are above the level."""
+    """Return the stretch with its skirts: as far as pieces of half its width are above the level."""
     piece = max(LOBE if lines.averaged[found.start] else 3, (found.stop - found.start) // 2)
 
     def above(begin: int, end: int) -> bool:

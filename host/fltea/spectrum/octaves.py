@@ -42,32 +42,32 @@ _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
 """Neighbouring lines of Hann's window are correlated: so many count as one."""
 _HALF_OVERLAP = 2 / 36
-"""And so are neighbouring blocks."""
+"""Blocks that overlap by half are correlated: so many count as one."""
 
 
 class Counts(NamedTuple):
-    """What became of the samples of a lane."""
+    """Counts of what happened to the samples of a lane."""
 
     used: int
-    """samples in the spectrum, or waiting for a chunk to be full"""
+    """Samples in the spectrum, or waiting for a chunk to be full."""
     bridged: int
-    """lost samples that a straight line stands for"""
+    """Lost samples that a straight line stands for."""
     lost: int
-    """all lost samples, bridged ones included"""
+    """All lost samples, bridged ones included."""
     gaps: int
-    """breaks because of lost samples"""
+    """Breaks because of lost samples."""
     knocks: int
-    """chunks of 128 samples left out as knocks"""
+    """Chunks of 128 samples left out as knocks."""
     knocked: int
-    """samples left out, with knocks and with steps"""
+    """Samples left out, with knocks and with steps."""
     steps: int
-    """of the offset"""
+    """The number of steps of the offset."""
     changes: int
-    """of the level of the noise, by more than ten times in power"""
+    """The number of changes of the noise's level by more than ten times in power."""
     constant: bool
-    """no sample was other than the first"""
+    """No sample was other than the first."""
     limited: int = 0
-    """of those used, samples that were handed on smaller than they came"""
+    """The samples among those used that were handed on smaller than they came."""
 
 
 class BandCells(NamedTuple):
@@ -76,35 +76,35 @@ class BandCells(NamedTuple):
     low_hz: float
     high_hz: float
     counts: Array
-    """(c,) blocks of each cell; they overlap by half"""
+    """The blocks of each cell (c,), which overlap by half."""
     mean_log: Array
-    """(c,) mean logarithm of their power, in the squared unit of the samples"""
+    """The mean logarithm of their power (c,), in the squared unit of the samples."""
     variance_log: Array
-    """(c,) variance of these logarithms in the cell; NaN for a single one"""
+    """The variance of these logarithms in the cell (c,); NaN for a single one."""
     first: NDArray[np.int64]
-    """(c,) number of the first sample, lost ones counted"""
+    """The number of the first sample (c,), lost ones counted."""
 
 
 class AllanPoints(NamedTuple):
     """Overlapping Allan variances at averaging times of 2^j samples."""
 
     factors: list[float]
-    """(k,) averaging times in samples"""
+    """Averaging times in samples, (k,)."""
     avar: list[float]
-    """(k,) in the squared unit of the samples"""
+    """Allan variances in the squared unit of the samples, (k,)."""
     terms: list[float]
-    """(k,) effective numbers of terms"""
+    """Effective numbers of terms, (k,)."""
     samples: float
-    """that they are of"""
+    """The number of samples that they are of."""
 
 
 class Drift(NamedTuple):
-    """The slow part that is no noise's: cubics over the stretches of the whole level."""
+    """The slow part that is not noise: cubics over the stretches of the whole level."""
 
     power: float
-    """mean square of their amplitudes, which white noise of variance R gives the mean R"""
+    """Mean square of their amplitudes, which white noise of variance R gives the mean R."""
     amplitudes: int
-    """three a stretch"""
+    """Three a stretch."""
 
 
 Lines = tuple[Array, Array, Array]
@@ -112,17 +112,17 @@ Lines = tuple[Array, Array, Array]
 
 
 class Parts(NamedTuple):
-    """What a spectrum is put together from."""
+    """The parts from which a spectrum is put together."""
 
     welch: list[Lines]
-    """of each octave that has blocks"""
+    """The lines of each octave that has blocks."""
     whole: list[Lines]
-    """of each stretch that is kept whole, at the lowest rate"""
+    """The lines of each stretch that is kept whole, at the lowest rate."""
     depth: int
-    """octaves above that"""
+    """Octaves above that."""
     drift: Drift | None
     n: int
-    """samples of the longest stretch that is kept whole; without any, of a block"""
+    """Samples of the longest stretch that is kept whole; without any, of a block."""
 
 
 class Octaves:
@@ -158,7 +158,7 @@ class Octaves:
         self._native.merge(other._native)
 
     def save(self) -> bytes:
-        """All of it, for `restore`."""
+        """Return all of it, for `restore`."""
         return self._native.save()
 
     @classmethod
@@ -174,7 +174,7 @@ class Octaves:
 
     @property
     def samples(self) -> int:
-        """Samples of a lane that were taken, whatever became of them."""
+        """The number of samples of a lane that were taken, whatever became of them."""
         return self._native.counts(0)[0][0]
 
     def counts(self, lane: int) -> Counts:
@@ -248,7 +248,7 @@ class Octaves:
 
 
 def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
-    """The lines of all parts, at least one, in order; n: as of `Periodogram`.
+    """Return the lines of all parts, at least one, in order; n: as of `Periodogram`.
 
     Raises:
         ValueError: there are too few.
@@ -266,7 +266,7 @@ def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> L
 
 
 def _drift(values: Array) -> tuple[Array, Array]:
-    """The cubic through values (m,) of mean 0, and its three amplitudes, each of unit white noise N(0, 1).
+    """Return the cubic through values (m,) of mean 0, and its amplitudes, N(0, 1) for white noise.
 
     Drift that ends elsewhere than it began leaks into all frequencies, as 1/λ², far above those that it has.
     Of noise the cubic takes what is in the ordinates below LOWEST, and a few percent of that one.
@@ -289,7 +289,10 @@ def _drift_of(amplitudes: list[Array], level: int) -> Drift | None:
 
 
 def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> Lines:
-    """Frequencies, powers and weights; of drift, taken out of long records, `amplitudes` takes note."""
+    """Return frequencies, powers and weights.
+
+    Of drift, taken out of long records, `amplitudes` takes note.
+    """
     m = len(y)
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     j = np.arange(LOWEST, last + 1)
@@ -306,7 +309,7 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
 
 
 def _drifts(values: Array, amplitudes: Array) -> bool:
-    """Whether a short record drifts so much that its ends would leak into what is fitted."""
+    """Return whether a short record drifts so much that its ends would leak into what is fitted."""
     near = np.fft.rfft(values)[NEAR_THE_DRIFT]
     level = float(np.mean(near.real**2 + near.imag**2)) / len(values) if near.size else 0.0
     return float(np.mean(amplitudes**2)) > LARGE_DRIFT * level > 0
@@ -318,7 +321,7 @@ def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[
 
 
 def _passed(own: Array, level: int) -> Array:
-    """Power gain of the filters before a level, at rad a sample of its own rate, up to 0.7 π."""
+    """Return the power gain of the filters before a level, at rad a sample of its own rate, up to 0.7 π."""
     if level == 0:
         return np.ones_like(own)
     return np.interp(own, _GRID, _passed_on_grid(level))
@@ -337,7 +340,7 @@ def _passed_on_grid(level: int) -> Array:
 
 
 def in_order(lam: Array, power: Array, weight: Array) -> Lines:
-    """Rising in frequency; lines at the same one (of stretches of one length) become their average."""
+    """Return the lines rising in frequency; those at the same one become their average."""
     unique, place = np.unique(lam, return_inverse=True)
     if len(unique) == len(lam):
         order = np.argsort(lam)

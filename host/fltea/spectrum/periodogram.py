@@ -35,23 +35,23 @@ class Periodogram(NamedTuple):
     """Ordinates in use, in rising order."""
 
     lam: Array
-    """(m,) rad a sample"""
+    """Frequencies (m,) in rad a sample."""
     power: Array
-    """(m,), or (series, m) of several series"""
+    """The powers (m,), or (series, m) of several series."""
     h: float
-    """sampling period in s"""
+    """Sampling period in s."""
     n: int
-    """samples"""
+    """Samples."""
     weight: Array | None = None
-    """(m,) effective ordinates that each stands for; None: one each"""
+    """The effective ordinates (m,) that each stands for, or None if each stands for one."""
 
     @property
     def ordinates(self) -> float:
-        """All of them, effective ones."""
+        """The number of effective ordinates."""
         return float(len(self.lam)) if self.weight is None else float(self.weight.sum())
 
     def without(self, from_hz: float, notch: Sequence[tuple[float, float]]) -> "Periodogram":
-        """Without ordinates below `from_hz` and in the bands (low, high) of `notch`, in Hz.
+        """Return it without ordinates below `from_hz` and in the bands (low, high) of `notch`, in Hz.
 
         Raises:
             ValueError: fewer than `FEWEST` are left.
@@ -77,15 +77,15 @@ class Binned(NamedTuple):
     """Averages of neighbouring ordinates."""
 
     lam: Array
-    """(bins,) mean frequency of each, rad a sample"""
+    """The mean frequency of each (bins,), in rad a sample."""
     counts: Array
-    """(bins,) ordinates in each; not whole numbers where they were averages"""
+    """The ordinates in each (bins,), which need not be whole numbers if they were averages."""
     power: Array
-    """(series, bins) their mean"""
+    """The mean power of each, (series, bins)."""
 
     @property
     def ordinates(self) -> int:
-        """Ordinates in all bins: what BIC and the null distribution call the number of data."""
+        """The number of ordinates in all bins, which BIC and the null distribution take for that of data."""
         return round(float(self.counts.sum()))
 
 
@@ -123,7 +123,7 @@ def periodogram(
 
 
 def _power_in_parts(y: Array) -> Array:
-    """Ordinates 0 to the last below π of y (n,), n a multiple of PARTS.
+    """Return ordinates 0 to the last below π of y (n,), n a multiple of PARTS.
 
     Every PARTS-th sample is transformed by itself, and the transforms are put together, a few ordinates at a
     time: what a transform of the whole takes beside its result would be four times as large as y.

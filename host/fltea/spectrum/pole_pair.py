@@ -13,14 +13,14 @@ from fltea.spectrum.periodogram import Binned
 Array = NDArray[np.float64]
 
 LEAST_HEIGHT = 1.2
-"""Of the peak over frequency 0: a pole pair without one is a low-pass."""
+"""The least height of the peak over frequency 0: a pole pair without one is a low-pass."""
 LEAST_DEVIATE = 3.0
-"""Of the data about the peak over those at half its frequency and below: p = 1e-3."""
+"""The least deviate of the data about the peak from those at half its frequency and below: p = 1e-3."""
 POINTS = 2049
 
 
 def peak_of(data: Binned, density: Callable[[Array], Array], h: float) -> dict[str, float]:
-    """Where a spectrum of λ has a peak (resonance_hz), and how high it is over frequency 0 (height); h in s.
+    """Return the frequency of a spectrum's peak, and its height over that at 0; h is the period in s.
 
     Nothing if it has none, or if the one series of `data` does not show it.
     """
@@ -43,7 +43,7 @@ def peak_of(data: Binned, density: Callable[[Array], Array], h: float) -> dict[s
 
 
 def pole_pair(data: Binned, phi1: float, phi2: float, h: float) -> dict[str, float]:
-    """The peak of AR(2), or where it has fallen by half (bend_hz); nothing if it rises; h in s."""
+    """Return the peak of AR(2), or where it has fallen by half (bend_hz); nothing if it rises; h in s."""
     if found := peak_of(data, lambda lam: spectrum.ar2(lam, phi1, phi2), h):
         return found
     lam = np.linspace(1e-6, np.pi, POINTS)

@@ -41,7 +41,7 @@ the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (
 NO_WHITE = 1e-3
 """R over s2: less is none; so in the native search."""
 APART = 6.0
-"""In 2 log L, up to which an order above 1 may be chance; `rivals.APART` for the same reason."""
+"""The difference in 2 log L up to which an order above 1 may be chance, as `rivals.APART`."""
 JUMPS = ("F", "g", "f", "s2", "R")
 """What is far off where chance has made a peak. α itself says which of both it is: its ratio stays χ²."""
 OWN_MAXIMUM = 0.999
@@ -72,21 +72,21 @@ class FractionalFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     F: Parameter
-    """g + α: what the data say most about, the weight of the last state in the next"""
+    """F = g + α, the weight of the last state in the next, which the data say most about."""
     alpha: Parameter
     g: Parameter
-    """h^α f"""
+    """The parameter g = h^α f."""
     f: Parameter
-    """in s^-α"""
+    """The parameter f in s^-α."""
     s2: Parameter
-    """h^2α Q"""
+    """The variance s2 = h^2α Q."""
     R: Parameter
     Q: float
-    """s2 h^-2α"""
+    """The variance Q = s2 h^-2α."""
 
 
 def critical_value(name: str, no_white: bool) -> float:
-    """Of 2 log L below the best, up to which a value of the parameter is in its interval.
+    """Return how far below the best 2 log L may be for a value to be in the interval.
 
     no_white: the best fit that has the value has no white noise.
     """
@@ -101,10 +101,10 @@ class _Profile(NamedTuple):
     low: float
     high: float
     positive: bool = True
-    """searched for in its logarithm"""
+    """Whether it is searched for in its logarithm."""
 
     def row(self, more: float = 0.0) -> tuple[float, ...]:
-        """What the native search takes.
+        """Return what the native search takes.
 
         That is enum Hold, whether in the logarithm, best value, low and high, and the critical values for
         R > 0 and R = 0, `more` than they are by themselves.
@@ -116,7 +116,7 @@ class _Profile(NamedTuple):
         return HOLDS[self.hold], self.positive, min(max(here, low), high), low, high, *critical
 
     def parameter(self, low: float, high: float) -> Parameter:
-        """Of the ends that the native search returns."""
+        """Return the parameter with the ends that the native search returns."""
         if self.positive:
             low, high = (0.0 if v <= self.row()[3] else math.exp(v) for v in (low, high))
         if high - low >= NEARLY_ALL * (self.high - self.low) / (2 if self.positive else 1):
@@ -169,7 +169,7 @@ def fractional_fit(
 
 
 def below_by_chance(data: Binned, found: Fit) -> float:
-    """2 log L by which orders up to 1 are worse than one above 1 that may be chance; 0: there is none."""
+    """Return by how much orders up to 1 are worse than one above 1 that may be chance, in 2 log L."""
     if float(parameters(found.theta[0]).alpha) <= 1:
         return 0.0
     other = fit(data, UP_TO_ONE)
@@ -180,7 +180,7 @@ def below_by_chance(data: Binned, found: Fit) -> float:
 
 
 def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...], near: Array | None) -> Array:
-    """Low and high of each as they are searched for, (profiles, 2)."""
+    """Return the low and high of each as they are searched for, (profiles, 2)."""
     ends = np.empty((len(profiles), 2))
     chance = below_by_chance(data, found)
     rows = [one.row(chance if one.hold in JUMPS else 0.0) for one in profiles]
@@ -200,7 +200,7 @@ def _ends(data: Binned, found: Fit, h: float, profiles: tuple[_Profile, ...], ne
 
 
 def _negative(p: Parameter) -> Parameter:
-    """Of -p to p."""
+    """Return the interval with its signs changed."""
     if p.low is None or p.high is None:
         return Parameter(-p.value, None, None)
     return Parameter(-p.value, -p.high, -p.low)

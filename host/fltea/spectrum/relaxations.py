@@ -21,26 +21,26 @@ Array = NDArray[np.float64]
 MOST = 6
 """Relaxations: one a decade of all that a record of hours shows."""
 NAMES = ("white", "ar1", "two_ar1", "three_ar1", "four_ar1", "five_ar1", "six_ar1")
-"""Of the sums, by their number of relaxations."""
+"""The names of the sums by their number of relaxations."""
 CORNERS_A_DECADE = 2
 NEW_PARTS = (0.1, 1.0)
 """Plateaus of a new relaxation over the spectrum where it has its corner, as starts."""
 
 
 class Parts(NamedTuple):
-    """Of a sum of scale 1: what `Fit.scale` is to be multiplied with."""
+    """The parts of a sum of scale 1, which `Fit.scale` is to be multiplied with."""
 
     poles: Array
-    """(..., K) φ of each"""
+    """The φ of each, (..., K)."""
     shares: Array
-    """(..., K) variances of their innovations"""
+    """The variances of their innovations, (..., K)."""
     white: Array
-    """(...,)"""
+    """The variance of the white noise, (...,)."""
 
 
 @functools.cache
 def sum_of(count: int) -> Model:
-    """A sum of 1 to `MOST` AR(1) in white noise.
+    """Return a sum of 1 to `MOST` AR(1) in white noise.
 
     Raises:
         ValueError: there is no such sum.
@@ -64,13 +64,13 @@ def sum_of(count: int) -> Model:
 
 
 def sum_parameters(theta: Array, count: int) -> Parts:
-    """Of coordinates (..., 2 count) of `sum_of`."""
+    """Return the parameters of coordinates (..., 2 count) of `sum_of`."""
     shares, white = broken_stick(theta[..., count : 2 * count])
     return Parts(2 * share(theta[..., :count]) - 1, shares, white)
 
 
 def sum_coordinates(poles: Array, shares: Array, white: Array) -> Array:
-    """The inverse for (..., K), (..., K) and (...,), which need not add up to 1."""
+    """Return the inverse for (..., K), (..., K) and (...,), which need not add up to 1."""
     total = shares.sum(axis=-1) + white
     before = np.cumsum(shares, axis=-1) - shares
     left = np.maximum(total[..., np.newaxis] - before, 1e-300)
@@ -78,7 +78,7 @@ def sum_coordinates(poles: Array, shares: Array, white: Array) -> Array:
 
 
 def grown(data: Binned, found: Fit, count: int) -> Array:
-    """Starts (1, k, p) of a sum of count + 1, from the fit of one of `count` to the one series of `data`."""
+    """Return starts (1, k, p) of a sum of count + 1 from the fit of one of `count` to `data`."""
     p = sum_parameters(found.theta[:1], count)
     # New corners all over the frequencies that the data have.
     low, high = math.log10(data.lam[0] / 2), math.log10(np.pi)
@@ -98,7 +98,7 @@ def grown(data: Binned, found: Fit, count: int) -> Array:
 
 
 def corner_hz(phi: float, h: float) -> float:
-    """Where a relaxation of φ > 0 at h s has its corner; 1 / 2π of it is the correlation time.
+    """Return where a relaxation of φ > 0 at h s has its corner; 1 / 2π of it is the correlation time.
 
     It may be above half the sample rate.
     """

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:
-    """√m times the largest distance between the cumulative sum of I/S, scaled to 1, and a straight line.
+    """Return √m times the largest distance of the cumulative sum of I/S, scaled to 1, from a line.
 
     Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
     weight: effective ordinates of each line, of which there are then m in all.
@@ -20,7 +20,7 @@ def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> f
 
 
 def farthest(ratio: Array, weight: Array | None = None) -> float:
-    """`residual_ks` of I/S, (m,), which is overwritten."""
+    """Return `residual_ks` of I/S, (m,), which is overwritten."""
     if weight is not None:
         # A line of weight w adds w I/S, with the variance w: the bridge has W = sum of w in place of m.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()
@@ -36,5 +36,5 @@ def farthest(ratio: Array, weight: Array | None = None) -> float:
 
 
 def kolmogorov(p: float) -> float:
-    """What the statistic of Kolmogorov and Smirnov exceeds with the small probability p."""
+    """Return what the statistic of Kolmogorov and Smirnov exceeds with the small probability p."""
     return math.sqrt(-math.log(p / 2) / 2)

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def rising_parameters(theta: Array) -> tuple[Array, Array]:
-    """Of coordinates (..., 2): δ, and the share of the rising part in its sum with white noise."""
+    """Return δ, and the share of the rising part in its sum with white noise, of coordinates (..., 2)."""
     return share(theta[..., 0]), share(theta[..., 1])
 
 

@@ -38,7 +38,7 @@ from fltea.spectrum.whittle import Fit, fit
 Array = NDArray[np.float64]
 
 LOOKED_AT = 0.05
-"""Of the null test: where white noise is not rejected only the oldest rivals are fitted."""
+"""The null test's level below which all rivals are fitted; above it only the oldest are."""
 ORDERS = (LEAST_ORDER, 0.3, 0.5, 0.7, MOST_ORDER)
 AT_A_LIMIT = 0.01
 NO_COLOUR = 1e-3
@@ -46,41 +46,41 @@ NO_COLOUR = 1e-3
 ORDERED = ("fractional", "arfima")
 """Models with an order."""
 APART = 6.0
-"""In 2 log L, from which on two models are told apart."""
+"""The difference in 2 log L from which on two models count as different."""
 
 
 class Rival(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A fitted model."""
+    """A fitted model in the contest."""
 
     log_likelihood: float
-    """above that of white noise"""
+    """The log likelihood above that of white noise."""
     bic: float
-    """below that of white noise: the lower, the better"""
+    """BIC above that of white noise: the lower, the better."""
     residual_ks: float
-    """of the cumulative periodogram over the spectrum; above 1.36 the model is rejected at 5 %"""
+    """The distance of the cumulative periodogram over the spectrum; above 1.36 is rejected at 5 %."""
     parameters: dict[str, float]
-    """variances in the square of the unit of y; *_hz: corners and peaks, which may be above half the sample
-    rate"""
+    """Variances in the square of the unit of y; *_hz: corners and peaks, which may be above half the sample
+    rate."""
     span: float = 1.0
-    """highest density over the lowest, of the frequencies that were fitted"""
+    """Highest density over the lowest, of the frequencies that were fitted."""
 
 
 class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All models on the same ordinates."""
 
     models: dict[str, Rival]
-    """white, ar1, ar2, two_ar1, fractional; where white noise is rejected rising, arfima and more sums too"""
+    """White, ar1, ar2, two_ar1, fractional; if white noise is rejected rising, arfima and more sums too."""
     best: str
-    """the one of lowest BIC"""
+    """The one of lowest BIC."""
     ratio_white: float
-    """2 log L of the fractional model with α <= 1 above white noise"""
+    """2 log L of the fractional model with α <= 1 above white noise."""
     order_gain: float = 0.0
     """2 log L of the best with an order from `LEAST_ORDER` to `MOST_ORDER` above white noise: the fractional
-    model, or ARFIMA"""
+    model, or ARFIMA."""
     order: float = 0.5
-    """of that one"""
+    """The order of that model."""
     order_of: str = "fractional"
-    """which of the two it is: fractional or arfima"""
+    """Which of the two it is: fractional or arfima."""
 
     @property
     def best_rival(self) -> str:
@@ -93,18 +93,18 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self._lowest(self._sums() or [name for name in NAMES[1:] if name in self.models])
 
     def sum_within(self, apart: float) -> str:
-        """The smallest sum of which 2 log L is at most so much below that of the order."""
+        """Return the smallest sum of which 2 log L is at most so much below that of the order."""
         names = self._sums()
         near = (one for one in names if 2 * self.models[one].log_likelihood >= self.order_gain - apart)
         return next(near, self.best_sum)
 
     @property
     def sum_gain(self) -> float:
-        """2 log L of any sum of relaxations above white noise, the highest."""
+        """The highest 2 log L of any sum of relaxations above white noise."""
         return 2 * max((self.models[name].log_likelihood for name in self._sums()), default=0.0)
 
     def _sums(self) -> list[str]:
-        """Sums of which all parts are relaxations: one of φ < 0 is none."""
+        """Return sums of which all parts are relaxations: one of φ < 0 is none."""
         found = []
         for name in NAMES[1:]:
             p = self.models[name].parameters if name in self.models else {}
@@ -118,19 +118,19 @@ class Contest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Fits(msgspec.Struct, frozen=True):
-    """What `contest` is made from."""
+    """The fits that `contest` compares."""
 
     data: Binned
     null: NullFits
     full: Fit
     ar2: Fit
     sums: tuple[Fit, ...]
-    """of 1, 2, ... relaxations"""
+    """The sums of 1, 2, ... relaxations."""
     rising: Fit | None
     bounded: Fit
-    """the fractional state of an order from `LEAST_ORDER` to `MOST_ORDER`"""
+    """The fractional state of an order from `LEAST_ORDER` to `MOST_ORDER`."""
     arfima: Fit | None
-    """fitted where `rising` is"""
+    """Fitted where `rising` is."""
 
     @property
     def order(self) -> Fit:
@@ -139,7 +139,7 @@ class Fits(msgspec.Struct, frozen=True):
         return min(both, key=lambda one: (not is_order(one), float(one.nll[0])))
 
     def named(self) -> dict[str, Fit]:
-        """All but `bounded`, by name."""
+        """Return all fits but `bounded` by name."""
         found = {"white": self.null.white, "ar1": self.sums[0], "ar2": self.ar2, "fractional": self.full}
         found |= {NAMES[i + 1]: one for i, one in enumerate(self.sums)}
         if self.rising is not None and self.arfima is not None:
@@ -148,7 +148,7 @@ class Fits(msgspec.Struct, frozen=True):
 
 
 def bic(found: Fit, data: Binned) -> float:
-    """Of one series; differences count."""
+    """Return BIC of one series, of which only differences count."""
     return 2 * float(found.nll[0]) + found.model.parameters * math.log(data.ordinates)
 
 
@@ -176,7 +176,7 @@ def fit_all(
 
 
 def _more_sums(data: Binned, sums: tuple[Fit, ...], lowest: float, search: Search) -> tuple[Fit, ...]:
-    """Further sums, as long as the last one was better, or an order is ahead, whose -log L is `lowest`."""
+    """Return further sums while the last was better, or an order of -log L `lowest` is ahead."""
     while len(sums) < MOST:
         better = bic(sums[-1], data) < bic(sums[-2], data)
         relaxing = [float(one.nll[0]) for one in sums if _relaxes(one)]
@@ -189,12 +189,12 @@ def _more_sums(data: Binned, sums: tuple[Fit, ...], lowest: float, search: Searc
 
 
 def _relaxes(found: Fit) -> bool:
-    """Whether all parts of a sum are relaxations: one of φ < 0 is none."""
+    """Return whether all parts of a sum are relaxations: one of φ < 0 is none."""
     return bool(sum_parameters(found.theta, found.theta.shape[1] // 2).poles.min() > -NO_COLOUR)
 
 
 def _between(data: Binned, full: Fit, search: Search) -> Fit:
-    """The best of an order that is told from white noise and from a relaxation."""
+    """Return the best model of an order that differs clearly from white noise and from a relaxation."""
     if LEAST_ORDER <= float(parameters(full.theta[0]).alpha) <= MOST_ORDER:
         return full
     return min((search(data, held("alpha", order)) for order in ORDERS), key=lambda f: float(f.nll[0]))
@@ -225,7 +225,7 @@ def contest(p: Periodogram, fits: Fits) -> Contest:
 
 
 def is_order(found: Fit) -> bool:
-    """Whether α or d is within its limits: at one of them it stands for what lies beyond."""
+    """Return whether α or d is within its limits: at one of them it stands for what lies beyond."""
     return LEAST_ORDER + AT_A_LIMIT < _order(found) < MOST_ORDER - AT_A_LIMIT
 
 
@@ -234,7 +234,7 @@ def _span(density: Array) -> float:
 
 
 def _order(found: Fit) -> float:
-    """α, or the d of ARFIMA."""
+    """Return α, or the d of ARFIMA."""
     if found.model.held.name:
         return found.model.held.value
     of = arfima_parameters(found.theta[0])[0] if found.model is ARFIMA else parameters(found.theta[0]).alpha
@@ -242,7 +242,7 @@ def _order(found: Fit) -> float:
 
 
 def _over_spectrum(p: Periodogram, f: Fit) -> Array:
-    """I/S of the one series, block by block: computing a spectrum takes many times as much as it has."""
+    """Yield I/S of the one series block by block, which takes less memory."""
     found = np.empty_like(p.lam)
     for begin in range(0, len(found), AT_ONCE):
         part = slice(begin, begin + AT_ONCE)

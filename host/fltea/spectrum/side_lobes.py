@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 DEPTH, BEYOND = 0.2, 0.6
-"""Of the hump: how low the spectrum is in a notch, and how high on both sides of it, at least."""
+"""Levels over that of the hump: at most in a notch, and at least on both sides of it."""
 NOTCH_WIDTH = 1.5
-"""Times the width of the hump, at most."""
+"""The largest width of a notch over that of the hump."""
 TELLING = 30.0
-"""Times the highest of the lobes, from which on something is a line: single ordinates scatter as much."""
+"""The power over the highest lobe's from which on something is a line, since single ordinates scatter."""
 TELLING_AVERAGED = 5.0
 AVERAGED = 8.0
-"""Effective ordinates from which on an average is told sooner."""
+"""Effective ordinates from which on an average is taken for a line sooner."""
 
 
 def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> float | None:
-    """Where the notch begins that makes a side lobe of the hump from start to stop; None of a resonance.
+    """Return where the notch begins that makes the hump from start to stop a side lobe; else None.
 
     lam, power: (m,), rising in frequency. least: lines that are averaged at least.
     """
@@ -46,7 +46,7 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
 
 
 def smoothed(power: Array, lines: int) -> Array:
-    """Means of so many neighbours; at the ends of those that there are."""
+    """Return means of so many neighbours; at the ends of those that there are."""
     # By sums from the beginning: a hump of a long record is a million lines wide.
     lines, places = min(lines, len(power)), np.arange(len(power))
     sums = np.concatenate([[0.0], np.cumsum(power)])

@@ -35,45 +35,45 @@ FALSE_PEAK = 0.01
 """Probability to find one where there is none, at `LEVEL`; the bins of octaves do not show lines so well that
 less would leave those of real sensors."""
 FALSE_CHANGE = 1e-3
-"""The same of a change during the record."""
+"""The same probability for a change during the record."""
 LEAKS = 3.0
-"""Times the width of its notch, a line above it."""
+"""The distance over which a line leaks, over the width of its notch."""
 SLOW_LINES = 4.0
-"""Times the lowest frequency: lines below are slow ones."""
+"""The frequency over the lowest one below which lines are slow ones."""
 LEAST_CORNER = 10.0
-"""Of a low-pass, over the lowest frequency: what is slower is drift, or a relaxation."""
+"""A low-pass's least corner over the lowest frequency: what is slower is drift, or a relaxation."""
 NEAR = (0.4, 1.5)
-"""Of frequencies of resonances over the corner of a low-pass: these are what falls there."""
+"""Frequencies over the corner of a low-pass between which a resonance is but the filter's fall."""
 LARGE_SHARE = 0.05
-"""Of the power, in a resonance that has skirts to be seen."""
+"""The share of the power in a resonance that has skirts to be seen."""
 LARGEST_SHARE = 0.3
-"""Of a band's power in peaks: of bands with more it is not asked whether they changed."""
+"""The largest share of peaks in a band's power for which changes of the band are looked for."""
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The clean ordinates."""
+    """The clean ordinates of the band that is judged."""
 
     from_hz: float
     to_hz: float
     notch_hz: Bands
     ordinates: int
-    """effective ones"""
+    """The number of effective ordinates."""
 
 
 class Spectral(msgspec.Struct, frozen=True):
-    """The evidence, and what it was drawn from."""
+    """The evidence, and the figures that it was drawn from."""
 
     evidence: Evidence
     likelihood_ratio: float
-    """null test of all ordinates"""
+    """The null test's ratio on all ordinates."""
     ordinates: int
-    """all of them, effective ones"""
+    """The number of all effective ordinates."""
     fits: Fits
-    """to the clean ones"""
+    """The fits to the clean ordinates."""
     band: Band
 
     def spectrum(self, lam: Array, h: float) -> Array:
-        """Of the fractional model through the low-pass, (len(lam),); h in s."""
+        """Return the spectrum of the fractional model through the low-pass, (len(lam),); h in s."""
         found: Array = self.fits.full.spectrum(lam)[0]
         low_pass = self.evidence.low_pass
         return found if low_pass is None else found * power_gain(lam, low_pass, h)
@@ -176,7 +176,7 @@ def examine(
 
 
 def _low_pass(clean: Periodogram, warm: Warm, peaks: tuple[Peak, ...], level: float) -> LowPass | None:
-    """The filter, unless it is a resonance or drift that looks so."""
+    """Return the filter, unless it is a resonance or drift that looks so."""
     search = warm.of("clean")
     low_pass = find_low_pass(clean.h, fit_all(clean, search), search, more_than_once(level))
     lowest_hz = float(clean.lam[0]) / (2 * np.pi * clean.h)
@@ -186,7 +186,7 @@ def _low_pass(clean: Periodogram, warm: Warm, peaks: tuple[Peak, ...], level: fl
 
 
 def _through(clean: Periodogram, low_pass: LowPass | None, warm: Warm) -> tuple[Periodogram, Fits]:
-    """What has gone into the filter, and the fits to that; the same again if there is none."""
+    """Return what has gone into the filter, and the fits to that; the same again if there is none."""
     if low_pass is not None:
         try:
             through = divided(clean, low_pass)
@@ -197,7 +197,7 @@ def _through(clean: Periodogram, low_pass: LowPass | None, warm: Warm) -> tuple[
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
-    """Where the clean ordinates begin: beyond what leaks from slow lines."""
+    """Return where the clean ordinates begin: beyond what leaks from slow lines."""
     ends = [
         high + LEAKS * (high - low)
         for low, high in (peak.notch_hz for peak in peaks if peak.kind != "resonance")
@@ -207,7 +207,7 @@ def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
 
 
 def _skirts(peaks: tuple[Peak, ...], low_pass: LowPass) -> bool:
-    """Whether it is a resonance that falls so, or what leaks from a line, and no filter."""
+    """Return whether it is a resonance that falls so, or what leaks from a line, and no filter."""
     # A filter of one pole is a faint fall: beside a resonance it cannot be told from its skirt.
     low, high = NEAR
     if low_pass.poles == 1 and any(p.kind == "resonance" and p.power_share > LARGE_SHARE for p in peaks):
@@ -219,14 +219,14 @@ def _skirts(peaks: tuple[Peak, ...], low_pass: LowPass) -> bool:
 
 
 def _not_ripples(peaks: tuple[Peak, ...], low_pass: LowPass | None) -> tuple[Peak, ...]:
-    """The peaks but for the side lobes of a filter of finite length."""
+    """Return the peaks but for the side lobes of a filter of finite length."""
     if low_pass is None:
         return peaks
     return tuple(peak for peak in peaks if peak.kind == "line" or peak.frequency_hz < low_pass.corner_hz)
 
 
 def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> Periodogram | None:
-    """The ordinates below slow_hz, if there are any."""
+    """Return the ordinates below slow_hz, if there are any."""
     hz = whole.lam / (2 * np.pi * whole.h)
     keep = (hz < slow_hz) & (hz >= from_hz)
     for low, high in found:
@@ -238,7 +238,7 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(rivals: Contest, fits: Fits) -> Callable[[Array], Array]:
-    """The highest spectrum of the models that may be right."""
+    """Return the highest spectrum of the models that may be right."""
     named = fits.named()
     possible = [named[rivals.best]]
     if rivals.best != "white":
@@ -251,12 +251,12 @@ def _highest(rivals: Contest, fits: Fits) -> Callable[[Array], Array]:
 
 
 def _close(rivals: Contest) -> bool:
-    """Whether the fractional model and a sum of relaxations are not told apart."""
+    """Return whether the fractional model and a sum of relaxations describe the data as well."""
     return abs(rivals.order_gain - rivals.sum_gain) <= APART
 
 
 def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
-    """The share of a band's power that is in peaks."""
+    """Return the share of a band's power that is in peaks."""
     if not peaks:
         return 0.0
     hz = whole.lam / (2 * np.pi * whole.h)
@@ -270,7 +270,7 @@ def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
 
 
 def _clean(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:
-    """The clean ordinates, and how many of the bands `found` are left out: some only, should they fill all.
+    """Return the clean ordinates, and how many of the bands `found` are left out.
 
     Raises:
         ValueError: too few ordinates are left even so.

@@ -32,16 +32,16 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     low_hz: float
     high_hz: float
     p: float
-    """of the analysis of variance, times the number of octaves that were looked at"""
+    """The p-value of the analysis of variance, times the number of octaves that were looked at."""
     size: float
-    """two standard deviations of the cells' true levels, as a ratio of powers: of one step in mid-record
-    this is the step"""
+    """Two standard deviations of the cells' true levels, as a ratio of powers: of one step in mid-record
+    this is the step."""
     ratio: float
-    """mean power after `at_s` over that before"""
+    """Mean power after `at_s` over that before."""
     at_s: float
-    """where a division in two parts explains most"""
+    """Where a division in two parts explains most."""
     share: float
-    """how much of the differences that division explains; the rest is up and down"""
+    """How much of the differences that division explains; the rest is up and down."""
 
 
 def find_change(
@@ -51,7 +51,7 @@ def find_change(
     from_hz: float = 0.0,
     notch: tuple[tuple[float, float], ...] = (),
 ) -> Change | None:
-    """The most significant change of any octave, if it is significant and large enough to matter.
+    """Return the most significant change of any octave, if it is significant and large enough to matter.
 
     level: probability to find one in stationary noise. Octaves that reach below from_hz or into a band of
     `notch` (low, high), all in Hz, are not looked at.
@@ -98,7 +98,10 @@ def find_change(
 
 
 def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
-    """Counts, means and first samples of cells with enough blocks; the variance within, and its degrees."""
+    """Return counts, means and first samples of cells with enough blocks.
+
+    The variance within, and its degrees.
+    """
     counts = np.asarray(band.counts, dtype=np.float64)
     some = counts > 0
     counts, first = counts[some], np.asarray(band.first, dtype=np.float64)[some]

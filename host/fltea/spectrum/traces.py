@@ -7,18 +7,18 @@ from fltea.spectrum.lines import Peak
 from fltea.spectrum.low_pass import LowPass
 
 LEAKS, AS_SKIRTS = 2.0, 6.0
-"""Ratios of frequencies: of what leaks from a line, and of a resonance's skirts."""
+"""Ratios of frequencies over which a line leaks, and over which a resonance's skirts reach."""
 NEAR_THE_END = 0.9
-"""Of half the sample rate: what leaks from a line there rises."""
+"""The share of half the sample rate above which what leaks from a line rises."""
 LARGE_SHARE = 0.05
-"""Of the power in a peak that leaves a trace to be seen."""
+"""The share of the power in a peak that leaves a trace to be seen."""
 NEAR_THE_FILTER = 0.1
 AS_FILTERS_DIFFER = 0.6
-"""Of the density in the pass band."""
+"""The difference of two filters over the density in the pass band."""
 
 
 def is_of_filter(e: Evidence, low_pass: LowPass) -> tuple[str, bool, str]:
-    """Whether colour is the difference of the true filter from the fitted one: question, answer, figure."""
+    """Return whether the true filter's difference from the fitted one explains colour, with the figure."""
     best = e.contest.models[e.contest.best]
     falls = "bend_hz" in best.parameters or "bend_1_hz" in best.parameters
     if not falls or best.parameters.get("rise", 0.0) > 1:
@@ -37,7 +37,7 @@ def is_of_filter(e: Evidence, low_pass: LowPass) -> tuple[str, bool, str]:
 
 
 def is_skirt(peak: Peak, parameters: dict[str, float], rising: bool, rate_hz: float) -> bool:
-    """Whether a model describes what is left of a strong resonance, or what leaks from a line."""
+    """Return whether a model describes what is left of a strong resonance, or what leaks from a line."""
     if peak.power_share < LARGE_SHARE:
         return False
     if peak.kind == "line":
@@ -49,7 +49,7 @@ def is_skirt(peak: Peak, parameters: dict[str, float], rising: bool, rate_hz: fl
 
 
 def _density(parameters: dict[str, float], share: float) -> float:
-    """Of a sum of AR(1) in white noise, at a share of the rate."""
+    """Return the density of a sum of AR(1) in white noise, at a share of the rate."""
     poles = [value for key, value in parameters.items() if key.startswith("phi")]
     s2 = [value for key, value in parameters.items() if key.startswith("s2")]
     half = 4 * math.sin(math.pi * share) ** 2

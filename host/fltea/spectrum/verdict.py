@@ -19,21 +19,21 @@ from fltea.spectrum.rivals import AT_A_LIMIT, ORDERED
 from fltea.spectrum.traces import is_of_filter, is_skirt
 
 LEAST_RISE = 1.5
-"""From the lowest frequencies to the highest, of the fractional model: one that falls may rise a little."""
+"""The fractional model's least rise from the lowest to the highest frequencies."""
 BY_CHANCE = 3.0
-"""In 2 log L, for each parameter more: of three, so much with p = 0.03, on top of `APART`."""
+"""2 log L that chance may gain with each further parameter, on top of `APART` (of three: p = 0.03)."""
 STEEP = 1.15
 """Order of what falls more steeply than a relaxation."""
 CLEARLY = 1.5
-"""Times the lowest frequency: where the bend of a steep fall is seen."""
+"""The frequency over the lowest one from which on the bend of a steep fall is seen."""
 SLOW = 3.0
-"""Times the lowest frequency: a corner below is as good as none."""
+"""The frequency over the lowest one below which a corner is as good as none."""
 LINE_WIDTH = 6.0
-"""Of a line at half the sample rate, in periods a record."""
+"""The width of a line at half the sample rate, in periods a record."""
 LEAST_RESIDUAL_LEVEL = 0.01
-"""Of the test of residuals, which speaks against a claim and not for one."""
+"""The level of the test of residuals, which speaks against a claim and not for one."""
 PEAKS: dict[str, VerdictKind] = {"line": "line", "resonance": "resonance", "peak": "line or resonance"}
-"""What a peak is called: live, the resolution does not tell narrow ones."""
+"""What a peak is called; live, narrow ones cannot be distinguished."""
 NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
 NEXT_PEAK = "Look for the cause: mains, a motor, a loose mount; --notch leaves a band out."
 
@@ -51,15 +51,15 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     kind: VerdictKind
     text: str
-    """what, why and next, one after the other"""
+    """The sentences of what, why and next, one after the other."""
     what: str
-    """the noise is"""
+    """What the noise is."""
     why: str
-    """how sure that is, and what it rests on"""
+    """How sure that is, and what it rests on."""
     next: str
-    """what to do about it"""
+    """What to do about it."""
     rules: tuple[Rule, ...]
-    """those that were asked"""
+    """The rules that were asked."""
 
 
 class _Questions:
@@ -85,7 +85,7 @@ def decide(e: Evidence) -> Verdict:
     if q.ask("Did the noise change during the record?", e.change is not None, changed):
         return q.say(
             "not stationary",
-            f"The noise changed during the record: {wording.change(e)}.{wording.beside(e)}",
+            f"The noise changed during the record: {wording.change(e)}.{wording.also_found(e)}",
             "All figures are averages over different noises.",
             "Judge the parts by themselves, or follow slow changes with a live.memory that is shorter than "
             "they are.",
@@ -120,7 +120,7 @@ def decide(e: Evidence) -> Verdict:
 
 
 def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
-    """White but for what was found beside it, or too near to white to say more."""
+    """Return the verdict on noise that is white but for what else was found, or too near to white."""
     below = " below the corner" if e.low_pass is not None else ""
     if not accepted and e.p_clean < e.level:
         accepted = f"No model{below} is better than white noise by BIC (null test: p = {e.p_clean:.2g})"
@@ -135,14 +135,14 @@ def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
         )
         return q.say(
             "low-pass",
-            f"White noise through {wording.low_pass(e)}.{wording.beside(e, with_low_pass=False)}",
+            f"White noise through {wording.low_pass(e)}.{wording.also_found(e, with_low_pass=False)}",
             f"{gain}. {accepted}: {wording.UNDEFINED}.",
             NEXT_FILTER,
         )
     if e.drifts:
         return q.say(
             "drift",
-            f"White noise, and {wording.drift(e)}.{wording.beside(e, with_drift=False)}",
+            f"White noise, and {wording.drift(e)}.{wording.also_found(e, with_drift=False)}",
             f"{accepted} above that: {wording.UNDEFINED}.",
             "Let the sensor warm up, and let the navigation filter estimate its offset; a longer record "
             "shows what the drift is.",
@@ -151,7 +151,7 @@ def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
         return q.say(
             PEAKS[e.peaks[0].kind],
             f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
-            f"{wording.beside(e, with_peaks=False)}",
+            f"{wording.also_found(e, with_peaks=False)}",
             f"{accepted} without that: {wording.UNDEFINED}.",
             NEXT_PEAK,
         )
@@ -168,14 +168,14 @@ def _resonance(e: Evidence, q: _Questions) -> Verdict:
     return q.say(
         "resonance",
         f"A broad resonance at {wording.hz(p['resonance_hz'])}, {p['height']:.2g} times as high as the "
-        f"lowest frequencies.{wording.beside(e)}",
+        f"lowest frequencies.{wording.also_found(e)}",
         f"AR(2) has the lowest BIC ({e.contest.models['ar2'].bic:.0f}): no memory, α and f say nothing.",
         NEXT_PEAK,
     )
 
 
 def _coloured(e: Evidence, q: _Questions) -> Verdict:
-    """Not white: which of the models is it?"""
+    """Return the verdict on noise that is not white, by the model that describes it."""
     c = e.contest
     bic = ", ".join(
         f"{wording.MODELS[name]} {model.bic:.1f}"
@@ -201,7 +201,7 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
         return q.say(
             PEAKS[e.peaks[0].kind],
             f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
-            f"{wording.beside(e, with_peaks=False)}",
+            f"{wording.also_found(e, with_peaks=False)}",
             f"What is left is its skirts ({best}): {wording.UNDEFINED}.",
             NEXT_PEAK,
         )
@@ -212,7 +212,7 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
             return _resonance(e, q)
         return q.say(
             "resonance",
-            f"A broad maximum at {wording.hz(p['resonance_hz'])}.{wording.beside(e)}",
+            f"A broad maximum at {wording.hz(p['resonance_hz'])}.{wording.also_found(e)}",
             f"The best order is {p['alpha']:.2f}: more than 1 is a filter or a resonance, not memory.",
             NEXT_PEAK,
         )
@@ -221,7 +221,8 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
     if q.ask("Does it fall from a bend on more steeply than a relaxation?", steep and _bends(e, p), best):
         return q.say(
             "low-pass",
-            f"The power falls from {wording.hz(p['bend_hz'])} on, as behind a low-pass.{wording.beside(e)}",
+            f"The power falls from {wording.hz(p['bend_hz'])} on, as behind a low-pass."
+            f"{wording.also_found(e)}",
             f"{wording.capital(wording.MODELS[c.best])} without a peak has the lowest BIC "
             f"({c.models[c.best].bic:.0f}).",
             NEXT_FILTER,
@@ -230,7 +231,7 @@ def _coloured(e: Evidence, q: _Questions) -> Verdict:
 
 
 def _bends(e: Evidence, parameters: dict[str, float]) -> bool:
-    """Whether that is clearly above the lowest frequency."""
+    """Return whether that is clearly above the lowest frequency."""
     return parameters.get("bend_hz", 0.0) > CLEARLY * e.from_hz
 
 
@@ -241,7 +242,7 @@ def _rising(e: Evidence, q: _Questions) -> Verdict:
         return q.say(
             "line",
             f"A line at {wording.hz(e.rate_hz / 2)}, half the sample rate, or near it, in white noise."
-            f"{wording.beside(e)}",
+            f"{wording.also_found(e)}",
             f"It is no wider than the record's resolution: {wording.UNDEFINED}.",
             "A faster oscillation looks so too once it is sampled. " + NEXT_PEAK,
         )
@@ -252,7 +253,7 @@ def _rising(e: Evidence, q: _Questions) -> Verdict:
         how, differences = f"neighbours are of opposite sign ({wording.MODELS[c.best]})", False
     return q.say(
         "anti-persistent",
-        f"Noise whose power rises with frequency, {how}, in white noise.{wording.beside(e)}",
+        f"Noise whose power rises with frequency, {how}, in white noise.{wording.also_found(e)}",
         f"{wording.capital(wording.MODELS[c.best])} has the lowest BIC ({c.models[c.best].bic:.0f}). The "
         "order is below 0, where f and α are not defined.",
         "So looks quantisation noise, or the difference of an angle."
@@ -262,7 +263,7 @@ def _rising(e: Evidence, q: _Questions) -> Verdict:
 
 
 def _order_or_relaxations(e: Evidence, q: _Questions, steep: bool) -> Verdict:
-    """Power that falls with frequency, without a peak: a fractional order, or relaxations.
+    """Return the verdict on power that falls with frequency without a peak: an order, or relaxations.
 
     steep: more so than a relaxation does.
     """
@@ -292,7 +293,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions, steep: bool) -> Verdict:
         return q.say(
             "drift",
             "White noise, and drift that is slower than the record can tell from a random walk."
-            f"{wording.beside(e, with_drift=False)}",
+            f"{wording.also_found(e, with_drift=False)}",
             f"The corner of the best model is below {wording.hz(SLOW * e.from_hz)}: too few periods tell it "
             "from an order below 1.",
             "Use the Allan deviation's K for a random walk in a filter; a longer record shows where it ends.",
@@ -303,7 +304,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions, steep: bool) -> Verdict:
     if worse:
         return q.say(
             "relaxations",
-            f"{wording.capital(sums)} in white noise, with {where}.{wording.beside(e)}",
+            f"{wording.capital(sums)} in white noise, with {where}.{wording.also_found(e)}",
             f"The fractional model with an order of up to {MOST_ORDER:g} is worse by {behind:.0f} in 2 log L."
             f"{misfit}",
             "A navigation filter takes them as Gauss-Markov processes: σ and correlation time are given.",
@@ -321,14 +322,14 @@ def _order_or_relaxations(e: Evidence, q: _Questions, steep: bool) -> Verdict:
     if claim and lowest and fits:
         return q.say(
             "fractional",
-            f"Noise of fractional order, α = {c.order:.2f}{kind}, in white noise.{wording.beside(e)}",
+            f"Noise of fractional order, α = {c.order:.2f}{kind}, in white noise.{wording.also_found(e)}",
             f"Every sum of up to {MOST} relaxations is worse by {lead:.0f} or more in 2 log L.",
             "Believe the maximum-likelihood figures with their intervals.",
         )
     if claim:
         return q.say(
             "undecided",
-            f"Not white, and none of the models describes it.{wording.beside(e)}",
+            f"Not white, and none of the models describes it.{wording.also_found(e)}",
             f"The nearest is {wording.MODELS[c.best]}.{_misfit(e, c.best, critical)}",
             "Look at the spectrum in the report.",
         )
@@ -338,7 +339,7 @@ def _order_or_relaxations(e: Evidence, q: _Questions, steep: bool) -> Verdict:
     return q.say(
         "fractional or relaxations",
         f"Noise of the order {c.order:.2f}{kind}, or {sums} with {where}, in white "
-        f"noise: the data do not tell.{wording.beside(e)}",
+        f"noise: the data do not tell.{wording.also_found(e)}",
         f"Both describe {wording.band(e)}: 2 log L differs by {apart_by:.1f}, and models with "
         f"{_more(near.parameters) + 4} and 4 parameters are told apart by {apart + more:.0f}.{misfit}",
         wording.record_for(e),
@@ -354,15 +355,15 @@ def _misfit(e: Evidence, name: str, critical: float) -> str:
 
 
 def bic_of(e: Evidence, name: str) -> str:
-    """The model of lowest BIC."""
+    """Return the model of lowest BIC."""
     return f"{wording.MODELS[name]} {e.contest.models[name].bic:.1f}"
 
 
 def _all_relax(parameters: dict[str, float]) -> bool:
-    """Whether all parts of a sum are relaxations: one of φ < 0 is none."""
+    """Return whether all parts of a sum are relaxations: one of φ < 0 is none."""
     return all(value > 0 for name, value in parameters.items() if name.startswith("phi"))
 
 
 def _more(parameters: dict[str, float]) -> int:
-    """Of a sum, than the fractional model has."""
+    """Return how many parameters more a sum has than the fractional model."""
     return 2 * sum(name.startswith("phi") for name in parameters) - 3

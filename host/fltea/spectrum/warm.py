@@ -15,11 +15,11 @@ T = TypeVar("T")
 AGAIN = 2.0
 """Growth of the record after which the grid of starts is searched again."""
 AGAIN_ON_BOUND = 1.1
-"""The same for an answer at the edge of what is possible."""
+"""The same growth for an answer at the edge of what is possible."""
 LOOK_AGAIN = 1.1
-"""The same, after which peaks and changes are looked for again; the fits themselves are made every time."""
+"""The growth after which peaks and changes are looked for again; the fits themselves are made every time."""
 EDGE = 13.0
-"""Coordinates beyond: a share of 2e-6, and the likelihood is flat."""
+"""The coordinate beyond which a share is below 2e-6, and the likelihood is flat."""
 
 
 class Search(Protocol):
@@ -36,7 +36,7 @@ class Warm:
     def __init__(self) -> None:
         self._last: dict[tuple[str, str, float, Held], tuple[Array, float]] = {}
         self.ends: Array | None = None
-        """of the intervals, as `profile.fractional_fit` keeps them"""
+        """The ends of the intervals, as `profile.fractional_fit` keeps them."""
         self._looked: dict[str, tuple[Any, float]] = {}
 
     def forget(self) -> None:
@@ -46,14 +46,14 @@ class Warm:
         self.ends = None
 
     def looked(self, name: str, ordinates: float, look: Callable[[], T]) -> T:
-        """What `look` found last under this name, or finds now if the record has grown too far since."""
+        """Return what `look` found last under this name, or finds now if the record has grown too far."""
         found, then = self._looked.get(name, (None, 0.0))
         if ordinates > LOOK_AGAIN * then:
             found, then = self._looked[name] = look(), ordinates
         return cast(T, found)
 
     def of(self, name: str) -> Search:
-        """Fits to the ordinates that are called `name`."""
+        """Return the fits to the ordinates that are called `name`."""
 
         def search(data: Binned, model: Model, extra_starts: Array | None = None) -> Fit:
             key = name, model.name, model.highest_order, model.held

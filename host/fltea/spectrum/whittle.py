@@ -29,37 +29,37 @@ FAMILIES = {name: number for number, name in enumerate(_FAMILIES)}
 
 
 HOLDS = {"": 0, "alpha": 1, "g": 2, "f": 3, "F": 4, "s2": 5, "R": 6}
-"""The same of what is held (enum Hold)."""
+"""Numbers of what is held in the native part (enum Hold)."""
 
 
 class Held(NamedTuple):
     """A number of the fractional model that keeps its value."""
 
     name: str = ""
-    """one of `HOLDS`"""
+    """One of `HOLDS`."""
     value: float = 0.0
     h: float = 1.0
-    """sampling period in s, where f is held"""
+    """Sampling period in s, where f is held."""
 
 
 class Model(NamedTuple):
     """A family of spectra, in coordinates without bounds in which the likelihood is smooth."""
 
     name: str
-    """one of `FAMILIES`"""
+    """One of `FAMILIES`."""
     parameters: int
-    """of the spectrum, scale and white noise included, as BIC counts them"""
+    """The number of the spectrum's parameters with scale and white noise, as BIC counts them."""
     starts: Array
-    """(starts, p) a grid over the coordinates"""
+    """A grid of starts over the coordinates, (starts, p)."""
     groups: NDArray[np.intp]
-    """(starts,) the search begins at the best point of each of the best groups"""
+    """The group of each start (starts,); the search begins at the best point of each of the best groups."""
     shape: Callable[[Array, Array], Array]
-    """λ (bins,) and coordinates (k, p) to S / scale, (k, bins)"""
+    """λ (bins,) and coordinates (k, p) to S / scale, (k, bins)."""
     highest_order: float = 2.0
-    """of the fractional model"""
+    """The highest order of the fractional model."""
     held: Held = Held()
     always: Array | None = None
-    """(k, p) points at which the search begins whatever the grid says"""
+    """Points (k, p) at which the search begins whatever the grid says."""
 
 
 class Fit(NamedTuple):
@@ -67,14 +67,14 @@ class Fit(NamedTuple):
 
     model: Model
     theta: Array
-    """(series, p) coordinates"""
+    """The coordinates, (series, p)."""
     scale: Array
-    """(series,)"""
+    """The scale of each series, (series,)."""
     nll: Array
-    """(series,) -log L"""
+    """The value of -log L, (series,)."""
 
     def spectrum(self, lam: Array) -> Array:
-        """The fitted spectra, (series, len(lam))."""
+        """Return the fitted spectra, (series, len(lam))."""
         return self.scale[:, np.newaxis] * self.model.shape(lam, self.theta)
 
 
@@ -111,11 +111,11 @@ class Slopes(NamedTuple):
     """-log L of each series at some coordinates, at the best scale there."""
 
     nll: Array
-    """(series,)"""
+    """The value of -log L of each series, (series,)."""
     gradient: Array
-    """(series, p)"""
+    """The gradient, (series, p)."""
     information: Array
-    """(series, p, p) of Fisher on the coordinates, the scale not being known: the expected curvature"""
+    """Fisher's information on the coordinates with the scale unknown, (series, p, p)."""
 
 
 def slopes(data: Binned, model: Model, theta: Array) -> Slopes:
@@ -137,7 +137,7 @@ def slopes(data: Binned, model: Model, theta: Array) -> Slopes:
 
 
 def _arguments(data: Binned, model: Model) -> tuple[Array, Array, Array, int, float, int, float, float]:
-    """What all native functions begin with."""
+    """Return what all native functions begin with."""
     lam, counts, power = (np.ascontiguousarray(a, dtype=np.float64) for a in data)
     held = model.held
     return lam, counts, power, FAMILIES[model.name], model.highest_order, HOLDS[held.name], held.value, held.h

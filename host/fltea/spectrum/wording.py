@@ -28,12 +28,12 @@ UNDEFINED = "α and f are undefined"
 
 
 def hz(value: float) -> str:
-    """Three digits at most."""
+    """Return a number with three digits at most."""
     return f"{value:.3g} Hz"
 
 
 def duration(seconds: float) -> str:
-    """In the unit that one would choose."""
+    """Return a duration in the unit that a person would choose."""
     for limit, size, unit in ((120, 1, "s"), (7200, 60, "min"), (172_800, 3600, "h")):
         if seconds < limit:
             return f"{seconds / size:.0f} {unit}"
@@ -41,17 +41,17 @@ def duration(seconds: float) -> str:
 
 
 def listed(parts: Sequence[str], word: str = "and") -> str:
-    """Several things in a sentence."""
+    """Return several things as a part of a sentence."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {word} {parts[-1]}"
 
 
 def capital(text: str) -> str:
-    """As a sentence begins."""
+    """Return the text with a capital, as a sentence begins."""
     return text[:1].upper() + text[1:]
 
 
 def peaks(found: tuple[Peak, ...]) -> str:
-    """The strongest few."""
+    """Return the strongest few."""
     parts = [
         f"a {peak.kind} at {peak.frequency_hz:.{2 if peak.frequency_hz < 10 else 1}f} Hz "
         f"({peak.power_share:.1%} of the power)"
@@ -63,7 +63,7 @@ def peaks(found: tuple[Peak, ...]) -> str:
 
 
 def low_pass(e: Evidence) -> str:
-    """The filter."""
+    """Return the words for the filter."""
     found = e.low_pass
     assert found is not None
     if found.corner_hz >= e.rate_hz / 2:
@@ -77,7 +77,7 @@ def low_pass(e: Evidence) -> str:
 
 
 def corner(value: float, e: Evidence) -> str:
-    """A corner, as far as the data have it."""
+    """Return a corner, as far as the data have it."""
     if value < e.from_hz:
         return f"below {hz(e.from_hz)}"
     if value > e.to_hz:
@@ -86,7 +86,7 @@ def corner(value: float, e: Evidence) -> str:
 
 
 def corners(parameters: dict[str, float], e: Evidence) -> str:
-    """Those of a sum of relaxations, slowest first."""
+    """Return those of a sum of relaxations, slowest first."""
     found = [value for name, value in parameters.items() if name.startswith("bend")]
     inside = [f"{value:.3g}" for value in found if e.from_hz <= value <= e.to_hz]
     parts = []
@@ -100,13 +100,13 @@ def corners(parameters: dict[str, float], e: Evidence) -> str:
 
 
 def relaxations(parameters: dict[str, float]) -> str:
-    """How many."""
+    """Return the number of relaxations in words."""
     count = max(sum(name.startswith("bend") for name in parameters), 1)
     return "one relaxation" if count == 1 else f"a sum of {NUMBERS[count]} relaxations"
 
 
 def drift(e: Evidence) -> str:
-    """What is slower than is fitted."""
+    """Return the words for power that is slower than what is fitted."""
     ratio = max(e.slow.offset, e.slow.ratio)
     times = f"{ratio:.2g}" if ratio < 1000 else f"{ratio:.0e}"
     return (
@@ -115,10 +115,10 @@ def drift(e: Evidence) -> str:
     )
 
 
-def beside(
+def also_found(
     e: Evidence, *, with_low_pass: bool = True, with_peaks: bool = True, with_drift: bool = True
 ) -> str:
-    """All else that was found, whatever the verdict."""
+    """Return sentences on all else that was found, whatever the verdict."""
     parts = []
     if with_low_pass and e.low_pass is not None:
         parts.append(f" All of it has gone through {low_pass(e)}.")
@@ -130,7 +130,7 @@ def beside(
 
 
 def change(e: Evidence) -> str:
-    """How the noise changed."""
+    """Return a sentence on how the noise changed."""
     c = e.change
     assert c is not None
     band = f"between {c.low_hz:.3g} and {c.high_hz:.3g} Hz"
@@ -143,19 +143,19 @@ def change(e: Evidence) -> str:
 
 
 def its_corners(parameters: dict[str, float], e: Evidence) -> str:
-    """The same as what a sum has."""
+    """Return the same as what a sum has."""
     one = sum(name.startswith("bend") for name in parameters) == 1
     return f"{'its corner' if one else 'corners'} {corners(parameters, e)}"
 
 
 def band(e: Evidence) -> str:
-    """Where the data are."""
+    """Return the band of the data in words."""
     decades = math.log10(e.to_hz / e.from_hz)
     return f"{hz(e.from_hz)} to {hz(e.to_hz)}, {decades:.1f} decades"
 
 
 def record_for(e: Evidence) -> str:
-    """How long a record would tell an order from relaxations, and what to do until then."""
+    """Return how long a record has to be to decide for an order or relaxations, and what to do until then."""
     if e.decides_s is None:
         tell = "No record of up to a month would tell"
     else:

@@ -38,7 +38,7 @@ class Located(NamedTuple):
     """Anything that is not a sample, and where it ended."""
 
     item: Frame | Refused | BadFrame
-    """As `fltea.wire.messages.FrameReader` gives it; a `Frame` is never a SAMPLE here."""
+    """The item as `fltea.wire.messages.FrameReader` gives it; a `Frame` is never a SAMPLE here."""
     end: int
     """Offset within the bytes of the call, just behind the closing 0x00 [bytes].
 
@@ -66,7 +66,7 @@ class BlockReader:
 
     @property
     def pending(self) -> int:
-        """Bytes of the unfinished block [bytes]."""
+        """The number of bytes in the unfinished block."""
         return self._decoder.pending
 
     def feed(self, data: bytes | bytearray | memoryview) -> list[Decoded]:

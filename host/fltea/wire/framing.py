@@ -57,7 +57,7 @@ class Deframer:
 
     @property
     def pending(self) -> int:
-        """Bytes of the unfinished block [bytes]."""
+        """The number of bytes in the unfinished block."""
         return len(self._pending)
 
     def feed(self, data: bytes) -> list[bytes | BadFrame]:

@@ -30,7 +30,7 @@ def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
 
 
 def describe(item: Frame | Refused | BadFrame) -> str:
-    """One line for a person: type, sequence, device time in s, and the fields in raw counts."""
+    """Return one line for a person: type, sequence, device time in s, and the fields in raw counts."""
     match item:
         case Refused():
             return f"HELLO    REFUSED: {item.message}"
@@ -46,7 +46,7 @@ def describe(item: Frame | Refused | BadFrame) -> str:
 
 
 def summary(reader: FrameReader) -> str:
-    """How much of what was in the stream."""
+    """Return how much of what was in the stream."""
     parts = [f"{reader.bytes_in} bytes", f"{reader.counts['frames']} good frames"]
     parts += [f"{n} {reason}" for reason, n in sorted(reader.counts.items()) if reason != "frames"]
     return ", ".join(parts)

@@ -11,11 +11,11 @@ CAUSES = wire.Estimate._fields[wire.Estimate._fields.index("order_box") :]
 """Fields of ESTIMATE that count what the guard did; the host's engine has the same names."""
 
 BINS = sum(field.startswith("frequency_") for field in wire.Spectrum._fields)
-"""Of one SPECTRUM."""
+"""The number of bins in one SPECTRUM."""
 
 
 def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
-    """HELLO's counts in their units."""
+    """Return HELLO's counts in their units."""
 
     def scaled(name: str) -> float:
         return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))  # 164 * 0.1 is 16.4
@@ -42,7 +42,10 @@ def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
 
 
 def status_event(s: wire.Status) -> DeviceStatus:
-    """STATUS's counts in their units; no turn of a loop takes 0 us, so that means that none was measured."""
+    """Return STATUS's counts in their units.
+
+    No turn of a loop takes 0 us, so that means that none was measured.
+    """
     return DeviceStatus(
         *s[:5],
         reset_cause=name_of(wire.ResetCause, s.reset_cause),
@@ -52,7 +55,7 @@ def status_event(s: wire.Status) -> DeviceStatus:
 
 
 def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
-    """ESTIMATE's counts in their units. sequence: of its frame."""
+    """Return ESTIMATE's counts in their units; sequence is that of its frame."""
     flags = wire.EstimateFlags
     return DeviceAxis(
         sequence=sequence,
@@ -76,7 +79,7 @@ def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
 
 
 def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
-    """ESTIMATOR's counts in their units."""
+    """Return ESTIMATOR's counts in their units."""
     return DeviceEstimator(
         host_ns=host_ns,
         variant=name_of(wire.EstimatorVariant, e.variant),
@@ -110,7 +113,7 @@ def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
 
 
 def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
-    """FIT's counts in their units."""
+    """Return FIT's counts in their units."""
     flags = wire.FitFlags
     return DeviceFit(
         host_ns=host_ns,
@@ -136,7 +139,7 @@ def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
 
 
 def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
-    """SPECTRUM's bins, those beyond the last one left out."""
+    """Return SPECTRUM's bins without those beyond the last one."""
     n = max(0, min(BINS, s.total - s.first))
     hz, ordinates, density = (
         tuple(getattr(s, f"{name}_{i}") for i in range(n)) for name in ("frequency", "ordinates", "density")
@@ -145,7 +148,7 @@ def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
 
 
 def name_of(enum: type[IntEnum], value: int) -> str:
-    """Name of an enum's value in lower case; the number itself for one that we do not know."""
+    """Return the name of an enum's value in lower case; the number itself for one that we do not know."""
     try:
         return enum(value).name.lower()
     except ValueError:

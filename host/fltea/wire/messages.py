@@ -40,7 +40,7 @@ _VERSION: Final = Struct("<BBI")
 
 
 class Frame(NamedTuple):
-    """One good frame."""
+    """One frame that is whole and whose message is known."""
 
     type: int
     """Type byte, as in `wire.MESSAGES`."""

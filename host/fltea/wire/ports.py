@@ -123,7 +123,7 @@ class Ports:
             yield place, event
 
     def _lose(self, place: int) -> None:
-        """A port was lost and is closed already: try it again later."""
+        """Note that a port was lost, and try it again later."""
         line = self._lines[place]
         assert line.descriptor is not None
         self._ready.unregister(line.descriptor)

@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 
 def gyro_dps(raw: RawBlock, hello: Hello) -> Array:
-    """Rates in deg/s, (n, axes). A null scale in HELLO means that the recording holds deg/s already."""
+    """Return rates in deg/s, (n, axes). A recording whose HELLO has no scale holds deg/s already."""
     return raw.gyro / (1.0 if hello.gyro_lsb_per_dps is None else hello.gyro_lsb_per_dps)
 
 
 def accel_ms2(raw: RawBlock, hello: Hello) -> Array | None:
-    """Specific forces in m/s², (n, 3); None where there are none, or no scale of them.
+    """Return specific forces in m/s², (n, 3); None where there are none, or no scale of them.
 
     A null scale in HELLO means that the recording holds m/s² already.
     """
@@ -32,7 +32,7 @@ def accel_ms2(raw: RawBlock, hello: Hello) -> Array | None:
 
 
 def temperatures_c(raw: RawBlock, hello: Hello) -> Array | None:
-    """Die temperatures in °C, (n,); None where there are none."""
+    """Return die temperatures in °C, (n,); None where there are none."""
     return None if raw.temperature is None else temperature_c(raw.temperature, hello.who_am_i)
 
 
@@ -61,10 +61,10 @@ def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
 
 
 def resolution_dps(hello: Hello) -> float | None:
-    """One LSB of the gyroscope in deg/s, or None where the recording does not say."""
+    """Return one LSB of the gyroscope in deg/s, or None where the recording does not say."""
     return None if hello.gyro_lsb_per_dps is None else 1.0 / hello.gyro_lsb_per_dps
 
 
 def accel_resolution_ms2(hello: Hello) -> float | None:
-    """One LSB of the accelerometer in m/s², or None where its scale is not known."""
+    """Return one LSB of the accelerometer in m/s², or None where its scale is not known."""
     return STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g if hello.accel_lsb_per_g else None

@@ -37,21 +37,21 @@ RELATIVES = {
 
 
 def sensor_name(who_am_i: int) -> str:
-    """Name of the chip with this WHO_AM_I; "no sensor" for 0; the number itself for an unknown one."""
+    """Return the name of the chip with this WHO_AM_I: "no sensor" for 0, the number for an unknown one."""
     if who_am_i == NO_SENSOR:
         return "no sensor"
     return SENSORS.get(who_am_i, f"unknown sensor (WHO_AM_I 0x{who_am_i:02X})")
 
 
 def temperature_counts(celsius: float, who_am_i: int | None) -> int:
-    """Counts of TEMP_OUT from °C: the inverse of `temperature_c`."""
+    """Return counts of TEMP_OUT from °C: the inverse of `temperature_c`."""
     if who_am_i == 0x68:
         return round((celsius - 36.53) * 340.0)
     return round((celsius - 21.0) * 333.87)
 
 
 def temperature_c(raw: Counts, who_am_i: int | None) -> NDArray[np.float64]:
-    """Die temperatures in °C from counts of TEMP_OUT."""
+    """Return die temperatures in °C from counts of TEMP_OUT."""
     if who_am_i == 0x68:
         return raw / 340.0 + 36.53
     return raw / 333.87 + 21.0

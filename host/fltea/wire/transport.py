@@ -37,12 +37,12 @@ READ_TIMEOUT_S = 0.1
 SOCKET = "socket://"
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 QUEUE_BYTES = 1 << 20
-"""What a consumer may be behind: half a minute of a full line, minutes of samples."""
+"""Bytes that a consumer may be behind: half a minute of a full line, minutes of samples."""
 
 MAX_CHUNK = 1 << 16
 
 TAKEN_S = 1e-3
-"""A port that was ready and then had nothing: another program, ModemManager say, reads it too."""
+"""Seconds to wait when a port was ready and yet empty, as when another program reads it too."""
 
 
 def check_url(url: str, baud: int) -> None:
@@ -72,7 +72,7 @@ def check_url(url: str, baud: int) -> None:
 
 
 def list_ports_text() -> str:
-    """One line that names the serial ports of this machine."""
+    """Return one line that names the serial ports of this machine."""
     ports = sorted(list_ports.comports())
     if not ports:
         return "This machine has no serial port at the moment."
@@ -80,7 +80,7 @@ def list_ports_text() -> str:
 
 
 def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
-    """Kind and text of the failure to open a port: what happened, why, what to do."""
+    """Return kind and text of the failure to open a port: what happened, why, what to do."""
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
         return (
@@ -106,7 +106,7 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
 
 
 def _permission_remedy(path: str) -> str:
-    """What opens this port to its user: a group, if there is one that may and is not root's."""
+    """Return what opens this port to its user: a group, if there is one that may and is not root's."""
     try:
         status = os.stat(path)
         group = grp.getgrgid(status.st_gid).gr_name
@@ -161,7 +161,7 @@ class Port:
         return Opened(host_ns(), unix_offset_ns())
 
     def fileno(self) -> int:
-        """The descriptor of an open port that has one."""
+        """Return the descriptor of an open port that has one."""
         return self._descriptor
 
     def read_ready(self, *, hung_up: bool) -> Chunk | Failed | None:
@@ -204,7 +204,7 @@ class Port:
         return Failed("unplugged", message, host_ns(), unix_offset_ns())
 
     def backoff_s(self) -> float:
-        """How long to wait before the next try."""
+        """Return how long to wait before the next try."""
         wait_s = BACKOFF_S[min(self._failures, len(BACKOFF_S) - 1)]
         self._failures += 1
         return wait_s
@@ -304,7 +304,7 @@ class Reader:
         return None
 
     def _put(self, event: TransportEvent) -> None:
-        """Never blocks: bytes that the consumer is too slow for are thrown away and counted."""
+        """Hand it over and never block: bytes that the consumer is too slow for are counted and dropped."""
         if isinstance(event, Chunk):
             with self._lock:
                 if self._queued_bytes + len(event.data) > QUEUE_BYTES:

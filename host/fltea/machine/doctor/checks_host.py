@@ -20,7 +20,7 @@ PACKAGES = {"record": "mcap", "mqtt": "paho", "dashboard": "bokeh", "metrics": "
 
 
 def check_program() -> Iterator[Finding]:
-    """Versions, and the native module."""
+    """Yield findings on versions, and on the native module."""
     yield ok(
         "program",
         f"fltea {__version__}, protocol {wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}, Python "
@@ -40,7 +40,7 @@ def check_program() -> Iterator[Finding]:
 
 
 def check_packages(config: Config, system: System) -> Iterator[Finding]:
-    """Packages of the outputs; only those that are asked for have to be there."""
+    """Yield a finding on the packages of outputs; only those that are asked for have to be there."""
     asked = {
         "record": config.record.folder,
         "mqtt": config.mqtt.broker,
@@ -65,7 +65,7 @@ def check_packages(config: Config, system: System) -> Iterator[Finding]:
 
 
 def check_clock(system: System) -> Iterator[Finding]:
-    """Whether time stamps can be compared with those of other machines."""
+    """Yield a finding on whether time stamps can be compared with those of other machines."""
     match system.clock_is_kept():
         case True:
             yield ok("clock", "this machine's clock is synchronised")
@@ -79,7 +79,7 @@ def check_clock(system: System) -> Iterator[Finding]:
 
 
 def check_udev(system: System) -> Iterator[Finding]:
-    """The udev rule, and ModemManager, which writes `AT` to ports that it takes for a modem's."""
+    """Yield findings on the udev rule, and on ModemManager, which writes `AT` to what may be a modem."""
     installed = any(system.exists(f"{folder}/{RULE}") for folder in RULE_FOLDERS)
     if installed:
         yield ok("udev rule", f"{RULE} is installed: a board is /dev/fltea-SERIALNUMBER")
@@ -111,7 +111,7 @@ def check_udev(system: System) -> Iterator[Finding]:
 
 
 def check_service(system: System) -> Iterator[Finding]:
-    """The systemd unit, where there is one."""
+    """Yield a finding on the systemd unit, if there is one."""
     wanted = "LoadState,ActiveState,SubState,Result,NRestarts,UnitFileState"
     output = system.run("systemctl", "show", UNIT, f"--property={wanted}") or ""
     state = dict(line.split("=", 1) for line in output.splitlines() if "=" in line)

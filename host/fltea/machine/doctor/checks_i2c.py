@@ -11,17 +11,17 @@ from fltea.wire.sensors import ICM20948, MPU_FAMILY, RELATIVES, SENSORS, sensor_
 
 DEFAULT_BUS = "/dev/i2c-1"
 ADDRESSES = (0x68, 0x69)
-"""With the chip's pin AD0 at GND, and at 3.3 V."""
+"""The chip's addresses with its pin AD0 at GND, and at 3.3 V."""
 
 WHO_AM_I, WHO_AM_I_OF_ICM = 0x75, 0x00
-"""Of the MPU-9250 and its relatives, and of the ICM-20948."""
+"""The WHO_AM_I registers of the MPU-9250 and its relatives, and of the ICM-20948."""
 
 FASTEST_HZ = 400_000
 ENABLE = "sudo raspi-config nonint do_i2c 0, then reboot (elsewhere: dtparam=i2c_arm=on in config.txt)."
 
 
 def check_i2c(system: System, url: str | None) -> Iterator[Finding]:
-    """The bus of an `i2c:` URL; with None that of a Raspberry Pi, where nothing has to be there."""
+    """Yield findings on the bus of an `i2c:` URL, or with None on that of a Raspberry Pi, if any."""
     if url is None:
         if is_raspberry_pi(system):
             buses = ", ".join(bus.path for bus in find_buses(system))

@@ -18,7 +18,7 @@ NO_DRIVER = (
 
 
 def check_iio(system: System, rest: str) -> Iterator[Finding]:
-    """The device of an `iio:` URL, whose part behind the colon this is."""
+    """Yield findings on the device of an `iio:` URL, of which this is the part behind the colon."""
     try:
         place = parse_url(rest)
     except UsageError as error:

@@ -12,19 +12,19 @@ from fltea.wire import layout as wire
 from fltea.wire.transport import ANY_BOARD
 
 RATE_TOLERANCE = 0.015
-"""The sensor's own oscillator is within 1 %; the rest is for a short look."""
+"""The tolerance of the rate: 1 % is the sensor's own oscillator, and the rest is for a short look."""
 
 DRIFT_PPM = 200.0
-"""Two crystals are within this of each other."""
+"""Parts in a million by which two crystals may differ."""
 
 DAMAGED_AT_OPENING = 2
-"""Frames that opening a port may tear; more of them are the line's."""
+"""Frames that opening a port may tear; more damaged ones are the line's fault."""
 
 FLASH = "make flash, in the clone that this fltea is from."
 
 
 def check_serial(system: System, url: str | None, baud: int, hear_s: float = HEAR_S) -> Iterator[Finding]:
-    """Everything about one serial URL; None is the Due that is plugged in."""
+    """Yield findings on one serial URL; None is the Due that is plugged in."""
     if url is not None and not url.startswith("/") and url != ANY_BOARD:  # socket:// and the like
         yield from judge(url, hear(url, baud, hear_s))
         return
@@ -106,7 +106,7 @@ def _in_use(port: Port) -> Finding:
 
 
 def judge(port: str, heard: Heard) -> Iterator[Finding]:
-    """What the device said, point by point."""
+    """Yield a finding for each point of what the device said."""
     failure = heard.failure
     if not heard.opened:
         text = failure.message if failure else f"{port} did not open in time."
@@ -166,14 +166,14 @@ def _firmware(heard: Heard) -> Finding:
 def _sensor(heard: Heard) -> Iterator[Finding]:
     hello = heard.hello
     assert hello is not None
-    told = [trouble for trouble in heard.troubles if not trouble.fatal]
-    for trouble in told:
+    reported = [trouble for trouble in heard.troubles if not trouble.fatal]
+    for trouble in reported:
         tell = problem if trouble.kind == "device_fault" else warning
         yield tell("sensor", trouble.message)
-    if not told and hello.who_am_i:
+    if not reported and hello.who_am_i:
         scale = f"±{hello.gyro_range_dps:g} deg/s, {hello.gyro_lsb_per_dps:g} LSB per deg/s"
         yield ok("sensor", f"{hello.sensor} (WHO_AM_I 0x{hello.who_am_i:02X}), {scale}")
-    elif not told:
+    elif not reported:
         yield problem(
             "sensor", "the board has found no sensor.", "check its wires: firmware/README.md, Wiring."
         )

@@ -17,13 +17,13 @@ from fltea.settings.outputs import MqttConfig
 CONNECT_S = 3.0
 DAYS_LEFT = 7.0
 TYPICAL_BYTES_PER_S = 32_000.0
-"""Of one device at 100 Hz with all channels: a recording of the service, of a quarter of a minute."""
+"""Bytes a second of one device at 100 Hz with all channels, from a recording of the service."""
 
 SERVICE_USER = "fltea"
 
 
 def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding]:
-    """Everything that the configuration names as an output."""
+    """Yield a finding on everything that the configuration names as an output."""
     config = configs[0]  # outputs are the same for all devices
     if config.record.folder is not None:
         yield from _recordings(Path(config.record.folder), len(configs), system)
@@ -52,7 +52,7 @@ def _recordings(folder: Path, devices: int, system: System) -> Iterator[Finding]
 
 
 def _recording_rate(folder: Path) -> float | None:
-    """Bytes per second at which the last recordings grew; None if there are too few."""
+    """Return bytes per second at which the last recordings grew; None if there are too few."""
     try:
         files = [path.stat() for path in folder.rglob("*.mcap")]
     except OSError:

@@ -28,7 +28,7 @@ from fltea.settings.config import Config
 
 
 def examine(configs: Sequence[Config], system: System, hear_s: float = HEAR_S) -> Iterator[Finding]:
-    """Yield what is found, as it is found; configs: one a device, as of `load_configs`."""
+    """Yield what is found as soon as it is; configs has one a device, as `load_configs` gives them."""
     program = configs[0]
     yield from check_program()
     yield from check_packages(program, system)
@@ -44,7 +44,7 @@ def examine(configs: Sequence[Config], system: System, hear_s: float = HEAR_S) -
 
 
 def check_source(config: Config, system: System, hear_s: float) -> Iterator[Finding]:
-    """What is at the other end of a device's URL."""
+    """Yield findings on what is at the other end of a device's URL."""
     url = config.source
     if url is None:
         yield from check_serial(system, None, config.link.baud, hear_s)

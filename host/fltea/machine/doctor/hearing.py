@@ -16,10 +16,10 @@ from fltea.wire.transport import Port, Reader
 
 HEAR_S = 4.0
 PATIENCE_S = SILENCE_S + 1.5
-"""Without a HELLO: long enough for silence and noise to be told from each other."""
+"""Seconds to listen without a HELLO: long enough to distinguish silence from noise."""
 
 BLOCK_S = 0.25
-"""Of each so much time the earliest arrival counts, since delay is never negative."""
+"""Seconds of which only the earliest arrival counts, since delay is never negative."""
 
 BLOCKS_NEEDED = 6
 
@@ -33,7 +33,7 @@ class Drift(NamedTuple):
 
 @dataclass
 class Heard:
-    """What came in.
+    """What a device sent while it was listened to.
 
     seconds: from the first to the last sample, by the device's clock. troubles: fatal and other, in order.
     """
