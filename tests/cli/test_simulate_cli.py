@@ -52,6 +52,13 @@ def test_csv_and_npz_hold_the_same_samples(tmp_path: Path) -> None:
     assert read_npz(packed).lsb_per_dps is None
 
 
+def test_without_options_the_noise_is_the_usual_one(tmp_path: Path) -> None:
+    done = fltea("simulate", tmp_path / "a.npz", "--samples", "200")
+    assert done.returncode == 0, done.stderr
+    expected = simulated(tmp_path / "b.npz", window=3000)
+    assert (tmp_path / "a.npz").read_bytes() == expected.read_bytes()
+
+
 def test_truth_stands_beside_the_samples(tmp_path: Path) -> None:
     text = columns(simulated(tmp_path / "a.csv", R=0.0))
     with np.load(simulated(tmp_path / "a.npz", R=0.0)) as packed:
