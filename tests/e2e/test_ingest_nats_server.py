@@ -16,7 +16,7 @@ from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
 from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.mapping import partition_of
 from fltea.service.ingest.nats import NatsFrames
-from fltea.service.ingest.nats_texts import explain_no_connection
+from fltea.service.ingest.nats_reports import explain_no_connection
 from fltea.service.ingest.store import Unfit
 from fltea.settings.config import load_configs
 from mosquitto_support import free_port
@@ -222,8 +222,10 @@ def test_leases_have_room_when_snapshots_have_none(server: Callable[..., NatsSer
         assert worker.frames.keep(0, f"d{k}", bytes(400_000))
     wait_until(lambda: bool(worker.told), "word of it")
     assert "raise ingest.snapshots_mb" in worker.texts("snapshot_failed")
-    renewed = {number: held.revision for number, held in worker.frames._held.items()}
-    wait_until(lambda: all(h.revision > renewed[n] for n, h in worker.frames._held.items()), "renewals")
+    renewed = {number: held.revision for number, held in worker.frames._partitions._held.items()}
+    wait_until(
+        lambda: all(h.revision > renewed[n] for n, h in worker.frames._partitions._held.items()), "renewals"
+    )
     assert worker.serves_all()
 
 
@@ -285,7 +287,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     numbers = itertools.count()
     ask(one, publish)
     wait_until(lambda: hears(19), "the first messages")
-    held = worker.frames._held[partition]
+    held = worker.frames._partitions._held[partition]
     held.renewed_s -= 10
     assert not worker.frames.serves(partition)
     held.renewed_s += 10
@@ -334,7 +336,7 @@ def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
 ) -> None:
     """This machine's is an hour behind the server's."""
     behind_ns = unix_offset_ns() - 3600 * 10**9
-    monkeypatch.setattr("fltea.service.ingest.nats.unix_offset_ns", lambda: behind_ns)
+    monkeypatch.setattr("fltea.service.ingest.partitions.unix_offset_ns", lambda: behind_ns)
     one = server()
     worker = start(one)
     wait_until(worker.serves_all, "all partitions")

@@ -1,0 +1,158 @@
+"""What is reported of a NATS server: each trouble once an outage, or once a minute."""
+
+import ssl
+from collections.abc import Sequence
+
+from nats.errors import Error as NatsError
+from nats.errors import NoServersError
+from nats.js.errors import APIError
+
+from fltea.records.clock import host_ns
+from fltea.records.ports import Report
+from fltea.records.repeat import OnceAMinute
+from fltea.service.ingest.leases import Lease
+from fltea.service.ingest.store import FULL, NO_ROOM, Unfit
+
+USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
+
+
+APART_NS = 5 * 10**9
+"""Clocks that differ by more are reported."""
+
+
+class Reports:
+    """Makes the reports. url: the server, as texts name it."""
+
+    def __init__(self, url: str, report: Report) -> None:
+        self._url, self._report = url, report
+        self._once_a_minute = OnceAMinute()
+        self._reached = self._clock_reported = False
+        self._down: set[bool] = set()
+        self._differences: set[str] = set()
+
+    def begin(self) -> None:
+        """Begin to connect."""
+        self._reached = False
+
+    def on_server(self) -> None:
+        """Take note that it is a NATS server that answers."""
+        self._reached = True
+
+    def down(self, error: Exception) -> None:
+        """Report an outage: each reason once, no server or one that is not fit."""
+        unfit = isinstance(error, Unfit)
+        if unfit in self._down:
+            return
+        self._down.add(unfit)
+        text = explain(error) if self._reached else explain_no_connection(error)
+        self._tell("nats_settings" if unfit else "nats_lost", f"{text} It is tried again.")
+
+    def back(self) -> bool:
+        """Report the end of an outage; return whether there was one."""
+        was_down = bool(self._down)
+        if was_down:
+            self._down = set()
+            self._report("nats_back", f"{self._url} is back; devices go on from their snapshots.")
+        return was_down
+
+    def differences(self, differs: Sequence[str]) -> None:
+        """Report once what exists on the server otherwise than the settings have it."""
+        new = set(differs) - self._differences
+        self._differences |= new
+        if new:
+            self._tell(
+                "nats_settings",
+                f"{'; '.join(differs)}, as these settings would have it. It stays as it is: start one worker "
+                "with --set ingest.change_limits=true to change it (smaller limits throw away what is beyond "
+                "them).",
+            )
+
+    def mapping(self, wrong: str | None) -> None:
+        """Report what is wrong with the server's mapping of subjects; None: nothing."""
+        if wrong:
+            self._tell("nats_mapping", wrong)
+
+    def clock(self, apart_ns: int) -> None:
+        """Report once that the server's clock is ahead of this machine's by so much, or behind."""
+        if abs(apart_ns) <= APART_NS or self._clock_reported:
+            return
+        self._clock_reported = True
+        side = "ahead of" if apart_ns > 0 else "behind"
+        self._tell(
+            "nats_clock",
+            f"the server's clock is {abs(apart_ns) * 1e-9:.0f} s {side} this machine's. Times of records are "
+            "the server's; set both by NTP.",
+        )
+
+    def snapshot(self, key: str, error: NatsError) -> None:
+        """Report that a snapshot cannot be stored."""
+        if self._once_a_minute.is_due("snapshot", host_ns()):
+            self._tell("snapshot_failed", f"{key} cannot be kept: {explain(error)}")
+
+    def left(self, partition: int, error: BaseException) -> None:
+        """Report that a partition is given back since its messages cannot be pulled."""
+        self._tell("partition_left", f"partition {partition} is given back: {explain(error)}")
+
+    def taken(
+        self,
+        worker: str,
+        partition: int,
+        before: Lease,
+        start: int,
+        devices: int,
+        gone: range,
+        unreadable: int,
+    ) -> None:
+        """Report whose partition is served now, and from where on.
+
+        gone: messages that the stream has no more. unreadable: snapshots that cannot be used.
+        """
+        whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
+        if before.owner == worker:
+            whose = "again"
+        text = (
+            f"{worker} serves partition {partition} {whose} from message {start}: {devices} devices go on "
+            f"from snapshots; messages up to {before.done} had been walked before."
+        )
+        if gone:
+            text += f" The stream has let go of {len(gone)} messages before {gone.stop}."
+        if unreadable:
+            text += f" Snapshots of {unreadable} more cannot be read: were they of another version?"
+        self._report("partition_taken", text)
+
+    def _tell(self, kind: str, text: str) -> None:
+        self._report(kind, f"{self._url}: {text}")
+
+
+def explain(error: BaseException) -> str:
+    """What happened, and what to do."""
+    if isinstance(error, Unfit):
+        return str(error)
+    if isinstance(error, ConnectionRefusedError | NoServersError):
+        return "no server answers: is it running, and is the port right?"
+    if isinstance(error, ssl.SSLError):
+        return f"TLS could not be agreed on ({error.reason or error}); is ingest.ca the right authority?"
+    if isinstance(error, NatsError) and "authorization" in str(error).lower():
+        return f"the server refuses user or password; they come from {USER} and {PASSWORD}."
+    if isinstance(error, APIError) and error.err_code in NO_ROOM:
+        return (
+            "JetStream has no room left: something else fills its store. Raise max_file_store, or give other "
+            "streams a max_bytes."
+        )
+    if isinstance(error, APIError) and error.err_code == FULL:
+        return "the bucket is full: raise ingest.snapshots_mb, with ingest.change_limits."
+    if isinstance(error, TimeoutError):
+        return "it does not answer in time: is it too busy, or has its cluster no leader?"
+    return f"{type(error).__name__}: {error}."
+
+
+def explain_no_connection(error: BaseException) -> str:
+    """The same, before the server has said that it is one."""
+    if isinstance(error, TimeoutError) or (
+        isinstance(error, NatsError) and ("INFO" in str(error) or "empty response" in str(error))
+    ):
+        return (
+            "what listens there does not talk like a NATS server: is it the port of its clients (4222), not "
+            "that of MQTT, of its cluster, or of another program? Does it speak TLS (ingest.ca)?"
+        )
+    return explain(error)

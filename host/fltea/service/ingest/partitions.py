@@ -1,0 +1,213 @@
+"""The partitions that a worker serves: their leases in the store, and who pulls their messages.
+
+`serves`, `resume`, and `walked` are called by the thread that walks the messages, all else by the loop of the
+connection.
+"""
+
+import asyncio
+import time
+from dataclasses import dataclass
+
+import msgspec
+from nats.js.errors import KeyWrongLastSequenceError
+
+from fltea.records.clock import host_ns, unix_offset_ns
+from fltea.service.ingest.inbox import Inbox, Left, Resumed, Served
+from fltea.service.ingest.leases import RENEW_S, STOP_S, Lease, Sightings, is_free, lease_of, share, surplus
+from fltea.service.ingest.nats_reports import Reports
+from fltea.service.ingest.pull import pull
+from fltea.service.ingest.store import Store
+
+GRACE_S = 2 * RENEW_S
+"""After an outage of the server: who comes back first would else take all, and give it back at once."""
+
+STEADY_NS = 50_000_000
+"""A change of the server's clock against ours that is smaller is how long the question took."""
+
+
+@dataclass
+class Held:
+    """A partition that this worker serves. before: the last message that the one before it had walked.
+
+    lapsed: it was not renewed in time, so messages are left out, until those that follow the last one walked
+    come again. resuming: they have been asked for.
+    """
+
+    revision: int
+    renewed_s: float
+    before: int
+    lapsed: bool = False
+    resuming: bool = False
+    task: "asyncio.Task[None] | None" = None
+
+    def is_fresh(self) -> bool:
+        """Whether nobody else can have it yet."""
+        return time.monotonic() - self.renewed_s < STOP_S
+
+
+class Partitions:
+    """Has this worker's share of the partitions.
+
+    worker: name of this process, unlike all others'. total: how many partitions there are. done: the last
+    message of each partition that was walked. unix_offset_ns: from `host_ns` to the server's time.
+    """
+
+    store: Store
+
+    def __init__(self, worker: str, total: int, inbox: Inbox, reports: Reports) -> None:
+        self._worker, self._total, self._inbox, self._reports = worker, total, inbox, reports
+        self.done: dict[int, int] = {}
+        self.unix_offset_ns = unix_offset_ns()
+        self._held: dict[int, Held] = {}
+        self._sightings = Sightings()
+        self._takes_from_s = 0.0
+
+    def wait_for_others(self) -> None:
+        """Take nothing for a while, since the server was away."""
+        self._takes_from_s = time.monotonic() + GRACE_S
+
+    def serves(self, partition: int) -> bool:
+        """Whether this worker may still walk messages of a partition; asked for each one."""
+        held = self._held.get(partition)
+        if held is None:
+            return False
+        if not held.is_fresh():
+            held.lapsed = True
+        return not held.lapsed
+
+    def resume(self, partition: int) -> None:
+        """From here on come the messages that were left out."""
+        held = self._held.get(partition)
+        if held is not None:
+            held.lapsed, held.resuming = not held.is_fresh(), False
+
+    def walked(self, partition: int, mark: int) -> None:
+        """Take note of the last message that was walked."""
+        self.done[partition] = mark
+
+    async def renew(self) -> None:
+        """Renew the leases, which shows others that this worker lives."""
+        began_s = time.monotonic()
+        await self._look_at_clock()
+        for partition, held in list(self._held.items()):
+            lease = msgspec.json.encode(Lease(self._worker, self._done_of(partition, held)))
+            try:
+                held.revision = await self.store.leases.update(
+                    f"lease.{partition}", lease, last=held.revision
+                )
+                held.renewed_s = began_s
+            except KeyWrongLastSequenceError:
+                self._let_go(partition)
+
+    async def _look_at_clock(self) -> None:
+        """Write our own entry, and see what time the server gives it: our clock need not agree with it."""
+        key, before_ns = f"worker.{self._worker}", host_ns()
+        await self.store.leases.put(key, b"")
+        written_ns = (before_ns + host_ns()) // 2
+        offset_ns = await self.store.clock_ns(key) - written_ns
+        if abs(offset_ns - self.unix_offset_ns) > STEADY_NS:
+            self.unix_offset_ns = offset_ns
+        self._reports.clock(offset_ns - unix_offset_ns())
+
+    def _done_of(self, partition: int, held: Held) -> int:
+        """The last message that anybody has walked."""
+        return max(held.before, self.done.get(partition, 0))
+
+    async def share_out(self) -> None:
+        """Let go of what is lost or too much; take what is free, up to this worker's share."""
+        for partition, held in list(self._held.items()):
+            failed = held.task.exception() if held.task is not None and held.task.done() else None
+            if failed is not None:
+                self._reports.left(partition, failed)
+                await self._give_back(partition)
+            elif held.lapsed and held.is_fresh() and not held.resuming:
+                await self._pull_again(partition, held)
+        entries = await self.store.held()
+        now_s = time.monotonic()
+        self._sightings.look(entries, now_s)
+        workers = len(self._sightings.fresh("worker.", now_s))
+        for partition in surplus(self._held, self._total, workers):
+            await self._give_back(partition)
+        if now_s < self._takes_from_s:
+            return
+        for partition in range(self._total):
+            if len(self._held) >= share(self._total, workers):
+                break
+            seen = self._sightings.of(f"lease.{partition}")
+            if partition not in self._held and is_free(seen, now_s):
+                await self._take(
+                    partition, lease_of(seen.value) if seen else Lease(""), seen and seen.revision
+                )
+
+    async def _take(self, partition: int, before: Lease, revision: int | None) -> None:
+        """Take a lease, load the snapshots, and begin to pull behind the oldest of them."""
+        began_s = time.monotonic()
+        lease = msgspec.json.encode(Lease(self._worker, before.done))
+        try:
+            new = await self.store.leases.update(f"lease.{partition}", lease, last=revision or 0)
+        except KeyWrongLastSequenceError:  # another was first
+            return
+        held = self._held[partition] = Held(new, began_s, before.done)
+        kept, unreadable = await self.store.devices_of(partition)
+        held.revision = await self.store.leases.update(f"lease.{partition}", lease, last=held.revision)
+        held.renewed_s = time.monotonic()
+        marks = [one.mark for one in kept.values()]
+        first, last = await self.store.ends()
+        start = (min(marks) if marks else before.done) + 1
+        if start > last + 1:  # another stream than that of the snapshots
+            held.before = 0
+            start, kept = 1, {name: msgspec.structs.replace(one, mark=0) for name, one in kept.items()}
+        self.done[partition] = start - 1
+        self._inbox.post(Served(partition, kept, before.done, start - 1))
+        held.task = self._pull(partition, start)
+        if before.owner or kept or unreadable:
+            gone = range(start, first if marks else start)
+            self._reports.taken(self._worker, partition, before, start, len(kept), gone, unreadable)
+
+    def _pull(self, partition: int, start: int) -> "asyncio.Task[None]":
+        return asyncio.create_task(
+            pull(self.store, self._inbox, partition, start, lambda: self.unix_offset_ns)
+        )
+
+    async def _pull_again(self, partition: int, held: Held) -> None:
+        """The lease was late, and nobody took it: go on behind the last message that was walked."""
+        if held.task is not None:
+            held.task.cancel()
+            await asyncio.wait([held.task])
+        held.resuming = True
+        self._inbox.post(Resumed(partition))
+        held.task = self._pull(partition, self.done.get(partition, held.before) + 1)
+
+    async def _give_back(self, partition: int) -> None:
+        held = self._held[partition]
+        self._let_go(partition)
+        lease = msgspec.json.encode(Lease("", self._done_of(partition, held)))
+        try:
+            await self.store.leases.update(f"lease.{partition}", lease, last=held.revision)
+        except KeyWrongLastSequenceError:
+            return
+
+    async def give_all_back(self) -> None:
+        """Let others have all partitions, at the end."""
+        for partition in list(self._held):
+            await self._give_back(partition)
+        await self.store.leases.delete(f"worker.{self._worker}")
+
+    def let_go_of_all(self) -> None:
+        """Serve no partition any more, since the connection has ended."""
+        for partition in list(self._held):
+            self._let_go(partition)
+
+    def _let_go(self, partition: int) -> None:
+        """Serve a partition no more."""
+        held = self._held.pop(partition)
+        if held.task is not None:
+            held.task.cancel()
+            held.task.add_done_callback(_look_at)
+        self._inbox.post(Left(partition))
+
+
+def _look_at(task: "asyncio.Task[None]") -> None:
+    """How a task ended that nobody waits for; asyncio would write it to the log."""
+    if not task.cancelled():
+        task.exception()
