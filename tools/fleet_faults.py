@@ -232,14 +232,14 @@ def flood(folder: Path) -> Outcome:
         found = stage.summary()
         where = {
             "refused": found["refused"],
-            "heard once, and wait": found["strangers"],
+            "heard once, and wait": found["candidates"],
             "dropped by the broker": dropped,
         }
         return stage.outcome(
             "10,000 messages, a new device each",
             ", ".join(f"{count} {what}" for what, count in where.items()),
             (found["sensors"] != SENSORS, f"{found['sensors']} sensors"),
-            (found["strangers"] > most, "strangers"),
+            (found["candidates"] > most, "candidates"),
             (not found["refused_names"], "names"),
             of="status",
             due=sent,

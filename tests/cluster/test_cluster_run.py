@@ -37,7 +37,7 @@ def test_from_s3_and_again(s3: Any, tmp_path: Path) -> None:
     s3.put_file(local, "lab/2026-10/old.npz")
     out = tmp_path / "v.parquet"
     told: list[int] = []
-    done = go("s3://lab/2026-11/**/*.npz", out, tell=lambda progress: told.append(progress.done))
+    done = go("s3://lab/2026-11/**/*.npz", out, report=lambda progress: told.append(progress.done))
     assert (done.done, done.failed, done.skipped) == (2, 1, 0)
     assert told == [1, 2, 2]
     bad, x, y = rows_in(out)
@@ -157,7 +157,7 @@ def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Pa
                 killed.append(pids[0])
                 os.kill(pids[0], signal.SIGKILL)
 
-        done = identified("s3://lab/pieces/**", how, tmp_path / "v.parquet", workers, tell=kill_one)
+        done = identified("s3://lab/pieces/**", how, tmp_path / "v.parquet", workers, report=kill_one)
     assert killed
     assert (done.done, done.failed) == (3, 0)
     identified("s3://lab/pieces", how, tmp_path / "w.parquet", Here())

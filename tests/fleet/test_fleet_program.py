@@ -124,7 +124,7 @@ def test_what_made_up_names_leave_behind_is_bounded(stage: Stage) -> None:
     for number in range(500):
         stage.fleet.take(f"fltea/{number}/status", ONLINE)
         stage.wait(1)
-    assert len(stage.fleet.roll.strangers) <= 50
+    assert len(stage.fleet.roll.candidates) <= 50
     assert len(stage.fleet._asked) <= 51
     assert stage.fleet.summary()["sensors"] == 0
     stage.fleet.close()

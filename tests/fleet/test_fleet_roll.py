@@ -121,13 +121,13 @@ def test_a_flood_of_names_takes_nobodys_place_and_is_named() -> None:
     known(roll, "real")
     for number in range(10_000):
         roll.take(f"fltea/n{number}/status", status("online"), number * 1e-4)
-    assert (list(roll.sensors), len(roll.strangers), roll.refused) == (["real"], 10, 9_990)
+    assert (list(roll.sensors), len(roll.candidates), roll.refused) == (["real"], 10, 9_990)
     assert list(roll.refused_names) == [f"n{number}" for number in range(9_985, 9_990)]
     assert roll.take("fltea/real/status", status("stalled"), 2.0) is not None
     known(roll, "n9999")
     assert list(roll.sensors) == ["real", "n9999"]
     assert len(roll.forget(200.0, 1e6)) == 9
-    assert (roll.refused, len(roll.strangers)) == (9_999, 0)
+    assert (roll.refused, len(roll.candidates)) == (9_999, 0)
 
 
 def test_one_thing_said_again_and_again_makes_no_sensor() -> None:

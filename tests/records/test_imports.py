@@ -31,7 +31,7 @@ IMPORTS = {name: imports(file) - {name} for name, file in FILES.items()}
 
 
 def room_of(name: str) -> str:
-    return (name.split(".") + [""])[1]
+    return [*name.split("."), ""][1]
 
 
 def circles(arrows: dict[str, set[str]]) -> set[str]:

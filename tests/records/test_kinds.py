@@ -18,7 +18,7 @@ CODE = {
 }
 MAKERS = {"Unusable", "Trouble", "Failed", "Error", "Notice", "Down", "Note"}
 """What carries a kind as its first field, or as `kind`."""
-TELLERS = {"_report", "_error", "_tell", "report"}
+TELLERS = {"_report", "_report_once", "_of_server", "_error", "_tell", "report"}
 """What is called with a kind first."""
 
 Function = ast.FunctionDef

@@ -45,7 +45,7 @@ def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
             Cut(begin, end, _head(source, summary, session, number, begin), _TAIL)
             for number, (begin, end) in enumerate(pieces)
         ]
-    # Whatever the library raises on damaged bytes: read whole it is told.
+    # Whatever the library raises on damaged bytes: reading it whole reports it.
     except (McapError, ValueError, struct.error, EOFError, IndexError):
         return []
 
@@ -111,7 +111,7 @@ def _summary(source: Ranges) -> _Summary | None:
 
 
 def _session(source: Ranges, summary: _Summary) -> PartInfo | None:
-    """What a file of ours says of itself; None of others."""
+    """Return what a file of ours states of itself; None for others."""
     for one in summary.metadata:
         if one.name == SESSION:
             return from_metadata(_metadata(source, one.offset))

@@ -18,7 +18,7 @@ NEAR_BYTES = 1 << 12
 
 
 def cuts(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
-    """Where it may be cut; nowhere if its columns are not understood: reading it whole tells why."""
+    """Where it may be cut; nowhere if its columns are not understood: reading it whole reports why."""
     begin = source.read(0, HEAD_BYTES)
     lines = begin.split(b"\n")[:-1][: HEAD_LINES + 1]
     if not lines or begin.startswith(UTF_16):

@@ -16,7 +16,7 @@ LEAST_FREE = 256_000_000
 def local_copy(file: File, folder: Path) -> Path:
     """The file itself if it is this machine's, else a copy in `folder`, whose name it cannot choose.
 
-    A server may send more than it told, or tell nothing: so both are looked at while it is copied.
+    A server may send more than it stated, or state no size: both are looked at while it is copied.
 
     Raises:
         FlteaError: it is not the file that was listed any more, or there is no room.
@@ -43,16 +43,18 @@ def local_copy(file: File, folder: Path) -> Path:
                 raise FlteaError(
                     f"{file.url}: has more than {file.size} bytes now, and had {file.size} when listed."
                 )
-            told = _mb(file.size) if known else f"of unknown size, and after {_mb(copied)}"
-            check_room(file, len(data), folder, told)  # others fill the same disk meanwhile
+            size_text = _mb(file.size) if known else f"of unknown size, and after {_mb(copied)}"
+            check_room(file, len(data), folder, size_text)  # others fill the same disk meanwhile
             out.write(data)
     if known and copied < file.size:
         raise FlteaError(f"{file.url}: has {copied} bytes now, and had {file.size} when listed.")
     return copy
 
 
-def check_room(file: File, size: int, folder: Path, told: str = "") -> None:
-    """Check that the disk of a folder takes so many bytes of a file. told: what is said of its size instead.
+def check_room(file: File, size: int, folder: Path, size_text: str = "") -> None:
+    """Check that the disk of a folder takes so many bytes of a file.
+
+    size_text: stands for its size in the error.
 
     Raises:
         FlteaError: it does not; another worker's disk may.
@@ -60,7 +62,7 @@ def check_room(file: File, size: int, folder: Path, told: str = "") -> None:
     free = shutil.disk_usage(folder).free
     if size + LEAST_FREE > free:
         raise FlteaError(
-            f"{file.url}: {told or _mb(size)}, and the worker's disk for temporary files has "
+            f"{file.url}: {size_text or _mb(size)}, and the worker's disk for temporary files has "
             f"{_mb(free)} left. Let TMPDIR of the workers name a larger one."
         )
 

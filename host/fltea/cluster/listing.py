@@ -94,7 +94,7 @@ def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
 
     Raises:
         UsageError: nothing there, or a URL that cannot be used.
-        FlteaError: the file system says no.
+        FlteaError: the file system refuses.
     """
     for pattern in patterns:
         protocol, path = _split(pattern)
@@ -203,7 +203,7 @@ def _of_its_target(system: Any, about: dict[str, Any]) -> dict[str, Any]:
         return about
     try:
         found: dict[str, Any] = system.info(about["name"])
-    except OSError:  # it leads nowhere: told when it is read
+    except OSError:  # it leads nowhere: reported when it is read
         return {**about, "type": "file"}
     return found
 

@@ -137,7 +137,7 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
 
 
 def of_recording(recording: Loaded) -> dict[str, Any]:
-    """What the device says of itself, and what was lost."""
+    """Return what the device states of itself, and what was lost."""
     hello = recording.hello
     return {"device_id": hello.device_id, "sensor": hello.sensor, "lost": recording.counts.lost}
 

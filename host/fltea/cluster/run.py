@@ -64,7 +64,7 @@ def run(
     ask: Ask,
     workers: Workers,
     table: VerdictTable,
-    tell: Callable[[Progress], None] = lambda progress: None,
+    report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
     """Identify all files that are not in the table as they are now.
 
@@ -73,7 +73,7 @@ def run(
     Raises:
         FlteaError: the workers are gone, the table cannot be written, or the files cannot be listed.
     """
-    return _Loop(files, ask, workers, table, tell).run()
+    return _Loop(files, ask, workers, table, report).run()
 
 
 class _Loop:
@@ -83,11 +83,11 @@ class _Loop:
         ask: Ask,
         workers: Workers,
         table: VerdictTable,
-        tell: Callable[[Progress], None],
+        report: Callable[[Progress], None],
     ) -> None:
         self._progress = Progress()
         self._files = self._new(files, table)
-        self._ask, self._workers, self._table, self._tell = ask, workers, table, tell
+        self._ask, self._workers, self._table, self._report = ask, workers, table, report
         self._digest = ask.digest()
         self._next: deque[_Task] = deque()
         self._alone: deque[_Task] = deque()
@@ -102,7 +102,7 @@ class _Loop:
                 self._workers.check()
             if [future for future in done if not self._take(future)]:
                 self._after_death()
-        self._tell(self._progress)
+        self._report(self._progress)
         return self._progress
 
     def _new(self, files: Iterable[File | Unlisted], table: VerdictTable) -> Iterator[File]:
@@ -183,7 +183,7 @@ class _Loop:
         else:
             pieces.sums[task.number] = result
             self._progress.now = f"{file.url} piece {task.number + 1} of {len(pieces.sums)}"
-            self._tell(self._progress)
+            self._report(self._progress)
             if None not in pieces.sums:
                 self._next.appendleft(_Task(file, fit_pieces, (file, self._ask, pieces.sums)))
 
@@ -212,7 +212,7 @@ class _Loop:
             progress.failed += 1
             self._name_failure(file, errors[0])
         progress.now = file.url
-        self._tell(progress)
+        self._report(progress)
 
     def _name_failure(self, file: File, error: str) -> None:
         named = error if error.startswith(file.url) else f"{file.url}: {error}"

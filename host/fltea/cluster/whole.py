@@ -33,8 +33,8 @@ class Ask(msgspec.Struct, frozen=True):
 
     def digest(self) -> str:
         """Changes with anything that may change a verdict."""
-        said = msgspec.json.encode([__version__, msgspec.structs.astuple(self)])
-        return hashlib.blake2b(said, digest_size=8).hexdigest()
+        stated = msgspec.json.encode([__version__, msgspec.structs.astuple(self)])
+        return hashlib.blake2b(stated, digest_size=8).hexdigest()
 
     def request(self, path: Path) -> Request:
         """One recording, as `fltea.identify` reads it."""

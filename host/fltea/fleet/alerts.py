@@ -1,4 +1,4 @@
-"""What somebody should know of a fleet, told when it begins and when it ends (pure).
+"""Alerts of a fleet, published when they begin and when they end (pure).
 
 A look at a fleet comes every few seconds and its figures waver, so an alert begins after three looks that see
 it in a row, and ends after three that do not.
@@ -86,7 +86,7 @@ class Alerts:
     def update(self, roll: Roll, look: Look, now: float, unix_s: float) -> list[Alert]:
         """Take a look; what has begun or ended with it."""
         found = self._found(roll, look, now)
-        told = []
+        changed = []
         no_room, self._no_room = self._no_room, set()
         for key, text in found.items():
             before = self._seen.get(key)
@@ -99,7 +99,7 @@ class Alerts:
             seen = before._replace(text=text, looks=before.looks + 1, unseen=0)
             if seen.looks >= LOOKS and not seen.raised:
                 seen = seen._replace(raised=True)
-                told.append(Alert("raised", *key, text, unix_s))
+                changed.append(Alert("raised", *key, text, unix_s))
             self._seen[key] = seen
         for key in [key for key in self._seen if key not in found]:
             seen = self._seen[key]
@@ -107,10 +107,10 @@ class Alerts:
                 del self._seen[key]  # it did not last
             elif seen.unseen + 1 >= LOOKS:
                 del self._seen[key]
-                told.append(Alert("cleared", *key, seen.text, unix_s))
+                changed.append(Alert("cleared", *key, seen.text, unix_s))
             else:
                 self._seen[key] = seen._replace(unseen=seen.unseen + 1)
-        return told
+        return changed
 
     def _found(self, roll: Roll, look: Look, now: float) -> dict[Key, str]:
         found: dict[Key, str] = {("outlier", *one.key): one.text for one in look.odd}

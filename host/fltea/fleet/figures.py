@@ -66,7 +66,7 @@ class Point(NamedTuple):
 
 
 def order_of(fit: AxisFit) -> dict[str, Figure]:
-    """α and f as the fit says them, to be shown whether or not they can be compared yet."""
+    """α and f as the fit has them, to be shown whether or not they can be compared yet."""
     if fit.verdict not in WITH_ORDER:
         return {}
     found = {"alpha": _figure(fit.alpha), "f": _figure(fit.f)}

@@ -1,4 +1,4 @@
-"""What sensors said earlier: pruned by age, bounded for each of them, whole after kill -9.
+"""Earlier fits of sensors: pruned by age, bounded for each of them, whole after kill -9.
 
 Usually in a file of SQLite, which is in Python; DuckDB reads it as it is: ATTACH 'fleet.db' (TYPE sqlite).
 """

@@ -28,7 +28,7 @@ class Listener:
     """Subscribes to what a fleet is made of, and publishes alerts.
 
     take: is given topic and payload, in the library's thread; the broker waits for it, so nothing piles up
-    here. tell: is given kind and text of what is wrong with the connection, once an outage. back: is called
+    here. report: is given kind and text of what is wrong with the connection, once an outage. back: is called
     when all is well again.
 
     Raises:
@@ -39,11 +39,11 @@ class Listener:
         self,
         settings: MqttConfig,
         take: Callable[[str, bytes], None],
-        tell: Callable[[str, str], None],
+        report: Callable[[str, str], None],
         back: Callable[[], None],
     ) -> None:
         self._broker = Broker(settings)
-        self._prefix, self._take, self._tell, self._back = settings.prefix, take, tell, back
+        self._prefix, self._take, self._report, self._back = settings.prefix, take, report, back
         self.is_up = threading.Event()
         self.outages = self.connections = 0
         self._told = self._closed = False
@@ -68,7 +68,9 @@ class Listener:
     def start(self) -> None:
         """Connect, in the background."""
         if self._broker.shows_password:
-            self._tell("broker_plain", f"{self._broker.address}: the password crosses the network in clear.")
+            self._report(
+                "broker_plain", f"{self._broker.address}: the password crosses the network in clear."
+            )
         self._client.loop_start()
 
     def publish(self, topic: str, payload: bytes, *, retain: bool) -> None:
@@ -137,7 +139,7 @@ class Listener:
     def _down(self, kind: str, text: str) -> None:
         if not self._told and not self._closed:
             self._told = True
-            self._tell(kind, text)
+            self._report(kind, text)
 
     def _on_message(self, client: Client, userdata: object, message: MQTTMessage) -> None:
         try:

@@ -55,7 +55,7 @@ class Fleet:
         UsageError: settings, or a history, that cannot be used.
     """
 
-    def __init__(self, plan: Plan, say: Callable[[str], None] | None = None) -> None:
+    def __init__(self, plan: Plan, write: Callable[[str], None] | None = None) -> None:
         self.plan = plan
         self.lock = threading.Lock()
         self.clock = Clock()
@@ -65,14 +65,14 @@ class Fleet:
         self.history = History(_database(plan), plan.history_every_s)
         self.look_s = 0.0
         self.alerts_unsent = 0
-        self._say = say or (lambda text: print(text, file=sys.stderr, flush=True))
+        self._write = write or (lambda text: print(text, file=sys.stderr, flush=True))
         self._look_due = 0.0
         self._asked: dict[str, tuple[int, float]] = {}
         self._asked_over = 0
         self._told = ""
         self._unsent: deque[Alert] = deque()
         self._list_sent = 0
-        self.listener = Listener(plan.mqtt, self.take, self._tell, lambda: self._say("the broker is back."))
+        self.listener = Listener(plan.mqtt, self.take, self._tell, lambda: self._write("the broker is back."))
 
     def start(self) -> None:
         """Connect to the broker."""
@@ -143,13 +143,13 @@ class Fleet:
             begin = time.perf_counter()
             now, unix_s = self.clock.hearing(), self.clock.unix_s()
             self.seen = look(self.roll, now, self.plan.silent_s)
-            told = self.alerts.update(self.roll, self.seen, now, unix_s)
-            for alert in told:
+            new = self.alerts.update(self.roll, self.seen, now, unix_s)
+            for alert in new:
                 self.history.add_alert(unix_s, alert.state, alert.kind, alert.device_id, alert.text)
             self.look_s = time.perf_counter() - begin
             room = MOST_UNSENT - len(self._unsent)
-            self._unsent.extend(told[:room])
-            self.alerts_unsent += len(told[room:])
+            self._unsent.extend(new[:room])
+            self.alerts_unsent += len(new[room:])
         if self.listener.is_up.is_set():
             self._publish_alerts()
 
@@ -201,4 +201,4 @@ class Fleet:
             self._tell("history_lost", f"{self.history.trouble} Rows that waited and are lost: {rows}.")
 
     def _tell(self, kind: str, text: str) -> None:
-        self._say(f"{kind}: {text}")
+        self._write(f"{kind}: {text}")

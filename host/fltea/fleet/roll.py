@@ -1,4 +1,4 @@
-"""The roll of all sensors: what each said last, when, and what is wrong with it. Bounded.
+"""The roll of all sensors: what each sent last, when, and what is wrong with it. Bounded.
 
 All times are those of the fleet's hearing: seconds of a steady clock that stands while the broker is away.
 """
@@ -18,12 +18,12 @@ FLOOD_PER_S, FLOOD_S = 50, 10.0
 """More messages a second than this, over so long, are no daemon's: it sends two or three."""
 
 TWINS, TWINS_S = 3, 600.0
-"""So often within so long fits run back before two programs under one name are told."""
+"""So often within so long fits run back before two programs under one name are reported."""
 
 SILENT_S = 90.0
-"""A daemon says its status every 30 s."""
+"""A daemon publishes its status every 30 s."""
 
-STRANGER_S = 120.0
+CANDIDATE_S = 120.0
 """A name of which one message came is given up after so long."""
 
 WITHOUT_FIT_S = 3600.0
@@ -64,7 +64,7 @@ class Sensor:
     flooding: bool = False
     twins: deque[float] = field(default_factory=lambda: deque(maxlen=TWINS))
     fits: int = 0
-    said: set[str] = field(default_factory=set)
+    kinds: set[str] = field(default_factory=set)
     _seq: tuple[int, int] = (-1, -1)
     _window: tuple[float, int] = (0.0, 0)
 
@@ -87,8 +87,8 @@ class Sensor:
 
     @property
     def is_known(self) -> bool:
-        """Whether it is believed to be a sensor: it said two things, a HELLO or a fit among them."""
-        return self.fits > 1 or (len(self.said) > 1 and (self.hello is not None or self.fits > 0))
+        """Whether it counts as a sensor: it sent two kinds of messages, a HELLO or a fit among them."""
+        return self.fits > 1 or (len(self.kinds) > 1 and (self.hello is not None or self.fits > 0))
 
     def has_twin(self, now: float) -> bool:
         """Whether two programs seem to publish under its name."""
@@ -140,7 +140,8 @@ class Sensor:
 class Roll:
     """All sensors that were heard of.
 
-    A name is a sensor once it has said two things; until then it is a stranger, and takes nobody's place.
+    A name is a sensor once it has sent two kinds of messages; until then it is a candidate,
+    and takes nobody's place.
     Of both there are at most `most`. refused: messages of names that were no sensors, or came when there was
     no room; `refused_names` are some of them. bad: messages that no daemon sends, by reason. fits: that were
     new; repeated: that came twice.
@@ -149,13 +150,13 @@ class Roll:
     def __init__(self, prefix: str = "fltea", most: int = MOST_SENSORS) -> None:
         self.prefix, self.most = prefix, most
         self.sensors: dict[str, Sensor] = {}
-        self.strangers: OrderedDict[str, Sensor] = OrderedDict()
+        self.candidates: OrderedDict[str, Sensor] = OrderedDict()
         self.messages = self.bytes = self.refused = self.fits = self.repeated = 0
         self.refused_names: deque[str] = deque(maxlen=NAMES_KEPT)
         self.bad: Counter[str] = Counter()
 
     def take(self, topic: str, payload: bytes, now: float) -> Sensor | None:
-        """Take one message; of which sensor it was, or None if it was nobody's, or a stranger's."""
+        """Take one message; of which sensor it was, or None if it is not of a sensor."""
         self.messages += 1
         self.bytes += len(payload)
         try:
@@ -166,15 +167,15 @@ class Roll:
         name = message.device_id
         if message.content is None:
             return self.sensors.get(name)
-        sensor = self.sensors.get(name) or self.strangers.get(name)
+        sensor = self.sensors.get(name) or self.candidates.get(name)
         if sensor is None:
-            sensor = self.strangers[name] = Sensor(name, now, now)
-            if len(self.strangers) > self.most:
-                self._refuse(next(iter(self.strangers.values())))
+            sensor = self.candidates[name] = Sensor(name, now, now)
+            if len(self.candidates) > self.most:
+                self._refuse(next(iter(self.candidates.values())))
         sensor.count(now)
-        sensor.said.add(type(message.content).__name__)
+        sensor.kinds.add(type(message.content).__name__)
         self._take(sensor, message, now)
-        if name in self.strangers:
+        if name in self.candidates:
             return self._meet(sensor)
         return sensor
 
@@ -194,10 +195,10 @@ class Roll:
             gone = [sensor.device_id for sensor in silent[: 1 + self.most // 100]]
         for name in gone:
             del self.sensors[name]
-        strangers = [one for one in self.strangers.values() if one.first < now - STRANGER_S]
-        for stranger in strangers:
-            self._refuse(stranger)
-        return gone + [stranger.device_id for stranger in strangers]
+        candidates = [one for one in self.candidates.values() if one.first < now - CANDIDATE_S]
+        for candidate in candidates:
+            self._refuse(candidate)
+        return gone + [candidate.device_id for candidate in candidates]
 
     def axes(self) -> Iterator[tuple[Sensor, str, Axis]]:
         """All axes of all sensors."""
@@ -206,28 +207,28 @@ class Roll:
                 yield sensor, name, axis
 
     def everybody(self) -> Iterator[Sensor]:
-        """Sensors, and strangers behind them."""
-        return chain(self.sensors.values(), self.strangers.values())
+        """Yield sensors, and candidates behind them."""
+        return chain(self.sensors.values(), self.candidates.values())
 
     def flooding(self) -> list[str]:
-        """Names under which more is published than by any daemon, strangers' among them."""
+        """Names under which more is published than by any daemon, candidates' among them."""
         return [one.device_id for one in self.everybody() if one.flooding]
 
-    def _meet(self, stranger: Sensor) -> Sensor | None:
-        """Let a stranger in who is known by now, if there is room."""
-        if not stranger.is_known:
+    def _meet(self, candidate: Sensor) -> Sensor | None:
+        """Let a candidate in that is known by now, if there is room."""
+        if not candidate.is_known:
             return None
         if len(self.sensors) >= self.most:
-            self._refuse(stranger)
+            self._refuse(candidate)
             return None
-        self.sensors[stranger.device_id] = self.strangers.pop(stranger.device_id)
-        return stranger
+        self.sensors[candidate.device_id] = self.candidates.pop(candidate.device_id)
+        return candidate
 
-    def _refuse(self, stranger: Sensor) -> None:
-        del self.strangers[stranger.device_id]
-        self.refused += stranger.messages
-        if stranger.device_id not in self.refused_names:
-            self.refused_names.append(stranger.device_id)
+    def _refuse(self, candidate: Sensor) -> None:
+        del self.candidates[candidate.device_id]
+        self.refused += candidate.messages
+        if candidate.device_id not in self.refused_names:
+            self.refused_names.append(candidate.device_id)
 
     def _take(self, sensor: Sensor, message: Message, now: float) -> None:
         match message.content:

@@ -134,7 +134,7 @@ def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]
         "fits": roll.fits,
         "repeated": roll.repeated,
         "bad_messages": dict(roll.bad),
-        "strangers": len(roll.strangers),
+        "candidates": len(roll.candidates),
         "refused": roll.refused,
         "refused_names": list(roll.refused_names),
     }
@@ -194,16 +194,16 @@ def table(
     anywhere in a row.
     """
     exact, anywhere = [], []
-    for column, quoted, plain, word in _TERM.findall(words):
+    for column, quoted, plain, term in _TERM.findall(words):
         if column:
             exact.append((column.lower(), (quoted or plain).lower()))
         else:
-            anywhere.append(word.lower())
+            anywhere.append(term.lower())
     chosen = [
         row
         for row in found
         if all(row[column].lower() == entry for column, entry in exact)
-        and all(word in _text_of(row) for word in anywhere)
+        and all(term in _text_of(row) for term in anywhere)
     ]
     known = [row for row in chosen if row[sort] not in (None, "")]
     unknown = [row for row in chosen if row[sort] in (None, "")]

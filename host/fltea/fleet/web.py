@@ -1,7 +1,7 @@
 """The fleet's page, and the JSON that it asks for.
 
 Tornado serves it: bokeh brings it already, and a table of 15,000 rows and some curves need no more than a
-page of our own. All that sensors say reaches the page as JSON and is put there as text, never as HTML.
+page of our own. All that sensors send reaches the page as JSON and is put there as text, never as HTML.
 """
 
 import asyncio

@@ -90,7 +90,7 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
 
 
 class _Run:
-    """Threads of one run, and what they tell each other."""
+    """The threads of one run, and what they share."""
 
     def __init__(self, configs: Sequence[Config], stop: StopOnSignal) -> None:
         self._configs = configs
@@ -160,7 +160,7 @@ class _Run:
         for thread in threads:
             thread.join(max(0.0, deadline_s - time.monotonic()) if asked else None)
         saving = threading.Thread(target=state.close, daemon=True) if state is not None else None
-        if saving is not None:  # beside the outputs: a slow disk must not take their time
+        if saving is not None:  # not with the outputs: a slow disk must not take their time
             saving.start()
         timeout_s = max(0.1, deadline_s - time.monotonic()) if asked else None
         closed = self._hub.close(timeout_s, self._stop.asked.is_set)

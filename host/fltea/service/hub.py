@@ -1,4 +1,4 @@
-"""All outputs of a running program: who gets which record, what each has lost, and what they have to say."""
+"""All outputs of a running program: who gets which record, what each has lost, and what they report."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -73,7 +73,7 @@ class Hub:
         return all(outlet.wait_for_room(timeout_s) for outlet in self._shared)
 
     def depart(self, device: str, *, moved: bool) -> None:
-        """Tell all that this device is gone. moved: to another program."""
+        """Let all know that this device is gone. moved: to another program."""
         for outlet in self._shared:
             outlet.put((Departed(device, moved),))
 
@@ -82,9 +82,9 @@ class Hub:
         return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:
-        """What an output calls to tell of a trouble: an `error` record goes to all."""
+        """Return what an output calls to report a trouble: an `error` record goes to all."""
 
-        def tell(kind: str, message: str) -> None:
+        def report(kind: str, message: str) -> None:
             error = Error(kind, message, time.time_ns(), device=device)
             outlets = [*self._shared, *(self._of.get(device, ()) if device else self._all_of_devices())]
             for outlet in outlets:
@@ -92,7 +92,7 @@ class Hub:
             if self._log is not None:
                 self._log.put((error,))
 
-        return tell
+        return report
 
     def outlets(self) -> list[tuple[str | None, Outlet]]:
         """All outputs, with the device that each belongs to."""
@@ -115,7 +115,7 @@ class Hub:
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
         joined = [_join(outlet, deadline_s, asked) for outlet in outlets]
         done = all(joined)
-        if self._log is not None:  # last: the others may have had something to say
+        if self._log is not None:  # last: the others may have reported something
             self._log.close()
             done = (_join(self._log, deadline_s, asked) or self._log.join(LAST_LINES_S)) and done
         return done

@@ -54,7 +54,7 @@ class Outlet:
     ) -> None:
         """Queue items; those beyond the sink's capacity are dropped and counted, unless `wait` is set.
 
-        arrived_ns: monotonic time at which what they tell arrived, for the latency; None where it has none.
+        arrived_ns: monotonic time at which what they report arrived, for the latency; None where it has none.
         """
         with self._changed:
             for item in items:

@@ -24,7 +24,7 @@ FREE_EVERY_S = 5.0
 """How often the disk is asked for its room."""
 
 REPLAYED = "A recording is one already."
-FAULT = "The recording ended by a fault of its own; the list of what happened says which."
+FAULT = "The recording ended by a fault of its own, which the list of events names."
 
 
 class RecorderOfHub:

@@ -1,4 +1,4 @@
-"""What systemd is told by a service of its Type=notify: sd_notify(3), a datagram to $NOTIFY_SOCKET."""
+"""What a service tells systemd: a service of its Type=notify: sd_notify(3), a datagram to $NOTIFY_SOCKET."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ PERIOD_S = 5.0
 
 
 class ServiceManager:
-    """Says that the program is ready, that it still moves, and that it ends; nothing where nobody asked."""
+    """Reports that the program is ready, that it still moves, and that it ends, where systemd asks for it."""
 
     def __init__(self) -> None:
         name = os.environ.get("NOTIFY_SOCKET", "")

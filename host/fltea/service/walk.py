@@ -86,7 +86,7 @@ class Walk:
 
     @property
     def hello(self) -> Hello | None:
-        """What the device said of itself last."""
+        """The newest HELLO of the device."""
         return self._pipeline.hello
 
     def save(self) -> DeviceState | None:

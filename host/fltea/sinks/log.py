@@ -9,7 +9,7 @@ from fltea.records.visible import visible
 
 BURST = 5
 PERIOD_NS = 60 * 10**9
-"""Of one kind and device at most `BURST` lines go out within this time; the rest is counted and told."""
+"""Of one kind and device at most `BURST` lines are written within this time; the rest is counted."""
 
 
 class LogSink(Sink):
@@ -20,36 +20,36 @@ class LogSink(Sink):
     def __init__(self, write: Callable[[str], None], *, several: bool) -> None:
         self._write = write
         self._several = several
-        self._told: dict[tuple[str | None, str], tuple[int, int, int]] = {}
+        self._lines: dict[tuple[str | None, str], tuple[int, int, int]] = {}
 
     def write(self, item: Item) -> None:
         """Write a line for an error, unless there were many of its kind."""
         if not isinstance(item, Error):
             return
         key, now_ns = (item.device, item.kind), host_ns()
-        since_ns, count, silenced = self._told.get(key, (now_ns, 0, 0))
+        since_ns, count, silenced = self._lines.get(key, (now_ns, 0, 0))
         if now_ns - since_ns >= PERIOD_NS:
-            self._tell_silenced(key, silenced)
+            self._report_silenced(key, silenced)
             since_ns, count, silenced = now_ns, 0, 0
         if count < BURST:
             message = visible(" ".join(item.message.split("\n")))
             self._line(item.device, f"{item.kind}: {message}")
-        self._told[key] = (since_ns, count + 1, silenced + (count >= BURST))
+        self._lines[key] = (since_ns, count + 1, silenced + (count >= BURST))
 
     def flush(self) -> None:
-        """Tell of what was silenced a while ago."""
+        """Report the counts of lines that were left out a while ago."""
         now_ns = host_ns()
-        for key, (since_ns, _, silenced) in list(self._told.items()):
+        for key, (since_ns, _, silenced) in list(self._lines.items()):
             if now_ns - since_ns >= PERIOD_NS:
-                self._tell_silenced(key, silenced)
-                del self._told[key]
+                self._report_silenced(key, silenced)
+                del self._lines[key]
 
     def close(self) -> None:
-        """Tell of what was silenced."""
-        for key, (_, _, silenced) in self._told.items():
-            self._tell_silenced(key, silenced)
+        """Report the counts of lines that were left out."""
+        for key, (_, _, silenced) in self._lines.items():
+            self._report_silenced(key, silenced)
 
-    def _tell_silenced(self, key: tuple[str | None, str], silenced: int) -> None:
+    def _report_silenced(self, key: tuple[str | None, str], silenced: int) -> None:
         if silenced:
             self._line(key[0], f"{key[1]}: {silenced} more of this kind within a minute.")
 

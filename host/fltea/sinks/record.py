@@ -271,7 +271,7 @@ class RecordSink(Sink):
             self._part, self._unflushed = None, NOTHING
 
     def _stop(self, error: OSError) -> None:
-        """Give the file up, tell it once, and begin to count what is not recorded."""
+        """Give the file up, report it once, and begin to count what is not recorded."""
         if self._part is not None:
             self._part.abandon()
             self._finished_bytes += self._part.size_bytes

@@ -36,10 +36,10 @@ REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_S = 1.0
 WIDE_COLUMNS = 135
-"""Width from which trends have room beside the numbers; else they stand below."""
+"""Width from which trends have room next to the numbers; else they stand below."""
 
 F_COLUMNS = 96
-"""Width from which the interval of f has room beside that of α."""
+"""Width from which the interval of f has room next to that of α."""
 
 BARS = "▁▂▃▄▅▆▇█"
 WHITE_NOTES = {
@@ -68,7 +68,7 @@ class PipedConsole(Console):
     """rich's own leaves the program with exit code 1 when the reader of its output is gone."""
 
     def on_broken_pipe(self) -> None:
-        """Tell the daemon, which ends quietly."""
+        """Raise `SinkClosed` in the daemon, which ends quietly."""
         raise SinkClosed
 
 
@@ -109,7 +109,7 @@ class TableSink(Sink):
             self._live.start()
 
     def write(self, item: Item) -> None:
-        """Remember what the record says and redraw a few times a second."""
+        """Remember the record and redraw a few times a second."""
         if isinstance(item, Opened | Chunk | Failed):
             return
         if isinstance(item, Block):  # of a second at most
@@ -158,7 +158,7 @@ class DeviceView:
         self._trends: dict[str, tuple[Trend, Trend]] = {}
 
     def add(self, record: AnyRecord) -> None:
-        """Remember what a record says."""
+        """Remember a record."""
         match record:
             case Hello():
                 self._hello = record
@@ -294,9 +294,11 @@ def _fit_rows(record: Fit, *, wide: bool) -> Table:
     until = f"α ± {targets[0]:g} in" if targets else ""
     rows.add_row("", "noise", "α, 95 %", *([Text("f [s^-α], 95 %")] if wide else []), until)
     for name, axis in record.axes.items():
-        said = answer(axis)
-        alpha, f = ("" if p is None else f"{p[0]} ({p[1].replace('…', 'to')})" for p in (said.alpha, said.f))
-        rows.add_row(name, said.head, alpha, *([f] if wide else []), _until(axis))
+        found = answer(axis)
+        alpha, f = (
+            "" if p is None else f"{p[0]} ({p[1].replace('…', 'to')})" for p in (found.alpha, found.f)
+        )
+        rows.add_row(name, found.head, alpha, *([f] if wide else []), _until(axis))
     return rows
 
 

@@ -153,7 +153,7 @@ class BoardEstimates:
             yield from self._record(sample, self.stated.variant)
 
     def _axes_stats(self) -> dict[str, AxisStats]:
-        """What the board says of each axis, in place of what a host that estimates would say."""
+        """Return what the board states of each axis, in place of what a host that estimates would."""
         result = {}
         for axis, place in self._axes.items():
             bias = R = None

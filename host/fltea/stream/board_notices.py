@@ -105,7 +105,7 @@ class BoardNotices:
             yield Notice("constant_axis", text, e.host_ns)
         if before and before.valid and not e.valid and self._invalid.is_due(e.axis, e.host_ns):
             text = (
-                f"{e.axis} is not valid any more, says the device: it ran away, or needs the guard in more "
-                "than a quarter of its samples. Is the sensor at rest, and does R (see stats) fit it?"
+                f"{e.axis} is not valid any more, as the device states: it ran away, or needs the guard in "
+                "more than a quarter of its samples. Is the sensor at rest, and does R (see stats) fit it?"
             )
             yield Notice("axis_bound", text, e.host_ns)

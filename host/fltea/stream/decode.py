@@ -42,7 +42,7 @@ class Decoder:
         self._device, self._every = device, every
 
     def feed(self, event: Event) -> Iterator[Decoded | Hello]:
-        """Take one event; samples that can be used, and a HELLO that tells something new."""
+        """Take one event; samples that can be used, and a HELLO that states something new."""
         match event:
             case RawBlock():
                 for piece in self.place.on_block(event):

@@ -127,7 +127,7 @@ class Channels:
         self.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def notices(self, host_ns: int) -> Iterator[Notice]:
-        """What there is to tell once the window is full."""
+        """Return what is to be reported once the window is full."""
         baseline = self._bank.baseline
         for axis in baseline.constant_axes if baseline else ():
             remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
@@ -202,7 +202,7 @@ class HostEstimates:
     """Lets the channels of both sensors take every sample.
 
     settings: gives those of the gyroscope's axes, asked for whenever an epoch begins; None if a board alone
-    estimates them. fits: what is said of white noise beside the estimates.
+    estimates them. fits: the live fits, whose verdict on white noise the records state.
     """
 
     def __init__(

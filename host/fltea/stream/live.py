@@ -32,7 +32,7 @@ BREAK = 9
 
 
 class SettledFit(NamedTuple):
-    """What estimates of an axis go by and say of its fit; null_p to three digits, None before the first fit.
+    """The live fit that estimates of an axis go by; null_p to three digits, None before the first fit.
 
     A fit that is begun elsewhere, as that of a replay is, may differ in the last digits of its figures.
     """
@@ -86,7 +86,7 @@ class LiveFits:
         self._period_s = period_s(config, self._load)
         self._rate_hz = 1.0
         self._prompt = prompt
-        # Nobody waits at full speed, and what is said there is of the recording alone.
+        # Nobody waits at full speed, and what is found there is of the recording alone.
         self._number = number if prompt else 0
         self._turns = Turns(0, 0)
         self._begun: _Begun | None = None
@@ -162,12 +162,12 @@ class LiveFits:
         return iter(())
 
     def forget(self) -> None:
-        """What the next epoch is of says whether anything is kept."""
+        """Forget nothing: the next HELLO decides whether anything is kept."""
 
     def last(self) -> Iterator[Item]:
         """A fit of everything with its curves, at the end; none if that has just been published.
 
-        Of a recording it is the one look that counts, so it says what `fltea identify` says.
+        Of a recording it is the one look that counts, so it finds what `fltea identify` finds.
         """
         yield from self._go_on()
         if self._at is not None and (not self._prompt or self._samples != self._drawn_samples):
@@ -179,8 +179,8 @@ class LiveFits:
             yield fit
 
     def settled(self, axis: str) -> SettledFit:
-        """What the next estimates of an axis say of its noise."""
-        return self._settled.get(axis, NOTHING)
+        """Return the fit that the next estimates of an axis go by."""
+        return self._settled.get(axis, NO_FIT)
 
     def standing(self) -> Standing:
         """How often it fits."""
@@ -253,7 +253,7 @@ class LiveFits:
             yield Fit(*begun.place, begun.samples, begun.found, device=self._config.name)
 
 
-NOTHING = SettledFit()
+NO_FIT = SettledFit()
 
 
 def _settled_of(fit: AxisFit) -> SettledFit:
@@ -264,8 +264,8 @@ def _settled_of(fit: AxisFit) -> SettledFit:
 
 
 def settled_by(fits: LiveFits | None) -> Callable[[str], SettledFit]:
-    """What is said of each axis; nothing where nothing is fitted."""
-    return (lambda axis: NOTHING) if fits is None else fits.settled
+    """Return what gives the fit of an axis; no fit where nothing is fitted."""
+    return (lambda axis: NO_FIT) if fits is None else fits.settled
 
 
 def _sensor_of(hello: Hello) -> tuple[object, ...]:

@@ -98,7 +98,7 @@ class Pipeline:
         self._second: int | None = None
         self._sample_ns: int | None = None
         self._last: LastSample | None = None
-        self._told_no_axis = False
+        self._no_axis_reported = False
         self._offset_ns = source.unix_offset_ns
 
     def feed(self, event: Event) -> Iterator[Output]:
@@ -141,7 +141,7 @@ class Pipeline:
 
     @property
     def hello(self) -> Hello | None:
-        """What the device said of itself last; None where nobody knows which one it is."""
+        """The newest HELLO; None where it is not known which device it is."""
         return self._decoder.place.hello
 
     def _on_time(self, event: Event) -> Iterator[Output]:
@@ -244,7 +244,7 @@ class Pipeline:
         yield self.stats()
 
     def _standing(self) -> Standing:
-        """All stages' standings as one; of several that speak of an axis the first one's word counts."""
+        """Return all stages' standings as one; of several that state an axis the first one counts."""
         whole = Standing()
         for one in (stage.standing() for stage in self._stages):
             whole = Standing(
@@ -262,7 +262,7 @@ class Pipeline:
     ) -> tuple[list[Item], EpochReason, float | None, int]:
         """Begin an epoch, from the snapshot if there is one that fits.
 
-        Returns what there is to tell, why the epoch begins, how old the snapshot is, and how many samples
+        Returns what is to be reported, why the epoch begins, how old the snapshot is, and how many samples
         since then are lost: of devices that another process had before, which nobody else would count.
         """
         notices: list[Item] = []
@@ -301,12 +301,12 @@ class Pipeline:
         return notices, reason, None, 0
 
     def _absent(self, beginning: Beginning) -> str | None:
-        """Tell once which of the channels asked for the source does not have."""
+        """Return once which of the requested channels the source does not have."""
         available = AXES[: beginning.gyro_axes] + (ACCEL_AXES if beginning.accel else ())
         absent = [axis for axis in self._config.channels or () if axis not in available]
-        if not absent or self._told_no_axis:
+        if not absent or self._no_axis_reported:
             return None
-        self._told_no_axis = True
+        self._no_axis_reported = True
         return f"channels names {', '.join(absent)}, which this source does not have, or has no scale for."
 
     def _forget(self) -> None:

@@ -15,7 +15,7 @@ from fltea.records.records import EpochReason, Hello
 from fltea.settings.duration import Duration, in_samples
 
 MAX_SILENCE_NS = 30 * 60 * 10**9
-"""After half an hour without a sample the wraps of device time (71.6 minutes) cannot be told."""
+"""After half an hour without a sample the wraps of device time (71.6 minutes) cannot be counted."""
 
 MAX_HOST_DISAGREEMENT_US = 5 * 60 * 10**6
 """A reset can look like a gap of up to 71 minutes; the host's clock, late as it may be, knows better."""
@@ -47,7 +47,7 @@ class _Row(NamedTuple):
 
 
 class Place:
-    """Turns wrapped samples into unbroken pieces, or says where they broke.
+    """Turns wrapped samples into unbroken pieces, and states where they broke.
 
     max_gap: longest gap that an epoch survives, in samples or as a time.
     Counters: `delivered`, `lost`, `gaps`, `duplicates`, `before_hello` (samples that could not
@@ -65,7 +65,7 @@ class Place:
         self._seq = self._device_us = 0
 
     def on_hello(self, hello: Hello) -> bool:
-        """Take note of a HELLO; True if it tells something new (the first, or another boot or sensor)."""
+        """Take note of a HELLO; True if it states something new (the first, or another boot or sensor)."""
         boot = (hello.boot_id, hello.device_id)
         another_boot, another_sensor = boot != self._boot, hello.sensor_starts != self._sensor_starts
         news = another_boot or another_sensor or self.hello is None
@@ -82,7 +82,7 @@ class Place:
         self.hello = None
 
     def on_break(self, reason: EpochReason) -> None:
-        """Begin a new epoch with the next sample, as a recording says that one began there."""
+        """Begin a new epoch with the next sample, where a recording states that one began."""
         if self._pending in (None, "sensor_restart"):
             self._pending = reason
 

@@ -17,7 +17,7 @@ from fltea.stream.place import CLOCK_TOLERANCE
 from fltea.stream.stages import Saved, SavedFits
 
 LONGEST_WRAP_S = 30 * 60.0
-"""Beyond it the wraps of device time (71.6 minutes) cannot be told."""
+"""Beyond it the wraps of device time (71.6 minutes) cannot be counted."""
 
 
 class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -32,7 +32,7 @@ class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample.
 
     gyro_fit, accel_fit: sums of the live fits; None where nothing was fitted. last: by which it is known how
-    many samples are missing if the device has gone on; else the time tells.
+    many samples are missing if the device has gone on; else by the time.
     """
 
     sensor: dict[str, str]
@@ -61,7 +61,7 @@ def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: in
 def missing_by_number(
     state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float
 ) -> int | None:
-    """The same, where the numbers tell; else None."""
+    """The same, where the numbers show it; else None."""
     last = state.last
     if last is None or last.boot_id != hello.boot_id or age_s > LONGEST_WRAP_S:
         return None

@@ -1,4 +1,4 @@
-"""What a stage of the pipeline is, and what it is told when an epoch begins."""
+"""What a stage of the pipeline is, and what it gets when an epoch begins."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

@@ -39,7 +39,7 @@ class Admission:
         """What to do with a message of this name; all but "in" and "new" are counted."""
         if name in self._admitted:
             return "in"
-        verdict = self._judge_stranger(name, now_ns)
+        verdict = self._judge_new(name, now_ns)
         if verdict == "new":
             self._admitted.add(name)
         else:
@@ -64,7 +64,7 @@ class Admission:
         self._candidates.popitem(last=False)
         self.turned_away["once"] += 1
 
-    def _judge_stranger(self, name: str, now_ns: int) -> Verdict:
+    def _judge_new(self, name: str, now_ns: int) -> Verdict:
         if not NAME.fullmatch(name) or name == self._reserved:
             return "bad_name"
         if name not in self._candidates:

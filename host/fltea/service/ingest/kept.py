@@ -8,13 +8,13 @@ from fltea.records.records import Hello
 from fltea.stream.snapshot import DeviceState
 
 LARGEST = 1_000_000
-"""Bytes; a NATS server takes messages of a MiB unless told otherwise."""
+"""Bytes; a NATS server takes messages of a MiB by default."""
 
 
 class Kept(msgspec.Struct, frozen=True):
     """After the message `mark` of the stream. state: None while the start-up window fills.
 
-    hello: what the device said of itself last, so that its samples can be used at once. unix_ns: when.
+    hello: the newest HELLO of the device, so that its samples can be used at once. unix_ns: when.
     """
 
     mark: int

@@ -24,7 +24,7 @@ from fltea.stream.fit_times import FitLoad
 from fltea.stream.snapshot import DeviceState
 
 TICK_NS = 2 * 10**9
-"""A device that has said nothing for so long is looked at, and then as often: it may be silent."""
+"""A device that has sent nothing for this long is looked at, and then as often: it may be silent."""
 
 BEHIND_NS = 5 * 10**9
 """So long after a message that had waited for `TICK_NS` nobody of its partition is taken for silent."""
@@ -150,7 +150,7 @@ class Ingest:
         self._load = FitLoad()
         self._pressure = Pressure(self._load)
         self._opened = 0
-        self._told = OnceAMinute()
+        self._once_a_minute = OnceAMinute()
         self._losses = Losses(self.inbox, self._receiver.url)
         self._looked_ns = host_ns()
         self._deaf_until_ns = 0
@@ -309,7 +309,7 @@ class Ingest:
         assert line.partition is not None
         data = pack(kept)
         if data is None:
-            if self._told.is_due("too_large", host_ns()):
+            if self._once_a_minute.is_due("too_large", host_ns()):
                 text = f"{name}: its snapshot is too large for the store: a shorter window makes it smaller."
                 self._report("snapshot_failed", text)
             return True
@@ -325,7 +325,7 @@ class Ingest:
         except Exception as error:  # of one device: the others go on
             self._broken_ns[name] = host_ns() + FAULT_NS
             self._give_up(name)
-            if self._told.is_due("line_broken", host_ns()):
+            if self._once_a_minute.is_due("line_broken", host_ns()):
                 text = f"{name}: nothing more is made of it for a minute: {type(error).__name__}: {error}"
                 self._report("line_broken", text)
 
@@ -338,7 +338,7 @@ class Ingest:
         self.inbox.forget(name)
 
     def _listen(self, now_ns: int) -> None:
-        """While nobody could be heard, for a reason that is told elsewhere, nobody is silent or forgotten."""
+        """While nobody could be heard, which is reported elsewhere, nobody is silent or forgotten."""
         if not self._receiver.connected:
             self._deaf_until_ns = now_ns + BACK_NS
         elif now_ns - self._looked_ns > STILL_NS:
@@ -361,7 +361,7 @@ class Ingest:
                 self._give_up(name)
                 continue
             if line.partition is not None and now_ns - self._behind_ns.get(line.partition, 0) < BEHIND_NS:
-                continue  # what it has said meanwhile still waits in the stream
+                continue  # what it has sent meanwhile still waits in the stream
             line.looked_ns = now_ns
             self._walk(name, line, None)
         self._broken_ns = {name: ns for name, ns in self._broken_ns.items() if ns > now_ns}
@@ -369,5 +369,5 @@ class Ingest:
             self._keep_snapshots(now_ns)
         if slowed := self._pressure.look(now_ns):
             self._report(slowed.kind, slowed.message)
-        for told in self._losses.look(now_ns):
-            self._report(told.kind, told.message)
+        for trouble in self._losses.look(now_ns):
+            self._report(trouble.kind, trouble.message)

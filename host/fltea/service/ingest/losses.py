@@ -1,4 +1,4 @@
-"""What an inbox did not take, told at most once a minute for each reason, with the name of who did most."""
+"""What an inbox did not take, reported at most once a minute a reason, with the name of who did most."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -54,7 +54,7 @@ class Losses:
         self._overflow: dict[str, int] = {}
 
     def look(self, now_ns: int) -> Iterator[Trouble]:
-        """Yield what there is to tell."""
+        """Yield what is to be reported."""
         inbox = self._inbox
         inbox.expire(now_ns)
         for verdict, reason in REASONS.items():

@@ -31,7 +31,7 @@ NEW_ONLY = 2
 class MqttFrames:
     """Receives, in a thread of its own, until closed; a broker that is away is tried again.
 
-    connected: whether the broker has us now. Told once an outage: why, and that it is over.
+    connected: whether the broker has us now. Reported once an outage: why, and that it is over.
 
     Raises:
         UsageError: settings or secrets that cannot be used.
@@ -44,7 +44,7 @@ class MqttFrames:
         self._place = settings.prefix.count("/") + 1
         self.url = str(self._broker.address)
         self.connected = False
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._answered = False
         self._failures = 0
         self._name = f"fltea-frames-{secrets.token_hex(4)}"
@@ -88,7 +88,7 @@ class MqttFrames:
                     client.disconnect()
                 client.loop_forever(retry_first_connection=False)
             except Exception as error:  # whatever network and TLS raise
-                self._tell(*self._broker.explain_failure(error))
+                self._report_once(*self._broker.explain_failure(error))
             self.connected = False
             self._failures += 1
             self._stop.wait(BACKOFF_S[min(self._failures, len(BACKOFF_S)) - 1])
@@ -112,7 +112,7 @@ class MqttFrames:
         self, client: Client, _: Any, flags: ConnectFlags, reason: ReasonCode, properties: Properties | None
     ) -> None:
         if reason.is_failure:
-            self._tell(*self._broker.explain_refusal(reason))
+            self._report_once(*self._broker.explain_refusal(reason))
             client.disconnect()
             return
         self._answered = self._has_session = True
@@ -126,29 +126,29 @@ class MqttFrames:
                 f"{self.url}: the broker does not let this user read {self._topic} ({reasons[0].getName()}): "
                 "its access list has to."
             )
-            self._tell("broker_refused", text)
+            self._report_once("broker_refused", text)
             client.disconnect()
             return
         self.connected, self._failures = True, 0
-        if self._told:
+        if self._reported:
             self._report("broker_back", f"{self.url} is back; frames that it did not keep are lost.")
-            self._told = set()
+            self._reported = set()
 
     def _on_disconnect(
         self, client: Client, _: Any, flags: DisconnectFlags, reason: ReasonCode, properties: Any
     ) -> None:
         self.connected = False
         if not self._stop.is_set() and reason.is_failure:
-            self._tell(*self._broker.explain_end(reason, self._answered))
+            self._report_once(*self._broker.explain_end(reason, self._answered))
 
     def _on_message(self, client: Client, _: Any, message: MQTTMessage) -> None:
         if not message.retain:
             levels = message.topic.split("/")
             self._inbox.put(levels[self._place], bytes(message.payload))
 
-    def _tell(self, kind: str, text: str) -> None:
-        if kind not in self._told and not self._stop.is_set():
-            self._told.add(kind)
+    def _report_once(self, kind: str, text: str) -> None:
+        if kind not in self._reported and not self._stop.is_set():
+            self._reported.add(kind)
             self._report(kind, text)
 
 

@@ -186,7 +186,7 @@ class NatsFrames:
 
 
 async def _ignore(error: Exception) -> None:
-    """What the library tells here, it raises as well."""
+    """Ignore an error that the library raises as well."""
 
 
 def _login(config: Config) -> _Login:

@@ -45,7 +45,7 @@ class Reports:
             return
         self._down.add(unfit)
         text = explain(error) if self._reached else explain_no_connection(error)
-        self._tell("nats_settings" if unfit else "nats_lost", f"{text} It is tried again.")
+        self._of_server("nats_settings" if unfit else "nats_lost", f"{text} It is tried again.")
 
     def back(self) -> bool:
         """Report the end of an outage; return whether there was one."""
@@ -60,7 +60,7 @@ class Reports:
         new = set(differs) - self._differences
         self._differences |= new
         if new:
-            self._tell(
+            self._of_server(
                 "nats_settings",
                 f"{'; '.join(differs)}, as these settings would have it. It stays as it is: start one worker "
                 "with --set ingest.change_limits=true to change it (smaller limits throw away what is beyond "
@@ -70,7 +70,7 @@ class Reports:
     def mapping(self, wrong: str | None) -> None:
         """Report what is wrong with the server's mapping of subjects; None: nothing."""
         if wrong:
-            self._tell("nats_mapping", wrong)
+            self._of_server("nats_mapping", wrong)
 
     def clock(self, apart_ns: int) -> None:
         """Report once that the server's clock is ahead of this machine's by so much, or behind."""
@@ -78,7 +78,7 @@ class Reports:
             return
         self._clock_reported = True
         side = "ahead of" if apart_ns > 0 else "behind"
-        self._tell(
+        self._of_server(
             "nats_clock",
             f"the server's clock is {abs(apart_ns) * 1e-9:.0f} s {side} this machine's. Times of records are "
             "the server's; set both by NTP.",
@@ -87,11 +87,11 @@ class Reports:
     def snapshot(self, key: str, error: NatsError) -> None:
         """Report that a snapshot cannot be stored."""
         if self._once_a_minute.is_due("snapshot", host_ns()):
-            self._tell("snapshot_failed", f"{key} cannot be kept: {explain(error)}")
+            self._of_server("snapshot_failed", f"{key} cannot be kept: {explain(error)}")
 
     def left(self, partition: int, error: BaseException) -> None:
         """Report that a partition is given back since its messages cannot be pulled."""
-        self._tell("partition_left", f"partition {partition} is given back: {explain(error)}")
+        self._of_server("partition_left", f"partition {partition} is given back: {explain(error)}")
 
     def taken(
         self,
@@ -120,7 +120,7 @@ class Reports:
             text += f" Snapshots of {unreadable} more cannot be read: were they of another version?"
         self._report("partition_taken", text)
 
-    def _tell(self, kind: str, text: str) -> None:
+    def _of_server(self, kind: str, text: str) -> None:
         self._report(kind, f"{self._url}: {text}")
 
 
@@ -147,7 +147,7 @@ def explain(error: BaseException) -> str:
 
 
 def explain_no_connection(error: BaseException) -> str:
-    """The same, before the server has said that it is one."""
+    """Return what happened and what to do, before it is known to be a NATS server."""
     if isinstance(error, TimeoutError) or (
         isinstance(error, NatsError) and ("INFO" in str(error) or "empty response" in str(error))
     ):

@@ -31,7 +31,7 @@ class Pressure:
         self._longest_ns = max(self._longest_ns, ns)
 
     def look(self, now_ns: int) -> Trouble | None:
-        """Judge what happened since the last look; what there is to tell if that is news."""
+        """Judge what happened since the last look; what is to be reported if that is news."""
         longest_ns, self._longest_ns = self._longest_ns, 0
         load = self._load
         if longest_ns > CALM_NS:

@@ -225,7 +225,7 @@ def _text(config: StreamConfig, key: str) -> object:
 
 
 def _of(config: StreamConfig, key: str) -> object:
-    """A limit, alike for what is asked for and what a server tells."""
+    """A limit, alike for what is asked for and what a server states."""
     value = getattr(config, key)
     if key == "subjects":
         return " ".join(sorted(value or []))

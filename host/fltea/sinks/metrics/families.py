@@ -87,7 +87,7 @@ class Families(Collector):
         return []
 
     def collect(self) -> Iterator[Metric]:
-        """Yield every metric that there is something to say of."""
+        """Yield every metric that has a value."""
         build = {"version": __version__, "protocol": f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}"}
         yield InfoMetricFamily("fltea_build", "This program.", value=build)
         devices = list(self._newest.copy().items())  # the copy: the sink may be adding one
@@ -113,12 +113,12 @@ class Families(Collector):
         yield from _device_fits([(name, d.device_fits) for name, d in devices])
         yield from fit_families([(name, d.fit) for name, d in devices if d.fit is not None])
         errors: Rows = [(labels, n) for labels, n in self._errors.copy().items()]
-        yield counter_family("fltea_errors", "Errors told, by kind.", ("device", "kind"), errors)
+        yield counter_family("fltea_errors", "Errors reported, by kind.", ("device", "kind"), errors)
         yield from _outputs([(device or "", outlet) for device, outlet in self._outlets()])
 
 
 def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
-    family = InfoMetricFamily("fltea_device", "What the device says of itself.", labels=("device",))
+    family = InfoMetricFamily("fltea_device", "What the device states of itself.", labels=("device",))
     for name, hello in hellos:
         facts = {
             "source": hello.source,
@@ -268,7 +268,7 @@ def _device_fits(fits: Sequence[tuple[str, dict[str, DeviceAxisFit]]]) -> Iterat
     axes = [((device, axis), one) for device, found in fits for axis, one in found.items()]
     labels = ("device", "axis")
     verdicts: Rows = [((*names, one.verdict), 1.0) for names, one in axes]
-    text = "What the device's own maximum-likelihood fit says of the noise."
+    text = "What the device's own maximum-likelihood fit of the noise."
     yield gauge_family("fltea_device_fit_verdict", text, (*labels, "verdict"), verdicts)
     for name, key, text in (
         ("alpha", "value", "Order by the device's own maximum-likelihood fit."),

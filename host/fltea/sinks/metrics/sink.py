@@ -108,15 +108,15 @@ class MetricsSink(Sink):
         self._thread.join()
 
     def _introduced(self, hello: Hello) -> Hello:
-        """The HELLO; without what makes each a time series, if the board says something new too often."""
+        """The HELLO; without what makes each a time series, if the board states something new too often."""
         device, now_ns = hello.device or "", host_ns()
         identities = self._identities.setdefault(device, FewIdentities())
-        said = hello.source, hello.device_id, hello.sensor, hello.firmware_version, hello.sampling_mode
-        if identities.admits(said, now_ns):
+        stated = hello.source, hello.device_id, hello.sensor, hello.firmware_version, hello.sampling_mode
+        if identities.admits(stated, now_ns):
             return hello
         if identities.is_to_tell(now_ns):
             text = (
-                f"{hello.source} has said more than {MOST} different things of itself within an hour, so "
+                f"{hello.source} has stated more than {MOST} different identities within an hour, so "
                 "fltea_device_info leaves further ones out: each would be a time series. A faulty board?"
             )
             self._report("too_many_devices", text)
@@ -134,7 +134,7 @@ class _Handler(MetricsHandler):
     names: Collection[str] = ()
 
     def do_GET(self) -> None:
-        """Give the metrics, or say why not. A request without any `Host` is no browser's."""
+        """Give the metrics, or state why not. A request without any `Host` is no browser's."""
         host = self.headers.get("Host")
         if host is None or is_own(host, self.names):
             super().do_GET()
@@ -168,7 +168,7 @@ class _Server6(_Server):
 
 
 def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
-    handler.timeout = 10.0  # of a client that says nothing
+    handler.timeout = 10.0  # of a client that sends nothing
     where = f"[metrics] address {host}, port {port}"
     try:
         return (_Server6 if ":" in host else _Server)((host, port), handler)

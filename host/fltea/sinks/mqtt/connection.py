@@ -17,7 +17,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 from fltea.sinks.mqtt.broker import Broker
 
 KEEPALIVE_S = 15
-"""A broker that is cut off without a word is missed after at most twice this time."""
+"""A broker that vanishes silently is noticed after at most twice this time."""
 
 
 class Up(NamedTuple):
@@ -85,7 +85,7 @@ class Connection:
         return info.mid if info.rc == 0 else None
 
     def close(self) -> None:
-        """Say farewell after all that was published, without waiting; the will then stays unsaid."""
+        """End the connection after all that was published, without waiting; the will is not published."""
         self._shared.closed = True
         self._client.disconnect()
 

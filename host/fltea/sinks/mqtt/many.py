@@ -2,7 +2,7 @@
 
 Each device has an `MqttSink` without a thread or a connection of its own, so topics, states, retries and
 counts are those of any device. Devices stand under the name by which the broker let them publish, never under
-what their HELLO says. The program has a status of its own, `<prefix>/<program>/ingest`: the will.
+what their HELLO states. The program has a status of its own, `<prefix>/<program>/ingest`: the will.
 """
 
 import secrets
@@ -24,11 +24,11 @@ from fltea.sinks.mqtt.sink import MqttSink
 from fltea.sinks.mqtt.status import Status
 
 LOOK_S = 0.5
-"""All devices are looked after so often; those with something to say at once."""
+"""The time between two looks at all devices; those that have sent something are looked at at once."""
 
 FAREWELL_S = 0.4
 IDLE_NS = 3600 * 10**9
-"""A device that has said nothing for so long takes no memory any more."""
+"""A device that has sent nothing for this long is forgotten."""
 
 EVERY = 1000
 """Estimates of one sample in so many, at most: ten seconds of most boards, as there are many of them."""
@@ -52,7 +52,7 @@ class ManyMqttSink(Sink):
         sample_every = max(EVERY, settings.sample_every) if settings.sample_every else 0
         self._settings = msgspec.structs.replace(settings, estimate_every=every, sample_every=sample_every)
         self._program, self._apart = program, frozenset(apart)
-        self._report, self._told = report, OnceAMinute()
+        self._report, self._once_a_minute = report, OnceAMinute()
         broker = Broker(settings)
         self._status_topic = f"{settings.prefix}/{program}/ingest"
         will = (self._status_topic, self._status("offline", "connection_lost"))
@@ -77,14 +77,14 @@ class ManyMqttSink(Sink):
         name = item.device
         sink = self._sinks.get(name)
         if sink is None:
-            sink = MqttSink(self._settings, name, self._tell, self._shared)
+            sink = MqttSink(self._settings, name, self._report_once, self._shared)
             self._sinks[name] = sink
         self._heard_ns[name] = host_ns()
         sink.write(item)
         self._touched.add(name)
 
     def depart(self, departed: Departed) -> None:
-        """Keep nothing of a device; where it has moved, another program says how it is."""
+        """Keep nothing of a device; where it has moved, another program publishes its status."""
         if departed.device in self._sinks:
             self._forget(departed.device, end=not departed.moved)
 
@@ -102,7 +102,7 @@ class ManyMqttSink(Sink):
             self._sinks[name].flush()
 
     def close(self) -> None:
-        """Say that all are offline, in one go, and farewell."""
+        """Publish that all are offline, and end the connection."""
         self._shared.pump()
         for sink in self._sinks.values():
             sink.end()
@@ -117,7 +117,7 @@ class ManyMqttSink(Sink):
         self._shared.close(deadline_s)
 
     def _look_after_own(self) -> None:
-        """The program's own status, said with each connection; a lost one is opened again by a device."""
+        """Publish the program's own status with each connection; a lost one is opened again by a device."""
         while self._own.events:
             event = self._own.events.popleft()
             if isinstance(event, Up):
@@ -145,7 +145,7 @@ class ManyMqttSink(Sink):
         sink.leave()
         self._gone_lost += sink.lost
 
-    def _tell(self, kind: str, message: str) -> None:
-        """What all devices meet at once, such as a broker that is away, is told once."""
-        if self._told.is_due(kind, host_ns()):
+    def _report_once(self, kind: str, message: str) -> None:
+        """Report once what all devices meet at the same time, such as a broker that is away."""
+        if self._once_a_minute.is_due(kind, host_ns()):
             self._report(kind, message)

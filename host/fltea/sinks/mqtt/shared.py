@@ -42,7 +42,7 @@ class SharedConnection:
         self.up = False
 
     def connect(self) -> View:
-        """A new view; it is told when the broker has let us in."""
+        """Return a new view; it gets `Up` when the broker accepts the connection."""
         view = View(self)
         self._views[view] = None
         if self._connection is None:
@@ -65,7 +65,7 @@ class SharedConnection:
         return len(self._mids)
 
     def pump(self) -> None:
-        """Tell the views what happened."""
+        """Hand the events of the connection to the views."""
         connection = self._connection
         while connection is not None and connection.events:
             event = connection.events.popleft()
@@ -99,7 +99,7 @@ class SharedConnection:
         self._views.pop(view, None)
 
     def close(self, deadline_s: float) -> None:
-        """Say farewell for all, and wait until that is said: else the broker would publish the will."""
+        """End the connection, and wait for its end: else the broker would publish the will."""
         connection, self._connection, up = self._connection, None, self.up
         self.up = False
         if connection is None:

@@ -1,4 +1,4 @@
-"""What a page can ask for beside being shown: to record, and to take a report home."""
+"""What a page can ask for: to record, and to download a report."""
 
 import secrets
 from collections.abc import Callable, Mapping

@@ -15,7 +15,7 @@ class Complaints(logging.Handler):
     def __init__(self, report: Report) -> None:
         super().__init__(logging.ERROR)
         self._report = report
-        self._told = OnceAMinute()
+        self._once_a_minute = OnceAMinute()
         for name in LIBRARIES:
             logger = logging.getLogger(name)
             logger.propagate = False
@@ -23,11 +23,11 @@ class Complaints(logging.Handler):
             logger.handlers = [self]
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Tell of an error, unless one was told a moment ago."""
+        """Report an error, unless one was reported a moment ago."""
         what = record.getMessage().strip().splitlines() or [""]
         if what[-1].endswith(":"):  # that one only announces the next
             return
-        if not self._told.is_due("page_fault", clock.host_ns()):
+        if not self._once_a_minute.is_due("page_fault", clock.host_ns()):
             return
         error = record.exc_info[1] if record.exc_info else None
         cause = "" if error is None else f" ({type(error).__name__}: {error})"

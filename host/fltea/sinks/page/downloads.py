@@ -163,9 +163,9 @@ def _figure(kind: str, place: str) -> str:
 
 
 def _verdict(axis: str, fit: AxisFit) -> str:
-    said = answer(fit)
-    rest = " ".join(f"{part}." for part in (said.until, said.left_out) if part)
-    return f'<p class="verdict"><b>{axis}: {escape(said.head)}.</b> {escape(fit.text)} {escape(rest)}</p>'
+    found = answer(fit)
+    rest = " ".join(f"{part}." for part in (found.until, found.left_out) if part)
+    return f'<p class="verdict"><b>{axis}: {escape(found.head)}.</b> {escape(fit.text)} {escape(rest)}</p>'
 
 
 def _pairs(rows: Sequence[Sequence[str]]) -> str:

@@ -13,7 +13,7 @@ NOTHING_YET = "no estimate of the device yet"
 
 
 def silent(history: DeviceHistory) -> bool:
-    """Whether the device alone estimates the gyroscope, and has not said anything in this epoch."""
+    """Whether the device alone estimates the gyroscope, and has sent no estimate in this epoch."""
     expected = [axis for axis in history.axes or AXES if history.tables.estimator(axis) == "device"]
     return bool(expected) and not any(axis in history.newest for axis in expected)
 
@@ -25,14 +25,14 @@ def startup_to_go(history: DeviceHistory) -> int:
 
 
 def whose(history: DeviceHistory, estimate_on: str) -> str:
-    """What is said of who estimates wherever it is named."""
+    """Return the words behind the name of who estimates."""
     if estimate_on == "device":
         return f" (the device's own estimates as published{_rate(history)})"
     return f" (the host's estimates, and the device's own{_rate(history)})" if estimate_on == "both" else ""
 
 
 def own(history: DeviceHistory) -> list[list[str]]:
-    """How the device's estimator gets on: label, value, level. Nothing if it has said nothing."""
+    """How the device's estimator gets on: label, value, level. Nothing if it has stated nothing."""
     stats = history.stats
     if stats is None or stats.device_estimator is None:
         return []

@@ -154,7 +154,7 @@ def _source(columns: Sequence[str]) -> ColumnDataSource:
 class _Height:
     """The range of values of a figure: follows the data, but not every twitch of them.
 
-    shown: columns of sources that it has to hold; always: values besides; least: its least length.
+    shown: columns of sources that it has to hold; always: further values; least: its least length.
     loose: columns that it holds as far as they reach no further beyond the others than these are long.
     """
 

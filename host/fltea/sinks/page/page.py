@@ -34,7 +34,7 @@ class Page:
     The browser answers every update (`control.ack`), and there is no further update until it has: what a slow
     browser, or one that stopped reading, has not fetched stays in the history, which does not grow.
 
-    recorder: tells how the recordings are. token: what the page's requests have to bring (`actions`).
+    recorder: knows how the recordings are. token: what the page's requests have to bring (`actions`).
     """
 
     def __init__(
@@ -80,8 +80,8 @@ class Page:
                 self._show_curves(history)
                 self._show_moment(history)
                 self._figures.fit()
-            told = self._tell(history, states)
-        self._facts.data = {"json": [json.dumps(told, ensure_ascii=False, allow_nan=False)]}
+            shown = self._texts(history, states)
+        self._facts.data = {"json": [json.dumps(shown, ensure_ascii=False, allow_nan=False)]}
 
     def _shown(self, history: DeviceHistory) -> dict[Table, list[ColumnDataSource]]:
         """Which tables the figures draw; what they do not draw is emptied."""
@@ -137,7 +137,7 @@ class Page:
             length_ms = WINDOWS[self._window].length_s * 1e3
             self._figures.moment.update(start=end_ms - length_ms, end=end_ms)
 
-    def _tell(self, history: DeviceHistory, states: list[dict[str, str]]) -> dict[str, Any]:
+    def _texts(self, history: DeviceHistory, states: list[dict[str, str]]) -> dict[str, Any]:
         sample, estimate = history.sample, history.estimate
         return {
             "tick": self._tick,

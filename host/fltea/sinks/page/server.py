@@ -58,7 +58,7 @@ class PageServer:
     """Bokeh's server on a loop in a thread of its own.
 
     make: fills the document of each page. names: further names under which the page may be asked for.
-    visitors: pages that may be open at a time; `report` is told of others. rules: what else is answered.
+    visitors: pages that may be open at a time; others are reported. rules: what else is answered.
 
     Raises:
         FlteaError: the port is taken, or the address is not ours.
@@ -99,7 +99,7 @@ class PageServer:
         return len(self._ids())
 
     def close(self) -> None:
-        """End the server; open pages are told by the loss of their connection."""
+        """End the server; open pages notice the loss of their connection."""
         self._loop.add_callback(self._stop)
         self._thread.join(JOIN_S)
         gc.unfreeze()

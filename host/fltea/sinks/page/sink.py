@@ -61,7 +61,7 @@ class DashboardSink(Sink):
                 history.write(record)
 
     def on_overflow(self, count: int) -> None:
-        """Say on the pages that records are missing."""
+        """Show on the pages that records are missing."""
         for history in self._histories.values():
             history.missed(count)
 

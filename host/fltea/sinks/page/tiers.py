@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 Kind = Literal["mean", "min", "max"]
 
 MOST_ROWS = 12_000
-"""Rows of a window at most: beyond 400 Hz the finest one is shorter than it says."""
+"""Rows of a window at most: beyond 400 Hz the finest one is shorter than its label."""
 
 
 _generations = itertools.count()

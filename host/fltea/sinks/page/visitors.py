@@ -26,7 +26,7 @@ PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>flte
 
 
 class OneTooMany(Matcher):
-    """Matches a request that would open a page when there are `most` already; tells it once a minute.
+    """Matches a request that would open a page when there are `most` already; reports it once a minute.
 
     ids: the sessions of the open pages.
     """
@@ -46,7 +46,9 @@ class OneTooMany(Matcher):
         self._turned_away += 1
         if self._often.is_due("too_many_visitors", clock.host_ns()):
             count, self._turned_away = self._turned_away, 0
-            self._report("too_many_visitors", f"{_text(self._most)} Turned away since last told: {count}.")
+            self._report(
+                "too_many_visitors", f"{_text(self._most)} Turned away since the last report: {count}."
+            )
         return {"target_kwargs": {"most": self._most}}
 
 
@@ -73,9 +75,9 @@ def _text(most: int) -> str:
 
 
 def _session(request: HTTPServerRequest) -> str | None:
-    """The page that a websocket says it belongs to."""
+    """Return the page to which a websocket states that it belongs."""
     token = request.headers.get("Sec-WebSocket-Protocol", "").rpartition(",")[2].strip()
     try:
         return str(get_session_id(token))
-    except Exception:  # whatever a stranger sends
+    except Exception:  # whatever a client sends
         return None
