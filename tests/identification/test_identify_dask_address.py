@@ -1,10 +1,14 @@
-"""An address that cannot be one of a Dask scheduler is refused before anything is made or connected."""
+"""The address of a Dask scheduler: what cannot be one is refused, and plain TCP gets a warning, at once.
+
+Messages of Dask are pickles, which run what their sender says.
+"""
 
 from pathlib import Path
 
 import pytest
 from fltea.cli import app as cli
-from fltea.identification.dask_address import check_address
+from fltea.cli import identify as command
+from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import UsageError
 
 
@@ -87,3 +91,43 @@ def test_nobody_listens(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
         dask_workers.DaskWorkers("tcp://127.0.0.1:1")
     gc.collect()
     assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("address", "warned"),
+    [
+        ("tls://10.0.0.5:8786", False),
+        ("wss://lab.example:8786", False),
+        ("tcp://127.0.0.1:8786", False),
+        ("[::1]:8786", False),
+        ("localhost:8786", False),
+        ("tcp://10.0.0.5:8786", True),
+        ("10.0.0.5:8786", True),
+        ("tcp://localhost.evil.example:8786", True),
+        ("ws://lab.example", True),
+        ("ucx://10.0.0.5:1", True),
+    ],
+)
+def test_where_others_may_be_on_the_way_a_warning_says_so(address: str, warned: bool) -> None:
+    text = trust_warning(address)
+    assert (text is not None) == warned
+    assert text is None or (f"--dask {address}" in text and "tls://" in text)
+
+
+def test_the_warning_comes_before_anything_is_connected(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*arguments: object) -> None:
+        assert "warning: --dask tcp://192.0.2.1:8786: not encrypted" in capsys.readouterr().err
+        raise UsageError("no scheduler")
+
+    monkeypatch.setattr(command, "load", refuse)
+    with pytest.raises(UsageError, match="no scheduler"):
+        command._workers(None, "tcp://192.0.2.1:8786")
+
+
+def test_tls_without_a_certificate_says_what_to_set() -> None:
+    from fltea.identification.dask_workers import DaskWorkers
+
+    with pytest.raises(UsageError, match=r"no certificate to show.*CLIENT__CERT"):
+        DaskWorkers("tls://192.0.2.1:8786")

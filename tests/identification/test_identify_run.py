@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-import warnings
 from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
@@ -245,13 +244,3 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
     assert killed
     assert document(reports)["files"] == alone
     assert len(told) == len(set(told)) == 3 + 6 + 6  # files, axes, and a group of copies of each
-
-
-def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    dask_workers = pytest.importorskip("fltea.identification.dask_workers")
-    monkeypatch.setattr(dask_workers, "CONNECT_S", 0.2)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for address in ("tcp://127.0.0.1:1", "nonsense://x"):
-            with pytest.raises(UsageError, match=r"--dask .*: no scheduler answers there"):
-                dask_workers.DaskWorkers(address)

@@ -41,11 +41,3 @@ def test_flags_that_the_model_takes_the_place_of(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout) == (2, "")
     assert "leave out --alpha-end, --q." in done.stderr
     assert not (tmp_path / "a.npz").exists()
-
-
-def test_a_file_that_is_no_model(tmp_path: Path) -> None:
-    (tmp_path / "m.json").write_text("{}")
-    done = fltea("simulate", tmp_path / "a.npz", "--model", tmp_path / "m.json")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "is no noise model" in done.stderr
-    assert "Traceback" not in done.stderr

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fake_system import FakeSystem, levels, told
+from fake_system import FakeSystem, finding_of, levels
 from fltea.machine.doctor.checks_host import (
     check_clock,
     check_packages,
@@ -44,8 +44,8 @@ def test_a_machine_without_a_board_is_looked_at_as_a_whole(system: FakeSystem) -
         "udev rule": "ok",
         "ModemManager": "ok",
     }
-    assert told(findings, "port").device == "due"
-    assert told(findings, "program").device is None
+    assert finding_of(findings, "port").device == "due"
+    assert finding_of(findings, "program").device is None
 
 
 def test_every_device_of_a_configuration_is_looked_at(system: FakeSystem, tmp_path: Path) -> None:
@@ -73,16 +73,16 @@ def test_a_recording_is_only_looked_for(system: FakeSystem, tmp_path: Path, name
 def test_the_program_names_versions_and_instruction_set() -> None:
     findings = list(check_program())
     assert levels(findings) == {"program": "ok", "native": "ok"}
-    assert f"fltea {__version__}, protocol " in told(findings, "program").message
+    assert f"fltea {__version__}, protocol " in finding_of(findings, "program").message
 
 
 def test_packages_have_to_be_there_only_if_asked_for(system: FakeSystem) -> None:
     (config,) = load_configs(None, {"mqtt.broker": "localhost", "metrics.address": 9100})
-    assert told(list(check_packages(config, system)), "packages").level == "ok"
+    assert finding_of(list(check_packages(config, system)), "packages").level == "ok"
     system.without = {"mcap"}
-    assert told(list(check_packages(config, system)), "packages").level == "ok"
+    assert finding_of(list(check_packages(config, system)), "packages").level == "ok"
     system.without = {"mcap", "paho"}
-    found = told(list(check_packages(config, system)), "packages")
+    found = finding_of(list(check_packages(config, system)), "packages")
     assert (found.level, found.remedy) == ("problem", f"{how_to_install('mqtt')}.")
 
 
@@ -118,10 +118,10 @@ def test_modem_manager(
     if rule:
         system.put("/etc/udev/rules.d/70-fltea.rules")
     findings = list(check_udev(system))
-    found = told(findings, "ModemManager")
+    found = finding_of(findings, "ModemManager")
     assert (found.level, says in found.message) == (level, True)
     assert (found.remedy is not None) == (level == "warning")
-    assert ("is installed" in told(findings, "udev rule").message) == rule
+    assert ("is installed" in finding_of(findings, "udev rule").message) == rule
 
 
 @pytest.mark.parametrize(
@@ -182,8 +182,8 @@ def test_the_chip_on_the_bus(
     system.put("/sys/bus/i2c/devices/i2c-1/of_node/clock-frequency", (400_000).to_bytes(4, "big"))
     system.registers = registers
     findings = list(check_i2c(system, "i2c:///dev/i2c-1?addr=0x68"))
-    assert told(findings, "i2c").message.endswith("; 400 kHz")
-    found = told(findings, "sensor")
+    assert finding_of(findings, "i2c").message.endswith("; 400 kHz")
+    found = finding_of(findings, "sensor")
     assert (found.level, says in found.message) == (level, True), found
     assert found.remedy is None if remedy is None else remedy in str(found.remedy)
 
@@ -205,7 +205,7 @@ def test_a_bus_that_is_missing_closed_too_fast_or_misspelt(system: FakeSystem) -
 
 def test_room_for_recordings_in_days_at_the_rate_of_the_last_ones(system: FakeSystem, tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
-    found = told(outputs(system, record__folder=str(folder)), "disk")
+    found = finding_of(outputs(system, record__folder=str(folder)), "disk")
     assert (found.level, found.message) == (
         "ok",
         f"100.0 GB free for {folder}: 36 days (2.8 GB a day, a guess for 1 at 100 Hz)",
@@ -215,14 +215,14 @@ def test_room_for_recordings_in_days_at_the_rate_of_the_last_ones(system: FakeSy
         file = folder / f"{hour}.mcap"
         file.write_bytes(bytes(36_000))
         stamp(file, 1_000_000 + 3600 * hour)
-    found = told(outputs(system, record__folder=str(folder)), "disk")
+    found = finding_of(outputs(system, record__folder=str(folder)), "disk")
     assert "115741 days (0.00086 GB a day, as the last recordings grew)" in found.message
     system.free = 6_000_000
-    found = told(outputs(system, record__folder=str(folder)), "disk")
+    found = finding_of(outputs(system, record__folder=str(folder)), "disk")
     assert (found.level, "7 days" in found.message) == ("warning", True)
     for file in folder.iterdir():
         file.unlink()
-    assert told(outputs(system, record__folder=str(folder)), "disk").level == "warning"
+    assert finding_of(outputs(system, record__folder=str(folder)), "disk").level == "warning"
 
 
 def stamp(file: Path, time_s: float) -> None:
@@ -232,15 +232,17 @@ def stamp(file: Path, time_s: float) -> None:
 def test_a_folder_that_cannot_be_one(system: FakeSystem, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.touch()
-    found = told(outputs(system, record__folder=str(file / "recordings")), "recordings")
+    found = finding_of(outputs(system, record__folder=str(file / "recordings")), "recordings")
     assert (found.level, found.message) == ("problem", f"{file} is no folder.")
     assert outputs(system, state__file=str(tmp_path / "state")) == []
     assert levels(outputs(system, state__file=str(file / "state"))) == {"state": "problem"}
     # The folder of recordings is made by fltea run, that of the snapshot is not.
-    missing = told(outputs(system, state__file=str(tmp_path / "no/state")), "state")
+    missing = finding_of(outputs(system, state__file=str(tmp_path / "no/state")), "state")
     assert (missing.level, missing.message) == ("problem", f"there is no folder {tmp_path / 'no'}.")
     assert levels(outputs(system, state__file=str(tmp_path))) == {"state": "problem"}
-    tilde = told(outputs(system, record__folder="~/rec"), "disk")  # as fltea run takes it: a folder named so
+    tilde = finding_of(
+        outputs(system, record__folder="~/rec"), "disk"
+    )  # as fltea run takes it: a folder named so
     assert " free for ~/rec:" in tilde.message
 
 
@@ -251,12 +253,12 @@ def taken() -> Iterator[int]:
 
 
 def test_the_broker(system: FakeSystem, taken: int) -> None:
-    found = told(outputs(system, mqtt__broker=f"127.0.0.1:{taken}"), "mqtt")
+    found = finding_of(outputs(system, mqtt__broker=f"127.0.0.1:{taken}"), "mqtt")
     assert (found.level, found.message.startswith("something answers at 127.0.0.1")) == ("ok", True)
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         address = f"mqtts://127.0.0.1:{unused.getsockname()[1]}"
-        found = told(outputs(system, mqtt__broker=address), "mqtt")
+        found = finding_of(outputs(system, mqtt__broker=address), "mqtt")
     assert (found.level, "Connection refused" in found.message) == ("problem", True)
 
 
@@ -266,7 +268,7 @@ def test_ports_of_the_page_and_of_the_metrics(system: FakeSystem, taken: int) ->
         unused = free.getsockname()[1]
     findings = outputs(system, dashboard__address=str(unused), metrics__address=f"127.0.0.1:{taken}")
     assert levels(findings) == {"dashboard": "ok", "metrics": "problem"}
-    assert told(findings, "metrics").remedy == f"ss -ltnp 'sport = :{taken}' names it."
+    assert finding_of(findings, "metrics").remedy == f"ss -ltnp 'sport = :{taken}' names it."
     system.process(5, "/opt/fltea/bin/fltea", "run")
     assert levels(outputs(system, metrics__address=taken)) == {"metrics": "ok"}
     assert levels(outputs(system, metrics__address="192.0.2.1:80")) == {"metrics": "problem"}

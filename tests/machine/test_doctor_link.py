@@ -4,7 +4,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from fake_system import FakeSystem, levels, told
+from fake_system import FakeSystem, finding_of, levels
 from fltea.machine.doctor import checks_link
 from fltea.machine.doctor.checks_link import check_serial, judge
 from fltea.machine.doctor.hearing import Drift, Heard
@@ -51,7 +51,7 @@ def failed(kind: str) -> dict[str, object]:
     return {"troubles": [Trouble(kind, f"the text of {kind}", 0)], "hello": None}
 
 
-def told_of(kind: str) -> dict[str, object]:
+def trouble_of(kind: str) -> dict[str, object]:
     return {"troubles": [Trouble(kind, f"the text of {kind}", 0, fatal=False)]}
 
 
@@ -60,11 +60,11 @@ def test_a_device_in_good_health() -> None:
     assert levels(findings) == dict.fromkeys(
         ("frames", "firmware", "sensor", "samples", "board", "clock drift"), "ok"
     )
-    assert told(findings, "firmware").message == (
+    assert finding_of(findings, "firmware").message == (
         f"{__version__} due fca274b5, protocol 1.2, schema 0x54B0C642, as this program"
     )
-    assert told(findings, "samples").message == "401 in 4.0 s, 100.00 Hz (100 stated), 0 lost"
-    assert told(findings, "clock drift").message.endswith("+12 ± 5 ppm")
+    assert finding_of(findings, "samples").message == "401 in 4.0 s, 100.00 Hz (100 stated), 0 lost"
+    assert finding_of(findings, "clock drift").message.endswith("+12 ± 5 ppm")
 
 
 @pytest.mark.parametrize(
@@ -76,8 +76,8 @@ def test_a_device_in_good_health() -> None:
         (failed("version"), "firmware", "problem", "make flash"),
         (failed("silent"), "firmware", "problem", "the text of silent"),
         ({"hello": OLDER}, "firmware", "warning", "it is version 0.0.9"),
-        (told_of("device_fault"), "sensor", "problem", "the text of device_fault"),
-        (told_of("sensor_relative"), "sensor", "warning", "of sensor_relative"),
+        (trouble_of("device_fault"), "sensor", "problem", "the text of device_fault"),
+        (trouble_of("sensor_relative"), "sensor", "warning", "of sensor_relative"),
         ({"hello": msgspec.structs.replace(HELLO, who_am_i=0)}, "sensor", "problem", "has found no sensor"),
         ({"delivered": 0, "seconds": 0.0}, "samples", "problem", "no samples"),
         ({"delivered": 391, "lost": 10}, "samples", "warning", "10 lost"),
@@ -88,7 +88,7 @@ def test_a_device_in_good_health() -> None:
     ],
 )  # fmt: skip
 def test_what_can_be_wrong(changes: dict[str, object], check: str, level: str, says: str) -> None:
-    found = told(list(judge("port", heard(**changes))), check)
+    found = finding_of(list(judge("port", heard(**changes))), check)
     assert found.level == level
     assert says in f"{found.message} {found.remedy}"
 
@@ -109,9 +109,9 @@ def test_the_only_board_is_found_and_listened_to(system: FakeSystem, url: str | 
     system.link("/dev/serial/by-id/usb-Due-if00", "/dev/ttyACM0")
     findings = list(check_serial(system, url, wire.BAUD))
     assert {finding.level for finding in findings} == {"ok"}
-    assert "a name that stays: /dev/serial/by-id/usb-Due-if00" in told(findings, "port").message
-    assert "anna may open /dev/ttyACM0 (group 'dialout')" in told(findings, "permission").message
-    assert told(findings, "samples").level == "ok"
+    assert "a name that stays: /dev/serial/by-id/usb-Due-if00" in finding_of(findings, "port").message
+    assert "anna may open /dev/ttyACM0 (group 'dialout')" in finding_of(findings, "permission").message
+    assert finding_of(findings, "samples").level == "ok"
 
 
 def test_no_board_several_boards_and_the_wrong_port(system: FakeSystem) -> None:
@@ -134,8 +134,8 @@ def test_a_port_by_its_link_and_one_that_is_not_there(system: FakeSystem) -> Non
     system.plug("/dev/ttyACM0")
     system.link("/dev/fltea-7523", "/dev/ttyACM0")
     findings = list(check_serial(system, "/dev/fltea-7523", wire.BAUD))
-    assert told(findings, "port").message == "/dev/ttyACM0: Arduino Due, programming port"
-    assert told(findings, "samples").level == "ok"
+    assert finding_of(findings, "port").message == "/dev/ttyACM0: Arduino Due, programming port"
+    assert finding_of(findings, "samples").level == "ok"
     (found,) = check_serial(system, "/dev/ttyACM7", wire.BAUD)
     assert (found.message, found.remedy) == (
         "there is no port /dev/ttyACM7.",
@@ -148,7 +148,7 @@ def test_a_port_that_is_closed_to_the_user_is_not_opened(system: FakeSystem) -> 
     system.refused = {"/dev/ttyACM0"}
     findings = list(check_serial(system, None, wire.BAUD))
     assert levels(findings) == {"port": "ok", "permission": "problem"}
-    assert "sudo usermod -aG dialout anna" in str(told(findings, "permission").remedy)
+    assert "sudo usermod -aG dialout anna" in str(finding_of(findings, "permission").remedy)
 
 
 @pytest.mark.parametrize(
@@ -165,11 +165,11 @@ def test_a_port_in_use_is_not_opened(
     system.process(31, *command, opened="/dev/ttyACM0")
     findings = list(check_serial(system, None, wire.BAUD))
     assert list(levels(findings)) == ["port", "permission", "in use"]
-    found = told(findings, "in use")
+    found = finding_of(findings, "in use")
     assert (found.level, says in found.message) == (level, True)
 
 
 def test_other_urls_are_just_opened(system: FakeSystem) -> None:
     findings = list(check_serial(system, "socket://localhost:4000", wire.BAUD))
-    assert told(findings, "samples").level == "ok"
+    assert finding_of(findings, "samples").level == "ok"
     assert "port" not in levels(findings)

@@ -171,28 +171,22 @@ def test_a_dry_run_does_nothing(tools: Tools, board: Board, image: Path) -> None
     assert board.speed() == before
 
 
-def test_without_a_terminal_it_wants_yes(tools: Tools, board: Board, image: Path) -> None:
-    tools.add("bossac")
-    done = tools.run("--port", board.port, "--image", image)
-    assert done.returncode == 2
-    assert "--yes" in done.stderr
-    assert tools.calls() == []
-
-
-def test_another_build_on_the_board_is_a_failure(tools: Tools, board: Board, image: Path) -> None:
-    tools.add("bossac")
-    board.hello = HELLO._replace(firmware_version="0.1.0 due 99999999")
+@pytest.mark.parametrize(
+    ("hello", "tool", "code", "texts"),
+    [
+        ({"firmware_version": "0.1.0 due 99999999"}, 0, 1, ["runs '0.1.0 due 99999999', not build 12ab34cd"]),
+        ({"schema_hash": 1}, 0, 1, ["schema 0x00000001"]),
+        ({}, 3, 1, ["exit code 3", "ERASE"]),
+    ],
+    ids=["another build", "another protocol", "a tool that fails"],
+)
+def test_what_fails_is_said_with_the_way_out(
+    hello: dict[str, object], tool: int, code: int, texts: list[str], tools: Tools, board: Board, image: Path
+) -> None:
+    tools.add("bossac", code=tool)
+    board.hello = HELLO._replace(**hello)
     done = tools.run("--port", board.port, "--image", image, "--yes")
-    assert done.returncode == 1
-    assert "runs '0.1.0 due 99999999', not build 12ab34cd" in done.stderr
-
-
-def test_another_protocol_on_the_board_is_a_failure(tools: Tools, board: Board, image: Path) -> None:
-    tools.add("bossac")
-    board.hello = HELLO._replace(schema_hash=1)
-    done = tools.run("--port", board.port, "--image", image, "--yes")
-    assert done.returncode == 1
-    assert "schema 0x00000001" in done.stderr
+    assert (done.returncode, [text for text in texts if text not in done.stderr]) == (code, [])
 
 
 def test_an_image_of_unknown_build_is_not_judged(tools: Tools, board: Board, image: Path) -> None:
@@ -201,14 +195,6 @@ def test_an_image_of_unknown_build_is_not_judged(tools: Tools, board: Board, ima
     done = tools.run("--port", board.port, "--image", image, "--yes")
     assert done.returncode == 0
     assert "nothing beside the image says" in done.stdout
-
-
-def test_a_tool_that_fails_is_told_with_the_way_out(tools: Tools, board: Board, image: Path) -> None:
-    tools.add("bossac", code=3)
-    done = tools.run("--port", board.port, "--image", image, "--yes")
-    assert done.returncode == 1
-    assert "exit code 3" in done.stderr
-    assert "ERASE" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -228,24 +214,25 @@ def test_what_cannot_be_done_is_said(
     assert text in done.stderr
 
 
-def test_an_image_that_is_missing_or_says_nonsense(tools: Tools, board: Board, image: Path) -> None:
+@pytest.mark.parametrize(
+    ("file", "content", "flag", "text"),
+    [
+        ("some.bin", None, "--yes", "there is no such image"),
+        ("some.json", b"[]", "--yes", "does not state the image's build_id"),
+        ("some.bin", b"\x7fELF".ljust(1024, b"\0"), "--yes", "some.bin: is no image for the Due"),
+        ("some.json", b'{"build_id": "12ab34cd"}', None, "--yes"),
+    ],
+    ids=["missing", "nonsense", "no image", "nobody to ask"],
+)
+def test_what_cannot_be_flashed_erases_nothing(
+    file: str, content: bytes | None, flag: str | None, text: str, tools: Tools, board: Board, image: Path
+) -> None:
     tools.add("bossac")
-    image.with_suffix(".json").write_text("[]")
-    done = tools.run("--port", board.port, "--image", image, "--dry-run")
-    assert done.returncode == 2
-    assert "does not state the image's build_id" in done.stderr
-    done = tools.run("--port", board.port, "--image", image.with_name("none.bin"), "--dry-run")
-    assert done.returncode == 2
-    assert "there is no such image" in done.stderr
-
-
-def test_a_file_that_is_no_image_erases_nothing(tools: Tools, board: Board, image: Path) -> None:
-    tools.add("bossac")
-    image.write_bytes(b"\x7fELF".ljust(1024, b"\0"))
     before = board.speed()
-    done = tools.run("--port", board.port, "--image", image, "--yes")
-    assert done.returncode == 2
-    assert f"{image}: is no image for the Due" in done.stderr
+    path = image.with_name(file)
+    path.unlink() if content is None else path.write_bytes(content)
+    done = tools.run("--port", board.port, "--image", image, *([flag] if flag else []))
+    assert (done.returncode, text in done.stderr) == (2, True)
     assert (tools.calls(), board.speed()) == ([], before)
 
 

@@ -94,7 +94,7 @@ class FakeSystem(System):
         )
 
 
-def told(findings: list[Finding], check: str) -> Finding:
+def finding_of(findings: list[Finding], check: str) -> Finding:
     """The one finding of this name."""
     (found,) = [finding for finding in findings if finding.check == check]
     return found

@@ -14,7 +14,7 @@ import typer
 
 from fltea.cli import exports, how, many
 from fltea.cli.output import print_result, say
-from fltea.identification.dask_address import check_address
+from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible_lines
 from fltea.settings import duration
@@ -296,7 +296,6 @@ def _workers(jobs: int | None, dask: str | None) -> "Workers":
         from fltea.identification.workers import open_local
 
         return open_local(jobs)
-    from fltea.identification.dask_trust import trust_warning
 
     if warning := trust_warning(dask):
         say(f"fltea: warning: {warning}")

@@ -1,10 +1,13 @@
-"""Where a Dask scheduler listens, as a user writes it. Loads nothing of Dask."""
+"""The address of a Dask scheduler as a user writes it, and whom it makes one trust. Loads nothing of Dask."""
 
+import ipaddress
 import re
+from urllib.parse import urlsplit
 
 from fltea.records.errors import UsageError
 
 SCHEMES = ("tcp", "tls", "ws", "wss")
+ENCRYPTED = ("tls", "wss")
 HOST_AND_PORT = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%]+\]|[^\s\[\]@/?#:]*)(?::(?P<port>[^\s@/?#:]*))?")
 MOST_PORT = 65_535
 
@@ -38,3 +41,29 @@ def _wrong_with(address: str) -> str:
     if not (port.isascii() and port.isdecimal() and 0 < int(port) <= MOST_PORT):
         return f"has no port of 1 to {MOST_PORT}"
     return ""
+
+
+def trust_warning(address: str) -> str | None:
+    """Return what to say before a cluster at `address` is used.
+
+    None if nobody else can be on the way to it.
+    """
+    try:
+        url = urlsplit(address if "://" in address else f"tcp://{address}")
+        if url.scheme in ENCRYPTED or _is_loopback(url.hostname or ""):
+            return None
+    except ValueError:  # no address: Dask says so
+        return None
+    return (
+        f"--dask {address}: not encrypted, and nothing says who answers there. What Dask sends are pickles, "
+        "so whoever reaches the scheduler or a worker, or stands in for one, can run any program as you, and "
+        "read the recordings. Use tls:// with certificates (host/docs/guide/verdict.md, A Dask cluster), or "
+        "a tunnel to this machine's loopback."
+    )
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

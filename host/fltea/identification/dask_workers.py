@@ -14,7 +14,7 @@ from dask import config
 from distributed import Client
 from distributed.security import Security
 
-from fltea.identification.dask_trust import ENCRYPTED
+from fltea.identification.dask_address import ENCRYPTED
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.version import __version__
 
