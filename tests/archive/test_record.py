@@ -1,0 +1,27 @@
+"""`fltea record` without a board: what it says in the end of what is in the folder."""
+
+from pathlib import Path
+
+import pytest
+from fltea.archive.record import record
+from fltea.records.errors import UsageError
+from fltea.settings.config import load_configs
+
+
+def recorded(folder: Path, source: str, **more: object) -> str:
+    settings = {"record.folder": str(folder), "pace": "fast", **more}
+    return record(load_configs(None, settings, [source])[0], None)
+
+
+def test_the_summary_says_what_there_is_and_what_is_missing(tmp_path: Path) -> None:
+    folder = tmp_path / "rec"
+    assert recorded(folder, "synthetic:?n=60").endswith(
+        f": 60 samples at 100.00 Hz, 0 lost in 0 gaps; 1 file in {folder}"
+    )
+    assert len(list(folder.glob("*.mcap"))) == 1
+
+
+def test_a_recording_is_none_to_be_recorded(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time_s,gyro_x_dps\n0,1\n0.01,2\n0.02,3\n")
+    with pytest.raises(UsageError, match="a recording is one already"):
+        recorded(tmp_path / "rec", f"replay:{tmp_path / 'a.csv'}")
