@@ -22,6 +22,7 @@ def test_the_summary_says_what_there_is_and_what_is_missing(tmp_path: Path) -> N
 
 
 def test_a_recording_is_none_to_be_recorded(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("time_s,gyro_x_dps\n0,1\n0.01,2\n0.02,3\n")
+    rows = "".join(f"{k / 100},{k}\n" for k in range(600))
+    (tmp_path / "a.csv").write_text(f"time_s,gyro_x_dps\n{rows}")
     with pytest.raises(UsageError, match="a recording is one already"):
         recorded(tmp_path / "rec", f"replay:{tmp_path / 'a.csv'}")
