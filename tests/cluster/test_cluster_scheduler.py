@@ -16,7 +16,7 @@ from fltea.records.errors import FlteaError
 from identify_files import counts, npz
 from toolchain import missing
 
-from tools.faults.dask_stage import Cluster
+from tools.faults.cluster import Cluster
 
 FILES, DONE = 8, 3
 QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100")

@@ -1,17 +1,17 @@
 """Faults of sensor, wires, supply and host on the emulated Due: it recovers, says what happened, and counts.
 
-Every run also has to add up (`Row.wrong`): by the emulator's own clock every instant is delivered, or counted
-as lost by the host, or was due after the last sample of a boot that a reset ended; and every sample is byte
-for byte what the sensor gave at that sample's time.
+Every run also has to add up (`Measured.wrong`): by the emulator's own clock every instant is delivered, or
+counted as lost by the host, or was due after the last sample of a boot that a reset ended; and every sample
+is byte for byte what the sensor gave at that sample's time.
 """
 
 from typing import NamedTuple
 
 import pytest
-from due_support import CASES, ROOT, DueRun, Row, image, with_fault
+from due_support import DUE_CASES, ROOT, DueRun, Measured, image, with_fault
 from fltea.wire import layout as wire
 
-from tools.fault_report import markdown
+from tools.faults.report import cells, line
 
 
 class Expected(NamedTuple):
@@ -72,12 +72,12 @@ EXPECTED = {
 }
 
 
-@pytest.fixture(params=[case.name for case in CASES])
-def case(request: pytest.FixtureRequest) -> tuple[Expected, DueRun, Row]:
+@pytest.fixture(params=[case.name for case in DUE_CASES])
+def case(request: pytest.FixtureRequest) -> tuple[Expected, DueRun, Measured]:
     return EXPECTED[request.param], *with_fault(request.param)
 
 
-def test_it_recovers_and_everything_adds_up(case: tuple[Expected, DueRun, Row]) -> None:
+def test_it_recovers_and_everything_adds_up(case: tuple[Expected, DueRun, Measured]) -> None:
     expected, run, row = case
     assert row.wrong is None
     assert expected.lost[0] <= row.lost <= expected.lost[1]
@@ -91,14 +91,14 @@ def test_it_recovers_and_everything_adds_up(case: tuple[Expected, DueRun, Row]) 
     assert run.hellos[-1].sensor_starts == row.status["sensor_reinits"] + 1
 
 
-def test_it_says_what_happened(case: tuple[Expected, DueRun, Row]) -> None:
+def test_it_says_what_happened(case: tuple[Expected, DueRun, Measured]) -> None:
     expected, run, row = case
     assert row.epochs == list(expected.epochs)
     assert sorted(row.faults) == sorted(expected.faults)
     assert ("device_fault" in run.troubles) == bool(expected.faults)
 
 
-def test_it_counts(case: tuple[Expected, DueRun, Row]) -> None:
+def test_it_counts(case: tuple[Expected, DueRun, Measured]) -> None:
     expected, run, row = case
     assert row.status["i2c_errors"] in expected.i2c_errors
     assert row.status["bus_recoveries"] == expected.bus_recoveries
@@ -112,7 +112,7 @@ def test_it_counts(case: tuple[Expected, DueRun, Row]) -> None:
     assert last_boot.due - row.status["overruns"] == sent - discarded
 
 
-def test_resets_have_their_cause(case: tuple[Expected, DueRun, Row]) -> None:
+def test_resets_have_their_cause(case: tuple[Expected, DueRun, Measured]) -> None:
     expected, run, row = case
     assert row.resets == list(expected.resets)
     assert row.status["reset_cause"] == (expected.resets or ("power_up",))[-1]
@@ -123,8 +123,8 @@ def test_resets_have_their_cause(case: tuple[Expected, DueRun, Row]) -> None:
 def test_every_kind_of_fault_has_a_case() -> None:
     from tools.due_emulator.faults import KINDS
 
-    assert {fault.split()[0] for case in CASES for fault in case.faults} == set(KINDS)
-    assert set(EXPECTED) == {case.name for case in CASES}
+    assert {fault.split()[0] for case in DUE_CASES for fault in case.faults} == set(KINDS)
+    assert set(EXPECTED) == {case.name for case in DUE_CASES}
 
 
 def test_details_of_faults_say_which_line_and_which_chip() -> None:
@@ -193,5 +193,6 @@ def test_a_board_that_sags_in_mid_transfer_frees_the_bus() -> None:
 
 def test_the_readme_shows_the_figures_of_the_committed_image() -> None:
     readme = (ROOT / "firmware/README.md").read_text(encoding="utf-8")
-    for line in markdown([with_fault(case.name)[1] for case in CASES]):
-        assert line in readme, "make it true again by `python -m tools.fault_report`"
+    for case in DUE_CASES:
+        row = line(cells(case.name, with_fault(case.name)[1].outcome))
+        assert row in readme, "make it true again by `make faults ARGS=board`"

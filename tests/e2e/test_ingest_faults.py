@@ -1,38 +1,40 @@
-"""Faults of the ingest as `tools.faults` plays them: each sample is delivered, or counted as lost."""
-
-from pathlib import Path
+"""Faults of the ingest as `make faults` plays them: each sample is delivered, or counted as lost."""
 
 import pytest
 from mosquitto_support import tool
 from support import ROOT
 
-from tools.faults import ingest, ingest_mqtt, ingest_server
-from tools.faults.boards import DEVICES
+from tools.faults.__main__ import PARTS
+from tools.faults.case import Case, play
+from tools.faults.ingest_scene import FIRST_MESSAGE
+from tools.faults.mqtt_boards import DEVICES
+
+CASES = {case.name: case for case in PARTS["ingest"].cases}
 
 
 @pytest.mark.slow
-def test_the_server_away_for_longer_than_a_lease(tmp_path: Path) -> None:
-    """Boards that keep what they could not send lose nothing; workers go on by themselves."""
-    tool("nats-server")
-    row = ingest_server.server_away(tmp_path)
-    assert row.wrong == []
-    assert row.uncounted == 0
-    assert {"nats_lost", "nats_back", "partition_taken"} <= set(row.told)
-    assert row.where["counted as lost"] == 0
-    assert row.where["before a sensor's second message"] == 100 * DEVICES
+@pytest.mark.parametrize(
+    ("server", "name", "reported", "lost"),
+    [
+        ("nats-server", "NATS server away for 8 s", {"nats_lost", "nats_back", "partition_taken"}, 0),
+        (
+            "mosquitto",
+            "MQTT broker killed (`kill -9`), started again at once",
+            {"broker_lost", "broker_back"},
+            None,  # what boards sent before the program was back: how much is chance
+        ),
+    ],
+)
+def test_each_sample_is_accounted_for(server: str, name: str, reported: set[str], lost: int | None) -> None:
+    """Boards that keep what they could not send lose nothing; programs go on by themselves."""
+    tool(server)
+    outcome = play(CASES[name])
+    assert (outcome.wrong, outcome.uncounted) == ([], 0)
+    assert reported <= set(outcome.reported)
+    assert lost in (None, outcome.where["counted as lost"])
+    assert outcome.where[FIRST_MESSAGE] == 100 * DEVICES
 
 
-@pytest.mark.slow
-def test_an_mqtt_broker_that_is_killed_and_started_again(tmp_path: Path) -> None:
-    """What boards sent before the program was back is counted as lost: how much is chance."""
-    tool("mosquitto")
-    row = ingest_mqtt.broker_restarted(tmp_path)
-    assert row.wrong == []
-    assert row.uncounted == 0
-    assert {"broker_lost", "broker_back"} <= set(row.told)
-    assert row.where["before a sensor's second message"] == 100 * DEVICES
-
-
-@pytest.mark.parametrize("case", ingest.CASES)
-def test_every_fault_stands_in_the_documentation(case: object) -> None:
-    assert f"`{case.__name__}`" in (ROOT / "host/docs/guide/ingest.md").read_text(encoding="utf-8")  # type: ignore[attr-defined]
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+def test_every_fault_stands_in_the_documentation(case: Case) -> None:
+    assert f"\n| {case.name} | " in (ROOT / "host/docs/guide/ingest.md").read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ sys.path.insert(0, str(ROOT))
 
 from tools.due_emulator.__main__ import IMAGE
 from tools.due_run import DueRun
-from tools.fault_report import CASES, Row, measure
+from tools.faults.board import DUE_CASES, Measured, measure
 
 NOISE = "alpha=0.5&f=-1&seed=7"
 
@@ -29,8 +29,8 @@ def half_a_minute() -> DueRun:
 
 
 @cache
-def with_fault(name: str) -> tuple[DueRun, Row]:
-    return measure(image(), next(case for case in CASES if case.name == name))
+def with_fault(name: str) -> tuple[DueRun, Measured]:
+    return measure(image(), next(case for case in DUE_CASES if case.name == name))
 
 
 def build(mode: str, folder: Path, *defines: str) -> bytes:

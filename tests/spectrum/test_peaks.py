@@ -6,13 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from filtered_noise import averaged, low_passed
-from fltea.spectrum.lines import Peak, f_log_tail, find_peaks
+from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import _above_slow_lines
-from hypothesis import given
-from hypothesis import strategies as st
 from identify_support import Array, H, ar, long_recursion, white
 
 N = 60_000
@@ -47,21 +45,6 @@ def resonance(radius: float, angle: float, n: int, seed: int) -> Array:
 
 
 # --- the tail of F ---
-
-
-@pytest.mark.parametrize("m", [1, 4, 64])
-def test_tail_by_counting(m: int) -> None:
-    rng = np.random.default_rng(m)
-    ratio = rng.gamma(m, size=100_000) / m / (rng.gamma(48, size=100_000) / 48)
-    for x in (0.8, 1.2, 1.6):
-        assert np.exp(f_log_tail(m, 48, x)) == pytest.approx((ratio > x).mean(), abs=0.006)
-    assert f_log_tail(1, 48, 3.0) == pytest.approx(-48 * np.log(1 + 3 / 48))
-    assert f_log_tail(1, 48, 1e9) == pytest.approx(-48 * np.log1p(1e9 / 48))
-
-
-@given(st.integers(1, 3000), st.sampled_from([48, 500, 6000]), st.floats(0, 50), st.floats(0, 5))
-def test_tail_falls(m: int, k: int, ratio: float, more: float) -> None:
-    assert f_log_tail(m, k, ratio + more) <= f_log_tail(m, k, ratio) + 1e-9 <= 1e-9
 
 
 # --- what is there is found ---

@@ -17,7 +17,7 @@ from typing import Any
 
 from tools.bench.bench_daemon import Usage
 from tools.bench.bench_ingest import ROOT, broker
-from tools.fault_script.program import wait_until
+from tools.faults.program import wait_until
 
 SENSORS, EVERY_S, ROUNDS = 500, 2.5, 6
 

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from tools.bench.bench_daemon import Usage
-from tools.fault_script.ports import free_port, listens
-from tools.fault_script.program import wait_until
-from tools.nats_server import Server
+from tools.faults.broker import free_port, listens
+from tools.faults.nats_server import NatsServer
+from tools.faults.program import wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 DEVICES, SECONDS = 200, 15
@@ -85,7 +85,7 @@ def through_nats(devices: int, seconds: int, kill_after_s: int | None = None) ->
         broker(Path(name)) as (mosquitto, url),
         contextlib.ExitStack() as stack,
     ):
-        server = Server(Path(name), PARTITIONS)
+        server = NatsServer(Path(name), PARTITIONS)
         stack.callback(server.kill)
         with _Programs(Path(name), WORKERS, "-s", server.url, "--mqtt", url) as programs:
             wait_until(lambda: server.is_shared_by(WORKERS), "shares")

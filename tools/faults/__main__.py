@@ -1,40 +1,54 @@
-"""Every fault of every part, played on the real programs: what was told, and where each record went.
+"""Every fault of every part, played on the real programs: what was reported, and where each record went.
 
     make faults                                 all parts, in build/faults.md: some minutes
     make faults ARGS='ingest cluster'           only these parts
     make faults ARGS='--only disk --only clock' only faults with one of these words in their names
+    make faults ARGS='daemon --long'            minutes in place of seconds, as the tables of host/*.md
     make faults ARGS=--json                     the rows as JSON on the standard output too
 
 Exit code 1: something is not accounted for, or is wrong in another way. What cannot be played on this machine
-says why: a row without records, or a part that is left out.
+says why: a row without records.
 """
 
 import argparse
 import json
 import sys
+from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
+from typing import NamedTuple
 
-from tools.fault_script.stage import Skip
-from tools.faults import board, cluster, daemon, fleet, ingest
-from tools.faults.row import HEADS, Row, markdown
+from tools.faults import (
+    board,
+    cluster,
+    daemon_line,
+    daemon_outputs,
+    daemon_program,
+    fleet,
+    ingest_mqtt,
+    ingest_server,
+    ingest_worker,
+)
+from tools.faults.case import Case, Outcome, play_all
+from tools.faults.program import Skip
+from tools.faults.report import NOT_PLAYED, cells, line, report
+
+
+class Part(NamedTuple):
+    """Faults that are played in the same way; at_once: so many at a time."""
+
+    cases: tuple[Case, ...]
+    at_once: int = 2
+
 
 PARTS = {
-    "board": board.rows,
-    "daemon": daemon.rows,
-    "fleet": fleet.rows,
-    "ingest": ingest.rows,
-    "cluster": cluster.rows,
+    "board": Part(board.CASES, at_once=1),
+    "daemon": Part((*daemon_line.CASES, *daemon_outputs.CASES, *daemon_program.CASES)),
+    "fleet": Part(fleet.CASES),
+    "ingest": Part((*ingest_worker.CASES, *ingest_server.CASES, *ingest_mqtt.CASES)),
+    "cluster": Part(cluster.CASES, at_once=1),
 }
 OUT = Path("build/faults.md")
-
-
-def report(rows: list[Row], left_out: list[str]) -> str:
-    """The table, and what it comes to."""
-    lines = [markdown(HEADS), "|---" * len(HEADS) + "|", *(markdown(row.cells) for row in rows)]
-    wrong = [row for row in rows if not row.is_right]
-    lines += ["", f"{len(rows)} faults; {len(wrong)} that are wrong or do not add up."]
-    lines += [f"Left out: {text}" for text in left_out]
-    return "\n".join(lines) + "\n"
 
 
 def main() -> int:
@@ -48,29 +62,45 @@ def main() -> int:
         "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all if none is named"
     )
     parser.add_argument("--only", action="append", default=[], metavar="WORD", help="in the fault's name")
+    parser.add_argument("--long", action="store_true", help="minutes in place of seconds, where that differs")
+    parser.add_argument("--image", type=Path, help="raw binary for the Due, for `board` (default: ours)")
     parser.add_argument("--out", type=Path, default=OUT, help=f"the report (default {OUT})")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON too")
     given = parser.parse_args()
     unknown = [part for part in given.parts if part not in PARTS]
     if unknown:
         parser.error(f"{unknown[0]}: no such part; there are {', '.join(PARTS)}")
-    rows: list[Row] = []
-    left_out: list[str] = []
-    for part in given.parts or PARTS:
-        try:
-            for row in PARTS[part](given.only):
-                rows.append(row)
-                print(markdown(row.cells), file=sys.stderr, flush=True)
-        except (Skip, ModuleNotFoundError) as why:
-            left_out.append(f"{part}: {why}")
+    rows = []
+    for row in played(given.parts or [*PARTS], given.only, short=not given.long, image=given.image):
+        rows.append(row)
+        print(line((row[0], *cells(*row[1:]))), file=sys.stderr, flush=True)
     if not rows:
-        parser.error("nothing was played: " + ("; ".join(left_out) or "no fault has such a name"))
+        parser.error(f"no fault of {', '.join(given.parts or PARTS)} has such a name")
+    text = report(rows)
     given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.write_text(report(rows, left_out), encoding="utf-8")
+    given.out.write_text(text, encoding="utf-8")
     if given.json:
-        print(json.dumps([row._asdict() | {"uncounted": row.uncounted} for row in rows], indent=2))
-    print(f"{given.out}: {report(rows, left_out).splitlines()[len(rows) + 3]}", file=sys.stderr)
-    return 0 if all(row.is_right for row in rows) else 1
+        print(json.dumps([_plain(*row) for row in rows], indent=2))
+    print(f"{given.out}: {text.splitlines()[-1]}", file=sys.stderr)
+    return 0 if all(one.is_right for _, _, one in rows) else 1
+
+
+def played(
+    parts: list[str], words: list[str], *, short: bool, image: Path | None
+) -> Iterator[tuple[str, str, Outcome]]:
+    """Part, name and outcome of those faults whose names hold one of the words; of all if there are none."""
+    for part in parts:
+        cases = [one for one in PARTS[part].cases if not words or any(word in one.name for word in words)]
+        playing = play_all(cases, at_once=PARTS[part].at_once, short=short, image=image)
+        for case in cases:
+            try:
+                yield part, case.name, playing[case.name].result()
+            except Skip as why:  # others need less
+                yield part, case.name, Outcome([], 0, {}, more=f"{NOT_PLAYED}: {why}")
+
+
+def _plain(part: str, name: str, one: Outcome) -> dict[str, object]:
+    return {"part": part, "fault": name, **asdict(one), "uncounted": one.uncounted}
 
 
 if __name__ == "__main__":

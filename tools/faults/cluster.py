@@ -1,9 +1,13 @@
 """Faults of `fltea identify --dask --out`: a worker killed in mid-file, the scheduler killed."""
 
+import asyncio
 import contextlib
 import logging
 import os
 import signal
+import subprocess
+import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,11 +24,9 @@ from fltea.identification.workers import Here, Workers
 from fltea.records.errors import FlteaError
 from fltea.settings.how import How
 
-from tools.faults.dask_stage import Cluster
-from tools.faults.played import played
-from tools.faults.row import Row
+from tools.faults.case import Case, Outcome
+from tools.faults.stage import Stage
 
-PART = "cluster"
 SAMPLES, PIECES, SMALL = 1 << 14, 4, 6
 ASK = Ask(
     Settings(IdentifyOptions(shuffles=0)),
@@ -35,12 +37,68 @@ DONE = 3
 """Files after which the scheduler is killed."""
 
 
-def worker_killed(folder: Path) -> Row:
+SCHEDULER = """
+import asyncio
+from distributed import Scheduler
+
+async def main():
+    async with Scheduler(host="127.0.0.1", port=0, dashboard=False) as scheduler:
+        print(scheduler.address, flush=True)
+        await scheduler.finished()
+
+asyncio.run(main())
+"""
+
+
+class Cluster:
+    """A Dask scheduler in a process of its own, and a worker with one thread in this one."""
+
+    def __init__(self) -> None:
+        self.scheduler = subprocess.Popen(
+            [sys.executable, "-c", SCHEDULER], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+        assert self.scheduler.stdout is not None
+        self.address = self.scheduler.stdout.readline().strip()
+        self._worker = threading.Thread(target=asyncio.run, args=(self._work(),))
+        self._worker.start()
+
+    async def _work(self) -> None:
+        from distributed import Worker
+
+        worker: Any = Worker  # it has no types
+        async with worker(self.address, nthreads=1, dashboard=False) as one:
+            await one.finished()  # ends with its scheduler
+
+    def kill(self) -> None:
+        """The scheduler, by `kill -9`."""
+        self.scheduler.kill()
+        self.scheduler.wait()
+
+    def close(self) -> None:
+        """End both."""
+        self.kill()
+        assert self.scheduler.stdout is not None
+        self.scheduler.stdout.close()
+        self._worker.join()
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Dask says at length what was done to it."""
+    logging.disable(logging.ERROR)
+    try:
+        yield
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+@_quiet()
+def worker_killed(stage: Stage) -> Outcome:
     """One of two, while a large file is summed in pieces."""
     from distributed import LocalCluster
     from fltea.identification.dask_workers import DaskWorkers
 
-    files = _make(folder)
+    files = _make(stage.folder)
     killed: list[int] = []
     start: Any = LocalCluster  # it has no types
     with warnings.catch_warnings():
@@ -56,18 +114,17 @@ def worker_killed(folder: Path) -> Row:
                     killed.append(pids[0])
                     os.kill(pids[0], signal.SIGKILL)
 
-            _identify(files, folder / "v.parquet", workers, kill_one)
+            _identify(files, stage.folder / "v.parquet", workers, kill_one)
     wrong = [] if killed else ["no worker was killed"]
-    return _row(
-        folder, "one of two workers killed (`kill -9`) in mid-file", [], "the other did its pieces too", wrong
-    )
+    return _outcome(stage.folder, [], "the other did its pieces too", wrong)
 
 
-def scheduler_killed(folder: Path) -> Row:
+@_quiet()
+def scheduler_killed(stage: Stage) -> Outcome:
     """And the same again with another one."""
     from fltea.identification.dask_workers import DaskWorkers
 
-    files, told, out = _make(folder), [], folder / "v.parquet"
+    files, reported, out = _make(stage.folder), [], stage.folder / "v.parquet"
     with contextlib.closing(Cluster()) as cluster:
 
         def kill(progress: Progress) -> None:
@@ -77,7 +134,7 @@ def scheduler_killed(folder: Path) -> Row:
         try:
             _identify(files, out, DaskWorkers(cluster.address), kill)
         except FlteaError as error:
-            told.append(str(error).removeprefix(f"--dask {cluster.address}: ").partition(",")[0])
+            reported.append(str(error).removeprefix(f"--dask {cluster.address}: ").partition(",")[0])
     first = _verdicts(out)
     with contextlib.closing(Cluster()) as cluster:
         done = _identify(files, out, DaskWorkers(cluster.address))
@@ -85,10 +142,7 @@ def scheduler_killed(folder: Path) -> Row:
         [f"{done.skipped} files were not done again, of {len(first)}"] if done.skipped != len(first) else []
     )
     more = f"{len(first)} files before, {done.done} by another scheduler"
-    return _row(folder, "scheduler killed (`kill -9`), the command given again", told, more, wrong)
-
-
-CASES = (worker_killed, scheduler_killed)
+    return _outcome(stage.folder, reported, more, wrong)
 
 
 def _make(folder: Path) -> Path:
@@ -119,7 +173,7 @@ def _verdicts(out: Path) -> dict[str, dict[str, Any]]:
     return {row["file"]: row for row in parquet.read_table(out).to_pylist()}
 
 
-def _row(folder: Path, name: str, told: list[str], more: str, wrong: list[str]) -> Row:
+def _outcome(folder: Path, reported: list[str], more: str, wrong: list[str]) -> Outcome:
     """Hold the table against one that was made without a cluster."""
     from pyarrow import parquet
 
@@ -137,13 +191,10 @@ def _row(folder: Path, name: str, told: list[str], more: str, wrong: list[str]) 
         wrong = [*wrong, f"verdicts that are others than without a cluster: {other}"]
     failed = sum(row["error"] is not None for row in found.values())
     where = {"with their verdict": len(found) - failed, "with the reason of a failure": failed}
-    return Row(PART, name, told, "files", SMALL + 1, where, more, wrong)
+    return Outcome(reported, SMALL + 1, where, "files", more, wrong=wrong)
 
 
-def rows(words: list[str]) -> Iterator[Row]:
-    """One of each case."""
-    logging.disable(logging.ERROR)  # Dask says at length what was done to it
-    try:
-        yield from played(PART, CASES, words)
-    finally:
-        logging.disable(logging.NOTSET)
+CASES = (
+    Case("one of two workers killed (`kill -9`) in mid-file", worker_killed),
+    Case("scheduler killed (`kill -9`), the command given again", scheduler_killed),
+)

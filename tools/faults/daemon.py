@@ -1,34 +1,214 @@
-"""Faults of the daemon's line, outputs and program, as `tools.fault_script` plays them."""
+"""The daemon on a board's port: what the board sent is held against all that the daemon gave out."""
 
-from collections.abc import Iterator
-from itertools import groupby
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from tools.fault_script.cases import CASES, Case, play_all
-from tools.fault_script.stage import Outcome, Skip
-from tools.faults.row import Row
+from fltea.recording.session import LINK, WIRE, Entry, LinkMessage
+from fltea.sources.mcap import find_parts, read_entries
+from msgspec import json
 
-PART = "daemon"
-AT_ONCE = 2
+from tools.faults.account import Account, Record, Sample, account, heard, shown
+from tools.faults.case import Outcome
+from tools.faults.program import Program
+from tools.faults.pty_board import LSB_PER_DPS, Board
+from tools.faults.stage import Stage
 
-
-def rows(words: list[str]) -> Iterator[Row]:
-    """One of each case, in the short form."""
-    cases = [case for case in CASES if not words or any(word in case.name for word in words)]
-    playing = play_all(cases, short=True, at_once=AT_ONCE)
-    for case in cases:
-        try:
-            yield row_of(case, playing[case.name].result())
-        except Skip as why:  # others need less
-            yield Row(PART, case.name, [], "samples", 0, {}, f"not played: {why}", [])
+RECORDING = "recording"
+UNINTERRUPTED_S = 0.45
 
 
-def row_of(case: Case, outcome: Outcome) -> Row:
-    """An outcome in the report's words."""
-    books = outcome.account
-    where = {
-        "delivered": books.delivered,
-        "counted as lost": books.lost,
-        case.rest or "unheard": books.unheard,
+def recorder(stage: Stage, board: Board, *arguments: str | Path, **how: Any) -> Program:
+    """The daemon on the board's port, and recording."""
+    source = ("--source", f"serial:{board.link}", "--record", stage.folder / RECORDING)
+    return stage.daemon(*source, *arguments, **how)
+
+
+def introduce(board: Board, program: Program, **how: int) -> None:
+    """Boot the board until the daemon has heard of it."""
+    boot_id = len(board.boots) + 1
+    board.introduce(lambda: program.process.poll() is not None or program.has_hello(boot_id), **how)
+    program.wait_for(lambda: program.has_hello(boot_id), "the first HELLO")
+
+
+def pair(stage: Stage, *arguments: str | Path, **how: Any) -> tuple[Board, Program]:
+    """A board and the recording daemon that has heard its first HELLO. how: see `Board.boot`."""
+    board = stage.board()
+    program = recorder(stage, board, *arguments)
+    introduce(board, program, **how)
+    return board, program
+
+
+def finish(board: Board, *programs: Program) -> None:
+    """Let the programs have the last sample, and end them."""
+    i, k = max(board.arrived())
+    boot = board.boots[i]
+    for program in programs:
+        program.wait_for_sample(boot.boot_id, boot.sequence + k)
+        program.end()
+
+
+def outcome(
+    stage: Stage,
+    board: Board,
+    *programs: Program,
+    others: str | None = None,
+    excuse: str = "",
+    figures: dict[str, float] | None = None,
+    wrong: Sequence[str] = (),
+    line_is_known: bool = True,
+) -> Outcome:
+    """Sum up what became of the samples, of the recording and of the estimates.
+
+    programs: those that listened to the board, one after the other. others: what other outputs lost, if that
+    is known. excuse, line_is_known: see `samples_of`.
+    """
+    samples = samples_of(board, [p.records for p in programs], excuse=excuse, line_is_known=line_is_known)
+    found = [*wrong, *samples.wrong]
+    for program in programs:
+        if program.code == 0:
+            found += check_totals(program.records)
+        elif program.code is not None and program.code > 0:
+            found.append(f"exit code {program.code}: {program.stderr[-500:]}")
+        if "Traceback" in program.stderr:
+            found.append(program.stderr[-500:])
+    if others is None:
+        others = dropped(programs[-1])
+        found += missing_in_recording(stage.folder / RECORDING, board)
+    times = sorted(ns for program in programs for ns in program.estimates_ns)
+    after = [ns for ns in times if ns >= stage.ended_ns]
+    if not after:
+        found.append("no estimates after the fault")
+    pause_s = max((b - a for a, b in pairwise(times)), default=0) * 1e-9
+    again_s = (after[0] - stage.ended_ns) * 1e-9 if after else 0.0
+    estimates = f"again after {again_s:.1f} s" if pause_s >= UNINTERRUPTED_S else "not interrupted"
+    epochs = [record["reason"] for program in programs for record in program.of("epoch")][1:]
+    return Outcome(
+        [*(kind for program in programs for kind in program.errors()), *epochs],
+        samples.due,
+        samples.where,
+        more=f"estimates {estimates}; other outputs {others}",
+        figures=figures or {},
+        wrong=found,
+    )
+
+
+def samples_of(
+    board: Board, programs: Sequence[Sequence[Record]], *, excuse: str = "", line_is_known: bool = True
+) -> Account:
+    """What became of each sampling instant of a board: all are due, and each has its number in its boot.
+
+    programs: the records of those that listened, one after the other. excuse: why no program can know of
+    samples before the first of a boot that it used, or after the last; if it is empty, there must be none.
+    line_is_known: false if somebody else took bytes from the line.
+    """
+    boots = {boot.boot_id: number for number, boot in enumerate(board.boots)}
+    due = {(i, k) for i, boot in enumerate(board.boots) for k in range(boot.due)}
+    arrived = board.arrived()
+    found, spans, wrong = [], set[Sample](), []
+    for records in programs:
+        boot_of = {r["epoch"]: boots[r["boot_id"]] for r in records if r["class"] == "epoch"}
+
+        def instant(record: Record, boot_of: dict[int, int] = boot_of) -> tuple[int, int]:
+            i = boot_of[record["epoch"]]
+            return i, (record["seq"] - board.boots[i].sequence) % (1 << 16)
+
+        for record in records:
+            if record["class"] == "sample":
+                i, k = instant(record)
+                counts = tuple(round(rate * LSB_PER_DPS) for rate in record["gyro_dps"])
+                if (i, k) in due and counts != board.boots[i].counts[k]:
+                    wrong.append(f"not what was sent: {(i, k)} {counts}")
+        one = heard(records, instant)
+        for i in set(boot_of.values()):
+            numbers = [k for boot, k in one.delivered if boot == i]
+            spans |= {(i, k) for k in range(min(numbers, default=0), max(numbers, default=-1) + 1)}
+        found.append(one)
+    delivered = {sample for one in found for sample in one.delivered}
+    checks = {
+        "delivered, but not whole on the line": delivered - arrived,
+        "whole on the line, but not delivered": (arrived & spans) - delivered if line_is_known else set(),
     }
-    told = [kind for kind, _ in groupby((*outcome.errors, *outcome.epochs))]
-    return Row(PART, case.name, told, "samples", books.due, where, outcome.others, list(outcome.wrong))
+    wrong += [f"{what}: {shown(which)}" for what, which in checks.items() if which]
+    excused = due - spans if excuse else set[Sample]()
+    sums = account(due, found, excused, excuse, once=True)
+    return sums._replace(wrong=[*wrong, *sums.wrong])
+
+
+def check_totals(records: Sequence[Record]) -> list[str]:
+    """What in a program's last `stats` is not the sum of its records."""
+    stats = [record for record in records if record["class"] == "stats"][-1]["samples"]
+    gaps = [record["missing"] for record in records if record["class"] == "gap"]
+    samples = sum(record["class"] == "sample" for record in records)
+    expected = {"delivered": samples, "lost": sum(gaps), "gaps": len(gaps), "duplicates": 0}
+    return [
+        f"stats.samples.{name} is {stats[name]}, not {value}"
+        for name, value in expected.items()
+        if stats[name] != value
+    ]
+
+
+class Recorded(NamedTuple):
+    """What a recording holds.
+
+    wire: all bytes. gaps: where the recorder missed something. steps_ns: Unix time less the recording's own
+    time, wherever it changed.
+    """
+
+    wire: bytes
+    gaps: list[LinkMessage]
+    steps_ns: list[int]
+
+
+def read_recording(folder: Path) -> Recorded:
+    """Read the wire of the one recording in a folder."""
+    wire = bytearray()
+    gaps: list[LinkMessage] = []
+    steps_ns: list[int] = []
+    for part in find_parts([folder]):
+        for entry in read_entries(part):
+            if isinstance(entry, Entry) and entry.topic == WIRE:
+                wire += entry.data
+                step_ns = entry.publish_ns - entry.log_ns
+                if not steps_ns or abs(step_ns - steps_ns[-1]) > 10**9:
+                    steps_ns.append(step_ns)
+            elif isinstance(entry, Entry) and entry.topic == LINK:
+                message = json.decode(entry.data, type=LinkMessage)
+                gaps += [message] if message.event == "gap" else []
+    return Recorded(bytes(wire), gaps, steps_ns)
+
+
+def missing_in_recording(folder: Path, board: Board) -> list[str]:
+    """What was put on the line after each introduction has to be in the recording, byte by byte.
+
+    But for the half frame with which a board may have been unplugged.
+    """
+    wire, at = read_recording(folder).wire, 0
+    for number, stream in enumerate(board.streams):
+        if board.streams[number + 1 :]:
+            stream = stream[: stream.rfind(0) + 1]
+        at = wire.find(bytes(stream), at)
+        if at < 0:
+            return [f"the recording does not hold what the board sent (plugged in {number + 1} times)"]
+        at += len(stream)
+    return []
+
+
+def dropped(program: Program, but: str = "") -> str:
+    """Which outputs lost something, as their last counts have it."""
+    outputs = program.of("stats")[-1]["outputs"]
+    lost = {name: one["dropped"] for name, one in outputs.items() if one["dropped"] and name != but}
+    return ", ".join(f"{name} lost {n}" for name, n in lost.items()) or "unaffected"
+
+
+def time_stamps_off_ms(program: Program, epoch: int) -> float:
+    """Spread of the samples' host time about a straight line in device time, within an epoch [ms]."""
+    samples = [record for record in program.of("sample") if record["epoch"] == epoch]
+    delays = [record["host_ns"] - record["device_us"] * 1000 for record in samples]
+    return float(max(delays) - min(delays)) * 1e-6
+
+
+def bad_frames(program: Program) -> int:
+    """Frames that did not pass its checks."""
+    return sum(program.of("stats")[-1]["link"]["bad_frames"].values())

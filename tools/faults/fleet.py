@@ -1,26 +1,225 @@
-"""Faults of a fleet of daemons and its page, as `tools.fleet_faults` plays them."""
+"""Faults of a fleet of daemons and its program: its broker, its network, its disk, its clock, its sensors."""
 
-from collections.abc import Callable, Iterator
-from functools import update_wrapper
+import contextlib
+import sqlite3
+import time
+from functools import partial
 from pathlib import Path
 
-from tools import fleet_faults
-from tools.faults.fleet_stage import Outcome
-from tools.faults.played import played
-from tools.faults.row import Row
+from tools.faults.case import Case, Outcome
+from tools.faults.fleet_scene import AXES, SENSORS, FleetScene
+from tools.faults.stage import Stage
 
-PART = "fleet"
-
-
-def rows(words: list[str]) -> Iterator[Row]:
-    """One of each case."""
-    return played(PART, map(_case, fleet_faults.CASES), words, at_once=2)
+DAY_NS = 86_400 * 10**9
+SHORT_SPLIT_S, LONG_SPLIT_S = 2.0, 60.0
+FIT_EVERY_S = 10.0
 
 
-def _case(case: Callable[[Path], Outcome]) -> Callable[[Path], Row]:
-    def play(folder: Path) -> Row:
-        one = case(folder)
-        return Row(PART, one.name, one.told, one.of, one.due, one.where, one.account, one.wrong)
+def broker_killed(stage: Stage) -> Outcome:
+    """`kill -9`, and started again."""
+    scene = FleetScene(stage)
+    scene.publish(2)
+    scene.until_up_to_date()
+    time.sleep(1.5)  # it saves once a second
+    scene.broker.kill()
+    scene.until(lambda: not scene.is_connected(), "the loss")
+    scene.broker.start()
+    scene.until(scene.is_connected, "the connection")
+    scene.publish(2)
+    scene.until_up_to_date()
+    missed = scene.fits - scene.summary()["fits"]
+    return scene.outcome(
+        f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
+        (missed > 0, f"{missed} fits missed"),
+        (scene.summary()["outages"] != 1, "outages"),
+    )
 
-    update_wrapper(play, case)
-    return play
+
+def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
+    """The broker stands still, and so do all lines to it. lasts: long enough for the fleet to report it."""
+    scene = FleetScene(stage)
+    scene.publish(1)
+    scene.until_up_to_date()
+    scene.broker.pause()
+    end_s = time.monotonic() + seconds
+    while (left_s := end_s - time.monotonic()) > 0:
+        scene.send()
+        time.sleep(min(FIT_EVERY_S, left_s))
+    reported = scene.kinds()
+    scene.broker.go_on()
+    scene.until_acknowledged()
+    scene.until(scene.is_connected, "the connection")
+    return _after_split(
+        scene,
+        (("broker_lost" in reported) != lasts, f"reported meanwhile: {reported}"),
+        (scene.summary()["outages"] != int(lasts), "outages"),
+    )
+
+
+def cut_off(stage: Stage) -> Outcome:
+    """Of all that speak to the broker the fleet alone is cut off, until it has reported it.
+
+    That is after one to two keepalives of 15 s.
+    """
+    scene = FleetScene(stage, behind_line=True)
+    scene.publish(1)
+    scene.until_up_to_date()
+    scene.line.cut()
+    scene.publish(1)
+    scene.until(lambda: "broker_lost" in scene.kinds(), "word of it")
+    scene.publish(2)
+    scene.line.heal()
+    scene.until(scene.is_connected, "the connection")
+    return _after_split(scene, (scene.kinds() != ["broker_lost"], "reported"))
+
+
+def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
+    """What was held up has to come, or the newest fit, which the broker retains."""
+    scene.until_up_to_date()
+    found = scene.summary()
+    replaced, outages = scene.fits - found["fits"], found["outages"]
+    return scene.outcome(
+        f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
+        *wrong,
+        (("the broker is back." in scene.fleet.stderr) != bool(outages), "its return"),
+        (replaced < 0 or (replaced > 0 and not outages), f"{found['fits']} of {scene.fits} fits"),
+        where={"taken": found["fits"], "replaced by a newer one meanwhile": replaced},
+    )
+
+
+def disk_full(stage: Stage) -> Outcome:
+    """The history's disk, and room again."""
+    disk = stage.disk("disk")
+    history = disk.folder / "fleet.db"
+    scene = FleetScene(stage, "--history", history, "--history-every", "1ms", disk=disk)
+    disk.attach(scene.fleet.process.pid)
+    scene.publish(1)
+    scene.until_up_to_date()
+    disk.fill()
+    scene.publish(1)
+    scene.until(lambda: scene.kinds() == ["disk_full"], "word of it")
+    scene.until_up_to_date()
+    disk.free()
+    scene.publish(1)
+    scene.until_up_to_date()
+    scene.until(lambda: scene.kinds() == ["disk_full", "history_back"], "room")
+    due = scene.fits * AXES
+    scene.until(lambda: scene.kept() + scene.summary()["history"]["lost"] >= due, "rows")
+    where = {"kept": scene.kept(), "counted as lost": scene.summary()["history"]["lost"]}
+    return scene.outcome("", of="rows of history", due=due, where=where)
+
+
+def _rows(path: Path) -> int:
+    with contextlib.closing(sqlite3.connect(path, timeout=5)) as database:
+        return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])
+
+
+def fleet_killed(stage: Stage) -> Outcome:
+    """`kill -9` while it writes its history, and started again."""
+    history = stage.folder / "fleet.db"
+    scene = FleetScene(stage, "--history", history, "--history-every", "1ms")
+    scene.publish(3)
+    scene.until_up_to_date()
+    scene.until(lambda: _rows(history) > 0, "rows")
+    before = scene.summary()["fits"]
+    scene.fleet.kill()
+    scene.publish(2)
+    rows = _rows(history)
+    scene.start_fleet()
+    scene.until_up_to_date()
+    return scene.outcome(
+        f"the newest fit of all {SENSORS * AXES} axes from the broker; {rows} rows in whole fits",
+        (rows % AXES != 0, f"{rows} rows are no whole fits"),
+        where={
+            "taken before": before,
+            "replaced by a newer one meanwhile": SENSORS,
+            "taken afterwards": scene.summary()["fits"],
+        },
+    )
+
+
+def clock_jumps(stage: Stage) -> Outcome:
+    """The wall clock two days forward, and back."""
+    history = stage.folder / "fleet.db"
+    scene = FleetScene(stage, "--history", history, "--history-every", "1ms", "--keep", "1h")
+    scene.publish(1)
+    scene.until(lambda: _rows(history) == SENSORS * AXES, "rows")
+    for ahead_ns in (2 * DAY_NS, 0):
+        stage.set_clock(ahead_ns)
+        scene.publish(1)
+        scene.until_up_to_date()
+    scene.until(lambda: _rows(history) == 3 * SENSORS * AXES, "rows")
+    found = scene.summary()["history"]
+    return scene.outcome(
+        f"{found['clock_jumps']} jumps counted, no row pruned, no sensor silent",
+        (found["clock_jumps"] != 2, f"{found['clock_jumps']} jumps"),
+        (found["pruned"] != 0, f"{found['pruned']} rows pruned"),
+        (scene.summary()["states"] != {"online": SENSORS}, "states"),
+    )
+
+
+def twins(stage: Stage) -> Outcome:
+    """Two programs publish under one name."""
+    scene = FleetScene(stage)
+    one = scene.sensors[7]
+    for turn in range(5):
+        for seq in (100 + turn, 90_000 + turn):
+            scene.publisher.send(one.device_id, "fit", str(seq).encode().join(one.fit))
+            scene.fits += 1
+    scene.until(lambda: scene.summary()["fits"] == scene.fits, "the fits")
+    scene.until(lambda: scene.summary()["alert_count"] == 1, "the alert")
+    (alert,) = scene.summary()["alerts"]
+    return scene.outcome(
+        f"alert `{alert['kind']}` of that one alone",
+        ((alert["kind"], alert["device_id"]) != ("twins", one.device_id), str(alert)),
+    )
+
+
+def flood(stage: Stage) -> Outcome:
+    """10,000 messages, each of another device."""
+    sent, most = 10_000, 500
+    scene = FleetScene(stage, "--max-sensors", str(most))
+    scene.publish(1)
+    scene.until_up_to_date()
+    earlier = _all_messages(scene)
+    for number in range(sent):
+        scene.publisher.send(f"made-up-{number}", "status", scene.sensors[0].status, retain=False)
+    scene.until_acknowledged()
+    scene.until(lambda: scene.summary()["refused"] > 0, "the flood")
+    dropped = sent - (_all_messages(scene) - earlier)
+    found = scene.summary()
+    where = {
+        "refused": found["refused"],
+        "waiting for a second message": found["candidates"],
+        "dropped by the broker": dropped,
+    }
+    return scene.outcome(
+        "",
+        (found["sensors"] != SENSORS, f"{found['sensors']} sensors"),
+        (found["candidates"] > most, f"{found['candidates']} wait for a second message"),
+        (not found["refused_names"], "names"),
+        of="status",
+        due=sent,
+        where=where,
+    )
+
+
+def _all_messages(scene: FleetScene) -> int:
+    """How many the fleet has heard, once no more come."""
+    before = -1
+    while before != (before := scene.summary()["messages"]):
+        time.sleep(0.5)
+    return before
+
+
+CASES = (
+    Case("broker killed (`kill -9`) and started again", broker_killed),
+    Case(f"network split for {SHORT_SPLIT_S:g} s", partial(split, seconds=SHORT_SPLIT_S, lasts=False)),
+    Case(f"network split for {LONG_SPLIT_S:g} s", partial(split, seconds=LONG_SPLIT_S, lasts=True)),
+    Case("the fleet cut off from the broker until it reports it", cut_off),
+    Case("history's disk full, later room again", disk_full),
+    Case("the fleet's program killed (`kill -9`) and started again", fleet_killed),
+    Case("clock set two days forward, and back", clock_jumps),
+    Case("two devices with one id", twins),
+    Case("10,000 messages, a new device each", flood),
+)

@@ -1,106 +1,86 @@
 """Faults of the NATS server that two workers share: killed, away, its store full, its disk full."""
 
-import contextlib
 import time
-from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 
-from tools.faults.nats_stage import PARTITIONS, Stage
-from tools.faults.row import Row
-from tools.faults.sample_books import row
-from tools.faults.small_server import SmallServer
+from tools.faults.case import Case, Outcome
+from tools.faults.ingest_scene import PARTITIONS, NatsScene, outcome, until_all_again
+from tools.faults.nats_server import NatsServer
+from tools.faults.program import Skip
+from tools.faults.small_disk import SmallDisk
+from tools.faults.stage import Stage
 
 AWAY_S = 8.0
 """Longer than a lease."""
 
+DISK, STORE = "160m", "96MB"
+"""The server's limit is less than the disk, and has room for what workers ask for."""
+
 SERVER_AWAY = f"NATS server away for {AWAY_S:g} s"
 STORE_FULL = f"NATS server's store at its limit for {AWAY_S:g} s"
+QOS_0 = ", boards send with QoS 0"
 
 
-def server_restarted(folder: Path) -> Row:
-    """Killed, and started at once."""
-    return _server_killed(folder, 0.0, "NATS server killed (`kill -9`), started again at once")
+def server_killed(stage: Stage, *, away_s: float, qos: int = 1) -> Outcome:
+    """The server is killed, and started again after some seconds. qos: 0 if boards keep nothing."""
+    scene = NatsScene(stage, qos)
+    scene.server.kill()
+    time.sleep(away_s)
+    scene.server.start()
+    return _outcome_when_back(scene)
 
 
-def server_away(folder: Path) -> Row:
-    """Killed, and started after longer than a lease."""
-    return _server_killed(folder, AWAY_S, SERVER_AWAY)
-
-
-def server_away_boards_keep_nothing(folder: Path) -> Row:
-    """The same with boards that publish once and forget (QoS 0)."""
-    return _server_killed(folder, AWAY_S, f"{SERVER_AWAY}, boards send with QoS 0", qos=0)
-
-
-def store_full(folder: Path) -> Row:
+def store_full(stage: Stage, *, qos: int = 1) -> Outcome:
     """A stream of somebody else fills the server's store up to its limit; it is deleted."""
-    return _full(folder, STORE_FULL, SmallServer.fill_store, SmallServer.empty_store)
+    server, _ = _server_on_small_disk(stage)
+    scene = NatsScene(stage, qos, server)
+    server.fill_store()
+    _wait_until_lost(scene)
+    server.empty_store()
+    return _outcome_when_back(scene)
 
 
-def store_full_boards_keep_nothing(folder: Path) -> Row:
-    """The same with boards that publish once and forget (QoS 0)."""
-    name = f"{STORE_FULL}, boards send with QoS 0"
-    return _full(folder, name, SmallServer.fill_store, SmallServer.empty_store, qos=0)
-
-
-def disk_full(folder: Path) -> Row:
+def disk_full(stage: Stage) -> Outcome:
     """Files of somebody else fill the server's disk; they are deleted, and the server is started again."""
-
-    def room(server: SmallServer) -> None:
-        server.disk.free()
-        server.kill()
-        server.start()
-
-    return _full(
-        folder,
-        f"NATS server's disk full for {AWAY_S:g} s; room again, and the server started again",
-        lambda server: server.disk.fill(),
-        room,
-    )
+    server, disk = _server_on_small_disk(stage)
+    scene = NatsScene(stage, server=server)
+    disk.fill()
+    _wait_until_lost(scene)
+    disk.free()
+    server.kill()
+    server.start()
+    return _outcome_when_back(scene)
 
 
-def _server_killed(folder: Path, away_s: float, name: str, qos: int = 1) -> Row:
-    with contextlib.closing(Stage(folder, qos)) as stage:
-        stage.server.kill()
-        time.sleep(away_s)
-        stage.server.start()
-        return _row_when_back(stage, name)
+def _server_on_small_disk(stage: Stage) -> tuple[NatsServer, SmallDisk]:
+    """A server that may be killed and started again; the disk stays."""
+    disk = stage.disk("js", size=DISK)
+    if not disk.is_mounted:
+        raise Skip("no small disk can be made here (unshare, mount)")
+    return NatsServer(stage.folder, PARTITIONS, store=STORE, before=disk.hold()), disk
 
 
-def _full(
-    folder: Path,
-    name: str,
-    fill: Callable[[SmallServer], None],
-    free: Callable[[SmallServer], None],
-    qos: int = 1,
-) -> Row:
-    with (
-        contextlib.closing(SmallServer(folder, PARTITIONS)) as server,
-        contextlib.closing(Stage(folder, qos, server)) as stage,
-    ):
-        fill(server)
-        stage.until(lambda: all("nats_lost" in worker.errors() for worker in stage.workers), "word of it")
-        time.sleep(AWAY_S)
-        free(server)
-        return _row_when_back(stage, name)
+def _wait_until_lost(scene: NatsScene) -> None:
+    """Until all workers have reported it, and for some seconds more."""
+    for worker in scene.workers:
+        worker.wait_for(lambda worker=worker: "nats_lost" in worker.errors(), "word of it")  # type: ignore[misc]
+    time.sleep(AWAY_S)
 
 
-def _row_when_back(stage: Stage, name: str) -> Row:
+def _outcome_when_back(scene: NatsScene) -> Outcome:
     back_s = time.monotonic()
-    stage.until_all_again()
+    until_all_again(scene.boards, scene.workers)
     again_s = time.monotonic() - back_s
-    told = max(worker.errors().count("nats_lost") for worker in stage.workers)
-    more = (
-        f"samples of all sensors again {again_s:.0f} s after it was back; `nats_lost` {told} times a worker"
-    )
-    return row(name, stage.boards, stage.workers, more)
+    reported = max(worker.errors().count("nats_lost") for worker in scene.workers)
+    more = f"samples of all sensors again {again_s:.0f} s after it was back"
+    return outcome(scene.boards, scene.workers, f"{more}; `nats_lost` {reported} times a worker")
 
 
 CASES = (
-    server_restarted,
-    server_away,
-    server_away_boards_keep_nothing,
-    store_full,
-    store_full_boards_keep_nothing,
-    disk_full,
+    Case("NATS server killed (`kill -9`), started again at once", partial(server_killed, away_s=0.0)),
+    Case(SERVER_AWAY, partial(server_killed, away_s=AWAY_S)),
+    Case(SERVER_AWAY + QOS_0, partial(server_killed, away_s=AWAY_S, qos=0)),
+    Case(STORE_FULL, store_full),
+    Case(STORE_FULL + QOS_0, partial(store_full, qos=0)),
+    Case(f"NATS server's disk full for {AWAY_S:g} s; room again, and the server started again", disk_full),
 )

@@ -11,10 +11,13 @@ Student's t.
 
 import math
 from collections.abc import Sequence
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fltea.noise.distributions import student_quantile, student_tail
 
 FEWEST = 8
 """Sensors of a kind; with fewer nobody knows what is usual."""
@@ -26,8 +29,11 @@ Records grow, so that the looks of a day are as good as some tens of independent
 tenth of healthy fleets of 60 sensors raised an alert within their first day, with this none of 160 did.
 """
 
-MIDDLE = 0.6744897501960817
+MIDDLE = NormalDist().inv_cdf(0.75)
 """Median of |x| of a standard normal x."""
+
+NORMAL_95 = NormalDist().inv_cdf(0.975)
+"""Half of an interval of 95 % of a standard normal variable."""
 
 EFFICIENCY = 0.3
 """Degrees of freedom of τ for each sensor: a median absolute deviation is worth 0.37 of them (Rousseeuw
@@ -63,7 +69,7 @@ def judge(
     n = len(value)
     if n < FEWEST:
         return None, []
-    std = np.maximum(high - low, 1e-300) / (2 * 1.959963984540054)
+    std = np.maximum(high - low, 1e-300) / (2 * NORMAL_95)
     middle, spread = _usual(value, std)
     # An interval may be too narrow by chance, as where a likelihood has two maxima and it holds the wrong one
     # alone: of 150 fits of one fractional noise one has an order 20 of its own deviations away.
@@ -111,53 +117,6 @@ def _weighted_median(value: Floats, weight: Floats) -> float:
     first = min(int(np.searchsorted(below, half * (1 - 1e-9))), len(value) - 1)
     last = min(int(np.searchsorted(below, half * (1 + 1e-9))), len(value) - 1)
     return float(value[first] + value[last]) / 2
-
-
-def student_tail(t: float, degrees: float) -> float:
-    """Two-sided probability of Student's t, by the regularised incomplete beta function."""
-    x = degrees / (degrees + t * t)
-    return _incomplete_beta(degrees / 2, 0.5, x)
-
-
-def student_quantile(p: float, degrees: float) -> float:
-    """The t that a share p of Student's distribution is below; p above 0.5."""
-    least, most = 0.0, 1.0
-    while student_tail(most, degrees) / 2 > 1 - p:
-        most *= 2
-        if most > 1e12:
-            return most
-    for _ in range(80):
-        middle = (least + most) / 2
-        if student_tail(middle, degrees) / 2 > 1 - p:
-            least = middle
-        else:
-            most = middle
-    return most
-
-
-def _incomplete_beta(a: float, b: float, x: float) -> float:
-    """I_x(a, b) by its continued fraction (DLMF 8.17.22), evaluated from its front (Lentz)."""
-    if x <= 0 or x >= 1:
-        return float(x >= 1)
-    if x > (a + 1) / (a + b + 2):
-        return 1 - _incomplete_beta(b, a, 1 - x)
-    front = math.exp(
-        math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b) + a * math.log(x) + b * math.log1p(-x)
-    )
-    tiny = 1e-300
-    c, d = 1.0, 1 / max(1 - (a + b) * x / (a + 1), tiny)
-    total = d
-    for m in range(1, 300):
-        for term in (
-            m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m)),
-            -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1)),
-        ):
-            d = 1 / (1 + term * d or tiny)
-            c = 1 + term / c or tiny
-            total *= c * d
-        if abs(c * d - 1) < 1e-14:
-            break
-    return front * total / a
 
 
 def comparisons_of(counts: Sequence[int]) -> int:

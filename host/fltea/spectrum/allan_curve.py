@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.noise.distributions import chi2_quantile
 from fltea.spectrum.allan_coefficients import Coefficient, Points, coefficients
 from fltea.spectrum.allan_dof import degrees_of_freedom
-from fltea.spectrum.chi_square import quantile
 
 Array = NDArray[np.float64]
 
@@ -93,8 +93,8 @@ def points(
     # to the blue has more degrees of freedom than white, so white is on the safe side.
     degrees = dof(np.clip(np.rint(-1 - 2 * slope), -2, 0).astype(np.int64))
     outside = (1 - CONFIDENCE) / 2
-    low = deviation * np.sqrt(degrees / quantile(1 - outside, degrees))
-    high = deviation * np.sqrt(degrees / quantile(outside, degrees))
+    low = deviation * np.sqrt(degrees / chi2_quantile(1 - outside, degrees))
+    high = deviation * np.sqrt(degrees / chi2_quantile(outside, degrees))
     return Points(tau, deviation, low, high, degrees, slope)
 
 

@@ -1,13 +1,12 @@
 """Drift: power below the lowest frequency of which a record has some periods; it is not fitted (pure)."""
 
-import math
 from collections.abc import Callable
-from statistics import NormalDist
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.noise.distributions import chi2_tail
 from fltea.spectrum.octaves import Drift
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
 
@@ -64,15 +63,10 @@ def slow_power(
     if cubic is not None:
         wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz  # many samples have a cubic only
         offset = cubic.power / float(model(np.array([wave]))[0])
-        offset_p = _tail(offset, cubic.amplitudes)
+        offset_p = chi2_tail(offset * cubic.amplitudes, cubic.amplitudes)
     if slow is None:
         return SlowPower(below_hz, offset=offset, offset_p=offset_p)
     weight = np.ones_like(slow.lam) if slow.weight is None else slow.weight
     ratio = float(np.average(slow.power / model(slow.lam), weights=weight))
-    return SlowPower(below_hz, ratio, _tail(ratio, 2 * float(weight.sum())), offset, offset_p)
-
-
-def _tail(ratio: float, degrees: float) -> float:
-    """Return how often chi-squared over its degrees exceeds ratio, by Wilson and Hilferty's cube root."""
-    spread = 2 / (9 * degrees)
-    return NormalDist().cdf(-(ratio ** (1 / 3) - 1 + spread) / math.sqrt(spread))
+    degrees = 2 * float(weight.sum())
+    return SlowPower(below_hz, ratio, chi2_tail(ratio * degrees, degrees), offset, offset_p)

@@ -9,6 +9,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.noise.distributions import chi2_tail
+
 Array = NDArray[np.float64]
 
 LAGS = 20
@@ -82,12 +84,3 @@ def describes(samples: int, ljung_box: float) -> bool:
     Where they are not, neither its α and f nor their deviations say anything of the noise.
     """
     return chi2_tail(ljung_box, LAGS) > COLOURED_P or math.sqrt(ljung_box / samples) <= COLOURED
-
-
-def chi2_tail(x: float, degrees: int) -> float:
-    """Return the probability that χ² with an even number of degrees exceeds x."""
-    term = total = math.exp(-min(x, 1400.0) / 2)
-    for i in range(1, degrees // 2):
-        term *= x / 2 / i
-        total += term
-    return min(total, 1.0)

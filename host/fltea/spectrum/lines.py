@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.noise.distributions import f_log_tail
 from fltea.spectrum.periodogram import AT_ONCE, Periodogram
 from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
 
@@ -130,7 +131,7 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
                 top = float(ratio[i]), int(at[i]), float(level[i])
         highest, place, around = top
         tried = len(range(first, last, step))
-        log_p = f_log_tail(width, flank, highest) + math.log(len(widths) * tried)
+        log_p = f_log_tail(highest, 2 * width, 2 * flank) + math.log(len(widths) * tried)
         # Of stretches that pass the likeliest is taken, as if the level were known: probabilities would
         # favour the wide ones, whose flanks are longer.
         gain = width * (highest - 1 - math.log(highest)) if highest > 0 else -math.inf
@@ -168,7 +169,8 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
             continue
         # Each of them by itself: a short one is low by luck more often.
         log_p = max(
-            f_log_tail(width, b - a, mean / level) for (a, b), level in zip(flanks, levels, strict=True)
+            f_log_tail(mean / level, 2 * width, 2 * (b - a))
+            for (a, b), level in zip(flanks, levels, strict=True)
         )
         if log_p + math.log(len(tries)) < math.log(false_alarm):
             best = gain, at, at + width, max(levels)
@@ -227,18 +229,3 @@ def _in_few_ordinates(excess: Array, top: int) -> bool:
     half = LINE_ORDINATES // 2
     near = float(excess[max(top - half, 0) : top + half + 1].sum())
     return near > IN_A_LINE * float(excess.sum())
-
-
-def f_log_tail(m: int, k: int, ratio: float) -> float:
-    """Return the log probability that the mean of m exponentials exceeds `ratio` times that of k others.
-
-    That is F with 2m and 2k degrees; here it is a finite sum.
-    """
-    if ratio <= 0:
-        return 0.0
-    share = m * ratio / (m * ratio + k)
-    # Negative binomial: fewer than m arrivals of the one kind before k of the other, in logarithms.
-    i = np.arange(1, m)
-    terms = np.concatenate([[0.0], np.cumsum(np.log((k + i - 1) / i) + math.log(share))])
-    top = float(terms.max())
-    return min(k * math.log1p(-share) + top + math.log(float(np.exp(terms - top).sum())), 0.0)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.spectrum.f_tail import f_deviate
+from fltea.noise.distributions import f_deviate
 from fltea.spectrum.lines import (
     FALSE_ALARM,
     FLANK,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.f_tail import f_deviate
+from fltea.noise.distributions import f_deviate
 from fltea.spectrum.periodogram import Binned
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.spectrum.f_tail import f_deviate
+from fltea.noise.distributions import f_deviate
 from fltea.spectrum.octaves import BandCells
 
 Array = NDArray[np.float64]

@@ -9,27 +9,30 @@ import threading
 import time
 from pathlib import Path
 
-from tools.fault_script.board import RATE_HZ, Board, Damage
-from tools.fault_script.program import SHIM, Program
-from tools.fault_script.stage import Outcome, Stage, dropped, introduce, time_stamps_off_ms
+from tools.faults import daemon
+from tools.faults.case import Case, Outcome
+from tools.faults.program import Program
+from tools.faults.pty_board import RATE_HZ, Board, Damage
+from tools.faults.stage import Stage
 
 BEFORE = AFTER = 150
+CUT = "the half frame"
 MODEM = b"AT\r"
 DUE = "USB VID:PID=2341:003D SER=75230303 LOCATION=1-1"
 
 
 def replug(stage: Stage) -> Outcome:
     """The link, as udev makes it, points to another port afterwards."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         _unplug_in_mid_frame(board, program)
         program.wait_for(lambda: "no_port" in program.errors(), "the loss")
         board.plug()
-    introduce(board, program)
+    daemon.introduce(board, program)
     board.send(AFTER)
-    stage.finish(board, program)
-    return stage.outcome(board, program)
+    daemon.finish(board, program)
+    return daemon.outcome(stage, board, program, excuse=CUT)
 
 
 def replug_found_by_usb_id(stage: Stage) -> Outcome:
@@ -43,10 +46,8 @@ def replug_found_by_usb_id(stage: Stage) -> Outcome:
         part.replace(ports)
 
     show(board.port)
-    program = stage.program(
-        "--record", stage.folder / "recording", module=SHIM, environment={"FLTEA_SHIM_PORTS": str(ports)}
-    )
-    introduce(board, program)
+    program = stage.daemon("--record", stage.folder / daemon.RECORDING, ports=ports)
+    daemon.introduce(board, program)
     board.send(BEFORE)
     first = board.port
     with stage.fault():
@@ -55,29 +56,30 @@ def replug_found_by_usb_id(stage: Stage) -> Outcome:
         program.wait_for(lambda: "no_port" in program.errors(), "the loss")
         board.plug()
         show(board.port)
-    introduce(board, program)
+    daemon.introduce(board, program)
     board.send(AFTER)
     same = [f"the port is {first} again"] if board.port == first else []
-    stage.finish(board, program)
-    return stage.outcome(board, program, wrong=same)
+    daemon.finish(board, program)
+    return daemon.outcome(stage, board, program, excuse=CUT, wrong=same)
 
 
 def reset_in_mid_frame(stage: Stage) -> Outcome:
     """Half a frame, then the boot's 0x00 and HELLO."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         board.begin_frame()
         board.boot()
     board.send(AFTER)
-    stage.finish(board, program)
-    bad = sum(program.of("stats")[-1]["link"]["bad_frames"].values())
-    return stage.outcome(board, program, figures={"bad frames": bad})
+    daemon.finish(board, program)
+    return daemon.outcome(
+        stage, board, program, excuse=CUT, figures={"bad frames": daemon.bad_frames(program)}
+    )
 
 
 def modem_manager_writes(stage: Stage) -> Outcome:
     """Another program opens the port and writes; the board does not listen, the line has no echo."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         for _ in range(3):
@@ -85,13 +87,13 @@ def modem_manager_writes(stage: Stage) -> Outcome:
             board.send(10)
     board.send(AFTER)
     wrong = [] if (heard := board.heard()) == 3 * MODEM else [f"the board heard {heard!r}"]
-    stage.finish(board, program)
-    return stage.outcome(board, program, wrong=wrong)
+    daemon.finish(board, program)
+    return daemon.outcome(stage, board, program, wrong=wrong)
 
 
 def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
     """As a board or an adapter with echo would send them back: between frames, and inside one."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         board.inject(MODEM)
@@ -100,14 +102,13 @@ def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
         board.send(10)
         board.inject(MODEM * 100)
     board.send(AFTER)
-    stage.finish(board, program)
-    bad = sum(program.of("stats")[-1]["link"]["bad_frames"].values())
-    return stage.outcome(board, program, figures={"bad frames": bad})
+    daemon.finish(board, program)
+    return daemon.outcome(stage, board, program, figures={"bad frames": daemon.bad_frames(program)})
 
 
 def another_reader(stage: Stage) -> Outcome:
     """Another program reads the port too, as ModemManager does for some seconds: it takes what it gets."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     thief = os.open(board.link, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
     stop = threading.Event()
@@ -129,9 +130,11 @@ def another_reader(stage: Stage) -> Outcome:
         thread.join()
         os.close(thief)
     board.send(AFTER)
-    stage.finish(board, program)
+    daemon.finish(board, program)
     figures = {"bytes taken": stolen}
-    return stage.outcome(board, program, others=dropped(program), line_is_known=False, figures=figures)
+    return daemon.outcome(
+        stage, board, program, others=daemon.dropped(program), line_is_known=False, figures=figures
+    )
 
 
 def flipped_frames(stage: Stage) -> Outcome:
@@ -157,33 +160,33 @@ def flipped_bytes(stage: Stage) -> Outcome:
 
 def stall_of_the_line(stage: Stage) -> Outcome:
     """Half a second of frames comes late and at once."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         board.stall(RATE_HZ // 2)
     board.send(AFTER)
-    stage.finish(board, program)
-    off_ms = time_stamps_off_ms(program, 1)
-    return stage.outcome(board, program, figures={"time stamps off [ms]": off_ms})
+    daemon.finish(board, program)
+    off_ms = daemon.time_stamps_off_ms(program, 1)
+    return daemon.outcome(stage, board, program, figures={"time stamps off [ms]": off_ms})
 
 
 def stall_of_the_program(stage: Stage) -> Outcome:
     """The machine is busy, or asleep: the daemon does not run for half a second."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         program.process.send_signal(signal.SIGSTOP)
         board.send(RATE_HZ // 2)
         program.process.send_signal(signal.SIGCONT)
     board.send(AFTER)
-    stage.finish(board, program)
-    off_ms = time_stamps_off_ms(program, 1)
-    return stage.outcome(board, program, figures={"time stamps off [ms]": off_ms})
+    daemon.finish(board, program)
+    off_ms = daemon.time_stamps_off_ms(program, 1)
+    return daemon.outcome(stage, board, program, figures={"time stamps off [ms]": off_ms})
 
 
 def long_stall_of_the_program(stage: Stage) -> Outcome:
     """For longer than the line can hold: the board drops whole frames, and the daemon sees the gap."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         program.process.send_signal(signal.SIGSTOP)
@@ -191,40 +194,43 @@ def long_stall_of_the_program(stage: Stage) -> Outcome:
         board.send(200)
         program.process.send_signal(signal.SIGCONT)
     board.send(AFTER)
-    stage.finish(board, program)
+    daemon.finish(board, program)
     figures = {"frames dropped by the board": board.dropped}
-    return stage.outcome(board, program, others=dropped(program), figures=figures)
+    return daemon.outcome(stage, board, program, others=daemon.dropped(program), figures=figures)
 
 
 def wraps(stage: Stage) -> Outcome:
     """Sequence at 65536 and device time at 2^32 us, and twenty samples lost across each."""
-    board, program = stage.pair(sequence=(1 << 16) - 110, device_us=(1 << 32) - 2_100_000)
+    board, program = daemon.pair(stage, sequence=(1 << 16) - 110, device_us=(1 << 32) - 2_100_000)
     board.send(100)
     with stage.fault():
         board.lose(20)
         board.send(80)
         board.lose(20)
     board.send(AFTER)
-    stage.finish(board, program)
+    daemon.finish(board, program)
     samples = program.of("sample")
     wrong = [] if samples[-1]["seq"] > 1 << 16 and samples[-1]["device_us"] > 1 << 32 else ["did not wrap"]
-    return stage.outcome(board, program, wrong=wrong)
+    return daemon.outcome(stage, board, program, wrong=wrong)
 
 
 def wrong_version(stage: Stage) -> Outcome:
     """The board comes back with firmware of another protocol, then with the right one."""
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         board.boot(protocol_major=9)
         board.send(120)
         board.boot()
     board.send(AFTER)
-    stage.finish(board, program)
+    daemon.finish(board, program)
     refused = program.of("stats")[-1]["link"]["refused"]
     sent = board.boots[1].frames
     wrong = [] if refused == sent else [f"link.refused is {refused}, but {sent} frames were sent"]
-    return stage.outcome(board, program, figures={"frames refused": refused}, wrong=wrong)
+    figures = {"frames refused": refused}
+    return daemon.outcome(
+        stage, board, program, excuse="those of that firmware", figures=figures, wrong=wrong
+    )
 
 
 def _unplug_in_mid_frame(board: Board, program: Program) -> None:
@@ -234,14 +240,13 @@ def _unplug_in_mid_frame(board: Board, program: Program) -> None:
 
 
 def _damaged(stage: Stage, damage: Damage) -> Outcome:
-    board, program = stage.pair()
+    board, program = daemon.pair(stage)
     board.send(BEFORE)
     with stage.fault():
         board.send(300 if stage.short else 3000, damage)
     board.send(AFTER)
-    stage.finish(board, program)
-    bad = sum(program.of("stats")[-1]["link"]["bad_frames"].values())
-    return stage.outcome(board, program, figures={"bad frames": bad})
+    daemon.finish(board, program)
+    return daemon.outcome(stage, board, program, figures={"bad frames": daemon.bad_frames(program)})
 
 
 def _flip(data: bytes, rng: random.Random) -> bytes:
@@ -257,3 +262,20 @@ def _write_to(path: Path, data: bytes) -> None:
         os.write(fd, data)
     finally:
         os.close(fd)
+
+
+CASES = (
+    Case("unplugged in mid-frame, back as another port", replug),
+    Case("the same, found by its USB id", replug_found_by_usb_id),
+    Case("reset in mid-frame", reset_in_mid_frame),
+    Case("another program writes `AT\\r` to the port", modem_manager_writes),
+    Case("`AT\\r` in the stream", modem_bytes_in_the_stream),
+    Case("another program reads the port too", another_reader),
+    Case("a bit flipped in 1 % of frames", flipped_frames),
+    Case("a bit flipped in 1 % of bytes", flipped_bytes),
+    Case("line stalls 500 ms, then a burst", stall_of_the_line),
+    Case("daemon stopped for 500 ms", stall_of_the_program),
+    Case("daemon stopped until the line is full", long_stall_of_the_program),
+    Case("sequence and time wrap, 20 samples lost at each", wraps),
+    Case("firmware of another protocol version", wrong_version),
+)

@@ -4,20 +4,12 @@ import re
 import socket
 from pathlib import Path
 
-from tools.fault_script.broker import Broker
-from tools.fault_script.line_faults import AFTER, BEFORE
-from tools.fault_script.page import Browser, bytes_sent, connections, open_page_and_read_nothing
-from tools.fault_script.program import Program, wait_until
-from tools.fault_script.small_disk import SmallDisk
-from tools.fault_script.stage import (
-    RECORDING,
-    Outcome,
-    Stage,
-    dropped,
-    introduce,
-    missing_in_recording,
-    read_recording,
-)
+from tools.faults import daemon
+from tools.faults.case import Case, Outcome
+from tools.faults.daemon_line import AFTER, BEFORE
+from tools.faults.pages import Browser, bytes_sent, connections, open_page_and_read_nothing
+from tools.faults.program import Program, wait_until
+from tools.faults.stage import Stage
 
 PAGES = 3
 ONE_UPDATE_KB = 30.0
@@ -26,10 +18,9 @@ PAGE = ("--dashboard", "127.0.0.1:0")
 
 def broker_down(stage: Stage) -> Outcome:
     """The broker is killed, and comes back on the same port."""
-    broker = Broker(stage.folder)
-    stage.later(broker.kill)
+    broker = stage.broker()
     settings = ("--mqtt", f"127.0.0.1:{broker.port}", "--set", "mqtt.estimate_every=1")
-    board, program = stage.pair(*settings, *PAGE)
+    board, program = daemon.pair(stage, *settings, *PAGE)
     board.send_until(lambda: broker.received()["estimate"] > 50, "messages at the broker")
     with stage.fault():
         board.send_during(broker.kill)
@@ -38,7 +29,7 @@ def broker_down(stage: Stage) -> Outcome:
         board.send_during(broker.start)
         board.send_until(lambda: "broker_back" in program.errors(), "the connection")
     board.send(AFTER)
-    stage.finish(board, program)
+    daemon.finish(board, program)
     received, sent = broker.received(), len(program.of("estimate")) + len(program.of("stats"))
     lost = program.of("stats")[-1]["outputs"]["mqtt"]["dropped"]
     arrived = received["estimate"] + received["stats"]
@@ -46,14 +37,14 @@ def broker_down(stage: Stage) -> Outcome:
     uncounted = sent - arrived - lost
     wrong = [f"{uncounted} messages are lost and not counted"] if uncounted > 0 else []
     wrong += [] if -uncounted <= 200 else [f"{-uncounted} messages are counted lost, but arrived"]
-    others = dropped(program, but="mqtt")
-    wrong += missing_in_recording(stage.folder / RECORDING, board)
-    return stage.outcome(board, program, others=others, figures=figures, wrong=wrong)
+    others = daemon.dropped(program, but="mqtt")
+    wrong += daemon.missing_in_recording(stage.folder / daemon.RECORDING, board)
+    return daemon.outcome(stage, board, program, others=others, figures=figures, wrong=wrong)
 
 
 def browser_killed(stage: Stage) -> Outcome:
     """Chromium on the live page is killed while it is drawing."""
-    board, program = stage.pair(*PAGE)
+    board, program = daemon.pair(stage, *PAGE)
     url, port = _page_of(program)
     browser = Browser(url, stage.folder / "chromium")
     stage.later(browser.kill)
@@ -64,13 +55,13 @@ def browser_killed(stage: Stage) -> Outcome:
         board.send_during(browser.kill)
         board.send_until(lambda: not connections(program.process.pid, port), "the end of the connection")
     board.send(AFTER)
-    stage.finish(board, program)
-    return stage.outcome(board, program)
+    daemon.finish(board, program)
+    return daemon.outcome(stage, board, program)
 
 
 def page_that_does_not_read(stage: Stage) -> Outcome:
     """Three pages are open, and none takes what it is sent."""
-    board, program = stage.pair(*PAGE)
+    board, program = daemon.pair(stage, *PAGE)
     url, _ = _page_of(program)
     board.send(BEFORE)
     pages: list[socket.socket] = []
@@ -84,19 +75,18 @@ def page_that_does_not_read(stage: Stage) -> Outcome:
     board.send_during(lambda: sent.extend(map(bytes_sent, pages)))
     sent_kb = sum(sent) / 1000
     board.send(AFTER)
-    stage.finish(board, program)
+    daemon.finish(board, program)
     figures = {"pages": len(pages), "sent to them [kB]": sent_kb, "memory grew by [MB]": growth_mb}
     wrong = [] if sent_kb < ONE_UPDATE_KB * PAGES else [f"pages that read nothing were sent {sent_kb} kB"]
-    return stage.outcome(board, program, figures=figures, wrong=wrong)
+    return daemon.outcome(stage, board, program, figures=figures, wrong=wrong)
 
 
 def disk_full(stage: Stage) -> Outcome:
     """The recording's file system fills up; later there is room again."""
-    disk = SmallDisk(stage.folder / RECORDING)
-    stage.later(disk.close)
+    disk = stage.disk(daemon.RECORDING)
     board = stage.board()
-    program = stage.recorder(board, *PAGE, "--set", "record.resume_mb=0.5", before=disk.before)
-    introduce(board, program)
+    program = daemon.recorder(stage, board, *PAGE, "--set", "record.resume_mb=0.5", before=disk.before)
+    daemon.introduce(board, program)
     disk.attach(program.process.pid)
     board.send(BEFORE)
     with stage.fault():
@@ -106,8 +96,8 @@ def disk_full(stage: Stage) -> Outcome:
         disk.free()
         board.send_until(lambda: "record_resumed" in program.errors(), "the recording")
     board.send(AFTER)
-    stage.finish(board, program)
-    recorded, last = read_recording(disk.inside), program.of("stats")[-1]
+    daemon.finish(board, program)
+    recorded, last = daemon.read_recording(disk.inside), program.of("stats")[-1]
     of_link, missing = last["link"]["bytes"], sum(gap.bytes for gap in recorded.gaps)
     items = sum(gap.items for gap in recorded.gaps)
     figures = {
@@ -121,7 +111,9 @@ def disk_full(stage: Stage) -> Outcome:
         wrong.append(f"{of_link - missing - len(recorded.wire)} bytes are neither recorded nor counted")
     if items != last["outputs"]["record"]["dropped"]:
         wrong.append(f"{items} items are missing, but stats says {last['outputs']['record']}")
-    return stage.outcome(board, program, others=dropped(program, but="record"), figures=figures, wrong=wrong)
+    return daemon.outcome(
+        stage, board, program, others=daemon.dropped(program, but="record"), figures=figures, wrong=wrong
+    )
 
 
 def _page_of(program: Program) -> tuple[str, int]:
@@ -135,3 +127,11 @@ def _page_of(program: Program) -> tuple[str, int]:
 def _memory_mb(program: Program) -> float:
     status = Path(f"/proc/{program.process.pid}/status").read_text()
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")) / 1024
+
+
+CASES = (
+    Case("MQTT broker killed, back after a while", broker_down),
+    Case("browser killed in mid-stream", browser_killed),
+    Case("three open pages that do not read", page_that_does_not_read),
+    Case("disk full, later room again", disk_full),
+)

@@ -6,29 +6,34 @@ import json
 import shutil
 import subprocess
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
 import nats
 from fltea.service.ingest import mapping
 from nats.js import JetStreamContext
-from nats.js.errors import NotFoundError
+from nats.js.errors import NotFoundError, ServiceUnavailableError
 
-from tools.fault_script.ports import free_port, listens
-from tools.fault_script.program import PATIENCE_S, wait_until
-from tools.fault_script.stage import Skip
+from tools.faults.broker import free_port, listens
+from tools.faults.program import PATIENCE_S, Skip, wait_until
 
 BUCKET, STREAM = "fltea_lanes", "FLTEA_FRAMES"
+BALLAST = "BALLAST"
+BALLAST_BYTES = 500_000
 
 
-class Server:
-    """With JetStream, the mapping that makes partitions, and MQTT.
+class NatsServer:
+    """With JetStream, the mapping that makes partitions, and MQTT; it may be killed and started again.
+
+    store: the most that its files may take, in the words of its settings. before: a command that starts it.
 
     Raises:
         Skip: it is not installed.
     """
 
-    def __init__(self, folder: Path, partitions: int) -> None:
+    def __init__(
+        self, folder: Path, partitions: int, *, store: str = "8GB", before: Sequence[str] = ()
+    ) -> None:
         program = shutil.which("nats-server", path="/usr/sbin:/usr/bin:/usr/local/bin")
         if program is None:
             raise Skip("nats-server is not installed: sudo apt-get install nats-server")
@@ -36,11 +41,11 @@ class Server:
         settings = folder / "nats.conf"
         settings.write_text(
             f"listen: 127.0.0.1:{self.port}\nserver_name: one\nmax_payload: 2MB\n"
-            f'jetstream {{ store_dir: "{folder}/js", max_file_store: 8GB }}\n'
+            f'jetstream {{ store_dir: "{folder}/js", max_file_store: {store} }}\n'
             f"mqtt {{ listen: 127.0.0.1:{self.mqtt_port} }}\n"
             f"{mapping.line(partitions)}\n"
         )
-        self._command = [program, "-c", str(settings)]
+        self._command = [*before, program, "-c", str(settings)]
         self._partitions = partitions
         self.url = f"nats://127.0.0.1:{self.port}"
         self.start()
@@ -48,10 +53,7 @@ class Server:
     def start(self) -> None:
         """Start it, or start it again."""
         self.process = subprocess.Popen(self._command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        wait_until(self._listens, "nats-server")
-
-    def _listens(self) -> bool:
-        return listens(self.port) and listens(self.mqtt_port)
+        wait_until(lambda: listens(self.port) and listens(self.mqtt_port), "nats-server")
 
     @contextlib.asynccontextmanager
     async def jetstream(self) -> AsyncIterator[JetStreamContext]:
@@ -85,6 +87,28 @@ class Server:
             except NotFoundError:
                 return Counter()
         return Counter(json.loads(entry.value or b"{}").get("owner", "") for entry in entries)
+
+    def fill_store(self) -> None:
+        """Fill it with a stream of somebody else, up to the server's own limit."""
+        asyncio.run(self._fill_store())
+
+    async def _fill_store(self) -> None:
+        async with self.jetstream() as stream:
+            await stream.add_stream(name=BALLAST, subjects=["ballast"])
+            size = BALLAST_BYTES
+            while size:
+                try:
+                    await stream.publish("ballast", bytes(size))
+                except ServiceUnavailableError:
+                    size //= 8
+
+    def empty_store(self) -> None:
+        """Delete that stream."""
+        asyncio.run(self._empty_store())
+
+    async def _empty_store(self) -> None:
+        async with self.jetstream() as stream:
+            await stream.delete_stream(BALLAST)
 
     def kill(self) -> None:
         """By `kill -9`."""

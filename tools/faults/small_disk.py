@@ -12,8 +12,8 @@ SIZE = "4m"
 class SmallDisk:
     """A file system of its own that only the program sees; where that is not allowed, a limit on its files.
 
-    folder: where the program records to. kind: of the error that it has to tell. before: what starts it.
-    size: as `mount` takes it. is_mounted: whether it is a file system.
+    folder: where the program records to. size: as `mount` takes it. is_mounted: whether it is a file system.
+    kind: of the error that the program has to report. before: what starts it.
     """
 
     def __init__(self, folder: Path, size: str = SIZE) -> None:
@@ -25,11 +25,21 @@ class SmallDisk:
         self.before = before if self.is_mounted else ()
         self.kind = "disk_full" if self.is_mounted else "record_failed"
         self._pid = self._fd = -1
+        self._keeper: subprocess.Popen[bytes] | None = None
 
     def attach(self, pid: int) -> None:
         """See the disk as the program does, and as long as we want."""
         self._pid = pid
         self._fd = os.open(f"/proc/{self._pid}/root{self.folder}", os.O_RDONLY | os.O_DIRECTORY)
+
+    def hold(self) -> Sequence[str]:
+        """Mount it now, and until it is closed; what starts a program that sees it, again and again."""
+        keep = ("sh", "-c", "echo; exec sleep infinity")
+        self._keeper = subprocess.Popen([*self.before, *keep], stdout=subprocess.PIPE)
+        assert self._keeper.stdout is not None
+        self._keeper.stdout.readline()  # it is mounted
+        self.attach(self._keeper.pid)
+        return "nsenter", "-t", str(self._pid), "--user", "--mount", "--preserve-credentials"
 
     @property
     def inside(self) -> Path:
@@ -60,6 +70,9 @@ class SmallDisk:
         """Let it go."""
         if self._fd >= 0:
             os.close(self._fd)
+        if self._keeper is not None:
+            self._keeper.kill()
+            self._keeper.communicate()
 
 
 def _works(before: Sequence[str]) -> bool:

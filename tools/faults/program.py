@@ -1,53 +1,66 @@
-"""`fltea run` as a process: its records with their time of arrival, and its end."""
+"""`fltea` as a process: its records with their time of arrival, what it says, and its end."""
 
-import json
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
-QUICK = ("--startup", "50", "--set", "estimator.window=200")
-"""A start-up window of 0.5 s in place of 5 s."""
-
-SHIM = ("-m", "tools.fault_script.shim")
 
 
-def wait_until(condition: Callable[[], bool], what: str) -> None:
-    """Wait for something to happen."""
+class Skip(Exception):
+    """A fault cannot be played here; the text says what is missing."""
+
+
+def wait_until(condition: Callable[[], bool], what: str, *, every_s: float = 0.01) -> None:
+    """Wait for something to happen.
+
+    Raises:
+        TimeoutError: it did not happen within a minute.
+    """
     deadline_s = time.monotonic() + PATIENCE_S
     while not condition():
         if time.monotonic() > deadline_s:
             raise TimeoutError(f"waited in vain for {what}")
-        time.sleep(0.01)
+        time.sleep(every_s)
 
 
 class Program:
-    """The daemon. module: how Python starts it. before: a command that starts it in turn."""
+    """A command of `fltea` that runs.
+
+    command: the words after `fltea`. clock: file with eight bytes that are added to its Unix time [ns];
+    ports: file with the USB ports that it shall find (see `shim`). before: a command that starts it in turn.
+    """
 
     def __init__(
         self,
-        arguments: Sequence[str | Path],
+        command: Sequence[str | Path],
         *,
-        module: Sequence[str] = ("-m", "fltea"),
+        clock: Path | None = None,
+        ports: Path | None = None,
         before: Sequence[str] = (),
-        environment: Mapping[str, str] | None = None,
     ) -> None:
+        shim = {"FLTEA_SHIM_CLOCK": clock, "FLTEA_SHIM_PORTS": ports}
+        files = {name: str(file) for name, file in shim.items() if file is not None}
         path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
         self.process = subprocess.Popen(
-            [*before, sys.executable, *module, "run", "--samples", *QUICK, *arguments],
+            [*before, sys.executable, "-m", "tools.faults.shim" if files else "fltea", *command],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200", **(environment or {})},
+            env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200", **files},
         )
         self.records: list[dict[str, Any]] = []
         self.estimates_ns: list[int] = []
+        self.walked: dict[str, int] = {}
+        """Number of the newest sample of each device."""
         self.stderr = ""
         self.code: int | None = None
         self._newest: tuple[int, int] | None = None
@@ -60,18 +73,23 @@ class Program:
         return [record for record in list(self.records) if record["class"] == kind]
 
     def errors(self) -> list[str]:
-        """Kinds of the errors told so far."""
+        """Kinds of the errors reported so far."""
         return [record["kind"] for record in self.of("error")]
 
-    def wait_for(self, condition: Callable[[], bool], what: str) -> None:
-        """Wait for something that only a living program does."""
+    def wait_for(self, condition: Callable[[], bool], what: str, *, every_s: float = 0.01) -> None:
+        """Wait for something that only a living program does.
+
+        Raises:
+            RuntimeError: the program ended before.
+            TimeoutError: it did not happen within a minute.
+        """
 
         def met() -> bool:
             if not condition() and self.process.poll() is not None:
-                raise RuntimeError(f"the daemon ended before {what}: {self.stderr or self.records[-1:]}")
+                raise RuntimeError(f"the program ended before {what}: {self.stderr or self.records[-1:]}")
             return condition()
 
-        wait_until(met, what)
+        wait_until(met, what, every_s=every_s)
 
     def has_hello(self, boot_id: int) -> bool:
         """Whether it has heard of this boot."""
@@ -89,7 +107,7 @@ class Program:
             thread.join(PATIENCE_S)
 
     def kill(self) -> None:
-        """Leave nothing behind."""
+        """End it by `kill -9`, if it still runs."""
         if self.code is None:
             self.end(signal.SIGKILL)
 
@@ -100,8 +118,8 @@ class Program:
             for line in stream:
                 now_ns = time.monotonic_ns()
                 try:
-                    record = json.loads(line)
-                except ValueError:  # cut by a kill
+                    record = msgspec.json.decode(line)
+                except msgspec.DecodeError:  # cut by a kill
                     break
                 self.records.append(record)
                 match record["class"]:
@@ -109,6 +127,7 @@ class Program:
                         boot_id = record["boot_id"]
                     case "sample":
                         self._newest = (boot_id, record["seq"] % (1 << 16))
+                        self.walked[record.get("device", "")] = record["seq"]
                     case "estimate":
                         self.estimates_ns.append(now_ns)
 

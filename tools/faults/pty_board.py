@@ -218,8 +218,8 @@ class Board:
         return HELLO._replace(
             protocol_major=boot.protocol_major,
             boot_id=boot.boot_id,
-            device_id=b"fault script".ljust(16, b"\0"),
-            firmware_version="fault script",
+            device_id=b"faults".ljust(16, b"\0"),
+            firmware_version="faults",
         )
 
     def _write(self, data: bytes) -> None:

@@ -6,7 +6,7 @@ import threading
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from tools.fault_script.program import wait_until
+from tools.faults.program import wait_until
 from tools.frames_load import RATE_HZ, Sensors
 
 DEVICES = 8

@@ -10,8 +10,8 @@ CHUNK = 1 << 16
 class CutLine:
     """A port of this machine that leads to another one.
 
-    While it is cut, nobody is told: what is sent waits, as packets do that are sent again and again, ends of
-    connections too, and a new connection gets no answer. port: where it begins.
+    While it is cut, neither end notices: what is sent waits, as packets do that are sent again and again, and
+    so do ends of connections; a new connection gets no answer. port: where it begins.
     """
 
     def __init__(self, to: int) -> None:

@@ -3,33 +3,50 @@
 import os
 import re
 import shutil
+import signal
+import socket
 import subprocess
 from collections import Counter
 from pathlib import Path
 
-from tools.fault_script.ports import free_port, listens
-from tools.fault_script.program import PATIENCE_S, wait_until
-from tools.fault_script.stage import Skip
+from tools.faults.program import PATIENCE_S, Skip, wait_until
 
 RECEIVED = re.compile(r"Received PUBLISH from fltea-\S+ \(.*'fltea/[^/]+/(\w+)'")
 
 
+def free_port() -> int:
+    """A port of this machine that nobody has."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def listens(port: int) -> bool:
+    """Whether anybody listens at a port of this machine."""
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
 class Broker:
-    """mosquitto on a port of its own.
+    """mosquitto on a port of its own. persistent: it saves once a second what it retains, and logs nothing.
 
     Raises:
         Skip: it is not installed.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, persistent: bool = False) -> None:
         found = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
         if found is None:
             raise Skip("mosquitto is not installed: sudo apt-get install mosquitto")
         self.port = free_port()
         self._log = folder / "mosquitto.log"
-        settings = folder / "mosquitto.conf"
-        settings.write_text(f"listener {self.port} 127.0.0.1\nallow_anonymous true\nlog_type all\n")
-        self._command = [found, "-c", str(settings)]
+        settings = ["allow_anonymous true", f"listener {self.port} 127.0.0.1"]
+        if persistent:
+            settings += ["persistence true", f"persistence_location {folder}/", "autosave_interval 1"]
+            settings += ["user root"] if os.geteuid() == 0 else []
+        settings.append(f"log_type {'none' if persistent else 'all'}")
+        (folder / "mosquitto.conf").write_text("\n".join(settings) + "\n")
+        self._command = [found, "-c", str(folder / "mosquitto.conf")]
         self.start()
 
     def start(self) -> None:
@@ -42,6 +59,14 @@ class Broker:
         """End at once, without a farewell."""
         self._process.kill()
         self._process.wait(PATIENCE_S)
+
+    def pause(self) -> None:
+        """Stand still until `go_on`, and all lines to it with it."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Go on after `pause`."""
+        self._process.send_signal(signal.SIGCONT)
 
     def has_subscriber(self) -> bool:
         """Whether anybody has subscribed since it was first started."""

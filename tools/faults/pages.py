@@ -11,8 +11,7 @@ import subprocess
 from pathlib import Path
 from urllib.request import urlopen
 
-from tools.fault_script.program import PATIENCE_S
-from tools.fault_script.stage import Skip
+from tools.faults.program import PATIENCE_S, Skip
 
 QUIET_S = 0.15
 """Half the time between two updates of a page."""

@@ -1,0 +1,242 @@
+"""The faults' own tools: accounts that find what nobody counted, the report, and a line that can be cut."""
+
+import contextlib
+import json
+import socket
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from tools.faults import __main__ as command
+from tools.faults.case import Case, Outcome, play
+from tools.faults.cut_line import CutLine
+from tools.faults.daemon import check_totals, samples_of
+from tools.faults.ingest_scene import samples_of as samples_of_many
+from tools.faults.program import Program, Skip
+from tools.faults.pty_board import LSB_PER_DPS, Board
+from tools.faults.report import cells
+from tools.faults.stage import Stage
+
+RIGHT = Outcome(["lost", "back"], 10, {"delivered": 7, "lost": 3})
+
+
+# --- one board and the programs on its port, one after the other ---
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Board]:
+    one = Board(tmp_path / "board")
+    one.boot(sequence=65_530)
+    one.send(20)
+    yield one
+    one.close()
+
+
+def records(board: Board, *, without: tuple[int, ...] = ()) -> list[dict[str, Any]]:
+    """What a daemon that hears all but a few samples writes, and how it sums them up."""
+    found: list[dict[str, Any]] = [{"class": "epoch", "epoch": 1, "boot_id": 1}]
+    for k, counts in enumerate(board.boots[0].counts):
+        rates = [count / LSB_PER_DPS for count in counts]
+        if k not in without:
+            found.append({"class": "sample", "epoch": 1, "seq": 65_530 + k, "gyro_dps": rates})
+    stats = {"delivered": len(found) - 1, "lost": 0, "gaps": 0, "duplicates": 0}
+    return [*found, {"class": "stats", "samples": stats}]
+
+
+def gap(k: int, missing: int) -> dict[str, Any]:
+    return {"class": "gap", "epoch": 1, "seq": 65_530 + k, "missing": missing}
+
+
+def test_all_samples_delivered(board: Board) -> None:
+    assert samples_of(board, [records(board)]) == (20, {"delivered": 20, "counted as lost": 0}, [])
+    assert check_totals(records(board)) == []
+
+
+def test_a_sample_that_nobody_counted(board: Board) -> None:
+    found = samples_of(board, [records(board, without=(7, 8))])
+    assert found.where == {"delivered": 18, "counted as lost": 0}
+    texts = ("whole on the line, but not delivered", "nobody knows of")
+    assert found.wrong == [f"{text}: 2 of 0 from 7" for text in texts]
+
+
+def test_a_sample_counted_as_lost_that_was_never_on_the_line(board: Board) -> None:
+    board.lose(2)
+    board.send(1)
+    found = samples_of(board, [[*records(board, without=(20, 21)), gap(20, 2)]])
+    assert found == (23, {"delivered": 21, "counted as lost": 2}, [])
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda found: [*found, found[5]], "delivered twice: 1 of 0 from 4"),
+        (lambda found: [*found, gap(3, 1)], "counted as lost, but delivered: 1 of 0 from 3"),
+        (lambda found: [*found, gap(20, 1)], "nobody sent: 1 of 0 from 20"),
+        (
+            lambda found: [*found[:-3], gap(18, 2)],
+            "counted as lost, but nothing came after it: 2 of 0 from 18",
+        ),
+        (lambda found: [*found, gap(7, 1), gap(7, 1)], "counted as lost twice: 1 of 0 from 7"),
+        (lambda found: [found[0], {**found[3], "gyro_dps": [9, 9, 9]}], "not what was sent: (0, 2)"),
+    ],
+)
+def test_records_that_cannot_be(board: Board, change: Any, text: str) -> None:
+    found = samples_of(board, [change(records(board))], excuse="the half frame")
+    assert any(wrong.startswith(text) for wrong in found.wrong)
+
+
+def test_a_sample_out_of_a_frame_that_was_not_whole(board: Board) -> None:
+    board.send(1, lambda data: data[:-1] + b"x\0")
+    assert samples_of(board, [records(board)]).wrong == [
+        "delivered, but not whole on the line: 1 of 0 from 20"
+    ]
+
+
+def test_two_programs_and_what_came_in_between(board: Board) -> None:
+    found = records(board)
+    programs = [found[:6], [found[0], *found[11:]]]
+    between = samples_of(board, programs, excuse="in between")
+    assert between == (20, {"delivered": 15, "counted as lost": 0, "in between": 5}, [])
+    assert samples_of(board, programs).wrong == ["nobody knows of: 5 of 0 from 5"]
+    assert samples_of(board, [found, found]).wrong == ["delivered twice: 20 of 0 from 0"]
+
+
+def test_sums_that_are_no_sums(board: Board) -> None:
+    found = [gap(0, 2), *records(board)]
+    assert check_totals(found) == ["stats.samples.lost is 0, not 2", "stats.samples.gaps is 0, not 1"]
+
+
+# --- many boards and the workers that share them ---
+
+
+class Worker:
+    """Records as a program's."""
+
+    def __init__(self, *records: dict[str, Any]) -> None:
+        self._records = records
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        return [record for record in self._records if record["class"] == kind]
+
+    def errors(self) -> list[str]:
+        return [record["kind"] for record in self.of("error")]
+
+
+def walked(*numbers: int) -> list[dict[str, Any]]:
+    return [{"class": "sample", "device": "a", "seq": seq} for seq in numbers]
+
+
+def missed(seq: int, missing: int) -> dict[str, Any]:
+    return {"class": "gap", "device": "a", "seq": seq, "missing": missing}
+
+
+def shared(*workers: Worker) -> Outcome:
+    return samples_of_many(["a"], 300, [cast(Program, worker) for worker in workers])
+
+
+def test_every_sample_is_delivered_or_lost_or_of_the_first_message() -> None:
+    outcome = shared(
+        Worker(*walked(*range(100, 200)), {"class": "error", "kind": "nats_lost"}),
+        Worker(*walked(*range(150, 210)), missed(210, 5), *walked(*range(215, 300))),
+    )
+    assert outcome.is_right
+    assert list(outcome.where.values()) == [195, 5, 100]
+    assert outcome.reported == ["nats_lost"]
+    assert "50 delivered twice" in outcome.more
+
+
+@pytest.mark.parametrize(
+    ("records", "text"),
+    [
+        ([*walked(*range(100, 290))], "nobody knows of: 10 of a from 290"),
+        ([*walked(*range(100, 301))], "nobody sent: 1 of a from 300"),
+        ([*walked(*range(100, 300)), missed(120, 3)], "counted as lost, but delivered: 3 of a from 120"),
+    ],
+)
+def test_what_is_wrong_is_named(records: list[dict[str, Any]], text: str) -> None:
+    outcome = shared(Worker(*records))
+    assert outcome.wrong == [text]
+    assert not outcome.is_right
+
+
+# --- playing and reporting ---
+
+
+def test_an_outcome_that_adds_up() -> None:
+    assert RIGHT.is_right
+    assert cells("a fault", RIGHT)[1:4] == ("lost, back", "10 samples = 7 delivered + 3 lost", "0")
+
+
+@pytest.mark.parametrize("change", [{"due": 11}, {"due": 9}, {"wrong": ["x"]}])
+def test_an_outcome_that_does_not(change: dict[str, Any]) -> None:
+    assert not replace(RIGHT, **change).is_right
+
+
+def lacks(stage: Stage) -> Outcome:
+    raise Skip("no nats-server")
+
+
+def test_what_breaks_is_a_wrong_outcome_and_what_it_started_ends() -> None:
+    ended = []
+
+    def breaks(stage: Stage) -> Outcome:
+        stage.later(lambda: ended.append(stage.folder))
+        raise ValueError("broke")
+
+    assert "ValueError: broke" in play(Case("a fault", breaks)).wrong[0]
+    assert len(ended) == 1
+    assert not ended[0].exists()
+
+
+def test_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One fault is right, one is not, one cannot be played here."""
+    parts = {
+        "right": command.Part((Case("a fault", lambda stage: RIGHT), Case("disk full", lambda stage: RIGHT))),
+        "wrong": command.Part((Case("another", lambda stage: replace(RIGHT, due=12)),)),
+        "ingest": command.Part((Case("server away", lacks),)),
+    }
+    monkeypatch.setattr(command, "PARTS", parts)
+    out = tmp_path / "new" / "faults.md"
+    monkeypatch.setattr(sys, "argv", ["faults", "--json", "--out", str(out)])
+    assert command.main() == 1
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["part"] for row in rows] == ["right", "right", "wrong", "ingest"]
+    assert [row["uncounted"] for row in rows] == [0, 0, 2, 0]
+    text = out.read_text()
+    assert "| ingest | server away | – | 0 samples = 0 | 0 | not played: no nats-server |" in text
+    assert "4 faults; 1 that are wrong or do not add up; 1 not played." in text
+    monkeypatch.setattr(sys, "argv", ["faults", "right", "--only", "disk", "--out", str(out)])
+    assert command.main() == 0
+    assert out.read_text().endswith("\n1 faults; 0 that are wrong or do not add up; 0 not played.\n")
+    for words in (["nonsense"], ["--only", "nonsense"]):
+        monkeypatch.setattr(sys, "argv", ["faults", *words])
+        with pytest.raises(SystemExit) as ended:
+            command.main()
+        assert ended.value.code == 2
+
+
+def test_a_line_that_is_cut_holds_back_what_is_sent_and_its_end() -> None:
+    with contextlib.ExitStack() as stack:
+        server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        line = stack.enter_context(contextlib.closing(CutLine(server.getsockname()[1])))
+        client = stack.enter_context(socket.create_connection(("127.0.0.1", line.port), timeout=10))
+        there, _ = server.accept()
+        stack.enter_context(there)
+        there.settimeout(10)
+        client.sendall(b"before")
+        assert there.recv(10) == b"before"
+        line.cut()
+        client.sendall(b"meanwhile")
+        client.shutdown(socket.SHUT_WR)
+        there.settimeout(0.1)
+        with pytest.raises(TimeoutError):
+            there.recv(10)
+        there.settimeout(10)
+        line.heal()
+        assert (there.recv(10), there.recv(10)) == (b"meanwhile", b"")

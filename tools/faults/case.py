@@ -1,0 +1,76 @@
+"""A fault, what it led to, and how faults are played."""
+
+import tempfile
+import traceback
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tools.faults.program import Skip
+from tools.faults.stage import Stage
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a fault led to, and where each record went.
+
+    reported: kinds of errors and alerts, and reasons of new epochs. due: how many records there were; where:
+    what became of how many of them; of: what they are. more, figures: what else there is to say, as text and
+    as numbers. wrong: what should not be.
+    """
+
+    reported: list[str]
+    due: int
+    where: dict[str, int]
+    of: str = "samples"
+    more: str = ""
+    figures: dict[str, float] = field(default_factory=dict)
+    wrong: list[str] = field(default_factory=list)
+
+    @property
+    def uncounted(self) -> int:
+        """Those of which nobody knows; 0 if all adds up."""
+        return self.due - sum(self.where.values())
+
+    @property
+    def is_right(self) -> bool:
+        """Whether all is accounted for, and nothing else is wrong."""
+        return not self.wrong and self.uncounted == 0
+
+
+class Case(NamedTuple):
+    """A fault: its name in the report, and how it is played."""
+
+    name: str
+    play: Callable[[Stage], Outcome]
+
+
+def play(case: Case, **how: Any) -> Outcome:
+    """Play a fault in a folder of its own; what breaks is a wrong outcome, not an exception.
+
+    how: see `Stage`.
+
+    Raises:
+        Skip: something is missing on this machine.
+    """
+    # A killed browser's last child may still write into the folder when it goes.
+    with tempfile.TemporaryDirectory(prefix="fault-", ignore_cleanup_errors=True) as folder:
+        try:
+            with Stage(Path(folder), **how) as stage:
+                return case.play(stage)
+        except Skip:
+            raise
+        except ModuleNotFoundError as error:
+            raise Skip(f"{error.name} is not installed: pip install 'fltea[all]'") from error
+        except (Exception, SystemExit):
+            return Outcome([], 0, {}, wrong=[traceback.format_exc()])
+
+
+def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "Future[Outcome]"]:
+    """Play several, some at once, since most of the time they wait; by their names."""
+    pool = ThreadPoolExecutor(at_once)
+    found = {case.name: pool.submit(play, case, **how) for case in cases}
+    pool.shutdown(wait=False)
+    return found

@@ -1,0 +1,121 @@
+"""A broker, the fleet's program, and sensors that publish their fits."""
+
+import json
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from tools.faults.case import Outcome
+from tools.faults.program import PATIENCE_S, wait_until
+from tools.faults.small_disk import SmallDisk
+from tools.faults.stage import Stage
+from tools.fleet_load import Publisher, sensor
+
+SENSORS, AXES = 40, 3
+EVERY_S = 0.05
+"""From question to question to the fleet's page."""
+
+
+class FleetScene:
+    """A broker, a fleet and its sensors.
+
+    flags: of `fltea fleet`. disk: that it has. behind_line: it reaches the broker by
+    `line`, which can be cut.
+
+    Raises:
+        Skip: mosquitto is not installed.
+    """
+
+    def __init__(
+        self, stage: Stage, *flags: str | Path, disk: SmallDisk | None = None, behind_line: bool = False
+    ) -> None:
+        self._stage, self._disk = stage, disk
+        self.broker = stage.broker(persistent=True)
+        self.line = stage.line(self.broker.port)
+        port = self.line.port if behind_line else self.broker.port
+        self._flags = ("--mqtt", f"127.0.0.1:{port}", "--listen", "0", "--look-every", "200ms", *flags)
+        self.publisher = stage.closing(Publisher("127.0.0.1", self.broker.port, "fltea"))
+        self.sensors = [sensor(place, []) for place in range(SENSORS)]
+        self.turn = self.fits = 0
+        for one in self.sensors:
+            self.publisher.send(one.device_id, "hello", one.hello)
+            self.publisher.send(one.device_id, "status", one.status)
+        self.start_fleet()
+
+    def start_fleet(self) -> None:
+        """Start it, or start it again."""
+        before = () if self._disk is None else self._disk.before
+        self.fleet = self._stage.program("fleet", *self._flags, clock=self._stage.clock, before=before)
+        self.until(lambda: "the fleet is at" in self.fleet.stderr, "the fleet")
+        self.url = self.fleet.stderr.rpartition("the fleet is at ")[2].split()[0]
+        self.until(self.is_connected, "the connection")
+
+    def summary(self) -> dict[str, Any]:
+        """The fleet in numbers."""
+        found: dict[str, Any] = self._ask("summary")
+        return found
+
+    def is_connected(self) -> bool:
+        """Whether the fleet says that it is connected to the broker."""
+        return bool(self.summary()["connected"])
+
+    def publish(self, rounds: int) -> None:
+        """Let each sensor publish so many fits; comes back when the broker has them all."""
+        for _ in range(rounds):
+            self.send()
+        self.until_acknowledged()
+
+    def send(self) -> None:
+        """Let each sensor publish a fit, and wait for nothing."""
+        self.turn += 1
+        for one in self.sensors:
+            self.publisher.send(one.device_id, "fit", str(self.turn).encode().join(one.fit))
+            self.fits += 1
+
+    def until_acknowledged(self) -> None:
+        """Wait until the broker has all that was sent."""
+        wait_until(lambda: self.publisher.acknowledged >= self.publisher.published, "acknowledgements")
+
+    def newest(self) -> int:
+        """Axes of which the newest fit is there."""
+        return sum(row["samples"] == self.turn for row in self._ask("table?count=500")["rows"])
+
+    def kept(self) -> int:
+        """Rows of history, as the page shows them."""
+        return sum(len(self._ask(f"sensor?device={one.device_id}")["history"]) for one in self.sensors)
+
+    def until_up_to_date(self) -> None:
+        """Wait until the newest fit of every axis is there."""
+        self.until(lambda: self.newest() == SENSORS * AXES, "the newest fits")
+
+    def kinds(self) -> list[str]:
+        """What the fleet's program has reported since it was started, in order."""
+        lines = [line.partition(": ")[0] for line in self.fleet.stderr.splitlines() if ": " in line]
+        return [kind for kind in lines if kind.isidentifier()]
+
+    def until(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait for something that a living fleet does; see `Program.wait_for`."""
+        self.fleet.wait_for(condition, what, every_s=EVERY_S)
+
+    def outcome(
+        self,
+        more: str,
+        *wrong: tuple[bool, str],
+        of: str = "fits",
+        due: int | None = None,
+        where: dict[str, int] | None = None,
+    ) -> Outcome:
+        """What came of it. wrong: what must not be, and its name. where: of all `due`, else of the fits."""
+        return Outcome(
+            self.kinds(),
+            self.fits if due is None else due,
+            where or {"taken": self.summary()["fits"]},
+            of,
+            more,
+            wrong=[text for bad, text in wrong if bad],
+        )
+
+    def _ask(self, what: str) -> Any:
+        with urllib.request.urlopen(f"{self.url}api/{what}", timeout=PATIENCE_S) as answer:
+            return json.load(answer)
