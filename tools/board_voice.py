@@ -1,7 +1,7 @@
 """What every made-up board says alike: who it is, and how its frames are numbered.
 
 The boards differ in when they speak and what they remember: `standin` serves a port at its own pace,
-`fault_script.board` remembers every bit that it put on the line, `tests/rig/estimating_board` needs no line,
+`faults.pty_board` remembers every bit that it put on the line, `tests/rig/estimating_board` needs no line,
 `bench.feeder` speaks for hundreds.
 """
 

@@ -44,9 +44,6 @@ def resonance(radius: float, angle: float, n: int, seed: int) -> Array:
     return ar((2 * radius * np.cos(angle), -(radius**2)), n, 1, seed)[0]
 
 
-# --- the tail of F ---
-
-
 # --- what is there is found ---
 
 AT_JOINTS_OF_OCTAVES = (1.09, 2.16, 2.18, 4.33, 4.35, 8.68, 8.7, 17.3, 17.45)

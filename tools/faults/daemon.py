@@ -1,6 +1,6 @@
 """The daemon on a board's port: what the board sent is held against all that the daemon gave out."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -55,7 +55,7 @@ def outcome(
     *programs: Program,
     others: str | None = None,
     excuse: str = "",
-    figures: dict[str, float] | None = None,
+    figures: Mapping[str, float] | None = None,
     wrong: Sequence[str] = (),
     line_is_known: bool = True,
 ) -> Outcome:
@@ -89,7 +89,7 @@ def outcome(
         samples.due,
         samples.where,
         more=f"estimates {estimates}; other outputs {others}",
-        figures=figures or {},
+        figures=dict(figures or {}),
         wrong=found,
     )
 
