@@ -6,16 +6,12 @@ mode, the interrupt pin, the DMP, the auxiliary I2C bus and the magnetometer beh
 accelerometer with a divider of its own.
 """
 
-import errno
-
 from fltea.wire.sensors import temperature_counts
 
-from tools.due_emulator.mpu9250_fifo import Fifo
+from tools.due_emulator.chip import MS_NS, Chip
 from tools.due_emulator.mpu9250_scaling import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, to_counts
 from tools.due_emulator.noise import World
 
-PS_PER_NS = 1000
-MS_NS = 1_000_000
 QUIET_NS = 11 * MS_NS
 """No acknowledge after power-up or reset."""
 READY_NS = 95 * MS_NS
@@ -60,11 +56,10 @@ _SOURCES = ((0x10, 0, 6), (0x02, 6, 8), (0x04, 8, 10), (0x08, 10, 12))
 """Bit of FIFO_EN_2 and slice of the output bytes."""
 
 
-class Icm20948:
-    """One chip on the bus; byte by byte through `start`, `write`, `read` and `stop`.
+class Icm20948(Chip):
+    """An ICM-20948.
 
-    world: where motion comes from. clock_ppm: how much too fast its clock is. fifo_bytes: what its FIFO
-    holds. It has been powered for long at time 0.
+    world: where motion comes from. fifo_bytes: what its FIFO holds. It has been powered for long at time 0.
     """
 
     fifo_register = FIFO_R_W
@@ -72,19 +67,10 @@ class Icm20948:
     def __init__(
         self, world: World, *, address: int = 0x68, clock_ppm: float = 0.0, fifo_bytes: int = 512
     ) -> None:
+        super().__init__(address, clock_ppm)
         self.world = world
-        self.address = address
-        self.fifo = Fifo()
         self.fifo.size = fifo_bytes
-        self.powered = True
-        self.bank = 0
-        self._clock_ppm = clock_ppm
-        self._now_ns = self._quiet_until_ns = 0
-        self._ready_at_ns: int | None = None
-        self._pointer = self._status = self._count = 0
-        self._selected = self._reading = self._pointer_next = False
-        self._anchor_ps = self._updates = 0
-        self._period_ps: int | None = None
+        self.bank = self._status = self._count = 0
         self._output = bytes(14)
         self._registers: dict[int, int] = {}
         self._restore()
@@ -97,10 +83,7 @@ class Icm20948:
             self._now_ns = self._ready_at_ns
             self._restore()
         self._now_ns = now_ns
-        while self._period_ps is not None:
-            at_ns = -(-(self._anchor_ps + (self._updates + 1) * self._period_ps) // PS_PER_NS)
-            if at_ns > now_ns:
-                break
+        while (at_ns := self._next_update_ns()) is not None and at_ns <= now_ns:
             self._updates += 1
             self._convert(at_ns)
 
@@ -114,52 +97,10 @@ class Icm20948:
             return 9000.0
         return 1125.0 / (1 + self.register(GYRO_SMPLRT_DIV))
 
-    def power_off(self) -> None:
-        """Take the supply away."""
-        self.powered = False
-        self._restore()
-
     def power_on(self) -> None:
         """Power it up."""
         self.powered = True
-        self._begin_reset()
-
-    def brown_out(self) -> None:
-        """Fall back to reset values in the midst of running, and answer on at once: the worst case."""
-        self._restore()
-
-    # Bus
-
-    def start(self, address: int, read: bool) -> bool:
-        """Take a START or repeated START with an address; return whether it acknowledges."""
-        self._selected = address == self.address and self.powered and self._now_ns >= self._quiet_until_ns
-        self._reading = read
-        self._pointer_next = not read
-        return self._selected
-
-    def write(self, byte: int) -> bool:
-        """Take a byte: the register's address first, then values of it and of those that follow."""
-        if not self._selected or self._reading:
-            return False
-        if self._pointer_next:
-            self._pointer, self._pointer_next = byte & 0x7F, False
-        else:
-            self._store(byte)
-            self._step()
-        return True
-
-    def read(self, ack: bool) -> int:
-        """Give the next byte; without `ack` it is the last one."""
-        if not self._selected or not self._reading:
-            return 0xFF
-        value = self._load()
-        self._step()
-        self._selected = ack
-        return value
-
-    def stop(self) -> None:
-        """Take a STOP."""
-        self._selected = False
+        self._begin(QUIET_NS, READY_NS)
 
     def register(self, register: int) -> int:
         """What a register holds, without the bus; its number with 256 times the bank."""
@@ -169,27 +110,13 @@ class Icm20948:
         """Change a register behind the driver's back."""
         self._registers[register] = value
 
-    def read_block(self, register: int, n: int) -> bytes:
-        """Read n bytes of the bank that is selected, as `smbus2` does; OSError if nobody acknowledges."""
-        data = b""
-        if self.start(self.address, False) and self.write(register) and self.start(self.address, True):
-            data = bytes(self.read(ack=i < n - 1) for i in range(n))
-        self.stop()
-        if len(data) < n:
-            raise OSError(errno.EREMOTEIO, "Remote I/O error")
-        return data
-
     # Registers
 
-    def _full_pointer(self) -> int:
+    @property
+    def _register(self) -> int:
         return self._pointer if self._pointer == BANK_SELECT else self.bank << 8 | self._pointer
 
-    def _step(self) -> None:
-        if self._full_pointer() != FIFO_R_W:
-            self._pointer = (self._pointer + 1) & 0x7F
-
-    def _load(self) -> int:
-        register = self._full_pointer()
+    def _load(self, register: int) -> int:
         if ACCEL_XOUT_H <= register <= TEMP_OUT_L:
             return self._output[register - ACCEL_XOUT_H]
         match register:
@@ -209,12 +136,11 @@ class Icm20948:
                 return self.fifo.pop()
         return self.register(register)
 
-    def _store(self, value: int) -> None:
-        register = self._full_pointer()
+    def _store(self, register: int, value: int) -> None:
         if register == BANK_SELECT:
             self.bank = value >> 4 & 3
         elif register == PWR_MGMT_1 and value & 0x80:
-            self._begin_reset()
+            self._begin(QUIET_NS, READY_NS)
         else:
             before = self.output_hz
             self._registers[register] = value & _WRITABLE.get(register, 0)
@@ -222,12 +148,6 @@ class Icm20948:
                 self._start_clock()
         if self.register(FIFO_RST):  # held, it keeps the FIFO empty [8.58]
             self.fifo.clear()
-
-    def _begin_reset(self) -> None:
-        self._restore()
-        self._quiet_until_ns = self._now_ns + QUIET_NS
-        self._ready_at_ns = self._now_ns + READY_NS
-        self._start_clock()
 
     def _restore(self) -> None:
         self._ready_at_ns = None
@@ -241,11 +161,6 @@ class Icm20948:
         self._start_clock()
 
     # Conversions
-
-    def _start_clock(self) -> None:
-        self._anchor_ps, self._updates = self._now_ns * PS_PER_NS, 0
-        rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
-        self._period_ps = round(1e12 / rate_hz) if rate_hz else None
 
     def _convert(self, at_ns: int) -> None:
         motion = self.world.at(at_ns)

@@ -5,16 +5,12 @@ A plain object without any emulator, so that the Raspberry Pi's fake bus uses it
 I2C bus and the magnetometer behind it, and the separate rate of an accelerometer with ACCEL_FCHOICE_B.
 """
 
-import errno
 from collections.abc import Callable
 
 from tools.due_emulator import mpu9250_registers as reg
-from tools.due_emulator.mpu9250_fifo import Fifo
+from tools.due_emulator.chip import MS_NS, PS_PER_NS, Chip
 from tools.due_emulator.mpu9250_scaling import OUTPUT_BYTES, output_bytes
 from tools.due_emulator.noise import Motion, World
-
-PS_PER_NS = 1000
-MS_NS = 1_000_000
 
 QUIET_NS = 11 * MS_NS
 """No acknowledge after power-up: the typical start-up time (PS-MPU-9250A-01, 3.4.2)."""
@@ -29,14 +25,13 @@ PULSE_NS = 50_000
 
 _CLOCKING = {reg.SMPLRT_DIV, reg.CONFIG, reg.GYRO_CONFIG, reg.PWR_MGMT_1}
 _SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, reg.PWR_MGMT_1, reg.PWR_MGMT_2}
-_POINTER_MASK = 0x7F
 
 
-class Mpu9250:
-    """One chip on the bus; byte by byte through `start`, `write`, `read` and `stop`.
+class Mpu9250(Chip):
+    """An MPU-9250, or a relative of it.
 
-    world: where motion comes from. clock_ppm: how much too fast its clock is. on_int(level, at_ns): called
-    when the INT pin changes. It has been powered for long at time 0.
+    world: where motion comes from. on_int(level, at_ns): called when the INT pin changes. It has been powered
+    for long at time 0.
     """
 
     fifo_register = reg.FIFO_R_W
@@ -44,24 +39,17 @@ class Mpu9250:
     def __init__(
         self, world: World, *, who_am_i: int = 0x71, address: int = 0x68, clock_ppm: float = 0.0
     ) -> None:
+        super().__init__(address, clock_ppm)
         self.world = world
-        self.address = address
         self.on_int: Callable[[bool, int], None] = lambda level, at_ns: None
-        self.fifo = Fifo()
         self.variant = reg.variant_of(who_am_i)
-        self.powered = True
-        self._clock_ppm = clock_ppm
-        self._now_ns = 0
-        self._quiet_until_ns = 0
         self._resetting = False
-        self._ready_at_ns: int | None = None
         self._active = False
         self._level = False
         self._pulse_end_ns: int | None = None
         self._last_update_ns = 0
         self._measured: tuple[Motion, int, int, bytes] | None = None
-        self._pointer = 0
-        self._selected = self._reading = self._pointer_next = self._busy = False
+        self._busy = False
         self._output = self._shown = bytes(OUTPUT_BYTES)
         self._output_ns = -1
         self._status = self._count_latch = 0
@@ -123,11 +111,6 @@ class Mpu9250:
 
     # Power
 
-    def power_off(self) -> None:
-        """Take the supply away: it answers no more and holds nothing."""
-        self.powered = False
-        self._restore()
-
     def power_on(self, who_am_i: int | None = None) -> None:
         """Power it up, or another chip in its place."""
         if who_am_i is not None:
@@ -140,10 +123,6 @@ class Mpu9250:
         self.variant = reg.variant_of(who_am_i)
         self._restore()
 
-    def brown_out(self) -> None:
-        """Fall back to reset values in the midst of running, and answer on at once: the worst case."""
-        self._restore()
-
     # Bus
 
     def start(self, address: int, read: bool) -> bool:
@@ -152,11 +131,8 @@ class Mpu9250:
         From here to the STOP, the output registers show one instant: the user-facing set follows the internal
         one only while the bus is idle (RM-MPU-6000A-00, 4.17).
         """
-        self._selected = (
-            address == self.address
-            and self.powered
-            and self._now_ns >= self._quiet_until_ns
-            and not self._registers[reg.USER_CTRL] & reg.I2C_IF_DIS
+        self._selected = super().start(address, read) and not (
+            self._registers[reg.USER_CTRL] & reg.I2C_IF_DIS
         )
         if not self._selected:
             return False
@@ -164,67 +140,14 @@ class Mpu9250:
             self._busy = True
             self._refresh_output()
             self._shown = self._output
-        self._reading = read
-        self._pointer_next = not read
         return True
-
-    def write(self, byte: int) -> bool:
-        """Take a byte: the register's address first, then values of it and of those that follow."""
-        if not self._selected or self._reading:
-            return False
-        if self._pointer_next:
-            self._pointer = byte & _POINTER_MASK
-            self._pointer_next = False
-        else:
-            self._store(self._pointer, byte)
-            self._step_pointer()
-        return True
-
-    def read(self, ack: bool) -> int:
-        """Give the next byte; without `ack` it is the last one. 0xFF, the idle line, unless it is read."""
-        if not self._selected or not self._reading:
-            return 0xFF
-        value = self._load(self._pointer)
-        self._step_pointer()
-        self._selected = ack
-        return value
 
     def stop(self) -> None:
         """Take a STOP."""
-        self._busy = self._selected = False
-
-    # Conveniences over the same bytes
-
-    def read_block(self, register: int, n: int) -> bytes:
-        """Read n bytes from `register` on in one transaction, as `smbus2` does.
-
-        Raises:
-            OSError: EREMOTEIO, as Linux says when nobody acknowledges.
-        """
-        data = b""
-        if self.start(self.address, False) and self.write(register) and self.start(self.address, True):
-            data = bytes(self.read(ack=i < n - 1) for i in range(n))
-        self.stop()
-        if len(data) < n:
-            raise OSError(errno.EREMOTEIO, "Remote I/O error")
-        return data
-
-    def write_register(self, register: int, *values: int) -> None:
-        """Write one value, or several to registers that follow each other.
-
-        Raises:
-            OSError: EREMOTEIO, as Linux says when nobody acknowledges.
-        """
-        acked = self.start(self.address, False) and all(self.write(b) for b in (register, *values))
-        self.stop()
-        if not acked:
-            raise OSError(errno.EREMOTEIO, "Remote I/O error")
+        super().stop()
+        self._busy = False
 
     # Registers
-
-    def _step_pointer(self) -> None:
-        if self._pointer != reg.FIFO_R_W:
-            self._pointer = (self._pointer + 1) & _POINTER_MASK
 
     def _load(self, register: int) -> int:
         if register == reg.INT_STATUS:
@@ -271,12 +194,6 @@ class Mpu9250:
 
     # Reset
 
-    def _begin(self, quiet_ns: int, ready_ns: int) -> None:
-        self._restore()
-        self._quiet_until_ns = self._now_ns + quiet_ns
-        self._ready_at_ns = self._now_ns + ready_ns
-        self._start_clock()
-
     def _restore(self) -> None:
         """Reset values, and the clock started again if they let it run."""
         self._ready_at_ns, self._quiet_until_ns, self._resetting = None, 0, False
@@ -294,18 +211,6 @@ class Mpu9250:
         self._start_clock()
 
     # Conversions
-
-    def _start_clock(self) -> None:
-        """Count output updates from now on, at the rate that is configured now."""
-        self._anchor_ps = self._now_ns * PS_PER_NS
-        self._updates = 0
-        rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
-        self._period_ps = round(1e12 / rate_hz) if rate_hz else None
-
-    def _next_update_ns(self) -> int | None:
-        if self._period_ps is None:
-            return None
-        return -(-(self._anchor_ps + (self._updates + 1) * self._period_ps) // PS_PER_NS)
 
     def _next_internal_ns(self) -> int | None:
         """The next moment that has to be gone through one by one; updates only if somebody follows each."""

@@ -1,0 +1,190 @@
+"""What sensors on an I2C bus have in common: their FIFO, the bytes of the bus, and a clock that converts."""
+
+import errno
+from collections import deque
+
+PS_PER_NS = 1000
+MS_NS = 1_000_000
+_POINTER_MASK = 0x7F
+
+
+class Fifo:
+    """Bytes in order; a full one loses the oldest, or refuses the newest. All that went through is counted.
+
+    size: bytes that it holds. It counts in bytes, as the chips do: after an overflow, what is read may begin
+    within a sample.
+    """
+
+    def __init__(self) -> None:
+        self.size = 0
+        self._bytes: deque[int] = deque()
+        self._last = 0
+        self.written = self.read_out = self.lost = self.cleared = 0
+        """Bytes offered, read, lost to overflow and thrown away by a reset, ever."""
+
+    def __len__(self) -> int:
+        return len(self._bytes)
+
+    def push(self, data: bytes, stop_when_full: bool) -> bool:
+        """Append bytes; return whether there was an overflow."""
+        self.written += len(data)
+        excess = max(0, len(self._bytes) + len(data) - self.size)
+        self.lost += excess
+        if stop_when_full:
+            self._bytes.extend(data[: len(data) - excess])
+        else:
+            self._bytes.extend(data)
+            for _ in range(excess):
+                self._bytes.popleft()
+        return excess > 0
+
+    def pop(self) -> int:
+        """Take the oldest byte; an empty FIFO repeats the last one (RM-MPU-9250A-00, register 116)."""
+        if self._bytes:
+            self._last = self._bytes.popleft()
+            self.read_out += 1
+        return self._last
+
+    def clear(self) -> None:
+        """Throw everything away."""
+        self.cleared += len(self._bytes)
+        self._bytes.clear()
+
+
+class Chip:
+    """One chip on the bus; byte by byte through `start`, `write`, `read` and `stop`.
+
+    address: on the bus. clock_ppm: how much too fast its clock is. fifo_register: the one that does not lead
+    on to the next.
+    """
+
+    fifo_register: int
+
+    def __init__(self, address: int, clock_ppm: float) -> None:
+        self.address = address
+        self.fifo = Fifo()
+        self.powered = True
+        self._clock_ppm = clock_ppm
+        self._now_ns = self._quiet_until_ns = 0
+        self._ready_at_ns: int | None = None
+        self._pointer = 0
+        self._selected = self._reading = self._pointer_next = False
+        self._anchor_ps = self._updates = 0
+        self._period_ps: int | None = None
+
+    # What each chip has of its own
+
+    @property
+    def output_hz(self) -> float:
+        """Nominal rate at which the output registers change; 0 when it stands still."""
+        raise NotImplementedError
+
+    @property
+    def _register(self) -> int:
+        """The register that the next byte is of."""
+        return self._pointer
+
+    def _load(self, register: int) -> int:
+        raise NotImplementedError
+
+    def _store(self, register: int, value: int) -> None:
+        raise NotImplementedError
+
+    def _restore(self) -> None:
+        """Reset values, and the clock started again if they let it run."""
+        raise NotImplementedError
+
+    # Power
+
+    def power_off(self) -> None:
+        """Take the supply away: it answers no more and holds nothing."""
+        self.powered = False
+        self._restore()
+
+    def brown_out(self) -> None:
+        """Fall back to reset values in the midst of running, and answer on at once: the worst case."""
+        self._restore()
+
+    def _begin(self, quiet_ns: int, ready_ns: int) -> None:
+        """Reset: it does not answer for a while, and loses its settings for a longer one."""
+        self._restore()
+        self._quiet_until_ns = self._now_ns + quiet_ns
+        self._ready_at_ns = self._now_ns + ready_ns
+        self._start_clock()
+
+    # Bus
+
+    def start(self, address: int, read: bool) -> bool:
+        """Take a START or repeated START with an address; return whether it acknowledges."""
+        self._selected = address == self.address and self.powered and self._now_ns >= self._quiet_until_ns
+        self._reading = read
+        self._pointer_next = not read
+        return self._selected
+
+    def write(self, byte: int) -> bool:
+        """Take a byte: the register's address first, then values of it and of those that follow."""
+        if not self._selected or self._reading:
+            return False
+        if self._pointer_next:
+            self._pointer, self._pointer_next = byte & _POINTER_MASK, False
+        else:
+            self._store(self._register, byte)
+            self._step_pointer()
+        return True
+
+    def read(self, ack: bool) -> int:
+        """Give the next byte; without `ack` it is the last one. 0xFF, the idle line, unless it is read."""
+        if not self._selected or not self._reading:
+            return 0xFF
+        value = self._load(self._register)
+        self._step_pointer()
+        self._selected = ack
+        return value
+
+    def stop(self) -> None:
+        """Take a STOP."""
+        self._selected = False
+
+    def _step_pointer(self) -> None:
+        if self._register != self.fifo_register:
+            self._pointer = (self._pointer + 1) & _POINTER_MASK
+
+    # Conveniences over the same bytes
+
+    def read_block(self, register: int, n: int) -> bytes:
+        """Read n bytes from `register` on in one transaction, as `smbus2` does.
+
+        Raises:
+            OSError: EREMOTEIO, as Linux says when nobody acknowledges.
+        """
+        data = b""
+        if self.start(self.address, False) and self.write(register) and self.start(self.address, True):
+            data = bytes(self.read(ack=i < n - 1) for i in range(n))
+        self.stop()
+        if len(data) < n:
+            raise OSError(errno.EREMOTEIO, "Remote I/O error")
+        return data
+
+    def write_register(self, register: int, *values: int) -> None:
+        """Write one value, or several to registers that follow each other.
+
+        Raises:
+            OSError: EREMOTEIO, as Linux says when nobody acknowledges.
+        """
+        acked = self.start(self.address, False) and all(self.write(b) for b in (register, *values))
+        self.stop()
+        if not acked:
+            raise OSError(errno.EREMOTEIO, "Remote I/O error")
+
+    # Clock
+
+    def _start_clock(self) -> None:
+        """Count output updates from now on, at the rate that is configured now."""
+        self._anchor_ps, self._updates = self._now_ns * PS_PER_NS, 0
+        rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
+        self._period_ps = round(1e12 / rate_hz) if rate_hz else None
+
+    def _next_update_ns(self) -> int | None:
+        if self._period_ps is None:
+            return None
+        return -(-(self._anchor_ps + (self._updates + 1) * self._period_ps) // PS_PER_NS)
