@@ -223,6 +223,7 @@ def cluster() -> Iterator[Any]:
         yield found
 
 
+@pytest.mark.slow
 def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
     """One of two is killed when the first axis is done: every axis comes, once, as this process has it."""
     from fltea.identification.dask_workers import DaskWorkers

@@ -103,6 +103,7 @@ def test_search_on_a_bent_valley() -> None:
     np.testing.assert_allclose(found, 1, atol=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_fit_is_a_maximum_and_its_interval_is_where_it_ends(seed: int) -> None:
     """Of 600 samples: no neighbour is better; a little inside and outside of the interval are told apart."""

@@ -72,6 +72,7 @@ def test_table_1_times_engine_and_reference(fltea: Call, monkeypatch: pytest.Mon
         assert all(row[key] > 0 for key in ("direct_s", "compressed_s", "reference_s"))
 
 
+@pytest.mark.slow
 def test_figures_are_drawn_and_not_blank(fltea: Call, tmp_path: Path) -> None:
     image = pytest.importorskip("matplotlib.image")
     wanted = ["2", "13", "6.2"]

@@ -28,6 +28,7 @@ def test_it_has_the_spectrum_that_is_fitted(point: Point) -> None:
     np.testing.assert_allclose(power[at], spectra.fractional(2 * np.pi * at / n, point.alpha, g), rtol=0.01)
 
 
+@pytest.mark.slow
 def test_what_is_drawn_is_stationary_from_its_first_sample_on() -> None:
     one = Filter(0.6, -0.02, 64)
     rng = np.random.default_rng(1)

@@ -24,6 +24,7 @@ def found() -> dict[tuple[str, bool], ShiftScore]:
     return {(one.shift, one.memory_s is not None): one for one in scores}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", SHIFTS, ids=lambda shift: shift.name)
 def test_three_time_constants_later_the_truth_is_back(
     shift: Shift, found: dict[tuple[str, bool], ShiftScore]

@@ -50,6 +50,7 @@ LOOKED_AT = (
 )
 
 
+@pytest.mark.slow
 def test_verdicts() -> None:
     """10 min at 100 Hz, one record each."""
     found = visit(cells(1, LOOKED_AT, (100.0,), (600.0,)), Here())
