@@ -73,7 +73,7 @@ lint-cppcheck:
 lint-generated:
 	@$(PY) tools/gen_protocol.py --check
 	@$(PY) tools/gen_registers.py --check
-	@$(PY) tools/gen_filter_settings.py --check
+	@$(PY) tools/gen_settings.py --check
 	@$(PY) tools/gen_error_kinds.py --check
 	@$(PY) tools/build_id.py --check
 	@$(PY) tools/make_vectors.py --check
@@ -83,7 +83,7 @@ lint-generated:
 	@$(PY) tools/make_golden.py --check
 
 gen: .venv/.dev
-	@$(PY) tools/gen_filter_settings.py
+	@$(PY) tools/gen_settings.py
 	@$(PY) tools/gen_error_kinds.py
 	@$(PY) tools/gen_protocol.py
 	@$(PY) tools/gen_registers.py

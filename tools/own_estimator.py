@@ -16,8 +16,12 @@ from fltea.estimator.engine import (
     ParameterTuning,
     StateTuning,
 )
-from fltea.settings import filters
+from fltea.settings.config import Config
+from fltea.settings.duration import known
 from fltea.wire import layout as wire
+
+CONFIG = Config()
+SETTINGS = CONFIG.estimator
 
 
 def f32(value: float) -> float:
@@ -28,10 +32,10 @@ def f32(value: float) -> float:
 JOINT = wire.Estimator(
     variant=wire.EstimatorVariant.JOINT,
     guard=wire.EstimatorGuard.CONSISTENT,
-    startup=filters.STARTUP,
-    max_gap=filters.MAX_GAP,
+    startup=SETTINGS.startup_samples,
+    max_gap=known("max_gap", CONFIG.link.max_gap),
     every=1,
-    remaining=filters.STARTUP,
+    remaining=SETTINGS.startup_samples,
     begun=1,
     fit_every=300,
     queue=0,
@@ -47,31 +51,31 @@ JOINT = wire.Estimator(
     r_x=0.0,
     r_y=0.0,
     r_z=0.0,
-    state_x0=f32(filters.STATE_X0),
-    state_p0=f32(filters.STATE_P0),
-    state_q=f32(filters.STATE_Q),
-    alpha0=f32(filters.JOINT_ALPHA0),
-    alpha_p0=f32(filters.JOINT_P0),
-    alpha_q0=f32(filters.JOINT_Q0),
-    alpha_delta=f32(filters.JOINT_DELTA),
-    parameter0=f32(filters.JOINT_BETA0),
-    parameter_p0=f32(filters.JOINT_P0),
-    parameter_q0=f32(filters.JOINT_Q0),
-    parameter_delta=f32(filters.JOINT_DELTA),
-    gate=f32(filters.GATE),
+    state_x0=f32(SETTINGS.state.x0),
+    state_p0=f32(SETTINGS.state.P0),
+    state_q=f32(SETTINGS.state.Q),
+    alpha0=f32(SETTINGS.joint.alpha0),
+    alpha_p0=f32(SETTINGS.joint.P0),
+    alpha_q0=f32(SETTINGS.joint.Q0),
+    alpha_delta=f32(SETTINGS.joint.delta),
+    parameter0=f32(SETTINGS.joint.beta0),
+    parameter_p0=f32(SETTINGS.joint.P0),
+    parameter_q0=f32(SETTINGS.joint.Q0),
+    parameter_delta=f32(SETTINGS.joint.delta),
+    gate=f32(SETTINGS.gate),
 )
 """The default settings of `fltea run` with variant joint."""
 
 TRIPLE = JOINT._replace(
     variant=wire.EstimatorVariant.TRIPLE,
-    alpha0=f32(filters.ORDER_ALPHA0),
-    alpha_p0=f32(filters.ORDER_P0),
-    alpha_q0=f32(filters.ORDER_Q0),
-    alpha_delta=f32(filters.ORDER_DELTA),
-    parameter0=f32(filters.PARAMETER_F0),
-    parameter_p0=f32(filters.PARAMETER_P0),
-    parameter_q0=f32(filters.PARAMETER_Q0),
-    parameter_delta=f32(filters.PARAMETER_DELTA),
+    alpha0=f32(SETTINGS.order.alpha0),
+    alpha_p0=f32(SETTINGS.order.P0),
+    alpha_q0=f32(SETTINGS.order.Q0),
+    alpha_delta=f32(SETTINGS.order.delta),
+    parameter0=f32(SETTINGS.parameter.f0),
+    parameter_p0=f32(SETTINGS.parameter.P0),
+    parameter_q0=f32(SETTINGS.parameter.Q0),
+    parameter_delta=f32(SETTINGS.parameter.delta),
 )
 """The same with variant triple."""
 

@@ -108,7 +108,7 @@ def test_only_limits_can_be_set_where_nothing_else_is(tmp_path: Path) -> None:
     )
     assert [code for code, _ in results] == [2, 2]
     assert "replay.max_chunk_mb and replay.max_mb only" in results[0][1]
-    assert "replay: max_mb must be a positive number of MB" in results[1][1]
+    assert "replay.max_mb must be a number above 0 and up to 1000000000 MB, got" in results[1][1]
 
 
 @pytest.mark.slow

@@ -1,9 +1,7 @@
 """Lengths in samples or as a time: the same at every rate, and a mistake is named."""
 
 import pytest
-from fltea.records.errors import UsageError
-from fltea.settings.config import load_config
-from fltea.settings.duration import check, in_samples, parse
+from fltea.settings.duration import in_samples
 from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,7 +14,6 @@ RATES_HZ = st.floats(10.0, 8000.0)
     [("30 s", 3000), ("30s", 3000), ("500ms", 50), (".5 min", 3000), ("1 h", 360_000), ("0 s", 0)],
 )
 def test_times_at_100_hz(text: str, samples: int) -> None:
-    check("window", text, 0)
     assert in_samples(text, 100.0, 1) == samples
 
 
@@ -28,17 +25,6 @@ def test_a_time_is_right_to_half_a_sample(seconds: int, rate_hz: float) -> None:
 @given(samples=st.integers(0, 10**9), rate_hz=RATES_HZ)
 def test_samples_stay_samples(samples: int, rate_hz: float) -> None:
     assert in_samples(samples, rate_hz, 1) == samples
-    assert parse(str(samples)) == samples
-
-
-@pytest.mark.parametrize(
-    "text", ["fast", "30", "30 seconds", "-1 s", "1e3 s", "", "s", "nan s", "9999999999 h"]
-)
-def test_no_time_is_named(text: str) -> None:
-    with pytest.raises(
-        UsageError, match=r"link: max_gap .* give a number of samples, or a time such as '30 s'"
-    ):
-        load_config(None, {"link.max_gap": text})
 
 
 def test_a_short_time_makes_what_a_variance_needs() -> None:

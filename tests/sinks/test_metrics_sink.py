@@ -492,5 +492,5 @@ def test_listen_address(text: str, expected: tuple[str, int]) -> None:
 
 @pytest.mark.parametrize("address", ["", "x", ":9100", "pi:", "65536", "-1", "::1:9100", "²", 70000])
 def test_no_listen_address(address: str | int) -> None:
-    with pytest.raises(UsageError, match="metrics: address"):
+    with pytest.raises(UsageError, match=r"metrics\.address"):
         load_config(None, {"metrics.address": address})

@@ -41,7 +41,7 @@ def test_address(broker: str, tls: bool, expected: str) -> None:
     ["", ":1883", "pi:x", "pi:0", "pi:70000", "http://pi", "pi/topic", "pi?x=1", "[::1", "a..b"],
 )
 def test_no_address(broker: str) -> None:
-    with pytest.raises(UsageError, match=r"mqtt: broker must be HOST, HOST:PORT"):
+    with pytest.raises(UsageError, match=r"mqtt\.broker must be HOST, HOST:PORT"):
         load_config(None, {"mqtt.broker": broker})
 
 
@@ -67,9 +67,9 @@ def test_password_in_the_address_is_refused_and_not_repeated(password: str, form
         ({"prefix": ""}, "prefix must be a topic"),
         ({"prefix": "/a"}, "prefix must be a topic"),
         ({"prefix": "$SYS"}, "prefix must be a topic"),
-        ({"estimate_every": 0}, "estimate_every must be 1 or more"),
-        ({"sample_every": -1}, "sample_every 0"),
-        ({"stream_qos": 2}, "stream_qos must be 0 or 1"),
+        ({"estimate_every": 0}, "estimate_every must be a whole number of at least 1 samples"),
+        ({"sample_every": -1}, "sample_every must be a whole number of at least 0 samples"),
+        ({"stream_qos": 2}, "stream_qos must be 0 or 1, got 2"),
         ({"ca": "ca.pem"}, "ca has no use without TLS"),
         ({"insecure": True}, "insecure has no use without TLS"),
         ({"tls": True, "key": "k.pem"}, "give cert too"),

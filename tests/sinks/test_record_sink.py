@@ -262,10 +262,10 @@ def test_an_error_of_another_output_may_come_first(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "text"),
     [
-        ({"rotate_mb": 0}, "must be positive"),
-        ({"rotate_s": -1}, "must be positive"),
-        ({"resume_mb": float("nan")}, "resume_mb must be 0 MB or more"),
-        ({"channels": ["samples"]}, "there is no samples; there are hello, epoch"),
+        ({"rotate_mb": 0}, "rotate_mb must be a number above 0 MB"),
+        ({"rotate_s": -1}, "rotate_s must be a number above 0 s"),
+        ({"resume_mb": float("nan")}, "resume_mb must be a number of at least 0 MB"),
+        ({"channels": ["samples"]}, 'record.channels must be a list of "device_estimate", '),
     ],
 )
 def test_settings_that_make_no_sense(settings: dict[str, object], text: str) -> None:

@@ -175,37 +175,6 @@ def test_every_command_and_option_is_in_the_reference() -> None:
     assert "..." not in text.partition("\n## ")[0].replace("[ARGS]...", "")
 
 
-def test_every_setting_is_in_the_reference_with_its_default() -> None:
-    text = site_settings.settings()
-    for name in ("link.max_gap", "estimator.joint.beta0", "live.target", "mqtt.broker", "source"):
-        assert text.count(f"| `{name}` |") == 1
-    assert "| `live.target` | number | `0.05` | Half the width of α's interval" in text
-    assert '`"auto"`' in text
-    assert "Seconds of samples between fits; unset: 1, but" in text
-
-
-def test_a_docstring_gives_each_setting_its_meaning() -> None:
-    class Base(msgspec.Struct):
-        """All. a: the first; None: none. b, c: both of them."""
-
-        a: int | None = None
-        b: int = 1
-
-    class Below(Base):
-        """More.
-
-        c: another. `d`: no setting.
-        """
-
-        c: int = 2
-
-    assert site_settings.explained(Below) == {
-        "a": "The first; unset: none.",
-        "b": "Both of them.",
-        "c": "Another. `d`: no setting.",
-    }
-
-
 def test_the_schema_of_records_describes_them() -> None:
     schema = msgspec.json.decode(site_hooks.schema())
     assert schema["$defs"]["Epoch"]["properties"]["class"] == {"enum": ["epoch"]}

@@ -83,7 +83,9 @@ def test_a_gap_is_as_long_as_it_lasts(rate_hz: int, longest: str, reasons: list[
 
 
 def test_a_window_that_is_too_long_at_this_rate_is_named() -> None:
-    with pytest.raises(UsageError, match="estimator: at 8000 Hz: window must be 1 to 10000000 samples"):
+    with pytest.raises(
+        UsageError, match="estimator: at 8000 Hz: window must be a whole number from 0 to 10000000 samples"
+    ):
         walk(8000, estimator__window="2 h")
 
 

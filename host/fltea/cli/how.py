@@ -1,27 +1,13 @@
-"""Options that say how a recording is to be read; the same for every command."""
+"""Options that say how a recording is to be read: the same for every command, declared with the settings."""
 
 from typing import Annotated
 
-import typer
-
+from fltea.cli.setting_flags import option
 from fltea.settings.how import TimeUnit
 
-Columns = Annotated[
-    str | None,
-    typer.Option(
-        "--columns", metavar="A,B,C", help="Text, tables: the columns of the axes, or positions from 1."
-    ),
-]
-Units = Annotated[
-    str | None, typer.Option("--units", help="Text, tables: deg/s, °/s, dps, mdps, rad/s, or lsb:N.")
-]
-Rate = Annotated[float | None, typer.Option("--rate", metavar="HZ", help="Text, tables: samples per second.")]
-TimeColumn = Annotated[
-    str | None, typer.Option("--time-column", metavar="NAME", help="Text, tables: the column of times.")
-]
-TimeUnitOption = Annotated[
-    TimeUnit | None, typer.Option("--time-unit", help="Text, tables: what the times are counted in.")
-]
-Topic = Annotated[
-    str | None, typer.Option("--topic", metavar="NAME", help="Bags: the Imu topic, where there are several.")
-]
+Columns = Annotated[str | None, option("replay.columns")]
+Units = Annotated[str | None, option("replay.units")]
+Rate = Annotated[float | None, option("replay.rate_hz")]
+TimeColumn = Annotated[str | None, option("replay.time_column")]
+TimeUnitOption = Annotated[TimeUnit | None, option("replay.time_unit")]
+Topic = Annotated[str | None, option("replay.topic")]

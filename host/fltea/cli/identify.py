@@ -17,7 +17,6 @@ from fltea.cli.output import print_result, say
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible_lines
-from fltea.settings import duration
 from fltea.settings.extras import load
 
 if TYPE_CHECKING:
@@ -168,14 +167,14 @@ def identify(
     flags = {
         "estimator.variant": variant,
         "estimator.guard": guard,
-        "estimator.window": duration.parse(window),
-        "estimator.startup": duration.parse(startup),
+        "estimator.window": window,
+        "estimator.startup": startup,
         "accel.variant": variant,
         "accel.guard": guard,
-        "accel.window": duration.parse(window),
-        "accel.startup": duration.parse(startup),
-        "channels": _list(channels),
-        "replay.columns": _list(columns),
+        "accel.window": window,
+        "accel.startup": startup,
+        "channels": channels,
+        "replay.columns": columns,
         "replay.units": units,
         "replay.rate_hz": rate,
         "replay.time_column": time_column,
@@ -258,14 +257,10 @@ def parse_notch(text: str) -> tuple[float, float]:
     return low, high
 
 
-def _list(text: str | None) -> list[str] | None:
-    return [part.strip() for part in text.split(",")] if text else None
-
-
 def _config(file: Path | None, flags: dict[str, Any], settings: Sequence[str]) -> Any:
-    from fltea.settings.config import load_configs, parse_setting
+    from fltea.settings.config import load_configs, of_flags, parse_setting
 
-    overrides = {path: value for path, value in flags.items() if value is not None}
+    overrides = of_flags(flags)
     overrides.update(parse_setting(text) for text in settings)
     configs = load_configs(file, overrides)
     if len(configs) > 1:

@@ -8,7 +8,7 @@ import typer
 from fltea.cli import how
 from fltea.cli.output import print_lines, say
 from fltea.records.errors import FlteaError, UsageError
-from fltea.settings import duration
+from fltea.settings.config import LinkConfig
 from fltea.settings.duration import Duration
 from fltea.settings.extras import load
 from fltea.settings.how import How
@@ -17,7 +17,7 @@ from fltea.wire import layout as wire
 if TYPE_CHECKING:
     from fltea.settings.limits import Limits
 
-MAX_GAP = 100
+MAX_GAP = str(LinkConfig().max_gap)
 
 Recordings = Annotated[
     list[Path],
@@ -45,13 +45,9 @@ MaxGap = Annotated[
 
 
 def _max_gap(text: str) -> Duration:
-    value = duration.parse(text)
-    assert value is not None
-    try:
-        duration.check("--max-gap", value, 0)
-    except ValueError as error:
-        raise UsageError(f"{error}.") from error
-    return value
+    from fltea.settings.config import load_config, of_flags
+
+    return load_config(None, of_flags({"link.max_gap": text})).link.max_gap
 
 
 def _limits(texts: list[str] | None) -> "Limits":
@@ -117,7 +113,7 @@ def info(
     json: Annotated[
         bool, typer.Option("--json", help="One JSON object a recording, each on a line.")
     ] = False,
-    max_gap: MaxGap = str(MAX_GAP),
+    max_gap: MaxGap = MAX_GAP,
     topic: how.Topic = None,
     set_: ReplaySettings = None,
 ) -> None:
@@ -154,7 +150,7 @@ def export(
             "that the device made beside the host's; `fits` of the maximum-likelihood fit."
         ),
     ] = "samples",
-    max_gap: MaxGap = str(MAX_GAP),
+    max_gap: MaxGap = MAX_GAP,
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists already.")] = False,
     topic: how.Topic = None,
     set_: ReplaySettings = None,

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.settings import filters
+from fltea.settings.estimator import EstimatorConfig
 
 Array = NDArray[np.float64]
 Numbers = float | Sequence[float] | Array
@@ -25,6 +25,8 @@ LONGEST = 1 << 32
 
 BOX_ORDER = (0.0, 2.0)
 """Bounds of α with a guard."""
+
+_PAPER = EstimatorConfig()
 
 FIELDS = (
     "h",
@@ -51,32 +53,32 @@ FIELDS = (
 class StateTuning:
     """KFx. x0 in deg/s, the variances in (deg/s)²; Q is that of a whole step, it includes h^2α. R > 0."""
 
-    P0: Numbers = filters.STATE_P0
-    Q: Numbers = filters.STATE_Q
-    x0: Numbers = filters.STATE_X0
-    R: Numbers = filters.STATE_R
+    P0: Numbers = _PAPER.state.P0
+    Q: Numbers = _PAPER.state.Q
+    x0: Numbers = _PAPER.state.x0
+    R: Numbers = 0.0235
 
 
 @dataclass(frozen=True, eq=False)
 class OrderTuning:
     """KFo. P0 = Q0 = 0 holds the order at alpha0; delta is Q's forgetting factor; R None: the state's."""
 
-    P0: Numbers = filters.ORDER_P0
-    Q0: Numbers = filters.ORDER_Q0
-    alpha0: Numbers = filters.ORDER_ALPHA0
+    P0: Numbers = _PAPER.order.P0
+    Q0: Numbers = _PAPER.order.Q0
+    alpha0: Numbers = _PAPER.order.alpha0
     R: Numbers | None = None
-    delta: Numbers = filters.ORDER_DELTA
+    delta: Numbers = _PAPER.order.delta
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterTuning:
     """KFw. f0 in s^-α, P0 and Q0 in its square; P0 = Q0 = 0 holds f at f0; R None: the state's."""
 
-    P0: Numbers = filters.PARAMETER_P0
-    Q0: Numbers = filters.PARAMETER_Q0
-    f0: Numbers = filters.PARAMETER_F0
+    P0: Numbers = _PAPER.parameter.P0
+    Q0: Numbers = _PAPER.parameter.Q0
+    f0: Numbers = _PAPER.parameter.f0
     R: Numbers | None = None
-    delta: Numbers = filters.PARAMETER_DELTA
+    delta: Numbers = _PAPER.parameter.delta
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +89,13 @@ class JointTuning:
     none.
     """
 
-    P0: Numbers = filters.JOINT_P0
+    P0: Numbers = _PAPER.joint.P0
     """initial variance of α and of β"""
-    Q0: Numbers = filters.JOINT_Q0
-    alpha0: Numbers = filters.JOINT_ALPHA0
-    beta0: Numbers = filters.JOINT_BETA0
+    Q0: Numbers = _PAPER.joint.Q0
+    alpha0: Numbers = _PAPER.joint.alpha0
+    beta0: Numbers = _PAPER.joint.beta0
     R: Numbers | None = None
-    delta: Numbers = filters.JOINT_DELTA
+    delta: Numbers = _PAPER.joint.delta
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +108,12 @@ class EngineSettings:
     """
 
     h: Numbers = 0.01
-    window: int | None = filters.WINDOW
+    window: int | None = _PAPER.window_samples
     memory: Literal["direct", "compressed"] = "compressed"
     accuracy: int = 0
     variant: Literal["triple", "joint"] = "triple"
     guard: Literal["off", "faithful", "consistent"] = "off"
-    gate: Numbers = filters.GATE
+    gate: Numbers = _PAPER.gate
     state: StateTuning = field(default_factory=StateTuning)
     order: OrderTuning = field(default_factory=OrderTuning)
     parameter: ParameterTuning = field(default_factory=ParameterTuning)

@@ -1,21 +1,19 @@
 """Configuration: defaults, then a TOML file, then flags; every mistake is named with its path."""
 
-import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
-from fltea.settings import duration, filters
 from fltea.settings.device_name import NAME, device_name, device_names
 from fltea.settings.duration import Duration
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
-from fltea.settings.how import How, TimeUnit
+from fltea.settings.how import How
 from fltea.settings.ingest import IngestConfig
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.settings.live import LiveConfig
@@ -27,45 +25,73 @@ from fltea.settings.outputs import (
     RecordConfig,
     StateConfig,
 )
+from fltea.settings.setting import Declared, Setting, Table, declared, joined, of_sensor, tables
 from fltea.wire import layout as wire
 
 MOST_MB = 1e9
 """A thousand TB; beyond it a limit is none."""
 
 
-class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Serial link.
+class LinkConfig(Table, frozen=True):
+    """Serial link."""
 
-    baud: speed of a serial port. max_gap: longest gap that is bridged, in samples or as a time ("1 s"); a
-    longer one begins a new epoch.
-    """
+    baud: Annotated[
+        int,
+        Setting(
+            "Speed of a serial port.",
+            unit="baud",
+            least=1,
+            most=100_000_000,
+            flags=("--baud",),
+            metavar="N",
+        ),
+    ] = wire.BAUD
+    max_gap: Annotated[
+        Duration,
+        Setting(
+            "Longest gap that is bridged by prediction, in samples or as a time; a longer one begins a new "
+            "epoch.",
+            unit="samples",
+            least=0,
+            time=True,
+            flags=("--max-gap",),
+            metavar="N|TIME",
+            board=True,
+        ),
+    ] = 100
 
-    baud: int = wire.BAUD
-    max_gap: Duration = filters.MAX_GAP
 
-    def __post_init__(self) -> None:
-        duration.check("max_gap", self.max_gap, 0)
+class ReplayConfig(How, frozen=True):
+    """How to read a recording."""
 
-
-class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How to read a recording.
-
-    columns: of a text, those of the axes x, y, z. units: of a text; deg/s, °/s, dps, mdps, rad/s or lsb:N.
-    rate_hz: samples per second, where the recording does not say. time_column: of a text, that of the times.
-    time_unit: what these are counted in. topic: of a bag, the Imu topic. shuffle: seed of a random order of
-    the samples; None: their own order. max_chunk_mb, max_mb: how much memory one may take
-    (`fltea.settings.limits`).
-    """
-
-    columns: list[str] | None = None
-    units: str | None = None
-    rate_hz: float | None = None
-    time_column: str | None = None
-    time_unit: TimeUnit | None = None
-    topic: str | None = None
-    shuffle: int | None = None
-    max_chunk_mb: float = DEFAULT_LIMITS.max_chunk_mb
-    max_mb: float = DEFAULT_LIMITS.max_mb
+    shuffle: Annotated[
+        int | None,
+        Setting(
+            "Shuffle a recording, with this seed: what would white noise of this size give?",
+            least=0,
+            flags=("--shuffle",),
+            metavar="SEED",
+            example=1,
+        ),
+    ] = None
+    max_chunk_mb: Annotated[
+        float,
+        Setting(
+            "Most memory that one record of an MCAP file may take, unpacked.",
+            unit="MB",
+            above=0,
+            most=MOST_MB,
+        ),
+    ] = DEFAULT_LIMITS.max_chunk_mb
+    max_mb: Annotated[
+        float,
+        Setting(
+            "Most memory that any other recording may take, 8 bytes a number.",
+            unit="MB",
+            above=0,
+            most=MOST_MB,
+        ),
+    ] = DEFAULT_LIMITS.max_mb
 
     @property
     def limits(self) -> Limits:
@@ -75,42 +101,55 @@ class ReplayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def how(self) -> How:
         """What is said of the recording."""
-        return How(
-            columns=self.columns,
-            units=self.units,
-            rate_hz=self.rate_hz,
-            time_column=self.time_column,
-            time_unit=self.time_unit,
-            topic=self.topic,
-        )
-
-    def __post_init__(self) -> None:
-        for name in ("max_chunk_mb", "max_mb"):
-            if not 0 < getattr(self, name) <= MOST_MB:
-                raise ValueError(f"{name} must be a positive number of MB, of at most {MOST_MB:g}")
-        if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
-            raise ValueError("rate_hz must be a positive number of samples per second")
-        if self.shuffle is not None and self.shuffle < 0:
-            raise ValueError("shuffle is a seed and must be 0 or more")
+        return How(**{name: getattr(self, name) for name in How.__struct_fields__})
 
 
-class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All that `fltea run` can be told; the tables of its TOML file have the same names.
+class Config(Table, frozen=True):
+    """All that `fltea run` can be told; the tables of its TOML file have the same names."""
 
-    source: where samples come from, as --source says it. name: of the device, in all outputs; None: made from
-    its address. channels: axes to estimate; None for all of the gyroscope's. format: of the standard output.
-    pace: of a recording and of made-up noise. once: end with the recording, and fail where a device is
-    missing. samples: write the samples too. device: what is said of each device by its name, in
-    tables `[device.NAME]`; it wins over what is said of all.
-    """
-
-    source: str | None = None
-    name: str | None = None
-    channels: list[str] | None = None
-    format: Literal["auto", "ndjson", "table", "none"] = "auto"
-    pace: Literal["auto", "real", "fast"] = "auto"
-    once: bool = False
-    samples: bool = False
+    source: Annotated[
+        str | None,
+        Setting("Where samples come from, as `--source` says it.", example="serial:/dev/ttyACM0"),
+    ] = None
+    name: Annotated[
+        str | None,
+        Setting("Name of the device, in all outputs. Unset: made from its address.", example="arm"),
+    ] = None
+    channels: Annotated[
+        list[str] | None,
+        Setting(
+            "Axes to estimate: gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z. Unset: all of the "
+            "gyroscope's.",
+            flags=("--channels",),
+            metavar="A,B,…",
+            example=["gyro_z", "accel_x"],
+        ),
+    ] = None
+    format: Annotated[
+        Literal["auto", "ndjson", "table", "none"],
+        Setting(
+            "Standard output: `ndjson`, `table`, `none`, or `auto`: a table on a terminal, else NDJSON.",
+            flags=("--format",),
+        ),
+    ] = "auto"
+    pace: Annotated[
+        Literal["auto", "real", "fast"],
+        Setting(
+            "`real` or `fast`, for recordings and synthetic noise; `auto`: recordings fast, noise real.",
+            flags=("--pace",),
+        ),
+    ] = "auto"
+    once: Annotated[
+        bool,
+        Setting(
+            "End with the recording; with a device, fail instead of waiting for it.",
+            flags=("--once",),
+        ),
+    ] = False
+    samples: Annotated[
+        bool,
+        Setting("Write the samples too, so that the output can be replayed.", flags=("--samples",)),
+    ] = False
     link: LinkConfig = LinkConfig()
     ingest: IngestConfig = IngestConfig()
     replay: ReplayConfig = ReplayConfig()
@@ -123,9 +162,10 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     dashboard: DashboardConfig = DashboardConfig()
     metrics: MetricsConfig = MetricsConfig()
     state: StateConfig = StateConfig()
-    device: dict[str, dict[str, Any]] = {}
+    device: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         known = AXES + ACCEL_AXES
         for channel in self.channels or ():
             if channel not in known:
@@ -135,6 +175,14 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.name is not None and not NAME.fullmatch(self.name):
             raise ValueError(f"name {self.name!r}: letters, digits, '_', '.' and '-' make a device's name")
 
+
+TABLES = tables(Config())
+"""Every table by its path; the file itself has none."""
+
+SETTINGS: dict[str, Declared] = {
+    one.path: one for path, table in TABLES.items() for one in declared(table, path)
+}
+"""Every setting by its path."""
 
 OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
 """What a table [device.NAME] may say; the rest is said once for the whole program."""
@@ -206,7 +254,7 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
-    """Split `path=value` of a --set flag; the value is TOML, or else plain text.
+    """Split `path=value` of a --set flag; the value is TOML, or else what a flag of this setting takes.
 
     Raises:
         UsageError: no path or no value.
@@ -218,7 +266,16 @@ def parse_setting(text: str) -> tuple[str, Any]:
     try:
         return path, tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
-        return path, value
+        return path, SETTINGS[path].read(value) if path in SETTINGS else value
+
+
+def of_flags(flags: Mapping[str, Any]) -> dict[str, Any]:
+    """What flags say of settings, by path: texts are read as their setting takes them, None is left out."""
+    return {
+        path: SETTINGS[path].read(value) if isinstance(value, str) else value
+        for path, value in flags.items()
+        if value is not None
+    }
 
 
 def _read_toml(file: Path) -> dict[str, Any]:
@@ -244,39 +301,27 @@ def _convert(tree: Mapping[str, Any], origin: str) -> Config:
     try:
         return msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:
-        raise UsageError(f"{origin}: {_explain(str(error))}") from error
+        raise UsageError(f"{origin}: {_explain(str(error), tree)}") from error
 
 
-def _explain(message: str) -> str:
-    """Put msgspec's `reason - at `$.a.b`` into `a.b: reason`."""
+def _explain(message: str, tree: Mapping[str, Any]) -> str:
+    """Make of msgspec's `reason - at `$.a.b`` a sentence that begins with the path of the setting."""
     reason, _, place = message.partition(" - at ")
     path = place.strip("`").removeprefix("$").lstrip(".")
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", reason)
     if unknown:
-        key = f"{path}.{unknown[1]}" if path else unknown[1]
-        return f"{key}: there is no such setting. {_known(path)}"
-    invalid = re.fullmatch(r"Invalid enum value (.*)", reason)
-    if invalid:
-        return f"{path}: {invalid[1]} is not one of the words that it takes: {', '.join(_words(path))}."
-    if reason[1:2].islower():  # a word; names such as R and P0 keep their capital
-        reason = reason[0].lower() + reason[1:]
-    return f"{path}: {reason}." if path else f"{reason}."
+        key = joined(path, unknown[1])
+        return f"{key}: there is no such setting. Known here: {', '.join(TABLES[path].__struct_fields__)}."
+    setting = SETTINGS.get(re.sub(r"\[.*", "", path))
+    if setting is not None:  # of another type, or none of the words
+        return f"{setting.wrong(_value(tree, setting.path))}."
+    if path in TABLES and reason.partition(" ")[0].rstrip(":") in TABLES[path].__struct_fields__:
+        # What a table has found itself begins with the name of a setting: it does not know where it lies.
+        return f"{of_sensor(path + '.', joined(path, reason))}."
+    return f"{path}: {reason[:1].lower()}{reason[1:]}."
 
 
-def _table(path: list[str]) -> Any:
-    """The settings at a path, with their defaults."""
-    struct: Any = Config()
-    for name in path:
-        struct = getattr(struct, name)
-    return struct
-
-
-def _known(path: str) -> str:
-    return f"Known here: {', '.join(_table(path.split('.') if path else []).__struct_fields__)}."
-
-
-def _words(path: str) -> list[str]:
-    *parents, key = path.split(".")
-    hint = get_type_hints(type(_table(parents)))[key]
-    options = [hint, *get_args(hint)]
-    return [word for option in options if get_origin(option) is Literal for word in get_args(option)]
+def _value(tree: Any, path: str) -> Any:
+    for name in path.split("."):
+        tree = tree[name]
+    return tree

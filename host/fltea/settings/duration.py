@@ -6,22 +6,8 @@ import re
 Duration = int | str
 """Samples, or a number with one of `SECONDS` behind it."""
 
-SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
-
-
-def check(name: str, value: Duration, least: int) -> None:
-    """See whether it can be used, as far as that does not depend on the rate.
-
-    Raises:
-        ValueError: fewer samples than `least`, or a text that is no time.
-    """
-    if isinstance(value, str):
-        if in_seconds(value) is None:
-            raise ValueError(
-                f"{name} {value!r}: give a number of samples, or a time such as '30 s' ({', '.join(SECONDS)})"
-            )
-    elif value < least:
-        raise ValueError(f"{name} must be at least {least} samples")
+SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+EXAMPLE = "30 s"
 
 
 def in_samples(value: Duration, rate_hz: float, least: int) -> int:
@@ -29,7 +15,7 @@ def in_samples(value: Duration, rate_hz: float, least: int) -> int:
     if not isinstance(value, str):
         return value
     seconds = in_seconds(value)
-    assert seconds is not None, value  # `check` has seen it
+    assert seconds is not None, value  # the declaration of the setting has seen it
     return max(least, round(seconds * rate_hz)) if seconds else 0
 
 
@@ -38,16 +24,6 @@ def known(name: str, value: Duration) -> int:
     if isinstance(value, str):
         raise ValueError(f"{name} is a time, {value}: `at` makes samples of it once the rate is known")
     return value
-
-
-def parse(text: str | None) -> Duration | None:
-    """What a flag says: a number stays a number."""
-    if text is None:
-        return None
-    try:
-        return int(text)
-    except ValueError:
-        return text.strip()
 
 
 def in_seconds(text: str) -> float | None:

@@ -1,118 +1,70 @@
-"""Settings of the gyroscope estimator; their defaults have one home, filters.toml.
+"""The settings of an estimator: the tables `estimator` and `accel` of the TOML file."""
 
-Each filter has its own block, as in the paper. All raise ValueError with the field's name for values that no
-filter can work with. R is not here: it belongs to the data of each axis (see `bias`).
-"""
-
-import math
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 import msgspec
 
-from fltea.settings import filters
-from fltea.settings.duration import Duration, check, in_samples, known
+from fltea.settings.duration import Duration, in_samples, known
+from fltea.settings.setting import Setting, Table
+
+LARGEST = 1e100
+"""No number of a filter and no variance is larger; no measurement variance is smaller than 1 over it."""
 
 LONGEST_WINDOW = 10_000_000
 """Samples; more than a day at 100 Hz, and as much memory as a small computer has to spare."""
 
-
-def _check_number(name: str, value: float) -> None:
-    if not math.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {value}")
-
-
-def _check_variance(name: str, value: float) -> None:
-    _check_number(name, value)
-    if value < 0:
-        raise ValueError(f"{name} is a variance and must be >= 0, got {value}")
+SQUARED = "(deg/s)²"
+DELTA = Setting(
+    "Forgetting factor of Robbins and Monro: how fast the variance of the walk follows the innovations; 0: "
+    "it stays Q0.",
+    least=0,
+    most=1,
+    board=True,
+)
 
 
-def _check_delta(value: float) -> None:
-    if not 0 <= value <= 1:
-        raise ValueError(f"delta must lie in [0, 1] (0 keeps the process noise Q0 constant), got {value}")
+def _number(meaning: str, unit: str = "") -> Setting:
+    return Setting(meaning, unit=unit, least=-LARGEST, most=LARGEST, board=True)
 
 
-class StateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """KFx, the filter of the state.
-
-    P0: variance of the state at the start, (deg/s)². Q: variance of a whole step, (deg/s)²; it includes h^2α.
-    x0: the state at the start, deg/s.
-    """
-
-    P0: float = filters.STATE_P0
-    Q: float = filters.STATE_Q
-    x0: float = filters.STATE_X0
-
-    def __post_init__(self) -> None:
-        _check_variance("P0", self.P0)
-        _check_variance("Q", self.Q)
-        _check_number("x0", self.x0)
+def _variance(meaning: str, unit: str = "") -> Setting:
+    return Setting(meaning, unit=unit, least=0, most=LARGEST, board=True)
 
 
-class OrderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """KFo, the filter of the order; all without unit. P0 = Q0 = 0 holds the order at alpha0.
+class StateSettings(Table, frozen=True):
+    """KFx, the filter of the state."""
 
-    P0: variance of the order at the start. Q0: variance of its walk, a sample. alpha0: the order at the
-    start. delta: how fast the walk's variance follows the innovations; 0: not at all.
-    """
-
-    P0: float = filters.ORDER_P0
-    Q0: float = filters.ORDER_Q0
-    alpha0: float = filters.ORDER_ALPHA0
-    delta: float = filters.ORDER_DELTA
-
-    def __post_init__(self) -> None:
-        _check_variance("P0", self.P0)
-        _check_variance("Q0", self.Q0)
-        _check_number("alpha0", self.alpha0)
-        _check_delta(self.delta)
+    P0: Annotated[float, _variance("Variance of the state at the start.", SQUARED)] = 0.01
+    Q: Annotated[float, _variance("Variance of a whole step; it includes h^2α.", SQUARED)] = 0.15
+    x0: Annotated[float, _number("State at the start.", "deg/s")] = 0.0
 
 
-class ParameterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """KFw, the filter of the parameter. P0 = Q0 = 0 holds f at f0.
+class OrderSettings(Table, frozen=True):
+    """KFo, the filter of the order, which has no unit. P0 = Q0 = 0 holds the order at alpha0."""
 
-    P0: variance of f at the start, (s^-α)². Q0: variance of its walk, a sample, (s^-α)². f0: f at the start,
-    s^-α. delta: how fast the walk's variance follows the innovations; 0: not at all.
-    """
-
-    P0: float = filters.PARAMETER_P0
-    Q0: float = filters.PARAMETER_Q0
-    f0: float = filters.PARAMETER_F0
-    delta: float = filters.PARAMETER_DELTA
-
-    def __post_init__(self) -> None:
-        _check_variance("P0", self.P0)
-        _check_variance("Q0", self.Q0)
-        _check_number("f0", self.f0)
-        _check_delta(self.delta)
+    P0: Annotated[float, _variance("Variance of the order at the start.")] = 0.01
+    Q0: Annotated[float, _variance("Variance of a step of its walk, at the start.")] = 0.1
+    alpha0: Annotated[float, _number("Order at the start.")] = 1.0
+    delta: Annotated[float, DELTA] = 0.5
 
 
-class JointSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The joint filter on (α, β = h^α f), both without unit.
+class ParameterSettings(Table, frozen=True):
+    """KFw, the filter of the parameter. P0 = Q0 = 0 holds f at f0."""
 
-    P0: variance of either at the start. Q0: variance of the walk of either, a sample. alpha0: α at the start.
-    beta0: β at the start. delta: how fast the walk's variance follows the innovations; 0: not at all.
-    """
-
-    P0: float = filters.JOINT_P0
-    Q0: float = filters.JOINT_Q0
-    alpha0: float = filters.JOINT_ALPHA0
-    beta0: float = filters.JOINT_BETA0
-    delta: float = filters.JOINT_DELTA
-
-    def __post_init__(self) -> None:
-        _check_variance("P0", self.P0)
-        _check_variance("Q0", self.Q0)
-        _check_number("alpha0", self.alpha0)
-        _check_number("beta0", self.beta0)
-        _check_delta(self.delta)
+    P0: Annotated[float, _variance("Variance of f at the start.", "(s^-α)²")] = 0.01
+    Q0: Annotated[float, _variance("Variance of a step of its walk, at the start.", "(s^-α)²")] = 0.1
+    f0: Annotated[float, _number("Parameter f at the start.", "s^-α")] = 0.0
+    delta: Annotated[float, DELTA] = 0.5
 
 
-def _given(value: str | float | list[float]) -> list[float]:
-    """The numbers in a setting that may also be a word."""
-    if isinstance(value, str):
-        return []
-    return value if isinstance(value, list) else [value]
+class JointSettings(Table, frozen=True):
+    """The joint filter on (α, β = h^α f), both without unit."""
+
+    P0: Annotated[float, _variance("Variance of α and of β at the start.")] = 0.06
+    Q0: Annotated[float, _variance("Variance of a step of the walk of both, at the start.")] = 0.0
+    alpha0: Annotated[float, _number("Order α at the start.")] = 0.5
+    beta0: Annotated[float, _number("β at the start.")] = -0.1
+    delta: Annotated[float, DELTA] = 0.0
 
 
 EstimateOn = Literal["host", "device", "both"]
@@ -128,58 +80,122 @@ BY_DEVICE = ("device", "both")
 """Those of `EstimateOn` for which the device estimates by itself."""
 
 
-class EstimatorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The estimator, its start-up window, bias (deg/s) and R ((deg/s)²).
+class EstimatorConfig(Table, frozen=True):
+    """The filters of an estimator, their start-up window, bias and R; the paper's numbers, section 7.1."""
 
-    window: length L of the memory; 0: unlimited. startup: length of the start-up window. Both are in samples,
-    or a time ("30 s"), of which `at` makes samples.
-    bias: "startup" (its mean), "none", or deg/s, one for all axes or a list. R: "auto" (the variance of the
-    start-up window), or (deg/s)², one for all axes or a list.
-    estimate_on: "host" (this computer), "device" (an Arduino Due's own estimates, none here) or "both" (the
-    Due's, and here with the Due's settings). memory: "compressed" (at a cost that does not depend on the
-    window) or "direct" (exact). variant: "triple" (the paper's) or "joint" (one filter on α and h^α f).
-    guard: "off" (printed), "faithful" (bounded) or "consistent" (bounded, with the variance that the printed
-    algorithm leaves out). gate: standard deviations from which on a guard softens an innovation.
-    tuning: "startup": Q of `state` and R of the start-up window or as given, as in the paper; "live": those
-    of the live fit as soon as it knows them; None: "live", but "startup" where Q or R is given, and for the
-    printed algorithm (guard "off").
-    """
-
-    window: Duration = filters.WINDOW
+    window: Annotated[
+        Duration,
+        Setting(
+            "Length L of the memory, in samples or as a time; 0: unlimited, which only memory `compressed` "
+            "has.",
+            unit="samples",
+            least=0,
+            most=LONGEST_WINDOW,
+            time=True,
+            flags=("--window", "-L"),
+            metavar="N|TIME",
+        ),
+    ] = 3000
+    startup: Annotated[
+        Duration,
+        Setting(
+            "Length of the start-up window, in samples or as a time: the sensor has to be at rest in it, "
+            "for bias and R are drawn from it.",
+            unit="samples",
+            least=2,
+            most=LONGEST_WINDOW,
+            time=True,
+            flags=("--startup",),
+            metavar="N|TIME",
+            board=True,
+        ),
+    ] = 500
+    bias: Annotated[
+        Literal["startup", "none"] | float | list[float],
+        Setting(
+            "What is subtracted from every sample: `startup` (the mean of the start-up window), `none`, or "
+            "a number for all axes, or one an axis: 0.1,0,-0.2.",
+            unit="deg/s",
+            least=-LARGEST / 2,
+            most=LARGEST / 2,
+            flags=("--bias",),
+        ),
+    ] = "startup"
+    R: Annotated[
+        Literal["auto"] | float | list[float],
+        Setting(
+            "Measurement variance: `auto` (the variance of the start-up window), or a number for all axes, "
+            "or one an axis.",
+            unit=SQUARED,
+            least=1 / LARGEST,
+            most=LARGEST,
+            flags=("--r",),
+        ),
+    ] = "auto"
+    estimate_on: Annotated[
+        EstimateOn,
+        Setting(
+            "Who estimates the gyroscope: `host` (this computer), `device` (an Arduino Due by itself, and "
+            "nothing is estimated here) or `both` (here with the Due's settings, and with the difference).",
+            flags=("--estimate-on",),
+        ),
+    ] = "host"
+    memory: Annotated[
+        Literal["compressed", "direct"],
+        Setting(
+            "Memory of past states: `compressed` (any window at one cost) or `direct` (exact).",
+            flags=("--memory",),
+        ),
+    ] = "compressed"
+    variant: Annotated[
+        Literal["triple", "joint"],
+        Setting(
+            "`triple` (the paper's three filters) or `joint` (one filter on α and h^α f).",
+            flags=("--variant",),
+            board=True,
+        ),
+    ] = "joint"
+    guard: Annotated[
+        Literal["off", "faithful", "consistent"],
+        Setting(
+            "`off` (the printed algorithm), `faithful` (within bounds) or `consistent` (within bounds, and "
+            "with the variance that the printed algorithm leaves out).",
+            flags=("--guard",),
+            board=True,
+        ),
+    ] = "consistent"
+    gate: Annotated[
+        float,
+        Setting(
+            "From where on a guard softens an innovation.",
+            unit="standard deviations",
+            least=1,
+            most=1000,
+            board=True,
+        ),
+    ] = 10.0
+    tuning: Annotated[
+        Tuning | None,
+        Setting(
+            "Who sets the filters' Q and R while they run: `live` (the live fit, as soon as it knows them) "
+            "or `startup` (nobody: the paper's way). Unset: `live`, but `startup` where Q or R is given "
+            "and with guard `off`.",
+            flags=("--tuning",),
+            example="startup",
+        ),
+    ] = None
     state: StateSettings = StateSettings()
     order: OrderSettings = OrderSettings()
     parameter: ParameterSettings = ParameterSettings()
-    startup: Duration = filters.STARTUP
-    bias: Literal["startup", "none"] | float | list[float] = "startup"
-    R: Literal["auto"] | float | list[float] = "auto"
-    estimate_on: EstimateOn = "host"
-    memory: Literal["compressed", "direct"] = "compressed"
-    variant: Literal["triple", "joint"] = filters.VARIANT
-    guard: Literal["off", "faithful", "consistent"] = filters.GUARD
     joint: JointSettings = JointSettings()
-    gate: float = filters.GATE
-    tuning: Tuning | None = None
 
     def __post_init__(self) -> None:
-        if isinstance(self.window, str):
-            check("window", self.window, 0)
-        elif not 0 <= self.window <= LONGEST_WINDOW:
-            raise ValueError(
-                f"window must be 1 to {LONGEST_WINDOW} samples, or 0 for an unlimited one, "
-                f"got {self.window}; the paper uses 3000"
-            )
+        super().__post_init__()
         if not self.window and self.memory == "direct":
             raise ValueError(
                 "window 0 is an unlimited one, which only memory compressed has: memory direct keeps every "
                 "sample of its window; give its length"
             )
-        if not 1 <= self.gate <= 1000:
-            raise ValueError(f"gate must be 1 to 1000 standard deviations, got {self.gate:g}")
-        check("startup", self.startup, 2)
-        if any(not math.isfinite(r) or r <= 0 for r in _given(self.R)):
-            raise ValueError("R is a variance and must be a positive number")
-        if not all(math.isfinite(b) for b in _given(self.bias)):
-            raise ValueError("bias must be finite numbers")
 
     @property
     def tuned_by(self) -> Tuning:
@@ -217,10 +233,14 @@ class EstimatorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.startup_samples if self.bias == "startup" or self.R == "auto" else 0
 
 
-class AccelConfig(EstimatorConfig, frozen=True, forbid_unknown_fields=True):
-    """The same for axes of the accelerometer, in m/s² in place of deg/s."""
+class AccelConfig(EstimatorConfig, frozen=True):
+    """The same for axes of the accelerometer, in m/s² in place of deg/s.
 
-    state: StateSettings = StateSettings(P0=filters.ACCEL_STATE_P0, Q=filters.ACCEL_STATE_Q)
+    The ratio to the noise is the one that the paper has: a resting MPU-6050 has 9e-4 (m/s²)² where the
+    paper's gyroscope has 0.02 (deg/s)².
+    """
+
+    state: StateSettings = StateSettings(P0=0.00045, Q=0.00675)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,24 +1,66 @@
 """How to read a recording that does not say it itself."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-import msgspec
+from fltea.settings.setting import Setting, Table
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 
 
-class How(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the user says of a recording; None: the file is to tell.
+class How(Table, frozen=True, kw_only=True):
+    """What the user says of a recording; what is unset the file has to say."""
 
-    columns, units, rate_hz, time_column, time_unit: of text and tables. topic: of bags.
-    """
-
-    columns: list[str] | None = None
-    units: str | None = None
-    rate_hz: float | None = None
-    time_column: str | None = None
-    time_unit: TimeUnit | None = None
-    topic: str | None = None
+    columns: Annotated[
+        list[str] | None,
+        Setting(
+            "Text, tables: the columns of the axes, or their positions from 1.",
+            flags=("--columns",),
+            metavar="A,B,C",
+            example=["gx", "gy", "gz"],
+        ),
+    ] = None
+    units: Annotated[
+        str | None,
+        Setting(
+            "Text, tables: deg/s, °/s, dps, mdps, rad/s, or lsb:N.",
+            flags=("--units",),
+            metavar="UNIT",
+            example="dps",
+        ),
+    ] = None
+    rate_hz: Annotated[
+        float | None,
+        Setting(
+            "Text, tables: samples per second.",
+            unit="Hz",
+            above=0,
+            flags=("--rate",),
+            metavar="HZ",
+            example=100.0,
+        ),
+    ] = None
+    time_column: Annotated[
+        str | None,
+        Setting(
+            "Text, tables: the column of times.",
+            flags=("--time-column",),
+            metavar="NAME",
+            example="t_ms",
+        ),
+    ] = None
+    time_unit: Annotated[
+        TimeUnit | None,
+        Setting("Text, tables: what the times are counted in.", flags=("--time-unit",), example="ms"),
+    ] = None
+    topic: Annotated[
+        str | None,
+        Setting(
+            "Bags: the Imu topic, where there are several.",
+            flags=("--topic",),
+            metavar="NAME",
+            example="/imu",
+        ),
+    ] = None
 
     @property
     def of_text(self) -> bool:

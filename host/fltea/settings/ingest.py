@@ -1,14 +1,15 @@
 """Settings of sources that many devices share, the table `ingest` of the TOML file."""
 
 import re
+from typing import Annotated, Literal
 
-import msgspec
+from fltea.settings.setting import Setting, Table
 
 SCHEMES = ("mqtt", "mqtts", "nats")
 """Beginnings of the URLs of sources behind which many devices stand."""
 
-MOST_DEVICES = 100_000
 MOST_KEPT_MB = 100_000_000
+DAY_S = 86400
 
 
 def is_shared(url: str | None) -> bool:
@@ -21,50 +22,88 @@ def is_partitioned(url: str | None) -> bool:
     return url is not None and url.startswith("nats:")
 
 
-class IngestConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Devices that publish their frames to a broker.
+class IngestConfig(Table, frozen=True):
+    """Devices that publish their frames to a broker; from `stream` on, of NATS only."""
 
-    devices: at most so many at a time. forget_s: a device that has been silent for so long is given up, and
-    makes room for another. queue_mb: what may wait to be read, of all devices together.
-
-    Of NATS: stream, bucket: names of the JetStream stream and of the key-value bucket, which are made where
-    they are missing. partitions: as many as the server's subject mapping has. snapshot_s: from one snapshot
-    of a device to the next. keep_s: how long a stream that is made here keeps frames. keep_mb, snapshots_mb:
-    most that frames and snapshots may have on the server, whose max_file_store has to be larger. replicas: of
-    all, when they are made. change_limits: stream and buckets that exist get these limits; else what differs
-    is told. ca: PEM file of the authority that signed the server's certificate; with it TLS is spoken.
-    """
-
-    devices: int = 2000
-    forget_s: float = 600.0
-    queue_mb: float = 64.0
-    stream: str = "FLTEA_FRAMES"
-    bucket: str = "fltea_lanes"
-    partitions: int = 16
-    snapshot_s: float = 60.0
-    keep_s: float = 3600.0
-    keep_mb: float = 4000.0
-    snapshots_mb: float = 1000.0
-    replicas: int = 1
-    change_limits: bool = False
-    ca: str | None = None
+    devices: Annotated[int, Setting("Most devices at a time.", unit="devices", least=1, most=100_000)] = 2000
+    forget_s: Annotated[
+        float,
+        Setting(
+            "A device that has been silent for so long is given up, and makes room for another.",
+            unit="s",
+            least=10,
+            most=7 * DAY_S,
+        ),
+    ] = 600.0
+    queue_mb: Annotated[
+        float,
+        Setting(
+            "Messages that may wait to be read, of all devices together.",
+            unit="MB",
+            least=1,
+            most=4096,
+        ),
+    ] = 64.0
+    stream: Annotated[str, Setting("Name of the JetStream stream, which is made where it is missing.")] = (
+        "FLTEA_FRAMES"
+    )
+    bucket: Annotated[str, Setting("Name of the key-value bucket, which is made where it is missing.")] = (
+        "fltea_lanes"
+    )
+    partitions: Annotated[
+        int,
+        Setting("As many as the server's subject mapping has.", unit="partitions", least=1, most=1024),
+    ] = 16
+    snapshot_s: Annotated[
+        float,
+        Setting(
+            "Time from one snapshot of a device to the next; shorter than `keep_s`.",
+            unit="s",
+            least=1,
+            most=365 * DAY_S,
+        ),
+    ] = 60.0
+    keep_s: Annotated[
+        float,
+        Setting("How long a stream that is made here keeps frames.", unit="s", least=1, most=365 * DAY_S),
+    ] = 3600.0
+    keep_mb: Annotated[
+        float,
+        Setting(
+            "Most that the frames of all devices may have on the server, whose max_file_store has to be "
+            "larger.",
+            unit="MB",
+            least=1,
+            most=MOST_KEPT_MB,
+        ),
+    ] = 4000.0
+    snapshots_mb: Annotated[
+        float,
+        Setting("Most that all snapshots may have on the server.", unit="MB", least=1, most=MOST_KEPT_MB),
+    ] = 1000.0
+    replicas: Annotated[
+        Literal[1, 3, 5],
+        Setting("Replicas of stream and bucket, when they are made; 3 need three nodes."),
+    ] = 1
+    change_limits: Annotated[
+        bool,
+        Setting("Whether a stream and buckets that exist get these limits; else differences are reported."),
+    ] = False
+    ca: Annotated[
+        str | None,
+        Setting(
+            "PEM file of the authority that signed the server's certificate; with it TLS is spoken.",
+            text="the name of a file",
+            example="ca.pem",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
-        if not 1 <= self.devices <= MOST_DEVICES:
-            raise ValueError(f"devices must be 1 to {MOST_DEVICES}, got {self.devices}")
-        if not 10 <= self.forget_s <= 7 * 86400:
-            raise ValueError("forget_s must be 10 seconds to a week")
-        if not 1 <= self.partitions <= 1024:
-            raise ValueError(f"partitions must be 1 to 1024, got {self.partitions}")
-        if self.replicas not in (1, 3, 5):
-            raise ValueError(f"replicas must be 1, 3 or 5, got {self.replicas}")
-        if not 1 <= self.snapshot_s < self.keep_s <= 365 * 86400:
-            raise ValueError("snapshot_s must be 1 s or more, and keep_s, at most a year, must be longer")
-        for key in ("keep_mb", "snapshots_mb"):
-            if not 1 <= getattr(self, key) <= MOST_KEPT_MB:
-                raise ValueError(f"{key} must be 1 to {MOST_KEPT_MB} MB")
+        super().__post_init__()
+        if not self.snapshot_s < self.keep_s:
+            raise ValueError(
+                f"keep_s must be longer than snapshot_s, {self.snapshot_s:g} s, got {self.keep_s:g}"
+            )
         for key in ("stream", "bucket"):
             if not re.fullmatch(r"[A-Za-z0-9_-]{1,64}", getattr(self, key)):
                 raise ValueError(f"{key} must be a name of letters, digits, _ and -")
-        if not 1 <= self.queue_mb <= 4096:
-            raise ValueError("queue_mb must be 1 to 4096 MB")

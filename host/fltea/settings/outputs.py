@@ -1,61 +1,78 @@
 """Settings of the outputs, each with the name of its table in the TOML file (host/docs/guide/outputs.md)."""
 
-import math
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 from urllib.parse import urlsplit
 
-import msgspec
-
 from fltea.settings.listen_address import is_loopback, listen_address
+from fltea.settings.setting import Setting, Table
 
-LARGEST_EVERY = 1_000_000
-"""Nearly three hours at 100 Hz."""
-
-RECORDED = (
-    *("hello", "epoch", "gap", "sample", "estimate", "device_estimate", "fit", "device_fit", "stats"),
+Recorded = Literal[
+    "hello",
+    "epoch",
+    "gap",
+    "sample",
+    "estimate",
+    "device_estimate",
+    "fit",
+    "device_fit",
+    "stats",
     "error",
-)
+]
 """Classes of the records that can ride along in a recording."""
 
+RECORDED: tuple[Recorded, ...] = get_args(Recorded)
 
-class OutputConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What holds for every output alike.
-
-    every: records `sample`, `estimate` and `device_estimate` go out of samples whose `seq` is a multiple of
-    it; all else does whole, and so do the bytes that `--record` keeps. Estimation sees every sample.
-    """
-
-    every: int = 1
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.every <= LARGEST_EVERY:
-            raise ValueError(f"every must be 1 (every sample) to {LARGEST_EVERY}, got {self.every}")
+NAMES = Setting(
+    "Further names under which browsers may ask for it, such as that of a proxy in front.",
+    example=("pi.example",),
+)
 
 
-class RecordConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Recording in MCAP files; off without a folder.
+class OutputConfig(Table, frozen=True):
+    """What holds for every output alike."""
 
-    folder: where the files go. rotate_mb, rotate_s: a new file begins beyond this size or age. resume_mb:
-    room there has to be before a recording that a full disk stopped goes on. channels: decoded records that
-    ride along with the bytes from the wire.
-    """
+    every: Annotated[
+        int,
+        Setting(
+            "Samples and estimates of every N-th sample only go out (`seq` a multiple of N), to all "
+            "outputs alike; of MQTT's estimate_every and this the larger rules. All samples are estimated, "
+            "and events, statistics and the bytes of a recording stay whole.",
+            unit="samples",
+            least=1,
+            most=1_000_000,
+            flags=("--every",),
+            metavar="N",
+        ),
+    ] = 1
 
-    folder: str | None = None
-    rotate_mb: float = 256.0
-    rotate_s: float = 3600.0
-    resume_mb: float = 16.0
-    channels: tuple[str, ...] = RECORDED
 
-    def __post_init__(self) -> None:
-        if self.folder == "":
-            raise ValueError("folder must be the name of a folder")
-        if not (self.rotate_mb > 0 and self.rotate_s > 0):
-            raise ValueError("rotate_mb and rotate_s must be positive")
-        if not 0 <= self.resume_mb < math.inf:
-            raise ValueError("resume_mb must be 0 MB or more")
-        for channel in self.channels:
-            if channel not in RECORDED:
-                raise ValueError(f"channels: there is no {channel}; there are {', '.join(RECORDED)}")
+class RecordConfig(Table, frozen=True):
+    """Recording in MCAP files; off without a folder."""
+
+    folder: Annotated[
+        str | None,
+        Setting(
+            "Folder for a recording, as MCAP files, of all that comes over the wire, and of all records.",
+            text="the name of a folder",
+            flags=("--record",),
+            metavar="DIR",
+            example="recordings",
+        ),
+    ] = None
+    rotate_mb: Annotated[float, Setting("A new file begins beyond this size.", unit="MB", above=0)] = 256.0
+    rotate_s: Annotated[float, Setting("A new file begins beyond this age.", unit="s", above=0)] = 3600.0
+    resume_mb: Annotated[
+        float,
+        Setting(
+            "Room that there has to be before a recording that a full disk stopped goes on.",
+            unit="MB",
+            least=0,
+        ),
+    ] = 16.0
+    channels: Annotated[
+        tuple[Recorded, ...],
+        Setting("Decoded records that ride along with the bytes from the wire."),
+    ] = RECORDED
 
 
 class BrokerAddress(NamedTuple):
@@ -70,36 +87,55 @@ class BrokerAddress(NamedTuple):
         return f"{'mqtts' if self.tls else 'mqtt'}://{host}:{self.port}"
 
 
-class MqttConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Publishing to an MQTT broker; off without one.
+class MqttConfig(Table, frozen=True):
+    """Publishing to an MQTT broker; off without one."""
 
-    broker: HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT. prefix: of all topics.
-    estimate_every, sample_every: one in so many samples is published, by `seq`, of those that `output.every`
-    leaves: the larger of the two rules; sample_every 0: none. stream_qos: of estimates and samples, 0 or 1;
-    all else has 1. tls: as with mqtts://. ca, cert, key: PEM files. insecure: take whatever certificate the
-    broker shows. password_file: one line USER:PASSWORD.
-    """
-
-    broker: str | None = None
-    prefix: str = "fltea"
-    estimate_every: int = 10
-    sample_every: int = 0
-    stream_qos: int = 0
-    tls: bool = False
-    ca: str | None = None
-    cert: str | None = None
-    key: str | None = None
-    insecure: bool = False
-    password_file: str | None = None
+    broker: Annotated[
+        str | None,
+        Setting(
+            "MQTT broker to publish to: HOST[:PORT], or mqtts://HOST[:PORT] for TLS. User and password "
+            "come from FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.",
+            flags=("--mqtt",),
+            metavar="BROKER",
+            example="mqtts://broker.example",
+        ),
+    ] = None
+    prefix: Annotated[str, Setting("Beginning of all topics.")] = "fltea"
+    estimate_every: Annotated[
+        int,
+        Setting(
+            "The estimate of one in so many samples is published, by `seq`, of those that `output.every` "
+            "leaves: the larger of the two rules.",
+            unit="samples",
+            least=1,
+        ),
+    ] = 10
+    sample_every: Annotated[
+        int, Setting("The same for samples; 0: none is published.", unit="samples", least=0)
+    ] = 0
+    stream_qos: Annotated[
+        Literal[0, 1],
+        Setting("Quality of service of estimates and samples; everything else has 1."),
+    ] = 0
+    tls: Annotated[bool, Setting("Whether TLS is spoken, as with mqtts://.")] = False
+    ca: Annotated[
+        str | None,
+        Setting("PEM file of the authority that signed the broker's certificate.", example="ca.pem"),
+    ] = None
+    cert: Annotated[str | None, Setting("PEM file of this client's certificate.", example="client.pem")] = (
+        None
+    )
+    key: Annotated[str | None, Setting("PEM file of the certificate's key.", example="client.key")] = None
+    insecure: Annotated[bool, Setting("Whether any certificate of the broker is taken.")] = False
+    password_file: Annotated[
+        str | None, Setting("File with one line USER:PASSWORD.", example="/etc/fltea/mqtt")
+    ] = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for level in self.prefix.split("/"):
             if not level or any(c in "+#" or ord(c) < 32 for c in level) or self.prefix.startswith("$"):
                 raise ValueError("prefix must be a topic without +, #, a leading $ or empty levels")
-        if self.estimate_every < 1 or self.sample_every < 0:
-            raise ValueError("estimate_every must be 1 or more, sample_every 0 (none) or more")
-        if self.stream_qos not in (0, 1):
-            raise ValueError("stream_qos must be 0 or 1")
         if self.key is not None and self.cert is None:
             raise ValueError("key belongs to a certificate: give cert too")
         tls_only = [name for name in ("ca", "cert", "insecure") if getattr(self, name)]
@@ -134,25 +170,40 @@ class MqttConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return BrokerAddress(host, port, tls)
 
 
-class DashboardConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The live page; off without an address. address: PORT or HOST:PORT; without a host the loopback.
+class DashboardConfig(Table, frozen=True):
+    """The live page; off without an address."""
 
-    names: further names under which browsers may ask for it, such as that of a proxy in front. visitors:
-    pages that may be open at a time. record: whether they may start and stop recordings; None: if none but
-    this machine reaches them. record_to: the folder, unless `record.folder` names one.
-    """
-
-    address: str | int | None = None
-    names: tuple[str, ...] = ()
-    visitors: int = 20
-    record: bool | None = None
-    record_to: str = "recordings"
+    address: Annotated[
+        str | int | None,
+        Setting(
+            "Address of the live page, PORT or HOST:PORT; without a host it is for this machine only.",
+            text="PORT or HOST:PORT",
+            least=0,
+            most=65535,
+            flags=("--dashboard",),
+            metavar="[HOST:]PORT",
+            example=5006,
+        ),
+    ] = None
+    names: Annotated[tuple[str, ...], NAMES] = ()
+    visitors: Annotated[int, Setting("Pages that may be open at a time.", unit="pages", least=1)] = 20
+    record: Annotated[
+        bool | None,
+        Setting(
+            "Whether pages may start and stop recordings. Unset: if none but this machine reaches them.",
+            example=False,
+        ),
+    ] = None
+    record_to: Annotated[
+        str,
+        Setting(
+            "Folder of such recordings, unless `record.folder` names one.",
+            text="the name of a folder",
+        ),
+    ] = "recordings"
 
     def __post_init__(self) -> None:
-        if self.visitors < 1:
-            raise ValueError("visitors must be 1 or more")
-        if not self.record_to:
-            raise ValueError("record_to must be the name of a folder")
+        super().__post_init__()
         if self.address is not None:
             self.listen()
 
@@ -166,30 +217,45 @@ class DashboardConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return is_loopback(self.listen()[0]) and not self.names if self.record is None else self.record
 
 
-class MetricsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Metrics for Prometheus; off without an address. address, names: as those of the page."""
+class MetricsConfig(Table, frozen=True):
+    """Metrics for Prometheus; off without an address."""
 
-    address: str | int | None = None
-    names: tuple[str, ...] = ()
+    address: Annotated[
+        str | int | None,
+        Setting(
+            "Address at which Prometheus finds metrics, PORT or HOST:PORT; without a host it is for this "
+            "machine only.",
+            text="PORT or HOST:PORT",
+            least=0,
+            most=65535,
+            flags=("--metrics",),
+            metavar="[HOST:]PORT",
+            example=9100,
+        ),
+    ] = None
+    names: Annotated[tuple[str, ...], NAMES] = ()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.address is not None:
             listen_address(str(self.address))
 
 
-class StateConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Snapshots of the estimators, with which a restarted daemon goes on; off without a file.
+class StateConfig(Table, frozen=True):
+    """Snapshots of the estimators, with which a restarted daemon goes on; off without a file."""
 
-    file: where the snapshot is kept. max_age_s: an older snapshot is not used. period_s: how often one is
-    written, beside the one at the end.
-    """
-
-    file: str | None = None
-    max_age_s: float = 3600.0
-    period_s: float = 60.0
-
-    def __post_init__(self) -> None:
-        if self.file == "":
-            raise ValueError("file must be the name of a file")
-        if not (self.max_age_s > 0 and self.period_s > 0):
-            raise ValueError("max_age_s and period_s must be positive numbers of seconds")
+    file: Annotated[
+        str | None,
+        Setting(
+            "File in which the estimators are kept, to go on from there after a restart.",
+            text="the name of a file",
+            flags=("--state",),
+            metavar="FILE",
+            example="fltea.state",
+        ),
+    ] = None
+    max_age_s: Annotated[float, Setting("An older snapshot is not used.", unit="s", above=0)] = 3600.0
+    period_s: Annotated[
+        float,
+        Setting("Time from one snapshot to the next; there is another at the end.", unit="s", above=0),
+    ] = 60.0

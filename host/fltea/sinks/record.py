@@ -237,7 +237,7 @@ class RecordSink(Sink):
             hello=self._hello,
         )
         path = self._folder / f"{self._device}_{self._started}_{self._session}_{self.parts:03d}.mcap"
-        kinds = {name: kind for kind, name in self._topics.items()}
+        kinds = {str(name): kind for kind, name in self._topics.items()}
         reserve_bytes = 0 if self._gap is None else int(self._settings.resume_mb * 1e6)
         part = None
         try:

@@ -1,0 +1,240 @@
+"""Every setting is declared once: file, --set, flag, documentation and the board's header say the same of it.
+
+These walk the declarations, so that a new setting is tested without a line here.
+"""
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import gen_settings
+import msgspec
+import pytest
+import site_settings
+import typer.main
+from click.testing import CliRunner
+from fltea.cli.app import app
+from fltea.records.errors import UsageError
+from fltea.service import daemon
+from fltea.settings.config import SETTINGS, TABLES, Config
+from fltea.settings.duration import in_seconds
+from fltea.settings.setting import Declared, Table
+from msgspec import inspect as types
+from support import ROOT
+
+COMMAND: Any = typer.main.get_command(app).commands["run"]  # type: ignore[attr-defined]
+
+ALL = list(SETTINGS.values())
+BESIDE = {"mqtt.key": 'cert = "client.pem"'}
+"""What else has to be in its table for a setting to be taken."""
+
+
+def by_path(one: Declared) -> str:
+    return one.path
+
+
+def kinds_of(one: Declared) -> tuple[types.Type, ...]:
+    return one.kind.types if isinstance(one.kind, types.UnionType) else (one.kind,)
+
+
+def another(one: Declared) -> Any:
+    """A value that a setting takes, and that is not its default."""
+    if one.setting.example is not None:
+        return one.setting.example
+    found: list[Any] = []
+    for kind in kinds_of(one):
+        match kind:
+            case types.LiteralType():
+                found += kind.values
+            case types.BoolType():
+                found += [True, False]
+            case types.IntType() | types.FloatType():
+                number = int if isinstance(kind, types.IntType) else float
+                ends = (one.setting.least, one.setting.most)
+                found += [number(x) for x in (0.5, 1000, 7, *ends) if abs(x) < 1e300]
+            case types.StrType():
+                found.append("other")
+            case types.ListType() | types.VarTupleType():
+                found.append(["sample"])
+    return next(x for x in found if x != one.default and one.accepts(x))
+
+
+def wrong(one: Declared) -> list[Any]:
+    """Values of a right type that a setting does not take."""
+    found: list[Any] = ["neither one nor the other"] * any(
+        isinstance(x, types.LiteralType) for x in kinds_of(one)
+    )
+    if one.setting.text:
+        found.append("")
+    if one.setting.time:
+        found += ["fast", "30", "30 seconds", "-1 s", "1e3 s", "s", "nan s", "9999999999 h"]
+    for kind in kinds_of(one):
+        ends = [one.setting.least - 1, one.setting.above, one.setting.most * 2]
+        if isinstance(kind, types.IntType):
+            found += [int(x) for x in ends if abs(x) < 1e300]
+        if isinstance(kind, types.FloatType):
+            found += [x for x in (float("nan"), float("inf"), *map(float, ends)) if x != -float("inf")]
+    return [x for x in found if not one.accepts(x)]
+
+
+def plain(value: Any) -> Any:
+    return json.loads(msgspec.json.encode(value))
+
+
+def value_in(config: Config, path: str) -> Any:
+    found: Any = config
+    for name in path.split("."):
+        found = getattr(found, name)
+    return found
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Runs `fltea run` up to where the program would start; gives its configuration, or raises its error."""
+    configs: list[Config] = []
+    monkeypatch.setattr(daemon, "run", configs.extend)
+
+    def run(*arguments: str) -> Config:
+        result = CliRunner().invoke(COMMAND, [*arguments])
+        if isinstance(result.exception, UsageError):
+            raise result.exception
+        assert result.exit_code == 0, (arguments, result.output, result.exception)
+        return configs.pop()
+
+    return run
+
+
+def as_toml(value: Any) -> str:
+    if isinstance(value, float):
+        return repr(value)
+    return json.dumps(value, ensure_ascii=False)
+
+
+def ways(one: Declared, value: Any, folder: Path) -> list[tuple[str, list[str]]]:
+    """The beginning of an error about a value, and the arguments that give it to a setting, each way."""
+    table, _, key = one.path.rpartition(".")
+    file, beside = folder / "fltea.toml", folder / "beside.toml"
+    head = f"[{table}]\n" if table else ""
+    beside.write_text(head + BESIDE.get(one.path, ""), encoding="utf-8")
+    file.write_text(f"{beside.read_text(encoding='utf-8')}\n{key} = {as_toml(value)}\n", encoding="utf-8")
+    found = [["--set", f"{one.path}={as_toml(value)}"]]
+    text = ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    if not one.path.startswith("accel.") and not (isinstance(value, str) and text.isdigit()):
+        found += [[flag] if value is True else [flag, text] for flag in one.setting.flags]
+    line = ("command line:", ["--config", str(beside)])
+    return [(f"{file}:", ["--config", str(file)]), *((line[0], line[1] + arguments) for arguments in found)]
+
+
+def test_every_field_of_every_table_is_declared() -> None:
+    for path, table in TABLES.items():
+        for name in table.__struct_fields__:
+            below = f"{path}.{name}".lstrip(".")
+            assert below in SETTINGS or isinstance(getattr(table, name), Table) or below == "device"
+    for one in ALL:
+        assert one.setting.meaning.endswith((".", "?")), one.path
+        assert one.default is not None or one.setting.example is not None, one.path
+
+
+@pytest.mark.parametrize("one", ALL, ids=by_path)
+def test_a_setting_can_be_set_in_every_way(one: Declared, told: Any, tmp_path: Path) -> None:
+    if one.path == "accel.estimate_on":
+        return  # only one of its words is for the accelerometer
+    assert value_in(told(), one.path) == (one.default if one.path != "name" else "due")
+    value = another(one)
+    for _, arguments in ways(one, value, tmp_path):
+        found = value_in(told(*arguments), one.path)
+        assert plain(found) == plain(value), arguments
+
+
+@pytest.mark.parametrize("one", [one for one in ALL if wrong(one)], ids=by_path)
+def test_a_wrong_value_has_one_error_whichever_way_it_comes(one: Declared, told: Any, tmp_path: Path) -> None:
+    for value in wrong(one):
+        for origin, arguments in ways(one, value, tmp_path):
+            with pytest.raises(UsageError) as caught:
+                told(*arguments)
+            assert str(caught.value) == f"{origin} {one.path} must be {one.takes}, got {value!r}."
+            assert one.unit in str(caught.value)
+
+
+def test_the_error_says_setting_range_unit_and_value(told: Any) -> None:
+    for path, value, text in (
+        ("estimator.gate", "0.5", "must be a number from 1 to 1000 standard deviations, got 0.5."),
+        ("accel.state.Q", "-1.0", "must be a number from 0 to 1e+100 (m/s²)², got -1.0."),
+        ("replay.rate_hz", "0.0", "must be a number above 0 Hz, got 0.0."),
+        ("ingest.replicas", "2", "must be 1, 3 or 5, got 2."),
+        (
+            "link.max_gap",
+            "-1",
+            'must be a whole number of at least 0 samples or a time such as "30 s", got -1.',
+        ),
+        ("live.memory", "5s", "must be a time such as \"30 s\" from 10 to 31622400 s, got '5s'."),
+    ):
+        with pytest.raises(UsageError, match=re.escape(f"command line: {path} {text}")):
+            told("--set", f"{path}={value}")
+
+
+@pytest.mark.parametrize("one", ALL, ids=by_path)
+def test_a_table_made_in_python_is_checked_too(one: Declared) -> None:
+    table = type(TABLES[one.path.rpartition(".")[0]])
+    for value in wrong(one):
+        with pytest.raises(ValueError, match=rf"^{one.name} must be "):
+            table(**{one.name: value})
+
+
+# --- what is written from the declarations ---
+
+
+def test_the_committed_files_are_up_to_date() -> None:
+    command = [sys.executable, str(ROOT / "tools/gen_settings.py"), "--check"]
+    assert subprocess.run(command, check=False).returncode == 0
+
+
+def test_every_setting_is_in_the_reference_with_its_range_and_default() -> None:
+    lines = site_settings.settings().splitlines()
+    for one in ALL:
+        (line,) = [line for line in lines if line.startswith(f"| `{one.path}` |")]
+        _, takes, default, meaning = (part.strip() for part in line.strip("| ").split(" | "))
+        assert takes == site_settings.cell(one.takes)
+        assert meaning == site_settings.cell(one.setting.meaning)
+        if one.default is None:
+            assert default == "`unset`"
+        else:
+            assert json.loads(default.strip("`")) == plain(one.default)
+
+
+def test_the_file_in_the_reference_has_every_default() -> None:
+    page = (ROOT / gen_settings.PAGE).read_text(encoding="utf-8")
+    block = page.partition("```toml\n")[2].partition("\n```")[0]
+    assert msgspec.convert(tomllib.loads(block), Config) == Config()
+    whole = re.sub(r"(?m)^# (?=\w+ = )", "", block)
+    found = msgspec.convert(tomllib.loads(whole), Config)
+    for one in ALL:
+        if one.default is None and not one.path.startswith("accel."):
+            assert plain(value_in(found, one.path)) == plain(one.setting.example)
+
+
+def test_the_boards_header_has_the_same_defaults() -> None:
+    header = (ROOT / gen_settings.CPP).read_text(encoding="utf-8")
+    numbers = dict(re.findall(r"constexpr (?:float|uint16_t) k(\w+) = (.*?)f?;", header))
+    for one in ALL:
+        words = one.path.split(".")
+        name = "".join(w[0].upper() + w[1:] for part in words[1:] for w in part.split("_"))
+        if one.setting.board and words[0] != "accel" and not isinstance(one.default, str):
+            assert float(numbers.pop(name)) == one.default
+    assert not numbers
+    assert f"#define FLTEA_VARIANT {SETTINGS['estimator.variant'].default}\n" in header
+    assert f"kGuard = EstimatorGuard::{SETTINGS['estimator.guard'].default};" in header
+
+
+def test_times_are_the_same_wherever_they_are_taken() -> None:
+    assert [in_seconds(x) for x in ("500ms", "30 s", ".5 min", "1h", "2 d")] == [
+        0.5,
+        30.0,
+        30.0,
+        3600.0,
+        172800.0,
+    ]
