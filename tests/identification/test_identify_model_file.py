@@ -99,6 +99,10 @@ def bad(**changes: object) -> str:
     return json.dumps(whole | {key: value for key, value in changes.items() if key not in noise})
 
 
+def only(axis: str, kind: str, **parameters: float) -> dict[str, object]:
+    return {axis: {"noise": {"kind": kind, "R_dps2": 1.0, **parameters}}}
+
+
 @pytest.mark.parametrize(
     ("text", "word"),
     [
@@ -118,19 +122,10 @@ def bad(**changes: object) -> str:
         (bad(h_s=0.02), "h_s"),
         (bad(rate_hz=0.0), "rate_hz must be > 0"),
         (bad(axes={}), "axes are gyro_x"),
-        (bad(accel_axes={"gyro_x": {"noise": {"kind": "white", "R_dps2": 1.0}}}), "accel_axes are accel_x"),
-        (bad(axes={"gyro_z": {"noise": {"kind": "white", "R_dps2": 1.0}}}), "got gyro_z"),
-        (bad(axes={"gyro_x": {"noise": {"kind": "ar1", "R_dps2": 1.0, "phi": 1.0, "s2_dps2": 1.0}}}), "phi"),
-        (
-            bad(
-                axes={
-                    "gyro_x": {
-                        "noise": {"kind": "ar2", "R_dps2": 1.0, "phi1": 0.6, "phi2": 0.5, "s2_dps2": 1.0}
-                    }
-                }
-            ),
-            "not stationary",
-        ),
+        (bad(accel_axes=only("gyro_x", "white")), "accel_axes are accel_x"),
+        (bad(axes=only("gyro_z", "white")), "got gyro_z"),
+        (bad(axes=only("gyro_x", "ar1", phi=1.0, s2_dps2=1.0)), "phi"),
+        (bad(axes=only("gyro_x", "ar2", phi1=0.6, phi2=0.5, s2_dps2=1.0)), "not stationary"),
         (bad(extra=1), "extra"),
     ],
 )

@@ -1,6 +1,5 @@
 """`fltea flash` with tools that only write down how they were called, and a pseudo-terminal for a board."""
 
-import contextlib
 import os
 import pty
 import re
@@ -8,55 +7,31 @@ import struct
 import subprocess
 import sys
 import termios
-import threading
-import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from fltea.machine import flash
 from fltea.records.errors import FlteaError, UsageError
+from fltea.wire import layout as wire
 from fltea.wire import transport
 from fltea.wire.messages import encode
 from host_support import PATIENCE_S, ROOT, WIRE_HELLO
+from speaking_port import SpeakingPort, speaking
 
 HELLO = WIRE_HELLO._replace(firmware_version="0.1.0 due 12ab34cd", who_am_i=0, sensor_starts=0)
 
 
-class Board:
-    """A pseudo-terminal that says HELLO several times a second."""
-
-    def __init__(self) -> None:
-        self._master, self.slave = pty.openpty()
-        tty.setraw(self.slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self.slave)
-        self.hello = HELLO
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._speak)
-        self._thread.start()
-
-    def _speak(self) -> None:
-        while not self._stop.wait(0.05):
-            with contextlib.suppress(BlockingIOError):
-                os.write(self._master, b"\0" + encode(self.hello, 0, 0))
-
-    def speed(self) -> int:
-        return int(termios.tcgetattr(self.slave)[4])
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        os.close(self._master)
-        os.close(self.slave)
+def says(hello: wire.Hello) -> Callable[[int], bytes]:
+    return lambda turn: b"\0" + encode(hello, 0, 0)
 
 
 @pytest.fixture
-def board() -> Iterator[Board]:
-    board = Board()
-    yield board
-    board.close()
+def board() -> Iterator[SpeakingPort]:
+    """A board that says HELLO several times a second."""
+    with speaking(says(HELLO), 0.05) as port:
+        yield port
 
 
 class Tools:
@@ -107,7 +82,7 @@ def image(tmp_path: Path) -> Path:
     return path
 
 
-def test_bossac_after_a_touch_at_1200_baud(tools: Tools, board: Board, image: Path) -> None:
+def test_bossac_after_a_touch_at_1200_baud(tools: Tools, board: SpeakingPort, image: Path) -> None:
     tools.add("bossac")
     done = tools.run("--port", board.port, "--image", image, "--yes")
     assert (done.returncode, done.stderr) == (0, "")
@@ -120,7 +95,7 @@ def test_bossac_after_a_touch_at_1200_baud(tools: Tools, board: Board, image: Pa
     ("version", "told"), [("1.8", True), ("1.9.1", True), ("1.7.0", False), ("1.6.1-arduino", False)]
 )
 def test_versions_of_bossac_that_fail_are_warned_of(
-    version: str, told: bool, tools: Tools, board: Board, image: Path
+    version: str, told: bool, tools: Tools, board: SpeakingPort, image: Path
 ) -> None:
     tools.add("bossac", version=version)
     done = tools.run("--port", board.port, "--image", image, "--dry-run")
@@ -128,7 +103,7 @@ def test_versions_of_bossac_that_fail_are_warned_of(
     assert (f"warning: bossac {version}" in done.stderr) == told
 
 
-def test_the_bossac_of_the_arduino_core_is_preferred(tools: Tools, board: Board, image: Path) -> None:
+def test_the_bossac_of_the_arduino_core_is_preferred(tools: Tools, board: SpeakingPort, image: Path) -> None:
     tools.add("bossac", version="1.9.1")
     known = tools.add("bossac", folder=".arduino15/packages/arduino/tools/bossac/1.6.1-arduino")
     done = tools.run("--port", board.port, "--image", image, "--dry-run")
@@ -136,10 +111,10 @@ def test_the_bossac_of_the_arduino_core_is_preferred(tools: Tools, board: Board,
     assert str(known) in done.stdout
 
 
-def test_arduino_cli_comes_first_then_platformio_then_bossac(tools: Tools, board: Board) -> None:
+def test_arduino_cli_comes_first_then_platformio_then_bossac(tools: Tools, board: SpeakingPort) -> None:
     built = re.search(r'kBuildId\[\] = "(\w+)"', (ROOT / "firmware/core/build_id.h").read_text())
     assert built is not None
-    board.hello = HELLO._replace(firmware_version=f"0.1.0 arduino {built[1]}")
+    board.speech = says(HELLO._replace(firmware_version=f"0.1.0 arduino {built[1]}"))
     expected = []
     tools.add("bossac")
     assert "bossac" in tools.run("--port", board.port, "--dry-run").stdout
@@ -158,7 +133,7 @@ def test_arduino_cli_comes_first_then_platformio_then_bossac(tools: Tools, board
     assert "bossac" in tools.run("--port", board.port, "--method", "bossac", "--dry-run").stdout
 
 
-def test_a_dry_run_does_nothing(tools: Tools, board: Board, image: Path) -> None:
+def test_a_dry_run_does_nothing(tools: Tools, board: SpeakingPort, image: Path) -> None:
     tools.add("bossac")
     before = board.speed()
     done = tools.run("--port", board.port, "--image", image, "--dry-run")
@@ -181,15 +156,21 @@ def test_a_dry_run_does_nothing(tools: Tools, board: Board, image: Path) -> None
     ids=["another build", "another protocol", "a tool that fails"],
 )
 def test_what_fails_is_said_with_the_way_out(
-    hello: dict[str, object], tool: int, code: int, texts: list[str], tools: Tools, board: Board, image: Path
+    hello: dict[str, object],
+    tool: int,
+    code: int,
+    texts: list[str],
+    tools: Tools,
+    board: SpeakingPort,
+    image: Path,
 ) -> None:
     tools.add("bossac", code=tool)
-    board.hello = HELLO._replace(**hello)
+    board.speech = says(HELLO._replace(**hello))
     done = tools.run("--port", board.port, "--image", image, "--yes")
     assert (done.returncode, [text for text in texts if text not in done.stderr]) == (code, [])
 
 
-def test_an_image_of_unknown_build_is_not_judged(tools: Tools, board: Board, image: Path) -> None:
+def test_an_image_of_unknown_build_is_not_judged(tools: Tools, board: SpeakingPort, image: Path) -> None:
     tools.add("bossac")
     image.with_suffix(".json").unlink()
     done = tools.run("--port", board.port, "--image", image, "--yes")
@@ -207,7 +188,7 @@ def test_an_image_of_unknown_build_is_not_judged(tools: Tools, board: Board, ima
     ],
 )
 def test_what_cannot_be_done_is_said(
-    arguments: list[str], code: int, text: str, tools: Tools, board: Board
+    arguments: list[str], code: int, text: str, tools: Tools, board: SpeakingPort
 ) -> None:
     done = tools.run(*(board.port if a == "PTY" else a for a in arguments))
     assert done.returncode == code
@@ -225,7 +206,13 @@ def test_what_cannot_be_done_is_said(
     ids=["missing", "nonsense", "no image", "nobody to ask"],
 )
 def test_what_cannot_be_flashed_erases_nothing(
-    file: str, content: bytes | None, flag: str | None, text: str, tools: Tools, board: Board, image: Path
+    file: str,
+    content: bytes | None,
+    flag: str | None,
+    text: str,
+    tools: Tools,
+    board: SpeakingPort,
+    image: Path,
 ) -> None:
     tools.add("bossac")
     before = board.speed()
@@ -275,7 +262,7 @@ def test_several_dues_are_a_question(monkeypatch: pytest.MonkeyPatch) -> None:
         flash.find_port(None)
 
 
-def test_the_native_port_is_the_wrong_one(monkeypatch: pytest.MonkeyPatch, board: Board) -> None:
+def test_the_native_port_is_the_wrong_one(monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> None:
     ports(monkeypatch, (board.port, 0x2341, 0x003E))
     with pytest.raises(FlteaError, match="native port"):
         flash.find_port(None)
@@ -283,7 +270,7 @@ def test_the_native_port_is_the_wrong_one(monkeypatch: pytest.MonkeyPatch, board
         flash.find_port(board.port)
 
 
-def test_another_device_is_never_touched(monkeypatch: pytest.MonkeyPatch, board: Board) -> None:
+def test_another_device_is_never_touched(monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> None:
     ports(monkeypatch, (board.port, 0x0403, 0x6001))
     with pytest.raises(UsageError, match="0403:6001"):
         flash.find_port(board.port)
@@ -291,7 +278,9 @@ def test_another_device_is_never_touched(monkeypatch: pytest.MonkeyPatch, board:
         flash.find_port(None)
 
 
-def test_a_link_to_the_port_will_do(monkeypatch: pytest.MonkeyPatch, board: Board, tmp_path: Path) -> None:
+def test_a_link_to_the_port_will_do(
+    monkeypatch: pytest.MonkeyPatch, board: SpeakingPort, tmp_path: Path
+) -> None:
     ports(monkeypatch, (board.port, 0x2341, 0x003D))
     link = tmp_path / "due"
     link.symlink_to(board.port)

@@ -1,10 +1,5 @@
 """A short look at a device: a pseudo-terminal that says something, and the fit of the two clocks."""
 
-import contextlib
-import os
-import pty
-import threading
-import tty
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,40 +11,13 @@ from fltea.sources import wire_events
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
-
-
-class Speaker:
-    """A pseudo-terminal on which `speech`, given the number of the turn, is said a hundred times a second."""
-
-    def __init__(self) -> None:
-        self._master, self._slave = pty.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)
-        self.speech = lambda turn: b""
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._speak)
-        self._thread.start()
-
-    def _speak(self) -> None:
-        turn = 0
-        while not self._stop.wait(0.01):
-            with contextlib.suppress(BlockingIOError):
-                os.write(self._master, self.speech(turn))
-            turn += 1
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        os.close(self._master)
-        os.close(self._slave)
+from speaking_port import SpeakingPort, speaking
 
 
 @pytest.fixture
-def speaker() -> Iterator[Speaker]:
-    speaker = Speaker()
-    yield speaker
-    speaker.close()
+def speaker() -> Iterator[SpeakingPort]:
+    with speaking(lambda turn: b"", 0.01) as port:
+        yield port
 
 
 def frames(turn: int, hello: wire.Hello = WIRE_HELLO) -> bytes:
@@ -63,7 +31,7 @@ def frames(turn: int, hello: wire.Hello = WIRE_HELLO) -> bytes:
     return said
 
 
-def test_a_device_is_summed_up(speaker: Speaker) -> None:
+def test_a_device_is_summed_up(speaker: SpeakingPort) -> None:
     speaker.speech = frames
     heard = hear(speaker.port, hear_s=0.5)
     assert heard.opened
@@ -76,7 +44,7 @@ def test_a_device_is_summed_up(speaker: Speaker) -> None:
     assert heard.rate_hz == pytest.approx(100.0)
 
 
-def test_without_time_to_listen_it_ends_with_hello(speaker: Speaker) -> None:
+def test_without_time_to_listen_it_ends_with_hello(speaker: SpeakingPort) -> None:
     speaker.speech = frames
     heard = hear(speaker.port, hear_s=0.0)
     assert heard.hello is not None
@@ -84,7 +52,7 @@ def test_without_time_to_listen_it_ends_with_hello(speaker: Speaker) -> None:
 
 
 @pytest.mark.timeout(20)
-def test_another_protocol_ends_it_at_once(speaker: Speaker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_protocol_ends_it_at_once(speaker: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hearing, "PATIENCE_S", 1000.0)
     speaker.speech = lambda turn: frames(turn, WIRE_HELLO._replace(protocol_major=9))
     heard = hear(speaker.port, hear_s=60.0)
@@ -98,7 +66,7 @@ def test_another_protocol_ends_it_at_once(speaker: Speaker, monkeypatch: pytest.
     [(b"", "silent"), (b"no frame of ours\0", "no_valid_frame"), (frames(1), "no_hello")],
 )
 def test_what_is_no_device_of_ours(
-    speaker: Speaker, monkeypatch: pytest.MonkeyPatch, speech: bytes, kind: str
+    speaker: SpeakingPort, monkeypatch: pytest.MonkeyPatch, speech: bytes, kind: str
 ) -> None:
     monkeypatch.setattr(wire_events, "LIMIT_NS", int(0.3e9))
     speaker.speech = lambda turn: speech
@@ -107,7 +75,7 @@ def test_what_is_no_device_of_ours(
     assert heard.failure.kind == kind
 
 
-def test_patience_ends(speaker: Speaker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_patience_ends(speaker: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hearing, "PATIENCE_S", 0.2)
     heard = hear(speaker.port)
     assert heard.opened

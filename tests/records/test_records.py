@@ -5,7 +5,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from fltea.records.kinds import ERROR_KINDS
 from fltea.records.records import (
     AXES,
     AnyRecord,
@@ -113,10 +112,6 @@ def test_page_says_which_fields_can_be_null(kind: str) -> None:
     rows = documented()[kind]["field"]
     null_in_code = {path for path, nullable in emitted_fields(KINDS[kind]).items() if nullable}
     compare(f"{kind}, 'or null'", null_in_code, {path for path, (of, *_) in rows.items() if "null" in of})
-
-
-def test_every_kind_of_error_is_documented() -> None:
-    compare("kind", {kind.name for kind in ERROR_KINDS}, set(documented()["error"]["kind"]))
 
 
 def test_every_word_that_a_field_can_hold_is_documented() -> None:
