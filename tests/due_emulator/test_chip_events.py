@@ -112,14 +112,20 @@ def test_time_does_not_run_backwards():
 # FIFO, registers 35, 106, 114 to 116
 
 
+def filling(sources, *arguments, **options):
+    """A chip that puts these into its FIFO."""
+    chip = running(*arguments, **options)
+    chip.write_register(0x23, sources)
+    chip.write_register(0x6A, 0x40)
+    return chip
+
+
 def fifo_count(chip):
     return int.from_bytes(chip.read_block(0x72, 2), "big")
 
 
 def test_fifo_holds_every_sample_in_order():
-    chip = running(Ramp(), divider=9)
-    chip.write_register(0x23, 0xF8)
-    chip.write_register(0x6A, 0x40)
+    chip = filling(0xF8, Ramp(), divider=9)
     chip.advance(35 * MS)
     assert fifo_count(chip) == 42
     data = chip.read_block(0x74, 42)
@@ -131,17 +137,13 @@ def test_fifo_holds_every_sample_in_order():
 
 
 def test_fifo_takes_only_what_is_enabled():
-    chip = running(Ramp(), divider=9)
-    chip.write_register(0x23, 0x50)  # x and z of the gyroscope
-    chip.write_register(0x6A, 0x40)
+    chip = filling(0x50, Ramp(), divider=9)  # x and z of the gyroscope
     chip.advance(10 * MS)
     assert words(chip.read_block(0x74, fifo_count(chip))) == [10 * 0x0123, 10]
 
 
 def test_fifo_count_is_latched_by_its_high_byte():
-    chip = running(divider=9)
-    chip.write_register(0x23, 0x40)
-    chip.write_register(0x6A, 0x40)
+    chip = filling(0x40, divider=9)
     chip.advance(10 * MS)
     assert chip.read_block(0x73, 1) == b"\x00"
     assert chip.read_block(0x72, 2) == b"\x00\x02"
@@ -149,39 +151,25 @@ def test_fifo_count_is_latched_by_its_high_byte():
     assert chip.read_block(0x73, 1) == b"\x02"
 
 
-@pytest.mark.parametrize(("mode", "first"), [(0x01, 5), (0x41, 1)])
-def test_fifo_overflow(mode, first):
-    chip = running(Ramp(), dlpf=mode)
-    chip.write_register(0x23, 0x10)  # two bytes a sample: 256 samples fit
-    chip.write_register(0x6A, 0x40)
-    chip.advance(256 * MS)
+@pytest.mark.parametrize(
+    ("who", "mode", "samples", "first"),
+    [(0x71, 0x01, 256, 5), (0x71, 0x41, 256, 1), (0x68, 0x01, 512, 5), (0x68, 0x41, 512, 5)],
+)
+def test_fifo_overflow(who, mode, samples, first):
+    """Two bytes a sample, and so many fit; the one of an MPU-6050 always takes the newest."""
+    chip = filling(0x10, Ramp(), dlpf=mode, who_am_i=who)
+    chip.advance(samples * MS)
     assert chip.read_block(0x3A, 1) == b"\x01"
-    chip.advance(260 * MS)
+    chip.advance((samples + 4) * MS)
     assert chip.read_block(0x3A, 1) == b"\x11"
-    assert fifo_count(chip) == 512
+    assert fifo_count(chip) == 2 * samples
     assert words(chip.read_block(0x74, 4)) == [first, first + 1]
     assert chip.fifo.lost == 8
-
-
-@pytest.mark.parametrize("mode", [0x01, 0x41])
-def test_the_fifo_of_an_mpu6050_is_longer_and_always_takes_the_newest(mode):
-    chip = running(Ramp(), dlpf=mode, who_am_i=0x68)
-    chip.write_register(0x23, 0x10)  # two bytes a sample: 512 samples fit
-    chip.write_register(0x6A, 0x40)
-    chip.advance(512 * MS)
-    assert chip.read_block(0x3A, 1) == b"\x01"
-    chip.advance(516 * MS)
-    assert chip.read_block(0x3A, 1) == b"\x11"
-    assert fifo_count(chip) == 1024
-    assert words(chip.read_block(0x74, 4)) == [5, 6]
-    assert chip.fifo.lost == 8
-    assert chip.read_block(0x1A, 1) == b"\x01"
+    assert chip.read_block(0x1A, 1)[0] == (0x01 if who == 0x68 else mode)
 
 
 def test_fifo_reset_clears_itself():
-    chip = running(divider=9)
-    chip.write_register(0x23, 0xF8)
-    chip.write_register(0x6A, 0x40)
+    chip = filling(0xF8, divider=9)
     chip.advance(50 * MS)
     chip.write_register(0x6A, 0x44)
     assert fifo_count(chip) == 0
@@ -189,9 +177,7 @@ def test_fifo_reset_clears_itself():
 
 
 def test_a_reset_empties_the_fifo():
-    chip = running(divider=9)
-    chip.write_register(0x23, 0xF8)
-    chip.write_register(0x6A, 0x40)
+    chip = filling(0xF8, divider=9)
     chip.advance(50 * MS)
     chip.write_register(0x6B, 0x80)
     chip.advance(200 * MS)
@@ -199,9 +185,7 @@ def test_a_reset_empties_the_fifo():
 
 
 def test_mpu6050_resets_its_fifo_only_while_it_is_off():
-    chip = running(divider=9, who_am_i=0x68)
-    chip.write_register(0x23, 0xF8)
-    chip.write_register(0x6A, 0x40)
+    chip = filling(0xF8, divider=9, who_am_i=0x68)
     chip.advance(10 * MS)
     chip.write_register(0x6A, 0x44)
     assert fifo_count(chip) == 14

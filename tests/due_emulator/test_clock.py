@@ -1,14 +1,11 @@
 """Clock tree, flash wait states, watchdog, resets and random numbers: what works, and what ends the run."""
 
 import pytest
-from machine_support import Bench, fault_of, run
+from due_clock import FAR, MS, PLLA_168, crystal, full_speed, plla, wait_states
+from machine_support import Bench, fault_of, peripheral, reason, run
 
-from tools.due_emulator.machine import PS_PER_S, EmulationFault
+from tools.due_emulator.machine import PS_PER_S
 
-MS = PS_PER_S // 1000
-FAR = 0x0037_0809
-"""CKGR_MOR with its key: crystal and RC on, start-up 64 slow cycles (1.95 ms)."""
-PLLA_168 = 1 << 29 | 13 << 16 | 0x3F << 8 | 1
 MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))
 
 
@@ -16,38 +13,6 @@ MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3
 def board():
     """A board at its first instruction; the test plays the program."""
     return Bench(b"\xff" * 8).board
-
-
-def reason(action, *arguments):
-    with pytest.raises(EmulationFault) as caught:
-        action(*arguments)
-    return caught.value.reason
-
-
-def crystal(board):
-    board.pmc.write("CKGR_MOR", FAR)
-    board.machine.advance(2 * MS)
-    board.pmc.write("CKGR_MOR", FAR | 1 << 24)
-    board.machine.advance(MS)
-
-
-def plla(board, value=PLLA_168):
-    crystal(board)
-    board.pmc.write("CKGR_PLLAR", value)
-    board.machine.advance(2 * MS)
-
-
-def wait_states(board, fws=4):
-    for controller in board.flash_controllers:
-        controller.write("FMR", fws << 8)
-
-
-def full_speed(board):
-    wait_states(board)
-    plla(board)
-    for value in (0x11, 0x12):
-        board.pmc.write("MCKR", value)
-        board.machine.advance(MS)
 
 
 def test_the_chip_starts_on_the_rc_oscillator_at_4_mhz(board):
@@ -124,76 +89,6 @@ def test_a_reset_while_an_oscillator_starts_lets_it_start_again(board):
     assert board.machine.mck_hz == 12_000_000
 
 
-def test_the_oscillator_is_not_selected_before_it_is_ready(board):
-    board.pmc.write("CKGR_MOR", FAR)
-    assert "before it is ready" in reason(board.pmc.write, "CKGR_MOR", FAR | 1 << 24)
-
-
-def test_the_oscillator_register_has_a_key(board):
-    assert "without its key" in reason(board.pmc.write, "CKGR_MOR", 0x809)
-
-
-def test_the_oscillator_that_is_in_use_is_not_stopped(board):
-    assert "stops the RC oscillator" in reason(board.pmc.write, "CKGR_MOR", 0x0037_0801)
-
-
-def test_plla_is_not_selected_before_it_locks(board):
-    wait_states(board)
-    crystal(board)
-    board.pmc.write("CKGR_PLLAR", PLLA_168)
-    board.pmc.write("MCKR", 0x11)
-    board.machine.advance(round(0.5 * MS))
-    assert "not ready" in reason(board.pmc.write, "MCKR", 0x12)
-
-
-def test_source_and_prescaler_are_not_changed_at_once(board):
-    wait_states(board)
-    plla(board)
-    assert "CSS and PRES at once" in reason(board.pmc.write, "MCKR", 0x12)
-
-
-def test_the_master_clock_is_not_changed_while_it_changes(board):
-    wait_states(board)
-    plla(board)
-    board.pmc.write("MCKR", 0x11)
-    assert "before the change before it is done" in reason(board.pmc.write, "MCKR", 0x12)
-
-
-def test_plla_needs_its_bit_29_and_a_possible_frequency(board):
-    crystal(board)
-    assert "bit 29" in reason(board.pmc.write, "CKGR_PLLAR", PLLA_168 & ~(1 << 29))
-    assert "204 MHz" in reason(board.pmc.write, "CKGR_PLLAR", 1 << 29 | 16 << 16 | 0x3F00 | 1)
-
-
-def test_plla_is_not_changed_while_it_is_in_use(board):
-    full_speed(board)
-    assert "comes from PLLA" in reason(board.pmc.write, "CKGR_PLLAR", PLLA_168)
-
-
-def test_more_than_84_mhz_end_the_run(board):
-    wait_states(board)
-    plla(board, 1 << 29 | 14 << 16 | 0x3F00 | 1)
-    board.pmc.write("MCKR", 0x11)
-    board.machine.advance(MS)
-    assert "90 MHz: at most 84" in reason(board.pmc.write, "MCKR", 0x12)
-
-
-@pytest.mark.parametrize(("first", "second"), [(3, 4), (4, 3), (0, 4), (4, 0)])
-def test_both_flash_controllers_need_wait_states_first(board, first, second):
-    plla(board)
-    for controller, fws in zip(board.flash_controllers, (first, second), strict=True):
-        controller.write("FMR", fws << 8)
-    board.pmc.write("MCKR", 0x11)
-    board.machine.advance(MS)
-    slow = 0 if first < 4 else 1
-    assert f"EFC{slow}_FMR.FWS is" in reason(board.pmc.write, "MCKR", 0x12)
-
-
-def test_wait_states_are_not_taken_back_at_full_speed(board):
-    full_speed(board)
-    assert "FWS is 1, good for 34 MHz" in reason(board.flash_controllers[0].write, "FMR", 1 << 8)
-
-
 def test_peripheral_clocks_are_switched_one_by_one(board):
     board.pmc.write("PCER0", 1 << 8 | 1 << 23)
     board.pmc.write("PCER1", 1 << 9)
@@ -203,21 +98,10 @@ def test_peripheral_clocks_are_switched_one_by_one(board):
     assert "without its clock" in reason(board.uart.read, "SR")
 
 
-@pytest.mark.parametrize(("register", "bit"), [("PCER0", 7), ("PCER0", 2), ("PCER1", 13)])
-def test_clocks_of_peripherals_that_do_not_exist_end_the_run(board, register, bit):
-    assert "do not exist" in reason(board.pmc.write, register, 1 << bit)
-    board.pmc.write(register.replace("PCE", "PCD"), 1 << bit)
-
-
 def test_the_highest_and_the_lowest_clock_exist(board):
     board.pmc.write("PCER0", 1 << 8)
     board.pmc.write("PCER1", 1 << 12)
     assert [n for n in range(45) if board.machine.clock_on(n)] == [8, 44]
-
-
-def test_write_protection_of_the_pmc_has_a_key(board):
-    assert "without its key" in reason(board.pmc.write, "WPMR", 0)
-    board.pmc.write("WPMR", 0x504D_4300)
 
 
 @pytest.mark.parametrize("register", ["CR", "MR"])
@@ -277,11 +161,6 @@ def test_code_in_flash_may_not_hide_the_flash():
     assert "run it from RAM" in fault_of("store 0x400E0A04, 0x5A00000E\n wait_forever")
 
 
-def test_flash_commands_have_a_key_and_none_of_them_changes_the_flash(board):
-    assert "without its key" in reason(board.flash_controllers[0].write, "FCR", 0x0000000E)
-    assert "not modelled" in reason(board.flash_controllers[0].write, "FCR", 0x5A000003)
-
-
 def test_gpnvm_says_that_the_board_boots_from_flash(board):
     board.flash_controllers[0].write("FCR", 0x5A00000D)
     assert not board.flash_controllers[0].read("FSR") & 1
@@ -329,16 +208,6 @@ def test_feeding_too_early_for_the_window_bites(board):
     assert len(board.events) == 1
 
 
-def test_a_watchdog_without_time_ends_the_run(board):
-    assert "WDV = 0" in reason(board.watchdog.write, "MR", 1 << 13)
-
-
-def test_a_watchdog_that_is_off_needs_no_time(board):
-    board.watchdog.write("MR", 1 << 15)
-    board.machine.advance_to(20 * PS_PER_S)
-    assert not board.events
-
-
 def test_a_watchdog_that_is_off_stays_off(board):
     board.watchdog.write("MR", 1 << 15)
     board.machine.advance_to(40 * PS_PER_S)
@@ -370,7 +239,7 @@ def test_sysresetreq_resets_the_chip():
 
 def test_random_words_need_the_key_and_time_and_differ(board):
     board.pmc.write("PCER1", 1 << 9)
-    trng = next(p for p in board.peripherals if p.name == "TRNG")
+    trng = peripheral(board, "TRNG")
     assert "without its key" in reason(trng.write, "CR", 1)
     trng.write("CR", 0x524E4701)
     assert not trng.read("ISR")

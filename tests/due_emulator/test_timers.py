@@ -1,9 +1,9 @@
 """Timer counters: what they count, when they compare, and what is refused."""
 
 import pytest
-from machine_support import Bench
+from machine_support import Bench, peripheral, reason
 
-from tools.due_emulator.machine import PS_PER_S, PS_PER_US, EmulationFault
+from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 
 US = PS_PER_US
 CPCS, COVFS, CLKSTA = 1 << 4, 1 << 0, 1 << 16
@@ -24,13 +24,7 @@ def board():
 
 @pytest.fixture
 def tc(board):
-    return next(p for p in board.peripherals if p.name == "TC0")
-
-
-def reason(action, *arguments):
-    with pytest.raises(EmulationFault) as caught:
-        action(*arguments)
-    return caught.value.reason
+    return peripheral(board, "TC0")
 
 
 @pytest.mark.parametrize(("source", "count"), [(0, 42_000), (1, 10_500), (2, 2625), (3, 656), (4, 32)])
@@ -151,21 +145,6 @@ def test_each_channel_needs_its_own_clock(board, tc):
     board.machine.clocked = 1 << 27
     tc.read("CV0")
     assert "TC0_CV1 without its clock: bit 28 of PMC_PCER0" in reason(tc.read, "CV1")
-
-
-@pytest.mark.parametrize(
-    ("register", "value"),
-    [
-        ("CMR0", WAVE | 1 << 13),
-        ("CMR0", 5),
-        ("CMR0", WAVE | 1 << 6),
-        ("CMR0", 1 << 3),
-        ("IER0", 1 << 2),
-        ("BMR", 1),
-    ],
-)
-def test_what_is_not_modelled_ends_the_run(tc, register, value):
-    assert "modelled" in reason(tc.write, register, value)
 
 
 def test_a_reset_stops_everything(board, tc):

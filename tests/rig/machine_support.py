@@ -163,5 +163,17 @@ def run(text, seconds=0.01, handlers=None, **options):
     return Bench(program(text, handlers), **options).run(seconds)
 
 
+def peripheral(board, name):
+    """One of the chip's peripherals, by its name in the vendor's description."""
+    return next(one for one in board.peripherals if one.name == name)
+
+
+def reason(action, *arguments):
+    """Why this ends the run."""
+    with pytest.raises(EmulationFault) as caught:
+        action(*arguments)
+    return caught.value.reason
+
+
 def fault_of(text, seconds=0.1, handlers=None):
     return Bench(program(text, handlers)).fault(seconds)
