@@ -123,6 +123,26 @@ def test_rows_wait_for_room_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.M
     history.close()
 
 
+def test_rows_that_find_their_place_taken_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While they were on their way to a database that went away, others came."""
+    monkeypatch.setattr(histories, "MOST_WAITING", 3)
+    history = opened(None, 0.0)
+
+    def away(commands: object) -> None:
+        for second in (3.0, 4.0):
+            history.add(second, "b", {"gyro_x": axis()})
+        raise sqlite3.OperationalError
+
+    monkeypatch.setattr(history._database, "write", away)
+    for second in (0.0, 1.0, 2.0):
+        history.add(second, "a", {"gyro_x": axis()})
+    history.work(-math.inf)
+    history.settle()
+    assert (history.lost, history.waiting) == (2, 3)
+    monkeypatch.undo()
+    history.close()
+
+
 def test_what_a_closed_history_could_not_write_is_lost(tmp_path: Path) -> None:
     history = opened(tmp_path / "h.db", 0.0)
     database(history).connection.execute("PRAGMA query_only = 1")

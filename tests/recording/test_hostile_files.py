@@ -182,5 +182,5 @@ def test_lines_as_long_as_they_may_be_are_read(tmp_path: Path) -> None:
     sample = b'{"class":"sample","seq":0,"device_us":0,"host_ns":0,"epoch":1,"gyro_dps":[0.5]'
     path = tmp_path / "run.ndjson"
     path.write_bytes(HELLO + b'{"class":"other","text":"' + b"x" * 900_000 + b'"}\n' + sample + b"}\n")
-    hello, sample = read_ndjson(path)[0]
-    assert (hello.rate_hz, sample.gyro_dps) == (100.0, (0.5,))
+    hello, found = read_ndjson(path)[0]
+    assert (hello.rate_hz, found.gyro_dps) == (100.0, (0.5,))
