@@ -238,7 +238,7 @@ def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later:
     for line in worker.ingest._lines.values():
         line.looked_ns = -(10**18)
     if later:
-        worker.ingest._behind_ns.clear()
+        worker.ingest._catching_up._behind_ns.clear()
     worker.ingest._look(host_ns())
     told = [getattr(one, "kind", "") for one in worker.end().sink.items]
     assert told.count("silent") == later
@@ -338,7 +338,7 @@ def nothing(worker: Worker) -> None: ...
 
 
 def stands_still(worker: Worker) -> None:
-    worker.ingest._looked_ns -= 60 * S
+    worker.ingest._hearing.looked_ns -= 60 * S
 
 
 def is_cut_off(worker: Worker) -> None:
@@ -357,7 +357,7 @@ def test_nobody_is_silent_or_forgotten_while_nobody_could_be_heard(act: Callable
     for k in range(4):
         worker.say("a", k, k + 1)
         worker.say("b", k, k + 1, partition=1)
-    worker.ingest._behind_ns.clear()
+    worker.ingest._catching_up._behind_ns.clear()
     act(worker)
     for name, ago_s in (("a", 300), ("b", 1000)):
         line = worker.ingest._lines[name]

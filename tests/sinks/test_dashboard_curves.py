@@ -10,10 +10,9 @@ from bokeh.document import Document
 from dashboard_support import records, told
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, curves, fit_after, with_curves
 from fltea.records.records import Sample
-from fltea.sinks.page.areas import closed
 from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
-from fltea.sinks.page.page import Page
+from fltea.sinks.page.page import Page, closed
 from msgspec.structs import replace
 
 

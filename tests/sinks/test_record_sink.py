@@ -20,7 +20,8 @@ from fltea.records.records import ACCEL_AXES, AXES, Error, Estimate, Hello, Samp
 from fltea.settings.config import load_config
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks import record as record_module
-from fltea.sinks.record import KINDS, MOST_NOTES, RecordSink
+from fltea.sinks.record import KINDS, RecordSink
+from fltea.sinks.record_session import MOST_NOTES
 from fltea.sources.synthetic import parse_noise
 from mcap.reader import make_reader
 from mcap.records import Message

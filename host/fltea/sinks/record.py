@@ -1,20 +1,14 @@
 """Records what comes over the wire, and the records made of it, in MCAP files."""
 
 import errno
-import os
-import secrets
-import time
-from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
 
-from fltea.recording.part import PartWriter
 from fltea.recording.schema import encode_message
-from fltea.recording.session import LINK, OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage, PartInfo
+from fltea.recording.session import OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage
 from fltea.records import clock
 from fltea.records.block import Block
-from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, LinkDown, Opened, TransportEvent
 from fltea.records.ports import Item, Report, Sink
 from fltea.records.records import (
@@ -30,8 +24,8 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
-from fltea.records.version import __version__
 from fltea.settings.outputs import RecordConfig
+from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
 from fltea.sources.wire_events import WireEvents
 
 FLUSH_NS = 500_000_000
@@ -40,13 +34,7 @@ FLUSH_NS = 500_000_000
 RETRY_NS = 5 * 10**9
 """A disk that failed is looked at so often."""
 
-MOST_NOTES = 100
-"""HELLOs of one file that are noted as metadata, whose index stays in memory; the bytes hold them all."""
-
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-
-NOTHING = LinkMessage("gap")
-"""A gap with nothing in it."""
 
 KINDS: dict[str, type[AnyRecord]] = {
     "hello": Hello,
@@ -85,38 +73,30 @@ class RecordSink(Sink):
         self.path: Path | None = None
         self.trouble: str | None = None
         self.lost = 0
-        self.parts = 0
-        self._settings, self._device, self._report = settings, device, report
-        self._folder = Path(settings.folder)
+        self._settings, self._report = settings, report
         self._topics = {KINDS[name]: name for name in settings.channels}
-        self._session = secrets.token_hex(4)
-        self._started = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-        self._part: PartWriter | None = None
-        self._part_began_ns = self._flushed_ns = self._retry_ns = 0
+        self._session = Session(
+            settings.folder, device, {str(name): KINDS[name] for name in settings.channels}
+        )
+        self._part: OpenPart | None = None
+        self._finished_bytes = 0
         self._offset_ns: int | None = None
-        self._now_ns = 0
+        self._now_ns = self._retry_ns = 0
         self._sequence = 0
         self._hello = hello
-        self._finished_bytes = 0
-        self._noted: Hello | None = None
-        self._notes = 0
         self._wire = WireEvents(device)
-        self._unflushed = NOTHING
         self._gap: LinkMessage | None = None
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(
-                f"--record {self._folder}: the folder cannot be made ({error.strerror})."
-            ) from error
-        if not os.access(self._folder, os.W_OK | os.X_OK):
-            raise UsageError(f"--record {self._folder}: no permission to write into this folder.")
+
+    @property
+    def parts(self) -> int:
+        """Files so far."""
+        return self._session.parts
 
     @property
     def size_bytes(self) -> int:
         """Of all files so far, without what is not yet written; may be asked from any thread."""
         part = self._part
-        return self._finished_bytes + (part.size_bytes if part is not None else 0)
+        return self._finished_bytes + (part.writer.size_bytes if part is not None else 0)
 
     def write(self, item: Item) -> None:
         """Take one item; a new file begins only before one from the wire."""
@@ -131,21 +111,18 @@ class RecordSink(Sink):
     def flush(self) -> None:
         """Hand what has been gathered to the operating system, if the last time is long enough ago."""
         now_ns = clock.host_ns()
-        if self._part is None or now_ns - self._flushed_ns < FLUSH_NS:
+        if self._part is None or now_ns - self._part.flushed_ns < FLUSH_NS:
             return
-        self._flushed_ns = now_ns
         try:
-            self._part.flush()
+            self._part.flush(now_ns)
         except OSError as error:
             self._stop(error)
-        else:
-            self._unflushed = NOTHING
 
     def on_overflow(self, count: int) -> None:
         """Mark the place, and forget what was known of the device."""
         self._hello = None
         if self._part is not None:
-            self._add_link(self._part, LinkMessage("gap", kind=OVERFLOW, items=count))
+            self._part.add_link(LinkMessage("gap", kind=OVERFLOW, items=count), self._log_ns)
 
     def close(self) -> None:
         """Finish the file."""
@@ -165,12 +142,12 @@ class RecordSink(Sink):
             self._lose(len(data), chunks=int(isinstance(item, Chunk)))
         elif isinstance(item, Chunk):
             log_ns = item.host_ns + self._offset_ns
-            self._add(self._part, Entry(WIRE, log_ns, publish_ns, self._sequence, data))
+            self._part.add(Entry(WIRE, log_ns, publish_ns, self._sequence, data))
         elif isinstance(item, Failed):
             failed = LinkMessage("failed", kind=item.kind, message=item.message)
-            self._add_link(self._part, failed, publish_ns)
+            self._part.add_link(failed, self._log_ns, publish_ns)
         else:
-            self._add_link(self._part, LinkMessage("opened"), publish_ns)
+            self._part.add_link(LinkMessage("opened"), self._log_ns, publish_ns)
         if isinstance(item, Chunk):
             self._sequence = (self._sequence + 1) % WIRE_WRAP
         for event in self._wire.feed(item, item.host_ns):
@@ -189,36 +166,31 @@ class RecordSink(Sink):
             self._lose()
         else:
             name, host_ns = self._topics[type(record)], record.host_ns
-            self._add(self._part, Entry(name, host_ns, host_ns, 0, encode_message(record)))
+            self._part.add(Entry(name, host_ns, host_ns, 0, encode_message(record)))
 
     def _on_hello(self, hello: Hello) -> None:
         self._hello = hello
-        unchanged = self._noted and msgspec.structs.replace(self._noted, host_ns=hello.host_ns) == hello
-        if not unchanged and self._part is not None and self._notes < MOST_NOTES:
-            self._noted = hello
-            self._notes += 1
-            self._part.note_hello(hello)
+        if self._part is not None:
+            self._part.note(hello)
 
-    def _add(self, part: PartWriter, entry: Entry) -> None:
-        part.add(entry)
-        is_wire = entry.topic == WIRE
-        self._unflushed = _sum(self._unflushed, len(entry.data) if is_wire else 0, int(is_wire))
-
-    def _add_link(self, part: PartWriter, message: LinkMessage, publish_ns: int | None = None) -> None:
-        log_ns = self._now_ns + (self._offset_ns or 0)
-        publish_ns = log_ns if publish_ns is None else publish_ns
-        self._add(part, Entry(LINK, log_ns, publish_ns, 0, encode_message(message)))
+    @property
+    def _log_ns(self) -> int:
+        """Time of the newest item, as the file has it."""
+        return self._now_ns + (self._offset_ns or 0)
 
     def _lose(self, size_bytes: int = 0, chunks: int = 0) -> None:
         """Count one item that no file takes."""
         self.lost += 1
         if self._gap is not None:
-            self._gap = _sum(self._gap, size_bytes, chunks)
+            self._gap = longer(self._gap, size_bytes, chunks)
 
-    def _is_due(self, part: PartWriter) -> bool:
+    def _is_due(self, part: OpenPart) -> bool:
         """Whether the file is large or old enough."""
-        age_ns = self._now_ns - self._part_began_ns
-        return part.size_bytes >= self._settings.rotate_mb * 1e6 or age_ns >= self._settings.rotate_s * 1e9
+        age_ns = self._now_ns - part.began_ns
+        return (
+            part.writer.size_bytes >= self._settings.rotate_mb * 1e6
+            or age_ns >= self._settings.rotate_s * 1e9
+        )
 
     def _begin(self) -> None:
         """Begin the next file; after a failure only now and then, and only if there is room for some time."""
@@ -227,33 +199,21 @@ class RecordSink(Sink):
             return
         self._retry_ns = now_ns + RETRY_NS
         assert self._offset_ns is not None
-        info = PartInfo(
-            session=self._session,
-            part=self.parts,
-            device=self._device,
-            fltea=__version__,
-            offset_ns=self._offset_ns,
-            created_ns=time.time_ns(),
-            hello=self._hello,
-        )
-        path = self._folder / f"{self._device}_{self._started}_{self._session}_{self.parts:03d}.mcap"
-        kinds = {str(name): kind for kind, name in self._topics.items()}
         reserve_bytes = 0 if self._gap is None else int(self._settings.resume_mb * 1e6)
-        part = None
+        path, part = self._session.next_path, None
         try:
-            part = PartWriter(path, info, kinds, reserve_bytes)
+            writer = self._session.begin(self._offset_ns, self._hello, reserve_bytes)
+            part = OpenPart(writer, self._hello, self._now_ns, now_ns)
             if self._gap is not None:
-                self._add_link(part, self._gap)
-                part.flush()
+                part.add_link(self._gap, self._log_ns)
+                part.flush(now_ns)
         except OSError as error:
             if part is not None:
-                part.discard()
+                part.writer.discard()
             self._stop(error)
             return
-        self.parts += 1
-        self._part, self._noted, self._notes = part, self._hello, 0
-        self.path, self.trouble = path, None
-        self._part_began_ns, self._flushed_ns, self._unflushed = self._now_ns, now_ns, NOTHING
+        self._session.parts += 1
+        self._part, self.path, self.trouble = part, path, None
         if self._gap is not None:
             text = f"recording goes on in {path}; {self._gap.items} items before it were not recorded."
             self._gap = None
@@ -263,35 +223,29 @@ class RecordSink(Sink):
         if self._part is None:
             return
         try:
-            self._part.finish()
+            self._part.writer.finish()
         except OSError as error:
             self._stop(error)
         else:
-            self._finished_bytes += self._part.size_bytes
-            self._part, self._unflushed = None, NOTHING
+            self._finished_bytes += self._part.writer.size_bytes
+            self._part = None
 
     def _stop(self, error: OSError) -> None:
         """Give the file up, report it once, and begin to count what is not recorded."""
+        unflushed = NOTHING
         if self._part is not None:
-            self._part.abandon()
-            self._finished_bytes += self._part.size_bytes
+            unflushed = self._part.unflushed
+            self._part.writer.abandon()
+            self._finished_bytes += self._part.writer.size_bytes
             self._part = None
         if self._gap is not None:
             return
-        kind, text = _explain(self._folder, error, self._settings.resume_mb)
-        self.lost += self._unflushed.items
-        self._gap = msgspec.structs.replace(self._unflushed, kind=kind)
-        self._unflushed = NOTHING
+        kind, text = _explain(self._session.folder, error, self._settings.resume_mb)
+        self.lost += unflushed.items
+        self._gap = msgspec.structs.replace(unflushed, kind=kind)
         self._retry_ns = clock.host_ns() + RETRY_NS
         self.trouble = text
         self._report(kind, text)
-
-
-def _sum(gap: LinkMessage, size_bytes: int, chunks: int) -> LinkMessage:
-    """The same gap, one item longer."""
-    return msgspec.structs.replace(
-        gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + 1
-    )
 
 
 def _explain(folder: Path, error: OSError, resume_mb: float) -> tuple[str, str]:

@@ -12,10 +12,11 @@ from fltea.records.events import Chunk
 from fltea.records.ports import Report
 from fltea.records.repeat import OnceAMinute
 from fltea.service.hub import Hub
+from fltea.service.ingest.catching_up import CatchingUp
 from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
 from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.losses import Losses
-from fltea.service.ingest.pressure import LATE_NS, Pressure
+from fltea.service.ingest.pressure import Pressure
 from fltea.service.walk import Walk
 from fltea.settings.config import Config
 from fltea.settings.ingest import is_partitioned
@@ -25,9 +26,6 @@ from fltea.stream.snapshot import DeviceState
 
 TICK_NS = 2 * 10**9
 """A device that has sent nothing for this long is looked at, and then as often: it may be silent."""
-
-BEHIND_NS = 5 * 10**9
-"""So long after a message that had waited for `TICK_NS` nobody of its partition is taken for silent."""
 
 LOOK_NS = 10**9
 STILL_NS = 5 * 10**9
@@ -110,12 +108,21 @@ class _Line:
     is_whole: bool = False
 
 
-@dataclass
-class _Again:
-    """Messages of a partition up to `until` that are walked a second time."""
+class _Hearing:
+    """Knows since when devices could be heard: while they could not, nobody is silent or forgotten."""
 
-    until: int
-    count: int = 0
+    def __init__(self) -> None:
+        self.looked_ns = host_ns()
+        self._deaf_until_ns = 0
+
+    def look(self, connected: bool, now_ns: int) -> bool:
+        """Return whether devices could be heard since the last look."""
+        if not connected:
+            self._deaf_until_ns = now_ns + BACK_NS
+        elif now_ns - self.looked_ns > STILL_NS:
+            self._deaf_until_ns = max(now_ns, self._deaf_until_ns)
+        self.looked_ns = now_ns
+        return now_ns > self._deaf_until_ns
 
 
 class Ingest:
@@ -142,9 +149,7 @@ class Ingest:
         self._shared: SharedReceiver | None = None
         if is_partitioned(config.source):
             self._shared = cast(SharedReceiver, self._receiver)
-        self._again: dict[int, _Again] = {}
-        self._caught_up: set[int] = set()
-        self._behind_ns: dict[int, int] = {}
+        self._catching_up = CatchingUp()
         self._lines: dict[str, _Line] = {}
         self._broken_ns: dict[str, int] = {}
         self._load = FitLoad()
@@ -152,8 +157,7 @@ class Ingest:
         self._opened = 0
         self._once_a_minute = OnceAMinute()
         self._losses = Losses(self.inbox, self._receiver.url)
-        self._looked_ns = host_ns()
-        self._deaf_until_ns = 0
+        self._hearing = _Hearing()
         self._eases_ns = 0
         self._closed = False
 
@@ -174,7 +178,7 @@ class Ingest:
                         self._on_partition(item)
                 now_ns = host_ns()
                 self.moved_s = time.monotonic()
-                if now_ns - self._looked_ns >= LOOK_NS:
+                if now_ns - self._hearing.looked_ns >= LOOK_NS:
                     self._look(now_ns)
             for line in self._lines.values():
                 line.walk.finish()
@@ -192,7 +196,9 @@ class Ingest:
     def _take(self, message: Message) -> None:
         name, data, arrived_ns, partition, mark = message
         now_ns = host_ns()
-        self._on_wait(partition, now_ns - arrived_ns)
+        waited_ns = now_ns - arrived_ns
+        if partition is None or self._catching_up.shows_pressure(partition, waited_ns, now_ns):
+            self._pressure.waited(waited_ns)
         line = self._lines.get(name)
         if partition is not None and not self._may_walk(partition, mark, line):
             return
@@ -214,31 +220,16 @@ class Ingest:
         """From `host_ns` to Unix time: of the stream if there is one."""
         return self._shared.unix_offset_ns if self._shared is not None else unix_offset_ns()
 
-    def _on_wait(self, partition: int | None, waited_ns: int) -> None:
-        """A stream that is read behind its time shows no pressure until it has been caught up with."""
-        if partition is not None and waited_ns >= TICK_NS:
-            self._behind_ns[partition] = host_ns()
-        if partition is None or partition in self._caught_up:
-            self._pressure.waited(waited_ns)
-        elif waited_ns < LATE_NS:
-            self._caught_up.add(partition)
-
     def _may_walk(self, partition: int, mark: int, line: _Line | None) -> bool:
         """Whether this message is ours, and news to its device."""
         if self._shared is None or not self._shared.serves(partition):
             return False
-        again = self._again.get(partition)
         if line is not None and (mark <= line.mark or line.partition != partition):
             return False
-        if again is not None and mark <= again.until:
-            again.count += 1
-        elif again is not None:
-            del self._again[partition]
-            if not again.count:
-                return True
+        if again := self._catching_up.walked_again(partition, mark):
             text = (
-                f"partition {partition} is where it was left: {again.count} messages were walked again, "
-                "whose estimates and fits may have been published before."
+                f"partition {partition} is where it was left: {again} messages were walked again, whose "
+                "estimates and fits may have been published before."
             )
             self._report("partition_caught_up", text)
         return True
@@ -249,8 +240,7 @@ class Ingest:
         if isinstance(item, Resumed):
             self._shared.resume(item.partition)
             return
-        self._caught_up.discard(item.partition)
-        self._again.pop(item.partition, None)
+        self._catching_up.forget(item.partition)
         for name, line in list(self._lines.items()):
             if line.partition == item.partition:
                 line.walk.finish()  # its last statistics: what was walked here is counted
@@ -258,7 +248,7 @@ class Ingest:
         if isinstance(item, Left):
             return
         self._shared.walked(item.partition, item.start)
-        self._again[item.partition] = _Again(item.done)
+        self._catching_up.begin(item.partition, item.done)
         for name, kept in item.kept.items():
             now_ns = host_ns()
             line = self._open(name, kept.unix_ns - self._offset_ns(), item.partition, kept.state)
@@ -337,21 +327,12 @@ class Ingest:
         self._load.devices = max(1, len(self._lines))
         self.inbox.forget(name)
 
-    def _listen(self, now_ns: int) -> None:
-        """While nobody could be heard, which is reported elsewhere, nobody is silent or forgotten."""
-        if not self._receiver.connected:
-            self._deaf_until_ns = now_ns + BACK_NS
-        elif now_ns - self._looked_ns > STILL_NS:
-            self._deaf_until_ns = max(now_ns, self._deaf_until_ns)
-        self._looked_ns = now_ns
-        if now_ns <= self._deaf_until_ns:
+    def _look(self, now_ns: int) -> None:
+        """What has to be done now and then."""
+        if not self._hearing.look(self._receiver.connected, now_ns):
             for line in self._lines.values():
                 line.heard_ns = line.looked_ns = now_ns
                 line.source.forgive(now_ns)
-
-    def _look(self, now_ns: int) -> None:
-        """What has to be done now and then."""
-        self._listen(now_ns)
         forget_ns = int(self._config.ingest.forget_s * 1e9)
         for name, line in list(self._lines.items()):
             if now_ns - line.looked_ns < TICK_NS:
@@ -360,7 +341,7 @@ class Ingest:
                 line.walk.finish()
                 self._give_up(name)
                 continue
-            if line.partition is not None and now_ns - self._behind_ns.get(line.partition, 0) < BEHIND_NS:
+            if line.partition is not None and self._catching_up.is_behind(line.partition, now_ns):
                 continue  # what it has sent meanwhile still waits in the stream
             line.looked_ns = now_ns
             self._walk(name, line, None)

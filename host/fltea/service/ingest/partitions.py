@@ -6,6 +6,7 @@ connection.
 
 import asyncio
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import msgspec
@@ -15,7 +16,6 @@ from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.service.ingest.inbox import Inbox, Left, Resumed, Served
 from fltea.service.ingest.leases import RENEW_S, STOP_S, Lease, Sightings, is_free, lease_of, share, surplus
 from fltea.service.ingest.nats_reports import Reports
-from fltea.service.ingest.pull import pull
 from fltea.service.ingest.store import Store
 
 GRACE_S = 2 * RENEW_S
@@ -23,6 +23,13 @@ GRACE_S = 2 * RENEW_S
 
 STEADY_NS = 50_000_000
 """A change of the server's clock against ours that is smaller is how long the question took."""
+
+PULL, PULL_S = 64, 0.5
+LOOKS = 4
+"""After so many pulls in vain it is asked whether our consumer still exists: the server does not say so."""
+
+ROOM_BYTES = 4_000_000
+"""What may wait here; the rest waits in the stream."""
 
 
 @dataclass
@@ -166,7 +173,7 @@ class Partitions:
 
     def _pull(self, partition: int, start: int) -> "asyncio.Task[None]":
         return asyncio.create_task(
-            pull(self.store, self._inbox, partition, start, lambda: self.unix_offset_ns)
+            _pull(self.store, self._inbox, partition, start, lambda: self.unix_offset_ns)
         )
 
     async def _pull_again(self, partition: int, held: Held) -> None:
@@ -211,3 +218,35 @@ def _look_at(task: "asyncio.Task[None]") -> None:
     """How a task ended that nobody waits for; asyncio would write it to the log."""
     if not task.cancelled():
         task.exception()
+
+
+async def _pull(
+    store: Store, inbox: Inbox, partition: int, start: int, unix_offset_ns: Callable[[], int]
+) -> None:
+    """Hand messages on from number `start`, none left out.
+
+    A pull that the library gave up may have taken some with it: they are asked for again. unix_offset_ns:
+    from `host_ns` to the time of the stream, as of now.
+    """
+    while True:
+        pulling = await store.consume(partition, start)
+        expected, whole, silent = 1, True, 0
+        while whole:
+            while not inbox.has_room(ROOM_BYTES):
+                await asyncio.sleep(0.01)
+            try:
+                messages = await pulling.fetch(PULL, timeout=PULL_S)
+            except TimeoutError:
+                silent += 1
+                whole = silent % LOOKS != 0 or await store.has_consumer(partition)
+                continue
+            for message in messages:
+                meta = message.metadata
+                if meta.sequence.consumer != expected:
+                    whole = False
+                    break
+                expected, start = expected + 1, meta.sequence.stream + 1
+                name = message.subject.rpartition(".")[2]
+                arrived_ns = round(meta.timestamp.timestamp() * 1e9) - unix_offset_ns()
+                inbox.put(name, message.data, partition, meta.sequence.stream, arrived_ns)
+        await pulling.unsubscribe()

@@ -11,18 +11,20 @@ from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.models import ColumnDataSource, CustomJS
 from jinja2 import Environment
+from numpy.typing import NDArray
 
 from fltea.records import clock
 from fltea.records.device_fit import DeviceSpectrum
 from fltea.records.ports import Recorder
 from fltea.sinks.page import facts, facts_of_device, recording
-from fltea.sinks.page.areas import closed
 from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
 from fltea.sinks.page.fits import Curves
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.row_layout import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor
+
+Array = NDArray[np.float64]
 
 PERIOD_MS = 300
 FIRST_WINDOW = 1
@@ -199,6 +201,21 @@ class Page:
         document.template = TEMPLATE
         document.template_variables.update(css=_text("page.css"), token=self._token)
         document.template_variables.update(script=_text("page.js") + _text("actions.js"))
+
+
+def closed(low: Array, high: Array, before: float = np.nan) -> tuple[Array, Array, float]:
+    """Let an area have no height where its ends are not known, at the middle of what was known last.
+
+    A browser's canvas would else join what is on both sides of a gap.
+
+    before: the third of what was returned for the rows before these.
+    """
+    middle = (low + high) / 2
+    known = np.isfinite(middle)
+    last = np.maximum.accumulate(np.where(known, np.arange(1, len(middle) + 1), 0))
+    filled = np.concatenate([[before], middle])[last]
+    end = float(filled[-1]) if len(filled) else before
+    return np.where(known, low, filled), np.where(known, high, filled), end
 
 
 def _choice(device: str, axis: str, window: int, acknowledged: int) -> dict[str, list[Any]]:

@@ -1,19 +1,23 @@
 """The live page: a web server that leads with what every device's noise is, and shows it."""
 
+import logging
 from collections.abc import Mapping
 
 from bokeh.document import Document
 
+from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.ports import Item, Recorder, Report, Sink
 from fltea.records.records import Record
+from fltea.records.repeat import OnceAMinute
 from fltea.settings.estimator import EstimateOn
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.page.actions import Actions
-from fltea.sinks.page.complaints import Complaints
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
 from fltea.sinks.page.server import PageServer
+
+LIBRARIES = ("bokeh", "tornado")
 
 
 class DashboardSink(Sink):
@@ -36,7 +40,7 @@ class DashboardSink(Sink):
         recorder: Recorder | None = None,
     ) -> None:
         self._histories = {name: DeviceHistory(name, estimate_on) for name, estimate_on in devices.items()}
-        Complaints(report)
+        LibraryErrors(report)
         self._host, port = settings.listen()
         self._recorder = recorder
         actions = Actions(self._histories, recorder if settings.may_record else None)
@@ -71,3 +75,31 @@ class DashboardSink(Sink):
 
     def _make(self, document: Document) -> None:
         Page(document, self._histories, self._recorder, self._token, self._may_record)
+
+
+class LibraryErrors(logging.Handler):
+    """Reports errors of bokeh and tornado, at most one a minute, in place of their own handlers.
+
+    Those would write to stderr; all but errors is dropped.
+    """
+
+    def __init__(self, report: Report) -> None:
+        super().__init__(logging.ERROR)
+        self._report = report
+        self._once_a_minute = OnceAMinute()
+        for name in LIBRARIES:
+            logger = logging.getLogger(name)
+            logger.propagate = False
+            logger.setLevel(logging.ERROR)
+            logger.handlers = [self]
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Report an error, unless one was reported a moment ago."""
+        what = record.getMessage().strip().splitlines() or [""]
+        if what[-1].endswith(":"):  # that one only announces the next
+            return
+        if not self._once_a_minute.is_due("page_fault", clock.host_ns()):
+            return
+        error = record.exc_info[1] if record.exc_info else None
+        cause = "" if error is None else f" ({type(error).__name__}: {error})"
+        self._report("page_fault", f"the live page has a fault; all else goes on. {what[-1]}{cause}")

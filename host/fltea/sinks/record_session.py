@@ -1,0 +1,116 @@
+"""The files of one recorded session, one after the other, in a folder that may hold others."""
+
+import os
+import secrets
+import time
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from fltea.recording.part import PartWriter
+from fltea.recording.schema import encode_message
+from fltea.recording.session import LINK, WIRE, Entry, LinkMessage, PartInfo
+from fltea.records.errors import UsageError
+from fltea.records.records import AnyRecord, Hello
+from fltea.records.version import __version__
+
+MOST_NOTES = 100
+"""HELLOs of one file that are noted as metadata, whose index stays in memory; the bytes hold them all."""
+
+NOTHING = LinkMessage("gap")
+"""A gap with nothing in it."""
+
+
+def longer(gap: LinkMessage, size_bytes: int, chunks: int) -> LinkMessage:
+    """Return the same gap, one item longer."""
+    return msgspec.structs.replace(
+        gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + 1
+    )
+
+
+class OpenPart:
+    """A file that is being written.
+
+    began_ns: when it was begun, on the source's clock. flushed_ns: when it was flushed, on the host's.
+    unflushed: what is lost if it fails now.
+    """
+
+    def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:
+        self.writer, self.began_ns, self.flushed_ns = writer, began_ns, now_ns
+        self.unflushed = NOTHING
+        self._noted, self._notes = hello, 0
+
+    def add(self, entry: Entry) -> None:
+        """Write one entry."""
+        self.writer.add(entry)
+        is_wire = entry.topic == WIRE
+        self.unflushed = longer(self.unflushed, len(entry.data) if is_wire else 0, int(is_wire))
+
+    def add_link(self, message: LinkMessage, log_ns: int, publish_ns: int | None = None) -> None:
+        """Write what happened to the connection; publish_ns: None if the times are the same."""
+        publish_ns = log_ns if publish_ns is None else publish_ns
+        self.add(Entry(LINK, log_ns, publish_ns, 0, encode_message(message)))
+
+    def flush(self, now_ns: int) -> None:
+        """Hand everything to the operating system.
+
+        Raises:
+            OSError: the disk is full, or fails.
+        """
+        self.flushed_ns = now_ns
+        self.writer.flush()
+        self.unflushed = NOTHING
+
+    def note(self, hello: Hello) -> None:
+        """Note a HELLO as metadata if it differs from the one before."""
+        unchanged = self._noted and msgspec.structs.replace(self._noted, host_ns=hello.host_ns) == hello
+        if not unchanged and self._notes < MOST_NOTES:
+            self._noted = hello
+            self._notes += 1
+            self.writer.note_hello(hello)
+
+
+class Session:
+    """Names the files and begins them. parts: how many there are.
+
+    Raises:
+        UsageError: the folder cannot be made or written to.
+    """
+
+    def __init__(self, folder: str, device: str, kinds: Mapping[str, type[AnyRecord]]) -> None:
+        self.folder, self._device, self._kinds = Path(folder), device, dict(kinds)
+        self._name = secrets.token_hex(4)
+        self._started = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        self.parts = 0
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(
+                f"--record {self.folder}: the folder cannot be made ({error.strerror})."
+            ) from error
+        if not os.access(self.folder, os.W_OK | os.X_OK):
+            raise UsageError(f"--record {self.folder}: no permission to write into this folder.")
+
+    @property
+    def next_path(self) -> Path:
+        """The file that is begun next."""
+        return self.folder / f"{self._device}_{self._started}_{self._name}_{self.parts:03d}.mcap"
+
+    def begin(self, offset_ns: int, hello: Hello | None, reserve_bytes: int) -> PartWriter:
+        """Begin the next file, which counts with `parts` once it is known to work.
+
+        Raises:
+            OSError: the disk is full, or fails.
+        """
+        info = PartInfo(
+            session=self._name,
+            part=self.parts,
+            device=self._device,
+            fltea=__version__,
+            offset_ns=offset_ns,
+            created_ns=time.time_ns(),
+            hello=hello,
+        )
+        return PartWriter(self.next_path, info, self._kinds, reserve_bytes)
