@@ -23,6 +23,7 @@ def test_there_are_two() -> None:
     assert [path.stem for path in NOTEBOOKS] == ["noise_of_known_order", "resting_recording"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_says_what_it_said(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))

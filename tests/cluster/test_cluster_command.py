@@ -54,6 +54,7 @@ def journal_rows(journal: Path) -> list[dict[str, Any]]:
     return [row for line in journal.read_text().splitlines() for row in json.loads(line)]
 
 
+@pytest.mark.slow
 def test_a_client_that_is_killed_and_called_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

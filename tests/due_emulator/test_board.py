@@ -223,6 +223,7 @@ def test_every_instant_is_delivered_lost_or_unheard(ours, faults, due, unheard):
     assert found["duplicates"] == 0
 
 
+@pytest.mark.slow
 def test_the_sensors_clock_may_change_at_any_moment(by_edges):
     found = report("--virtual", 3, "--image", by_edges, "--fault", "sensor_clock at=1.004 percent=1")
     assert (found["error"], found["lost"], found["gaps"], found["faults"]) == (None, 0, 0, [])

@@ -4,7 +4,6 @@ import shutil
 
 import pytest
 from machine_support import COMPILER
-from tiers import slow_but
 from toolchain import missing
 
 from tools.bench.spectrum_cost import NOISES, on_due, on_pc
@@ -25,7 +24,7 @@ def test_the_board_has_the_bits_of_a_pc(due):
     assert (due.alpha, due.alpha_std, due.bins) == (pc.alpha, pc.alpha_std, pc.bins)
 
 
-@pytest.mark.parametrize("noise", slow_but(NOISES[1:2], NOISES[1:]))
+@pytest.mark.parametrize("noise", NOISES[1:])
 def test_the_board_has_the_bits_of_a_pc_of_any_noise(due, noise):
     board, pc = on_due(4000, noise), on_pc(4000, noise)
     assert board._replace(phases={}) == pc._replace(phases={}, bytes=board.bytes)

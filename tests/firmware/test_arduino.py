@@ -24,7 +24,7 @@ ROOT = FOLDER.parents[1]
 SKETCH = ROOT / "firmware/arduino/fltea"
 
 
-@pytest.fixture(scope="session", params=["g++", slow("clang++")])
+@pytest.fixture(scope="session", params=[slow("g++"), slow("clang++")])
 def build(request: pytest.FixtureRequest) -> Path:
     """Folder of the programs, made by one of both compilers with all warnings as errors."""
     if shutil.which(request.param) is None:

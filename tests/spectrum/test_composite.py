@@ -142,6 +142,7 @@ def test_the_spectrum_is_that_of_the_parts() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [3000, 12_000])
 def test_what_leaks_of_a_walk(n: int) -> None:
     """The power of its ordinates is that of the step between its ends too, which a cubic makes a ninth."""
