@@ -22,14 +22,14 @@ from tools.faults.program import wait_until
 SENSORS, EVERY_S, ROUNDS = 500, 2.5, 6
 
 
-def measure(sensors: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
+def measure(devices: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
     """One run: so many sensors with a fit, statistics and now and then a status every 2.5 s."""
     with (
         tempfile.TemporaryDirectory() as name,
-        broker(Path(name)) as (mosquitto, url),
+        broker(Path(name)) as mosquitto,
         contextlib.ExitStack() as stack,
     ):
-        address = url.removeprefix("mqtt://")
+        address = mosquitto.url.removeprefix("mqtt://")
         log = Path(name) / "fleet.log"
         command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", address, "--listen", "0"]
         with log.open("wb") as said:
@@ -42,9 +42,9 @@ def measure(sensors: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
         page = log.read_text().rpartition("the fleet is at ")[2].split()[0]
         wait_until(lambda: _summary(page)["connected"], "the connection")
         load = [sys.executable, "-m", "tools.fleet_load", "--port", address.rpartition(":")[2]]
-        load += ["--sensors", str(sensors), "--every", str(EVERY_S), "--rounds", str(rounds)]
+        load += ["--sensors", str(devices), "--every", str(EVERY_S), "--rounds", str(rounds)]
         load_before = os.getloadavg()[0]
-        pids = {"fleet": fleet.pid, "broker": mosquitto.pid}
+        pids = {"fleet": fleet.pid, "broker": mosquitto.process.pid}
         sender = subprocess.Popen(
             load, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
         )

@@ -6,7 +6,6 @@ Broker, server and load have the same processors as what is measured.
 import contextlib
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from tools.bench.bench_daemon import Usage
-from tools.faults.broker import free_port, listens
+from tools.faults.broker import Broker
 from tools.faults.nats_server import NatsServer
 from tools.faults.program import wait_until
 
@@ -36,23 +35,13 @@ FLAGS = ("--every", str(EVERY), "--format", "ndjson")
 
 
 @contextlib.contextmanager
-def broker(folder: Path) -> Iterator[tuple["subprocess.Popen[bytes]", str]]:
-    """Debian's mosquitto on the loopback; gives its process and address."""
-    program, port = shutil.which("mosquitto", path="/usr/sbin:/usr/bin"), free_port()
-    if program is None:
-        raise SystemExit("mosquitto is not installed: sudo apt-get install mosquitto")
-    settings = folder / "mosquitto.conf"
-    settings.write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\nmax_queued_messages 0\n")
-    process = subprocess.Popen(
-        [program, "-c", settings], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+def broker(folder: Path) -> Iterator[Broker]:
+    """Mosquitto on the loopback, which keeps all that waits."""
+    started = Broker(folder, logs=False, settings=("max_queued_messages 0",))
     try:
-        address = f"127.0.0.1:{port}"
-        wait_until(lambda: listens(port), "mosquitto")
-        yield process, f"mqtt://{address}"
+        yield started
     finally:
-        process.terminate()
-        process.wait(10)
+        started.kill()
 
 
 def measure(devices: int = DEVICES, seconds: int = SECONDS) -> dict[str, Any]:
@@ -68,11 +57,11 @@ def through_mqtt(devices: int, seconds: int) -> dict[str, Any]:
     """One program on mosquitto."""
     with (
         tempfile.TemporaryDirectory() as name,
-        broker(Path(name)) as (mosquitto, url),
-        _Programs(Path(name), 1, "-s", url, "--mqtt", url) as programs,
+        broker(Path(name)) as mosquitto,
+        _Programs(Path(name), 1, "-s", mosquitto.url, "--mqtt", mosquitto.url) as programs,
     ):
         time.sleep(3.0)
-        return _run(programs, {"broker": mosquitto.pid}, devices, seconds, "--broker", url)
+        return _run(programs, {"broker": mosquitto.process.pid}, devices, seconds, "--broker", mosquitto.url)
 
 
 def through_nats(devices: int, seconds: int, kill_after_s: int | None = None) -> dict[str, Any]:
@@ -82,14 +71,14 @@ def through_nats(devices: int, seconds: int, kill_after_s: int | None = None) ->
     """
     with (
         tempfile.TemporaryDirectory() as name,
-        broker(Path(name)) as (mosquitto, url),
+        broker(Path(name)) as mosquitto,
         contextlib.ExitStack() as stack,
     ):
         server = NatsServer(Path(name), PARTITIONS)
         stack.callback(server.kill)
-        with _Programs(Path(name), WORKERS, "-s", server.url, "--mqtt", url) as programs:
+        with _Programs(Path(name), WORKERS, "-s", server.url, "--mqtt", mosquitto.url) as programs:
             wait_until(lambda: server.is_shared_by(WORKERS), "shares")
-            others = {"broker": mosquitto.pid, "server": server.process.pid}
+            others = {"broker": mosquitto.process.pid, "server": server.process.pid}
             load = "--broker", f"mqtt://127.0.0.1:{server.mqtt_port}", "--mqtt-311"
             return _run(programs, others, devices, seconds, *load, kill_after_s=kill_after_s)
 

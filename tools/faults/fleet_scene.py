@@ -31,7 +31,7 @@ class FleetScene:
         self, stage: Stage, *flags: str | Path, disk: SmallDisk | None = None, behind_line: bool = False
     ) -> None:
         self._stage, self._disk = stage, disk
-        self.broker = stage.broker(persistent=True)
+        self.broker = stage.broker(persistent=True, logs=False)
         self.line = stage.line(self.broker.port)
         port = self.line.port if behind_line else self.broker.port
         self._flags = ("--mqtt", f"127.0.0.1:{port}", "--listen", "0", "--look-every", "200ms", *flags)

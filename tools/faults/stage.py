@@ -69,9 +69,9 @@ class Stage:
         """A board on a pseudo-terminal, plugged in."""
         return self.closing(Board(self.folder / "board", seed))
 
-    def broker(self, *, persistent: bool = False) -> Broker:
+    def broker(self, **how: bool) -> Broker:
         """An MQTT broker; see `Broker`."""
-        broker = Broker(self.folder, persistent=persistent)
+        broker = Broker(self.folder, **how)
         self.later(broker.kill)
         return broker
 
