@@ -204,7 +204,7 @@ def test_a_bad_file_among_others(
         (["rest.npz", "--notch", "five"], "give a band in Hz"),
         (["rest.npz", "--from-hz", "-1"], "from_hz is a frequency"),
         (["rest.npz", "--from-hz", "49.9"], "are needed"),
-        (["rest.npz", "--variant", "quadruple"], "not one of the words"),
+        (["rest.npz", "--variant", "quadruple"], 'must be "joint" or "triple"'),
         (["rest.npz", "--channels", "gyro_x,gyro_q"], "there is no gyro_q"),
         (["rest.npz", "--startup", "2950"], "start-up window takes 2950"),
         (["rest.npz", "rest.npz", "--export-model", "m.json"], "are for one recording"),

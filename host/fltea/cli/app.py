@@ -163,7 +163,7 @@ def _serial_chunks(source: str, baud: int) -> Iterator[bytes]:
         port.close()
 
 
-SAID_BY_MODEL = ("alpha", "alpha_end", "f", "q", "r", "rate", "axes", "window")
+GIVEN_BY_MODEL = ("alpha", "alpha_end", "f", "q", "r", "rate", "axes", "window")
 """Flags of `simulate` that --model takes the place of."""
 
 
@@ -215,10 +215,10 @@ def simulate(
     from fltea.identification.simulation_file import write_model_simulation, write_simulation
 
     if model is not None:
-        sources = {name: context.get_parameter_source(name) for name in SAID_BY_MODEL}
-        said = [name for name, source in sources.items() if source and source.name == "COMMANDLINE"]
-        if said:
-            flags = ", ".join("--" + name.replace("_", "-") for name in said)
+        sources = {name: context.get_parameter_source(name) for name in GIVEN_BY_MODEL}
+        given = [name for name, source in sources.items() if source and source.name == "COMMANDLINE"]
+        if given:
+            flags = ", ".join("--" + name.replace("_", "-") for name in given)
             raise UsageError(f"--model says what the noise is, so leave out {flags}.")
         write_model_simulation(
             out,

@@ -62,8 +62,8 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
     try:
         workers = open_workers()
         try:
-            with _told(begin) as tell:
-                done = run(files_of(files), ask, workers, table, tell)
+            with _reporting(begin) as report:
+                done = run(files_of(files), ask, workers, table, report)
         finally:
             workers.close()
     except KeyboardInterrupt:
@@ -93,7 +93,7 @@ def _line(progress: "Progress", seconds: float) -> str:
 
 
 @contextlib.contextmanager
-def _told(begin: float) -> "Iterator[Callable[[Progress], None]]":
+def _reporting(begin: float) -> "Iterator[Callable[[Progress], None]]":
     """Show how far it is on stderr: a bar on a terminal, else a line now and then."""
     from rich.console import Console
     from rich.progress import Progress as Bar

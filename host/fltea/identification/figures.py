@@ -85,12 +85,12 @@ def _profile(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     if alpha.low is not None and alpha.high is not None:
         axes.axvspan(alpha.low, alpha.high, color="#fdbe85", alpha=0.5, linewidth=0)
         axes.axvline(alpha.value, color="black", linewidth=0.8)
-        said = f"α = {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f})"
+        title = f"α = {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f})"
     elif axis.result.null.p_clean >= LEVEL:
-        said = "α is undefined: white noise, which has none, is not rejected"
+        title = "α is undefined: white noise, which has none, is not rejected"
     else:
-        said = "α is undefined: the data do not tell one order from another"
-    axes.set_title(said, fontsize=10)
+        title = "α is undefined: the data do not tell one order from another"
+    axes.set_title(title, fontsize=10)
     axes.set(xlabel="order α held at", ylabel="2 log L below the best")
     axes.set_xlim(0, 2)
     axes.set_ylim(-0.2, max(6.0, min(HIGHEST_DEVIANCE, float(curves.deviance.max()) * 1.05)))

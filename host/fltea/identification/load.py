@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 MAX_GAP = 100
 """Samples, as `link.max_gap`: what it decides is only how a break is counted."""
 
-MOST_TOLD = 5
+MOST_REPORTED = 5
 """The largest number of troubles of a recording that are reported one by one."""
 
 MOST_GROUPS = 8
@@ -188,7 +188,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
     traps = _traps(used, counts, axes, clock_ppm)
     return Loaded(
-        used.hello, counts, _chosen(axes, request), clock_ppm, (*reported[:MOST_TOLD], *traps), topic
+        used.hello, counts, _chosen(axes, request), clock_ppm, (*reported[:MOST_REPORTED], *traps), topic
     )
 
 

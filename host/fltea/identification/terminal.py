@@ -40,10 +40,10 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
         console.print(_verdict(name, axis))
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
         console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
-    for whose, trap in findings.traps(report):
+    for where, trap in findings.traps(report):
         text = _shown(f"{trap.severity}: ", style=COLOURS[trap.severity])
         plain = "default not dim not bold"
-        text.append_text(_shown(f"{whose}: " if whose else "", style=plain))
+        text.append_text(_shown(f"{where}: " if where else "", style=plain))
         text.append_text(_shown(f"{trap.text} {trap.remedy}", style=plain))
         console.print(text)
     for doubt in findings.doubts(report):

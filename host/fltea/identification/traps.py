@@ -232,8 +232,8 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> l
     scale = _scale(_thin(r)) + 1.4826 / 4 * (lsb or _step(y) or 0.0) or float(r.std())
     size = np.abs(r, out=r)
     # Across a gap slow noise and the offset have moved on.
-    beside = np.concatenate([gaps.at - 2, gaps.at - 1])
-    size[beside[(beside >= 0) & (beside < len(size))]] = 0.0
+    neighbours = np.concatenate([gaps.at - 2, gaps.at - 1])
+    size[neighbours[(neighbours >= 0) & (neighbours < len(size))]] = 0.0
     is_top = size > OUTLIER * scale
     is_top[1:] &= size[1:] >= size[:-1]
     is_top[:-1] &= size[:-1] >= size[1:]

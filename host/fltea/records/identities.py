@@ -16,7 +16,7 @@ class FewIdentities:
     def __init__(self) -> None:
         self.turned_away = 0
         self._heard_ns: dict[Hashable, int] = {}
-        self._told_ns: int | None = None
+        self._sent_ns: int | None = None
 
     def admits(self, identity: Hashable, now_ns: int) -> bool:
         """Return whether to believe this identity now, on a monotonic clock in ns."""
@@ -30,7 +30,7 @@ class FewIdentities:
 
     def is_to_tell(self, now_ns: int) -> bool:
         """Return whether to report that one was refused; if so, it counts as reported for a period."""
-        if self._told_ns is not None and now_ns - self._told_ns < PERIOD_NS:
+        if self._sent_ns is not None and now_ns - self._sent_ns < PERIOD_NS:
             return False
-        self._told_ns = now_ns
+        self._sent_ns = now_ns
         return True

@@ -9,16 +9,16 @@ class OnceAMinute:
     """Remembers when each message went out. The program bounds the number of keys, not a device."""
 
     def __init__(self) -> None:
-        self._told_ns: dict[Hashable, int] = {}
+        self._sent_ns: dict[Hashable, int] = {}
 
     def is_due(self, key: Hashable, now_ns: int) -> bool:
         """Return whether a message may go out now, by a monotonic clock in ns; if so, it counts as sent."""
-        told_ns = self._told_ns.get(key)
-        if told_ns is not None and now_ns - told_ns < REPEAT_NS:
+        sent_ns = self._sent_ns.get(key)
+        if sent_ns is not None and now_ns - sent_ns < REPEAT_NS:
             return False
-        self._told_ns[key] = now_ns
+        self._sent_ns[key] = now_ns
         return True
 
     def forget(self) -> None:
         """Let everything be news."""
-        self._told_ns.clear()
+        self._sent_ns.clear()

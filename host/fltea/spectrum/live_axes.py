@@ -137,9 +137,9 @@ class LiveAxes:
             needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
             text = f"Too few samples yet: {needed}."
             return AxisFit("too few samples", text, self.unit)
-        return self._said(octaves, lane, seen, whole if curves else None)
+        return self._axis_fit(octaves, lane, seen, whole if curves else None)
 
-    def _said(self, octaves: Octaves, lane: int, seen: Spectral, drawn: Periodogram | None) -> AxisFit:
+    def _axis_fit(self, octaves: Octaves, lane: int, seen: Spectral, drawn: Periodogram | None) -> AxisFit:
         """Return what the record says of an axis; drawn: what the curves are drawn from."""
         e, data, full = seen.evidence, seen.fits.data, seen.fits.full
         verdict = decide(e)

@@ -107,15 +107,15 @@ def _low_pass(slow: int) -> Model:
     axes = [np.arange(len(corners)), np.array([1.3, 3.0]), np.array([1e-4, 0.03])]
     if slow:  # corners over that of the filter, and plateaus over its
         axes += [np.array([1e-3, 1e-2, 0.1, 0.3]), np.array([1.0, 30.0])]
-    which, poles, floor, *beside = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+    which, poles, floor, *others = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
     index = which.astype(np.intp)
     lam = corners[index]
     columns = [2 * np.log(lam), logit((poles - 1) / (MOST_POLES - 1))]
     shares = [np.ones_like(lam)]
     for k in range(slow):
-        phi = np.exp(-beside[0] * lam * 0.1**k)
+        phi = np.exp(-others[0] * lam * 0.1**k)
         columns.append(logit((1 + phi) / 2))
-        shares.append(beside[1] * 3.0**k * (1 - phi) ** 2)
+        shares.append(others[1] * 3.0**k * (1 - phi) ** 2)
     left = floor + sum(shares)
     for one in shares:
         columns.append(logit(one / left))

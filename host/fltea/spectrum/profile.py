@@ -156,12 +156,12 @@ def fractional_fit(
         F, order, minus_g, minus_f, state, noise = (
             one.parameter(*pair) for one, pair in zip(profiles, ends.tolist(), strict=True)
         )
-    told_apart = order.defined and minus_g.defined
+    distinct = order.defined and minus_g.defined
     return FractionalFit(
         F=F,
         alpha=order,
         g=_negative(minus_g),
-        f=_negative(minus_f) if told_apart else Parameter(f, None, None),
+        f=_negative(minus_f) if distinct else Parameter(f, None, None),
         s2=state,
         R=noise,
         Q=spectrum.noise_variance(alpha, s2, h),
