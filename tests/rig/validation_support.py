@@ -28,7 +28,7 @@ TINY = Plan(
 
 
 class Backwards(Here):
-    """Several tasks at a time, of which those begun last are done first."""
+    """Three tasks at a time, of which those begun last are done first."""
 
     slots = 4
 
@@ -38,11 +38,9 @@ class Backwards(Here):
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
         future: Future[Any] = Future()
         self._tasks.append((future, task, arguments))
-        if len(self._tasks) == self.slots:
-            threading.Thread(target=self._work).start()
+        threading.Timer(0.02, self._work).start()
         return future
 
     def _work(self) -> None:
-        while self._tasks:
-            future, task, arguments = self._tasks.pop()
-            future.set_result(task(*arguments))
+        future, task, arguments = self._tasks.pop()
+        future.set_result(task(*arguments))

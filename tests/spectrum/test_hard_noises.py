@@ -7,11 +7,11 @@ from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.verdict import decide
 from identify_support import white
 
-from tools.validation.gallery.run import Cell, draw
+from tools.validation.gallery.records import draw
 
 
 def evidence(name: str, rate_hz: float, seconds: float, series: int = 0) -> Evidence:
-    return examined(draw(Cell(name, rate_hz, seconds, series)), 1 / rate_hz).evidence
+    return examined(draw(name, rate_hz, seconds, series), 1 / rate_hz).evidence
 
 
 @pytest.mark.slow

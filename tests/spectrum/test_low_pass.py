@@ -12,7 +12,7 @@ from identify_support import H, ar, white
 from scipy.signal import butter, freqz
 from tiers import slow_but
 
-from tools.validation.gallery.run import Cell, draw
+from tools.validation.gallery.records import draw
 
 N = 60_000
 
@@ -65,7 +65,7 @@ def test_what_is_below_the_filter_is_seen() -> None:
 def test_flicker_in_front_of_one_pole() -> None:
     """It looks like relaxations of which the fastest is the filter: the contest has to know of both."""
     for name, seconds in (("1 pole, 41 Hz, 1/f", 600.0), ("1 pole, 41 Hz, 1/f", 1200.0)):
-        e = examined(draw(Cell(name, 100.0, seconds, 1)), H).evidence
+        e = examined(draw(name, 100.0, seconds, 1), H).evidence
         assert e.low_pass is not None
         assert e.low_pass.corner_hz == pytest.approx(41, rel=0.15)
         assert e.contest.order == pytest.approx(0.5, abs=0.1)
@@ -81,7 +81,7 @@ def test_drift_behind_a_filter_is_the_verdict() -> None:
 
 def test_what_rises_behind_a_filter_of_another_shape() -> None:
     """Each tenth sample twice: 1 + 0.2 cos λ, nearly but not quite one pole."""
-    e = examined(draw(Cell("every 10th repeated", 100.0, 10_800.0, 0)), H).evidence
+    e = examined(draw("every 10th repeated", 100.0, 10_800.0, 0), H).evidence
     assert e.p_clean < 1e-3
     assert decide(e).kind == "low-pass"
 

@@ -1,27 +1,111 @@
-"""`make validate`: what verdicts, fits and filters are worth, on noises whose truth is known."""
+"""`make validate`: what verdicts, fits and filters are worth, on noises whose truth is known.
 
+  make validate ARGS='gallery --quick'                     half a minute
+  make validate ARGS='gallery --only 1/f --seeds 5'        some noises, five records of each
+  make validate ARGS='evaluate coverage --seeds 100'
+  make validate ARGS='all --resume'                        goes on where a run was stopped: hours
+
+The same arguments give the same files. Of each part DIR gets PART.ndjson (all figures, a line a task, as they
+are made), PART.md (its tables) and pictures.
+"""
+
+import argparse
 import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
-import typer
-from fltea.cli.output import say
-from fltea.records.errors import FlteaError
+from fltea.cli.output import print_result, result_console, say, write_files
+from fltea.identification.workers import open_local
+from fltea.lab.reproduce.request import prepare_folder
+from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.extras import need_matplotlib
 
-from tools.validation.evaluate_command import evaluate
-from tools.validation.gallery_command import gallery
+from tools.validation.runner import Options, run
+from tools.validation.tables import Table
 
-app = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)
-app.command()(gallery)
-app.command()(evaluate)
+PARTS = {
+    "gallery": ("gallery.records", "verdicts on 77 noises, at three rates and three lengths"),
+}
+"""Modules of this folder, and what they are.
+
+Each has SEEDS and QUICK_SEEDS, `tasks` of options and `tables` of rows, and may have `pictures` of rows.
+"""
 
 
-def main() -> None:
-    """Run the part that is named; an expected failure is one line on stderr and an exit code."""
+def main() -> int:
+    """Run the parts that are named; an expected failure is one line on stderr and an exit code."""
+    given = _arguments()
     try:
-        app(prog_name="python -m tools.validation")
+        if not given.no_figures:
+            need_matplotlib("pictures need", "; without it, ask for the tables alone: --no-figures")
+        prepare_folder(given.out)
+        for part in PARTS if given.part == ["all"] else given.part:
+            _run(part, given)
     except FlteaError as error:
         say(f"validation: error: {error}")
-        sys.exit(error.exit_code)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def _run(part: str, given: argparse.Namespace) -> None:
+    module: Any = import_module(f"tools.validation.{PARTS[part][0]}")
+    seeds = given.seeds or (module.QUICK_SEEDS if given.quick else module.SEEDS)
+    tasks = module.tasks(Options(seeds, given.quick, tuple(given.only)))
+    if not tasks:
+        raise UsageError(f"{part}: nothing has a name with {' or '.join(given.only)} in it.")
+    workers = open_local(given.jobs)
+    try:
+        file = given.out / f"{part}.ndjson"
+        rows = run(tasks, workers, file, resume=given.resume)
+    finally:
+        workers.close()
+    tables: list[Table | str] = module.tables(rows)
+    texts = [one.markdown() if isinstance(one, Table) else one + "\n" for one in tables]
+    contents = {f"{part}.md": "\n".join(texts).encode()}
+    if not given.no_figures and hasattr(module, "pictures"):
+        contents |= {f"{part}_{name}.png": data for name, data in module.pictures(rows).items()}
+    files = [file, *write_files(given.out, contents)]
+    if given.json:
+        print_result(file.read_text(encoding="utf-8"))
+    else:
+        with result_console() as console:
+            for one in tables:
+                if isinstance(one, str):
+                    console.print(one, markup=False)
+                elif one.brief:
+                    console.print(one.drawn())
+    say(f"validation: {len(files)} files of {part} in {given.out}")
+
+
+def _arguments() -> argparse.Namespace:
+    parts = "".join(f"  {name:<10} {what}\n" for name, (_, what) in PARTS.items())
+    parser = argparse.ArgumentParser(
+        "python -m tools.validation",
+        description=f"{__doc__}\nparts:\n{parts}  all        one after the other",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("part", nargs="+", choices=[*PARTS, "all"], metavar="PART")
+    parser.add_argument("--quick", action="store_true", help="a small part of it: a minute or less")
+    parser.add_argument("--seeds", type=_positive, metavar="N", help="series or records of each kind")
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="TEXT", help="names with this; repeatable"
+    )
+    parser.add_argument("--resume", action="store_true", help="keep what an earlier run left in DIR")
+    parser.add_argument("--jobs", type=_positive, metavar="N", help="processes; else one a processor")
+    parser.add_argument("--out", type=Path, default=Path("build/validation"), metavar="DIR")
+    parser.add_argument("--no-figures", action="store_true", help="then matplotlib is not needed")
+    parser.add_argument("--json", action="store_true", help="print PART.ndjson in place of tables")
+    return parser.parse_args()
+
+
+def _positive(text: str) -> int:
+    if int(text) < 1:
+        raise ValueError
+    return int(text)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

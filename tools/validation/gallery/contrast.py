@@ -2,8 +2,7 @@
 
 Of a record whose ordinates have the true spectrum S, a model M is on average 2 Σ (log(M / S) + S / M - 1)
 worse in 2 log L than the truth: no fit of that family can do better than its least, but for chance. It says
-what a record can tell at all. Searches are by grids that shrink around their best; nothing is shared with
-the fits.
+what a record can tell at all. The least is found by scipy; nothing is shared with the fits.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
+from scipy.optimize import Bounds, least_squares, minimize
 
 Array = NDArray[np.float64]
 Family = Callable[[Array, Array], Array]
@@ -21,13 +22,11 @@ FIRST = 10
 """The lowest ordinate that is fitted: of fewer periods nobody can say what they are."""
 DEEPEST = 1e-6
 """Of the highest density: a filter's zeros are no deeper in any periodogram."""
-ROUNDS = 12
-SHRINK = 0.4
-UPDATES = 400
-LEAST_MOVE, LEAST_GAIN = 0.05, 0.05
-"""Of the logarithm of a corner, and in 2 log L: from there on the search is over."""
 FLOOR = -3.0
 """Logarithm of the largest white noise behind a low-pass, over what passes."""
+POINTS, STARTS = 15, 6
+"""Points of a grid along each parameter, and searches."""
+RELAXATIONS = 6
 
 
 class Bins(NamedTuple):
@@ -66,20 +65,27 @@ def shortfall(bins: Bins, models: Array) -> Array:
     return np.asarray(2 * (total * np.log(size) - np.log(ratio) @ bins.weight))
 
 
-def least(bins: Bins, family: Family, box: Sequence[tuple[float, float]], points: int = 11) -> float:
-    """The least shortfall of a family over a box of its parameters."""
-    lows, highs = (np.array(side, dtype=float) for side in zip(*box, strict=True))
-    low, high, best = lows, highs, np.inf
-    for _ in range(ROUNDS):
-        axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]
-        parameters = np.stack([one.ravel() for one in np.meshgrid(*axes, indexing="ij")])
-        found = shortfall(bins, family(parameters, bins.lam))
-        at = int(np.argmin(found))
-        best = min(best, float(found[at]))
-        half = SHRINK * (high - low) / 2
-        low = np.maximum(lows, parameters[:, at] - half)
-        high = np.minimum(highs, parameters[:, at] + half)
-    return best
+def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
+    """Return the least shortfall over a box of parameters: searches begin in the valleys of a grid."""
+    grid = np.stack(np.meshgrid(*(np.linspace(*side, POINTS) for side in box), indexing="ij"))
+    flat = grid.reshape(len(box), -1)
+    found = shortfall(bins, family(flat, bins.lam))
+
+    def behind(p: Array) -> float:
+        return float(shortfall(bins, family(p[:, np.newaxis], bins.lam))[0])
+
+    def apart(p: Array) -> Array:
+        logs = np.log(bins.truth / family(p[:, np.newaxis], bins.lam)[0])
+        return np.asarray(np.sqrt(bins.weight) * (logs - logs @ bins.weight / bins.weight.sum()))
+
+    around = minimum_filter(found.reshape(grid.shape[1:]), size=3, mode="nearest").ravel()
+    valleys = np.flatnonzero(found == around)
+    ends = []
+    for at in {*valleys[np.argsort(found[valleys])[:STARTS]].tolist(), *np.argsort(found)[:STARTS].tolist()}:
+        # Of what is near the truth 2 log L is a sum of squares, whose narrow valleys have their own search.
+        near = least_squares(apart, flat[:, at], bounds=np.transpose(box), x_scale="jac", max_nfev=200).x
+        ends.append(minimize(behind, near, method="L-BFGS-B", bounds=box).fun)
+    return float(min(ends))
 
 
 def white(bins: Bins) -> float:
@@ -89,70 +95,72 @@ def white(bins: Bins) -> float:
 
 def order(bins: Bins) -> float:
     """A fractional order of 0.15 to 0.85 in white noise: the state D^α x = f x + ω, or ARFIMA(1, d, 0)."""
-    return min(least(bins, _state, _STATE_BOX), least(bins, _arfima, _ARFIMA_BOX))
+    return min(least(bins, _state, *_STATE_BOX), least(bins, _arfima, *_ARFIMA_BOX))
 
 
 def one_relaxation(bins: Bins) -> float:
     """AR(1) in white noise."""
-    return least(bins, _one_relaxation, ((-7.0, 2.0), (-8.0, 10.0)), 31)
+    return least(bins, _one_relaxation, (-7.0, 2.0), (-8.0, 10.0))
 
 
 def walk(bins: Bins) -> float:
     """A random walk in white noise."""
-    return least(bins, _walk, ((-14.0, 14.0),), 91)
+    return least(bins, _walk, (-14.0, 14.0))
 
 
 def walk_and_relaxation(bins: Bins) -> float:
     """A random walk and one relaxation, in white noise."""
-    return least(bins, _walk_and_relaxation, ((-14.0, 14.0), (-7.0, 2.0), (-8.0, 10.0)), 15)
+    return least(bins, _walk_and_relaxation, (-14.0, 14.0), (-7.0, 2.0), (-8.0, 10.0))
 
 
 def low_pass(bins: Bins) -> float:
     """A low-pass of one to eight poles on white noise, with next to no white noise behind it."""
-    return least(bins, _low_pass, ((-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR)), 13)
+    return least(bins, _low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
 
 
 def rising(bins: Bins) -> float:
     """A power of the frequency up to its fourth, in white noise."""
-    return least(bins, _rising, ((0.0, 2.0), (-6.0, 6.0)), 31)
+    return least(bins, _rising, (0.0, 2.0), (-6.0, 6.0))
 
 
 def six_relaxations(bins: Bins) -> float:
-    """Six relaxations of any corners and sizes, in white noise.
-
-    They begin evenly apart on the logarithmic axis; then each moves as long as that helps. Sizes are found by
-    multiplicative updates, which go on from the last answer.
-    """
+    """Six relaxations of any corners and sizes in white noise; log corners begin evenly apart."""
     bottom, top = float(np.log(bins.lam[0])), float(np.log(np.pi))
     starts = [(low, high) for low in (bottom - 2, bottom, bottom + 2) for high in (top - 2, top, top + 1.5)]
-    corners = np.array([np.linspace(low, max(high, low + 0.5), 6) for low, high in starts])
-    sizes = np.full((len(corners), 7, 1), float(np.median(bins.truth)) / 7)
-    found, sizes = _mixed(bins, corners, sizes, UPDATES)
-    at = int(np.argmin(found))
-    best, corner, size, step = float(found[at]), corners[at], sizes[at], 0.6
-    moves = np.concatenate([np.eye(6), -np.eye(6), np.ones((1, 6)), -np.ones((1, 6)), np.zeros((1, 6))])
-    while step > LEAST_MOVE:
-        corners = corner + step * moves
-        found, sizes = _mixed(bins, corners, np.repeat(size[np.newaxis], len(moves), axis=0), UPDATES // 2)
-        at = int(np.argmin(found))
-        if best - found[at] < LEAST_GAIN:
-            step /= 2
-        if found[at] < best:
-            best, corner, size = float(found[at]), corners[at], sizes[at]
-    return best
+    return min(_mixed(bins, np.linspace(low, max(high, low + 0.5), RELAXATIONS)) for low, high in starts)
 
 
-def _mixed(bins: Bins, log_corners: Array, size: Array, updates: int) -> tuple[Array, Array]:
-    """Relaxations of these corners (count, 6), each of the size that is best: shortfalls and sizes."""
-    poles = np.exp(-np.exp(log_corners))[..., np.newaxis]
-    shapes = _scaled(1 / ((1 - poles) ** 2 + 4 * poles * np.sin(bins.lam / 2) ** 2))
-    shapes = np.concatenate([np.ones_like(shapes[:, :1]), shapes], axis=1)
-    across = np.swapaxes(shapes, 1, 2)
-    rows = np.swapaxes(size, 1, 2)
-    for _ in range(updates):
-        model = rows @ shapes
-        rows = rows * ((bins.weight * bins.truth / model**2) @ across) / ((bins.weight / model) @ across)
-    return shortfall(bins, (rows @ shapes)[:, 0]), np.swapaxes(rows, 1, 2)
+def _mixed(bins: Bins, log_corners: Array) -> float:
+    """The least shortfall of relaxations in white noise that begin with these corners."""
+    half = 4 * np.sin(bins.lam / 2) ** 2
+
+    def behind(p: Array) -> tuple[float, Array]:
+        """Of logarithms of corners and sizes, with its slopes."""
+        corner = np.exp(p[:RELAXATIONS, np.newaxis])
+        pole, rest = np.exp(-corner), -np.expm1(-corner)
+        below = rest**2 + pole * half
+        parts = np.concatenate(
+            [np.exp(p[RELAXATIONS:-1, np.newaxis]) * rest**2 / below, np.full((1, len(half)), np.exp(p[-1]))]
+        )
+        model = parts.sum(axis=0)
+        slope = 2 * bins.weight * (model - bins.truth) / model**2
+        by_pole = -2 / rest - (half - 2 * rest) / below
+        of_corners = parts[:-1] * by_pole * -corner * pole
+        value = 2 * bins.weight @ (np.log(model / bins.truth) + bins.truth / model - 1)
+        return float(value), np.concatenate([of_corners @ slope, parts @ slope])
+
+    sizes = np.full(RELAXATIONS + 1, np.log(np.median(bins.truth) / (RELAXATIONS + 1)))
+    start = np.concatenate([log_corners, sizes])
+    limits = Bounds(start - 25, np.concatenate([np.full(RELAXATIONS, 3.0), np.full(RELAXATIONS + 1, 40.0)]))
+    found = minimize(
+        behind,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=limits,
+        options={"maxiter": 5000, "maxfun": 20000, "maxcor": 30, "ftol": 1e-13},
+    )
+    return float(found.fun)
 
 
 def _with_floor(shape: Array, log_floor: Array) -> Array:
@@ -164,7 +172,7 @@ def _scaled(shape: Array) -> Array:
     return np.asarray(shape / np.exp(np.log(shape).mean(axis=-1, keepdims=True)))
 
 
-_STATE_BOX = ((0.15, 0.85), (-9.0, 0.5), (-8.0, 10.0))
+_STATE_BOX = ((0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0))
 
 
 def _state(p: Array, lam: Array) -> Array:
@@ -174,7 +182,7 @@ def _state(p: Array, lam: Array) -> Array:
     return _with_floor(_scaled(1 / np.abs((1 - z) ** alpha - g * z) ** 2), p[2])
 
 
-_ARFIMA_BOX = ((0.15, 0.85), (-7.0, 1.5), (-8.0, 10.0))
+_ARFIMA_BOX = ((0.15, 0.85), (-7.0, 1.5), (-14.0, 10.0))
 
 
 def _arfima(p: Array, lam: Array) -> Array:

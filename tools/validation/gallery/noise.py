@@ -1,15 +1,18 @@
-"""One noise of the gallery: what it is made of, and a record of it."""
+"""One noise of the gallery: what it is made of, what is added to it, and what is done to its samples."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
+from fltea.records.fit import VerdictKind
 from numpy.typing import NDArray
 
-from tools.validation.gallery.additions import Drift, Line, Treatment
 from tools.validation.gallery.parts import Part
 
 Array = NDArray[np.float64]
+Treatment = Callable[[Array, np.random.Generator], Array]
+"""Something done to the samples, which are returned."""
 
 Truth = Literal[
     "white",
@@ -23,6 +26,86 @@ Truth = Literal[
     "held",
 ]
 """What the spectrum is, apart from lines, drift and changes."""
+
+
+class Line(NamedTuple):
+    """A sine of constant frequency, which folds at half the sample rate as samples do.
+
+    of: "hz"; "rate": hz is a share of the sample rate; "nyquist": hz below half the rate.
+    """
+
+    hz: float
+    amplitude: float
+    of: Literal["hz", "rate", "nyquist"] = "hz"
+
+    def at(self, rate_hz: float) -> float:
+        """Return its frequency before it folds, in Hz."""
+        if self.of == "rate":
+            return self.hz * rate_hz
+        return rate_hz / 2 - self.hz if self.of == "nyquist" else self.hz
+
+    def folded(self, rate_hz: float) -> float:
+        """Return where it is seen, in Hz."""
+        at = self.at(rate_hz) % rate_hz
+        return min(at, rate_hz - at)
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """Return n samples, of any phase."""
+        step = 2 * math.pi * self.at(rate_hz) / rate_hz
+        return np.asarray(self.amplitude * np.sin(step * np.arange(n) + rng.uniform(0, 2 * math.pi)))
+
+
+class Drift(NamedTuple):
+    """An offset that moves by `size` standard deviations of the white noise over the record.
+
+    It is a ramp, or a warm-up with a fifth of the record as its time constant.
+    """
+
+    size: float
+    shape: Literal["ramp", "warm-up"] = "ramp"
+
+    def draw(self, n: int) -> Array:
+        """Return the offset, (n,)."""
+        t = np.arange(n) / n
+        return self.size * (t if self.shape == "ramp" else 1 - np.exp(-5 * t))
+
+
+def rounded(sigma: float) -> Treatment:
+    """Return the rounding to whole counts, of which the standard deviation is `sigma`, the offset 0.3."""
+    return lambda y, rng: np.asarray(np.rint(sigma * y / y.std() + 0.3))
+
+
+def outliers(y: Array, rng: np.random.Generator) -> Array:
+    """Replace one sample in 1,000 by ± 20."""
+    return np.where(rng.random(len(y)) < 1e-3, 20.0 * rng.choice([-1.0, 1.0], len(y)), y)
+
+
+def bursts(y: Array, rng: np.random.Generator) -> Array:
+    """Replace 20 samples now and then by Student's t with two degrees, three times as large."""
+    inside = np.zeros(len(y), dtype=bool)
+    for at in np.flatnonzero(rng.random(len(y)) < 1 / 2_000).tolist():
+        inside[at : at + 20] = True
+    y = y.copy()
+    y[inside] = 3 * rng.standard_t(2, int(inside.sum()))
+    return y
+
+
+def wander(y: Array, rng: np.random.Generator) -> Array:
+    """Let the variance go up and down once over the record, by a factor of 2 each way."""
+    return y * np.exp(math.log(2) / 2 * np.sin(2 * math.pi * np.arange(len(y)) / len(y)))
+
+
+def step(y: Array, rng: np.random.Generator) -> Array:
+    """Double the variance in the middle of the record."""
+    return y * np.where(np.arange(len(y)) < len(y) // 2, 1.0, math.sqrt(2))
+
+
+class Accepted(NamedTuple):
+    """A verdict that is accepted on records of up to `samples`, with the reason."""
+
+    kind: VerdictKind
+    reason: str
+    samples: float = math.inf
 
 
 class Noise(NamedTuple):
@@ -40,31 +123,27 @@ class Noise(NamedTuple):
     """it is not the same at the end as at the beginning"""
     spread: float | None = None
     """variance that the treatment brings with it as white noise, the parts having 1; None: none"""
+    accepted: Accepted | None = None
+
+    @property
+    def has_order(self) -> bool:
+        """Whether "fractional" may be claimed of it."""
+        return self.truth in ("order", "filtered order")
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """One record of n samples."""
+        """Return one record of n samples."""
         y = np.zeros(n)
-        for part in self.parts:
+        for part in self.parts + self.lines:
             y += part.draw(n, rate_hz, rng)
-        for line in self.lines:
-            y += line.draw(n, rate_hz, rng)
         if self.drift is not None:
             y += self.drift.draw(n)
-        return y if self.treatment is None else self.treatment.treat(y, rng)
+        return y if self.treatment is None else self.treatment(y, rng)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """The density at λ without lines and drift; of what is changed or rounded its shape only."""
+        """Return the density at λ without lines and drift; of what is changed or rounded its shape only."""
         total = np.sum([part.spectrum(lam, rate_hz) for part in self.parts], axis=0)
         if self.spread is None:
             return np.asarray(total)
         grid = np.pi * (np.arange(1 << 14) + 0.5) / (1 << 14)
         power = float(np.mean(np.sum([part.spectrum(grid, rate_hz) for part in self.parts], axis=0)))
         return np.asarray(total + self.spread * power)
-
-
-def named(noises: Sequence[Noise]) -> dict[str, Noise]:
-    """By name, each once."""
-    found = {one.name: one for one in noises}
-    if len(found) != len(noises):
-        raise ValueError("two noises have the same name")
-    return found

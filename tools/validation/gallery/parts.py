@@ -4,19 +4,20 @@ Spectra are normalised so that white noise of variance R has R, over λ in rad a
 have one scale: the density of its white noise is 1, whatever the rate is, as that of a sensor would be.
 """
 
+import cmath
 import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import firwin, freqz, lfilter
 
-from tools.validation.gallery.recursions import (
-    OnePole,
-    Relaxing,
+from tools.validation.recursions import (
+    Stream,
     convolved,
     fractional_difference,
-    inverse_series,
-    stationary_order,
+    fractional_noise,
+    state_response,
 )
 
 Array = NDArray[np.float64]
@@ -25,25 +26,32 @@ LONGEST_MEMORY = 1 << 21
 """Samples, of the project's own noise: its response has fallen off long before."""
 A_DECADE = 8
 """Relaxations, in 1/f noise that is drawn as their sum: within 0.1 % of it."""
+AT_ONCE = 1 << 22
+"""Samples before a filter that are drawn at once, so that of a long record little is in memory."""
+OVER_CORNER = 8.0
+"""Rate within a filter over its corner, at least."""
+MPU9250_DLPF = {250: 0.97, 184: 2.9, 92: 3.9, 41: 5.9, 20: 9.9, 10: 17.85, 5: 33.48}
+"""Bandwidths in Hz and delays in ms of the gyroscope's low-passes, from the register map."""
+CONSTANT_DELAY_MS = 1.9
+"""What these delays have beyond that of one pole, 0.159 / bandwidth: so the filter is one pole."""
 
 
 class Part(Protocol):
     """A noise, or a part of one."""
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """So many samples."""
+        """Return n samples."""
         ...
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """Its density at λ."""
+        """Return its density at λ."""
         ...
 
 
 class White(NamedTuple):
-    """White noise of variance 1."""
+    """White noise of variance 1; its tails are gaussian, t4 or laplace."""
 
     tails: str = "gaussian"
-    """gaussian, t4 or laplace"""
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
@@ -58,43 +66,61 @@ class White(NamedTuple):
         return np.ones_like(lam)
 
 
+class AR1(NamedTuple):
+    """x_k = pole x_{k-1} + steps of standard deviation `size`, whatever the rate."""
+
+    pole: float
+    size: float
+
+    def stream(self, rng: np.random.Generator) -> Stream:
+        """Return its recursion, stationary from its first sample on."""
+        start = self.size * rng.standard_normal() / math.sqrt(1 - self.pole**2)
+        return Stream([1.0], [1.0, -self.pole], self.pole * start)
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """See `Part`."""
+        return self.stream(rng).run(self.size * rng.standard_normal(n))
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`."""
+        return np.asarray(self.size**2 / ((1 - self.pole) ** 2 + 4 * self.pole * np.sin(lam / 2) ** 2))
+
+
 class Relaxation(NamedTuple):
-    """AR(1), the pole at exp(-2π hz / rate)."""
+    """AR(1) with the pole exp(-2π hz / rate), of the density `height` at low frequencies."""
 
     hz: float
     height: float
-    """density at low frequencies"""
 
-    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
-        return math.sqrt(self.height) * Relaxing(self.hz, rate_hz, rng).next(n)
-
-    def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
+    def sampled(self, rate_hz: float) -> AR1:
+        """Return what it is at a rate."""
         pole = math.exp(-2 * math.pi * self.hz / rate_hz)
-        return np.asarray(self.height * (1 - pole) ** 2 / ((1 - pole) ** 2 + 4 * pole * np.sin(lam / 2) ** 2))
-
-
-class AR1(NamedTuple):
-    """AR(1) of a given coefficient, whatever the rate; may be negative."""
-
-    pole: float
-    step: float
-    """variance of its innovations"""
+        return AR1(pole, (1 - pole) * math.sqrt(self.height))
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
-        start = rng.standard_normal() / math.sqrt(1 - self.pole**2)
-        x = OnePole(self.pole, start).run(rng.standard_normal(n))
-        return math.sqrt(self.step) * np.asarray(x, dtype=np.float64)
+        return self.sampled(rate_hz).draw(n, rate_hz, rng)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
-        return np.asarray(self.step / ((1 - self.pole) ** 2 + 4 * self.pole * np.sin(lam / 2) ** 2))
+        return self.sampled(rate_hz).spectrum(lam, rate_hz)
+
+
+def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> tuple[Relaxation, ...]:
+    """Return relaxations of equal power, `a_decade` from low_hz to high_hz: 1/f noise between these.
+
+    corner_hz: where 1/f noise of its level is as dense as the white noise.
+    """
+    count = round(math.log10(high_hz / low_hz) * a_decade) + 1
+    # Of heights L / c the sum over the corners c at f is about L a_decade / ln 10 · π / (2 f).
+    level = corner_hz * math.log(10) / (a_decade * math.pi / 2)
+    return tuple(
+        Relaxation(corner, level / corner) for corner in np.geomspace(low_hz, high_hz, count).tolist()
+    )
 
 
 class Arfima(NamedTuple):
-    """ARFIMA(p, d, q) with p, q of 0 or 1, by its autocovariance and then its poles and zeros."""
+    """ARFIMA(p, d, q) with p, q of 0 or 1, of steps of variance `step`."""
 
     d: float
     step: float
@@ -104,11 +130,8 @@ class Arfima(NamedTuple):
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
         before = 0 if self.ar == self.ma == 0 else 2_000  # the pole has forgotten its start by then
-        x = stationary_order(self.d, n + before + 1, rng)
-        if before:
-            x[1:] += self.ma * x[:-1].copy()
-            x = np.asarray(OnePole(self.ar).run(x), dtype=np.float64)
-        return math.sqrt(self.step) * x[-n:]
+        x = fractional_noise(self.d, n + before + 1, rng)
+        return math.sqrt(self.step) * np.asarray(lfilter([1.0, self.ma], [1.0, -self.ar], x))[-n:]
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
@@ -118,30 +141,25 @@ class Arfima(NamedTuple):
 
 
 class Fractional(NamedTuple):
-    """The project's own state, D^α x = f x + ω, by the impulse response of its recursion."""
+    """The project's own state, D^α x = f x + ω with f in s^-α and a variance `step` of a whole step."""
 
     alpha: float
     f: float
-    """in s^-α"""
     step: float
-    """variance of a whole step"""
 
     def g(self, rate_hz: float) -> float:
-        """h^α f; where a slow rate would make x grow, f is what gives half of the least g, -2^α."""
+        """Return h^α f; where a slow rate would make x grow, f is what gives half of the least g, -2^α."""
         return max(float(rate_hz**-self.alpha) * self.f, -float(2.0**self.alpha) / 2)
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
         if self.f == 0:
             # Begins a record before the first sample; what was earlier would be an offset.
-            length = n + 1
-            response = fractional_difference(self.alpha, length)
+            response = fractional_difference(self.alpha, n + 1)
         else:
             length = min(LONGEST_MEMORY, 1 << (max(n, 1 << 16) - 1).bit_length())
-            weights = fractional_difference(-self.alpha, length)
-            weights[1] -= self.g(rate_hz)
-            response = inverse_series(weights)
-        return math.sqrt(self.step) * convolved(rng.standard_normal(n + length - 1), response, n)
+            response = state_response(self.alpha, self.g(rate_hz), length)
+        return math.sqrt(self.step) * convolved(rng.standard_normal(n + len(response) - 1), response, n)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
@@ -149,113 +167,67 @@ class Fractional(NamedTuple):
         return np.asarray(self.step / np.abs((1 - z) ** self.alpha - self.g(rate_hz) * z) ** 2)
 
 
-def flicker(corner_hz: float, rate_hz: float) -> Fractional:
-    """1/f noise, the order 1/2 exactly, as dense as white noise of 1 at its corner."""
-    return Fractional(0.5, 0.0, 2 * math.pi * corner_hz / rate_hz)
-
-
 class Flicker(NamedTuple):
-    """1/f noise by fractional differencing of order 1/2."""
+    """1/f noise, the order 1/2 exactly, as dense as the white noise at its corner."""
 
     corner_hz: float
-    """where it is as dense as the white noise"""
+
+    def _sampled(self, rate_hz: float) -> Fractional:
+        return Fractional(0.5, 0.0, 2 * math.pi * self.corner_hz / rate_hz)
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
-        return flicker(self.corner_hz, rate_hz).draw(n, rate_hz, rng)
+        return self._sampled(rate_hz).draw(n, rate_hz, rng)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
-        return flicker(self.corner_hz, rate_hz).spectrum(lam, rate_hz)
-
-
-class Ladder(NamedTuple):
-    """Relaxations of equal power, so many a decade from low_hz to high_hz: 1/f noise between these."""
-
-    low_hz: float
-    high_hz: float
-    a_decade: float
-    corner_hz: float
-    """where 1/f noise of its level is as dense as the white noise"""
-
-    @property
-    def steps(self) -> tuple[Relaxation, ...]:
-        """One by one."""
-        count = round(math.log10(self.high_hz / self.low_hz) * self.a_decade) + 1
-        corners = np.geomspace(self.low_hz, self.high_hz, count).tolist()
-        # Of heights L / c the sum over the corners c at f is about L a_decade / ln 10 · π / (2 f).
-        level = self.corner_hz * math.log(10) / (self.a_decade * math.pi / 2)
-        return tuple(Relaxation(corner, level / corner) for corner in corners)
-
-    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
-        y = np.zeros(n)
-        for one in self.steps:
-            y += one.draw(n, rate_hz, rng)
-        return y
-
-    def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
-        return np.asarray(np.sum([one.spectrum(lam, rate_hz) for one in self.steps], axis=0))
+        return self._sampled(rate_hz).spectrum(lam, rate_hz)
 
 
 class Walk(NamedTuple):
-    """A random walk."""
+    """A random walk, as dense as the white noise at its corner."""
 
     corner_hz: float
-    """where it is as dense as the white noise"""
-
-    def _step(self, rate_hz: float) -> float:
-        return 2 * math.pi * self.corner_hz / rate_hz
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
-        return np.cumsum(self._step(rate_hz) * rng.standard_normal(n))
+        return np.cumsum(2 * math.pi * self.corner_hz / rate_hz * rng.standard_normal(n))
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
-        return np.asarray((self._step(rate_hz) / (2 * np.sin(lam / 2))) ** 2)
+        return np.asarray((2 * math.pi * self.corner_hz / rate_hz / (2 * np.sin(lam / 2))) ** 2)
 
 
 class Resonance(NamedTuple):
-    """A pair of complex poles at a share of the sample rate."""
+    """A pair of complex poles at a share of the sample rate.
+
+    q: centre over width at half the power. peak: density at the peak, about.
+    """
 
     share: float
-    """of the sample rate"""
     q: float
-    """centre over width at half the power"""
     peak: float
-    """density at the peak, about"""
 
     @property
-    def pole(self) -> complex:
-        """The one of positive frequency."""
+    def _coefficients(self) -> tuple[list[float], list[float]]:
         at = 2 * math.pi * self.share
-        return complex(math.exp(-at / (2 * self.q)) * np.exp(1j * at))
+        pole = cmath.exp(complex(-at / (2 * self.q), at))
+        a = [1.0, -2 * pole.real, abs(pole) ** 2]
+        z = cmath.exp(-1j * at)
+        return [math.sqrt(self.peak) * abs(a[0] + z * (a[1] + z * a[2]))], a
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
-        p = self.pole
         before = min(int(40 * self.q / self.share / (2 * math.pi)), 1 << 20)
-        x = OnePole(p).run(rng.standard_normal(n + before))
-        y = (2 * p / (p - p.conjugate()) * x).real
-        return math.sqrt(self.peak * self._scale) * np.asarray(y[before:])
+        return np.asarray(lfilter(*self._coefficients, rng.standard_normal(n + before)))[before:]
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
-        return np.asarray(self.peak * self._scale * self._raw(np.asarray(lam)))
-
-    @property
-    def _scale(self) -> float:
-        return 1 / float(self._raw(np.array([2 * math.pi * self.share]))[0])
-
-    def _raw(self, lam: Array) -> Array:
-        z = np.exp(-1j * lam)
-        return np.asarray(1 / np.abs((1 - self.pole * z) * (1 - self.pole.conjugate() * z)) ** 2)
+        return np.asarray(np.abs(freqz(*self._coefficients, worN=lam)[1]) ** 2)
 
 
 class Differenced(NamedTuple):
-    """The difference of neighbours of white noise."""
+    """The difference of neighbours of white noise of variance `power`."""
 
     power: float
 
@@ -266,3 +238,144 @@ class Differenced(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
         return np.asarray(self.power * 4 * np.sin(lam / 2) ** 2)
+
+
+class LowPass(NamedTuple):
+    """A low-pass as chips have them, with a gain of 1 at low frequencies.
+
+    It has `poles` (one, or a Butterworth's two) at hz, mapped by exp(s / inner rate); or only `taps`, at the
+    output's own rate. inner_hz: at which it runs; 0: several times the corner.
+    """
+
+    hz: float = 0.0
+    poles: int = 1
+    inner_hz: float = 0.0
+    taps: tuple[float, ...] = ()
+
+    def every(self, rate_hz: float) -> int:
+        """Return the number of samples within to one that is kept."""
+        wanted = self.inner_hz or OVER_CORNER * self.hz
+        return max(1, math.ceil(wanted / rate_hz - 1e-9))
+
+    def coefficients(self, inner_hz: float) -> tuple[list[float], list[float]]:
+        """Return b and a."""
+        if self.taps:
+            return [*self.taps], [1.0]
+        corner = 2 * math.pi * self.hz / inner_hz
+        if self.poles == 1:
+            pole = math.exp(-corner)
+            return [1 - pole], [1.0, -pole]
+        two = cmath.exp(corner * cmath.exp(0.75j * math.pi))
+        return [abs(1 - two) ** 2], [1.0, -2 * two.real, abs(two) ** 2]
+
+    def power(self, lam: Array, inner_hz: float) -> Array:
+        """Return its gain, squared, at λ in rad a sample within."""
+        return np.asarray(np.abs(freqz(*self.coefficients(inner_hz), worN=lam)[1]) ** 2)
+
+
+def moving_average(taps: int) -> LowPass:
+    """Return the mean of the last samples."""
+    return LowPass(taps=(1 / taps,) * taps)
+
+
+def windowed_sinc(cut: float, taps: int = 31) -> LowPass:
+    """Return a sinc in Hamming's window; cut: share of the sample rate."""
+    return LowPass(taps=tuple(firwin(taps, 2 * cut).tolist()))
+
+
+def mpu9250(bandwidth_hz: int) -> LowPass:
+    """Return the sensor's own, as its delays say; within it runs at 1 kHz, or at 8 kHz with 250 Hz."""
+    return LowPass(bandwidth_hz, 1, 8_000.0 if bandwidth_hz == 250 else 1_000.0)
+
+
+class Through(NamedTuple):
+    """White noise, and relaxations, that have gone through a filter, of which every m-th sample is kept."""
+
+    low_pass: LowPass
+    inner: tuple[Relaxation, ...] = ()
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """See `Part`."""
+        m = self.low_pass.every(rate_hz)
+        stream = Stream(*self.low_pass.coefficients(m * rate_hz))
+        stream.run(rng.standard_normal(1 << 14))  # so that it has forgotten its start
+        slow = [(part.size, part.stream(rng)) for part in (one.sampled(m * rate_hz) for one in self.inner)]
+        out, piece = np.empty(n), max(1, AT_ONCE // m)
+        for at in range(0, n, piece):
+            count = min(piece, n - at) * m
+            e = rng.standard_normal(count)
+            for size, one in slow:
+                e += one.run(size * rng.standard_normal(count))
+            # m times the variance is the same density below the corner.
+            out[at : at + count // m] = stream.run(math.sqrt(m) * e)[::m]
+        return out
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`; folded at half the rate as often as it is."""
+        m = self.low_pass.every(rate_hz)
+        found = np.zeros_like(lam)
+        for k in range(m):
+            inside = (lam + 2 * np.pi * k) / m
+            before = 1.0 + sum(one.spectrum(inside, m * rate_hz) for one in self.inner)
+            found += before * self.low_pass.power(inside, m * rate_hz)
+        return found
+
+
+class Held(NamedTuple):
+    """White noise of a chip that has `numerator` new values for `denominator` readings."""
+
+    numerator: int
+    denominator: int
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """See `Part`."""
+        fresh = rng.standard_normal(n * self.numerator // self.denominator + 2)
+        return np.asarray(fresh[self.numerator * np.arange(n) // self.denominator])
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`; the mean over the readings of a round: 1 + 2 Σ (share that is repeated) cos(lag λ)."""
+        at = self.numerator * np.arange(2 * self.denominator) // self.denominator
+        found = np.ones_like(lam)
+        for lag in range(1, self.denominator):
+            same = (at[: self.denominator] == at[lag : lag + self.denominator]).mean()
+            found += 2 * float(same) * np.cos(lag * lam)
+        return found
+
+
+class Jittered(NamedTuple):
+    """A relaxation read up to half a period late, each time another time, in white noise of the reader.
+
+    steps: of time in a period.
+    """
+
+    hz: float
+    height: float
+    steps: int = 16
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """See `Part`."""
+        source = Relaxation(self.hz, self.height * self._scale(rate_hz)).sampled(self.steps * rate_hz)
+        stream = source.stream(rng)
+        y, piece = rng.standard_normal(n), 1 << 18
+        for at in range(0, n, piece):
+            count = min(piece, n - at)
+            fine = stream.run(source.size * rng.standard_normal(count * self.steps))
+            late = rng.integers(0, self.steps // 2, count)
+            y[at : at + count] += fine[np.arange(count) * self.steps + late]
+        return y
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`; from the autocorrelation, whose lags are spread by the jitter."""
+        a = 2 * math.pi * self.hz / rate_hz
+        late = np.arange(self.steps // 2) / self.steps
+        spread = float(np.exp(-a * late).mean() * np.exp(a * late).mean())
+        pole, fine = math.exp(-a), math.exp(-a / self.steps)
+        ar1 = (1 - pole**2) / ((1 - pole) ** 2 + 4 * pole * np.sin(lam / 2) ** 2)
+        variance = self.height * self._scale(rate_hz) * (1 - fine) / (1 + fine)
+        return np.asarray(1 + variance * (1 - spread + spread * ar1))
+
+    def _scale(self, rate_hz: float) -> float:
+        """So that the density is `height` at low frequencies, as sampled without jitter."""
+        pole = math.exp(-2 * math.pi * self.hz / rate_hz)
+        fine = math.exp(-2 * math.pi * self.hz / (self.steps * rate_hz))
+        return (1 - pole) / (1 + pole) * (1 + fine) / (1 - fine)

@@ -6,17 +6,16 @@ accepted where the record cannot tell: the reason is kept with it. All else is w
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from fltea.records.fit import VerdictKind
 
 from tools.validation.gallery import contrast
-from tools.validation.gallery.additions import Bursts, Rounded
 from tools.validation.gallery.contrast import Bins
-from tools.validation.gallery.filters import Through
 from tools.validation.gallery.noise import Noise
-from tools.validation.gallery.parts import Resonance
+from tools.validation.gallery.parts import Resonance, Through
 
 SAME = 6.0
 """In expected 2 log L, below which two spectra are the same for everybody."""
@@ -33,8 +32,6 @@ SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
 """Mean power of the slowest ordinates, and of a cubic's amplitudes together, over white noise. It has the
 first with p = 1e-5; of less than the second nobody needs to know."""
 PEAK_ALARM = 3e-3
-FEW = 1_000
-"""Samples of coarse counts that may all be the same."""
 NARROW, FEW_ORDINATES = 2.0, 10.0
 """Ordinates in the width of a peak that is as good as a line, and of one that is hardly more."""
 INSIDE_THE_FILTER = 0.5
@@ -49,11 +46,9 @@ class Right(NamedTuple):
     right: frozenset[VerdictKind]
     accepted: dict[VerdictKind, str]
     """with the reason"""
-    has_order: bool
-    """whether "fractional" may be claimed"""
 
     def outcome(self, kind: VerdictKind) -> str:
-        """right, cannot be told, or wrong."""
+        """Return right, cannot be told, or wrong."""
         if kind in self.right:
             return "right"
         return "cannot be told" if kind in self.accepted else "wrong"
@@ -78,18 +73,19 @@ def told(short: float, needed: float) -> bool:
 
 
 def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
-    """Of a record of n samples."""
+    """Return what is right on a record of n samples."""
     bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
     notes = _Notes()
     short = contrast.white(bins)
     seen = told(short, 3 * math.log(bins.weight.sum()))
     if not seen:
-        _nearly_white(notes, noise, rate_hz, n, short)
+        _nearly_white(notes, noise, bins, rate_hz, n, short)
     if noise.truth != "white" and short < UNSEEN:
         # As good as white: that other models are white noise there, too, is no excuse for a claim.
-        notes.right.add(_NAMES[noise.truth])
+        notes.right.add(_RULES[noise.truth][0])
     elif noise.truth != "white":
-        _RULES[noise.truth](notes, noise, bins, rate_hz, n)
+        notes.right.add(_RULES[noise.truth][0])
+        _RULES[noise.truth][1](notes, noise, bins, rate_hz, n)
         if bins.truth[-1] > bins.truth[0]:  # what folds at half the rate may make it rise
             notes.may("anti-persistent", contrast.rising(bins), "a power that rises with frequency")
     if noise.drift is not None and (not seen or noise.truth == "white"):
@@ -102,16 +98,10 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
         _lines(notes, noise, rate_hz, n)
     if noise.changes:
         _changes(notes, n)
-    if isinstance(noise.treatment, Bursts):
-        notes.accepted["not stationary"] = "a burst is a change of the variance"
-    if isinstance(noise.treatment, Rounded) and noise.treatment.sigma < 0.2 and n < FEW:
-        notes.accepted["constant"] = "one count in forty differs"
-    has_order = noise.truth in ("order", "filtered order")
-    return Right(frozenset(notes.right), _without(notes.accepted, notes.right), has_order)
-
-
-def _without(accepted: dict[VerdictKind, str], right: set[VerdictKind]) -> dict[VerdictKind, str]:
-    return {kind: why for kind, why in accepted.items() if kind not in right}
+    if noise.accepted is not None and n < noise.accepted.samples:
+        notes.accepted[noise.accepted.kind] = noise.accepted.reason
+    accepted = {kind: why for kind, why in notes.accepted.items() if kind not in notes.right}
+    return Right(frozenset(notes.right), accepted)
 
 
 def _peaks(noise: Noise) -> list[tuple[float, float]]:
@@ -119,10 +109,9 @@ def _peaks(noise: Noise) -> list[tuple[float, float]]:
     return [(2 * math.pi * one.share, 2 * math.pi * one.share / one.q) for one in found]
 
 
-def _nearly_white(notes: _Notes, noise: Noise, rate_hz: float, n: int, short: float) -> None:
+def _nearly_white(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int, short: float) -> None:
     """What is not told from white noise at the frequencies that are fitted."""
     slow = 2 * np.pi * np.arange(1, SLOW_ORDINATES + 1) / n
-    bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
     level = float(np.average(bins.truth, weights=bins.weight))
     each = noise.spectrum(slow, rate_hz) / level
     ratio = float(each.mean())
@@ -140,7 +129,6 @@ def _nearly_white(notes: _Notes, noise: Noise, rate_hz: float, n: int, short: fl
 
 
 def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    notes.right.add("relaxations")
     several = 3.0 * max(2 * min(len(noise.parts) - 1, 6) - 3, 0)
     notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85", several)
     notes.may("drift", contrast.walk(bins), "a random walk")
@@ -152,7 +140,6 @@ def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int
 
 
 def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    notes.right.add("fractional")
     nearest = contrast.order(bins)
     if nearest > SAME:
         notes.accepted["undecided"] = f"of no model here; the nearest order is {nearest:.0f} behind"
@@ -161,17 +148,15 @@ def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> N
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
 
 
-def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    notes.right.add("anti-persistent")
+def _nothing(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    pass
 
 
 def _walk(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    notes.right.add("drift")
     notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85")
 
 
 def _resonance(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    notes.right.add("resonance")
     for _, width in _peaks(noise):
         ordinates = width * n / (2 * math.pi)
         if ordinates < NARROW:
@@ -185,7 +170,6 @@ def _resonance(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) 
 
 
 def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    notes.right.add("low-pass")
     _relaxation_or_order(notes, bins)
     level = float(noise.spectrum(np.array([1e-3 * bins.lam[0]]), rate_hz)[0])
     if bins.truth[0] < level / 2:
@@ -232,14 +216,13 @@ def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:
     return Bins(inside.lam, inside.weight, inside.truth / gain[: len(inside.lam)])
 
 
-def _end(bins: Bins, gain: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> float:
+def _end(bins: Bins, gain: contrast.Array) -> float:
     stopped = np.flatnonzero(gain < INSIDE_THE_FILTER)
     return float(bins.lam[stopped[0]]) if len(stopped) else math.inf
 
 
 def _held(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     """A value that is held is a filter, but of no shape that has a name here."""
-    notes.right.add("low-pass")
     notes.accepted["undecided"] = "the spectrum is that of no model here"
     _relaxation_or_order(notes, bins)
 
@@ -295,23 +278,14 @@ def _changes(notes: _Notes, n: int) -> None:
     notes.accepted = {"white": why, "undecided": why}
 
 
-_NAMES: dict[str, VerdictKind] = {
-    "relaxations": "relaxations",
-    "order": "fractional",
-    "rising": "anti-persistent",
-    "walk": "drift",
-    "resonance": "resonance",
-    "low-pass": "low-pass",
-    "filtered order": "fractional",
-    "held": "low-pass",
+_RULES: dict[str, tuple[VerdictKind, Callable[[_Notes, Noise, Bins, float, int], None]]] = {
+    "relaxations": ("relaxations", _relaxations),
+    "order": ("fractional", _order),
+    "rising": ("anti-persistent", _nothing),
+    "walk": ("drift", _walk),
+    "resonance": ("resonance", _resonance),
+    "low-pass": ("low-pass", _low_pass),
+    "filtered order": ("fractional", _filtered_order),
+    "held": ("low-pass", _held),
 }
-_RULES = {
-    "relaxations": _relaxations,
-    "order": _order,
-    "rising": _rising,
-    "walk": _walk,
-    "resonance": _resonance,
-    "low-pass": _low_pass,
-    "filtered order": _filtered_order,
-    "held": _held,
-}
+"""Of each truth but white: the verdict that names it, and what else is right."""

@@ -1,0 +1,89 @@
+"""The gallery from end to end: verdicts on a part of it, tables, pictures."""
+
+from typing import Any
+
+import pytest
+
+from tools.validation.gallery import records
+from tools.validation.gallery.noises import NOISES
+from tools.validation.gallery.records import duration, look, pictures, summary, tables, tasks
+from tools.validation.runner import Options, Row
+
+LOOKED_AT = (
+    *("white", "white, t4", "rounded, 0.3 LSB", "outliers", "1 relaxation", "2 relaxations"),
+    *("3 relaxations", "4 relaxations", "AR(.99) + AR(.5)", "slow relaxation", "ARFIMA d .4"),
+    *("ARFIMA d -.3", "ARFIMA(1, .4, 1)", "state 0.8, -1, 3", "1/f, 1 Hz", "1/f, 10 Hz", "random walk"),
+    *("ramp", "1 pole, 20 Hz", "2 poles, 20 Hz", "mean of 4", "MPU-9250, 20 Hz", "2 poles, 20 Hz, 1/f"),
+    *("resonance, Q 10", "line", "line at the end", "slow line", "hum", "differenced", "variance steps"),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LOOKED_AT)
+def test_verdicts(name: str) -> None:
+    """10 min at 100 Hz, one record each."""
+    (row,) = look(name, 100.0, 600.0, 0)
+    assert row["outcome"] != "wrong", row["text"]
+    if row["kind"] == "fractional":
+        assert row["has_order"]
+        assert row["ahead"] > records.MARGIN
+
+
+def seen(name: str, kind: str, outcome: str, number: int = 0, ahead: float | None = 0.0) -> Row:
+    reason = "too short" if outcome == "cannot be told" else ""
+    judged = {"kind": kind, "text": "Text.", "outcome": outcome, "right": ["white"], "reason": reason}
+    where = {"noise": name, "rate_hz": 100.0, "duration_s": 600.0, "record": number}
+    return where | judged | {"has_order": NOISES[name].has_order, "ahead": ahead}
+
+
+MADE = [
+    seen("white", "white", "right", ahead=None),
+    seen("white", "undecided", "cannot be told", 1),
+    seen("1 relaxation", "fractional", "wrong", ahead=3.0),
+    seen("1 relaxation", "relaxations", "right", 1),
+    seen("ARFIMA d .4", "fractional", "right", ahead=20.0),
+]
+
+
+def test_figures_that_count() -> None:
+    first, second, power, third = summary(MADE)
+    assert "Of 5 records 3 verdicts are right (60.0%), 1 say less" in first
+    assert first.endswith("and 1 are wrong (20.0%).")
+    assert second.startswith("Of 4 records of noises without an order 1 are")
+    assert power.startswith('Of 1 records of noises with an order 1 are called "fractional", 0 of the 0')
+    assert third.startswith('Of 2 claims of "fractional" 1')
+    assert "(–)" in summary([])[1]
+
+
+def test_tables() -> None:
+    wrong, whole, untold = (one for one in tables(MADE) if not isinstance(one, str))
+    assert wrong.rows == [("1 relaxation", "100 Hz, 10 min", "fractional 1 of 2", "white")]
+    assert untold.rows == [("white", "100 Hz, 10 min", "undecided 1 of 2", "too short")]
+    lines = whole.markdown().splitlines()
+    assert lines[2] == "| noise | truth | 100 Hz, 10 min |"
+    assert lines[4] == "| white | Gaussian white noise | white 1, undecided? 1 |"
+    assert lines[6].endswith("| fractional |")
+    assert [duration(s) for s in (30, 600, 10_800)] == ["30 s", "10 min", "3 h"]
+
+
+def test_tasks() -> None:
+    whole, quick = tasks(Options(1)), tasks(Options(3, quick=True, only=("relaxation", "1/f")))
+    assert len(whole) == len({one.key for one in whole}) == 9 * len(NOISES)
+    names = {one.name for one in quick}
+    assert len(quick) == 3 * len(names)
+    assert all("relaxation" in name or "1/f" in name for name in names)
+    assert {one.arguments[1:3] for one in quick} == {(100.0, 600.0)}
+
+
+def test_constant_record() -> None:
+    found = (look("rounded, 0.1 LSB", 5.0, 30.0, i)[0] for i in range(100))
+    constant = next(row for row in found if row["kind"] == "constant")
+    assert (constant["outcome"], constant["ahead"]) == ("cannot be told", None)
+
+
+@pytest.mark.slow
+def test_pictures() -> None:
+    rows: list[Any] = [row for name in ("white", "rounded, 1 LSB") for row in look(name, 5.0, 30.0, 0)]
+    drawn = pictures(rows)
+    assert set(drawn) == {"cells", "spectra"}
+    assert all(data.startswith(b"\x89PNG") for data in drawn.values())

@@ -1,0 +1,256 @@
+"""The verdicts of `fltea identify` on records of the gallery's noises, and whether they are right.
+
+Figures that count: verdicts that are right; records of noises without an order that are called fractional;
+and claims of an order with a sum of relaxations within `MARGIN` in 2 log L, of which there should be none.
+"""
+
+import zlib
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from fltea.identification.sums import examined
+from fltea.records.fit import VerdictKind
+from fltea.spectrum.verdict import decide
+from numpy.typing import NDArray
+
+from tools.validation.gallery.noises import NOISES
+from tools.validation.gallery.right import Right, right_verdicts
+from tools.validation.pictures import new_figure, png
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import Table, grouped, share
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+SEEDS = QUICK_SEEDS = 1
+"""Records of each noise, rate and length."""
+RATES_HZ = (5.0, 100.0, 1_000.0)
+LENGTHS_S = (30.0, 600.0, 10_800.0)
+QUICK = (100.0, 600.0)
+"""Rate and length of the quick run."""
+MARGIN = 6.0
+"""In 2 log L, by which a claim of an order has to be ahead of every sum of relaxations."""
+COLOURS = {"right": "#4c9f70", "cannot be told": "#e9c46a", "wrong": "#d1495b"}
+SIGNS = {"right": "", "cannot be told": "?", "wrong": "✗"}
+"""Beside a verdict, and for those who do not see the colours."""
+ACROSS = 6
+"""Small pictures in a row."""
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return a task for each record."""
+    rates, lengths = ((QUICK[0],), (QUICK[1],)) if options.quick else (RATES_HZ, LENGTHS_S)
+    return [
+        Task(name, look, (name, rate, length, number), round(rate * length))
+        for name in NOISES
+        if options.wanted(name)
+        for rate in rates
+        for length in lengths
+        for number in range(options.seeds)
+    ]
+
+
+def draw(name: str, rate_hz: float, duration_s: float, number: int) -> Array:
+    """Return the samples of record `number` of a noise, always the same."""
+    samples = round(rate_hz * duration_s)
+    seed = [number, zlib.crc32(name.encode()), round(rate_hz), samples]
+    return NOISES[name].draw(samples, rate_hz, np.random.default_rng(seed))
+
+
+def look(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
+    """Draw one record and ask for the verdict on it."""
+    y = draw(name, rate_hz, duration_s, number)
+    kind: VerdictKind = "constant"
+    text, ahead = "All samples are the same.", None
+    if (y != y[0]).any():
+        evidence = examined(y, 1 / rate_hz).evidence
+        verdict = decide(evidence)
+        kind, text = verdict.kind, verdict.text
+        ahead = evidence.contest.order_gain - evidence.contest.sum_gain
+    truth = _right(name, rate_hz, len(y))
+    cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
+    judged: Row = {"kind": kind, "text": text, "outcome": truth.outcome(kind), "right": sorted(truth.right)}
+    reason = truth.accepted.get(kind, "") if judged["outcome"] == "cannot be told" else ""
+    # ahead: 2 log L of the best fractional order over the best sum of relaxations; None: not compared
+    return [cell | judged | {"reason": reason, "has_order": NOISES[name].has_order, "ahead": ahead}]
+
+
+@cache
+def _right(name: str, rate_hz: float, samples: int) -> Right:
+    return right_verdicts(NOISES[name], rate_hz, samples)
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return what is wrong, the figures that count, the reasons, and truth against verdict."""
+    cells = list(grouped(rows, lambda row: (row["noise"], row["rate_hz"], row["duration_s"])).values())
+    wrong = [[row for row in cell if row["outcome"] == "wrong"] for cell in cells]
+    untold = [[row for row in cell if row["outcome"] == "cannot be told"] for cell in cells]
+    return [
+        *summary(rows),
+        Table(
+            "Wrong",
+            ("noise", "record", "verdict", "right would be"),
+            [
+                (*_where(cell), f"{_kinds(bad)} of {len(cell)}", ", ".join(cell[0]["right"]))
+                for cell, bad in zip(cells, wrong, strict=True)
+                if bad
+            ],
+        ),
+        _truth_against_verdict(rows),
+        Table(
+            "Cannot be told",
+            ("noise", "record", "verdict", "reason"),
+            [
+                (
+                    *_where(cell),
+                    f"{_kinds(some)} of {len(cell)}",
+                    "; ".join({row["reason"]: 0 for row in some}),
+                )
+                for cell, some in zip(cells, untold, strict=True)
+                if some
+            ],
+            brief=False,
+        ),
+    ]
+
+
+def summary(rows: list[Row]) -> list[str]:
+    """Return the figures that count, a sentence each."""
+    count = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in COLOURS}
+    with_order = [row for row in rows if row["has_order"]]
+    claims = [row for row in rows if row["kind"] == "fractional"]
+    true_claims = [row for row in claims if row["has_order"]]
+    tellable = [row for row in with_order if row["right"] == ["fractional"]]
+    told = [row for row in tellable if row["kind"] == "fractional"]
+    close = [row for row in claims if row["ahead"] is None or row["ahead"] <= MARGIN]
+    total, without, false = len(rows), len(rows) - len(with_order), len(claims) - len(true_claims)
+    shares = {outcome: share(number, total) for outcome, number in count.items()}
+    return [
+        f"Of {total} records {count['right']} verdicts are right ({shares['right']}), "
+        f"{count['cannot be told']} say less since the record cannot tell ({shares['cannot be told']}), "
+        f"and {count['wrong']} are wrong ({shares['wrong']}).",
+        f'Of {without} records of noises without an order {false} are called "fractional" '
+        f"({share(false, without)}).",
+        f'Of {len(with_order)} records of noises with an order {len(true_claims)} are called "fractional", '
+        f"{len(told)} of the {len(tellable)} whose length tells it from relaxations.",
+        f'Of {len(claims)} claims of "fractional" {len(close)} have a sum of relaxations within '
+        f"{MARGIN:g} in 2 log L.",
+    ]
+
+
+def _truth_against_verdict(rows: list[Row]) -> Table:
+    columns = {(row["rate_hz"], row["duration_s"]): _record(row) for row in rows}
+    groups = grouped(rows, lambda row: (row["noise"], row["rate_hz"], row["duration_s"]))
+    lines = [
+        (name, NOISES[name].words, *(_verdicts(groups.get((name, *column), [])) for column in columns))
+        for name in dict.fromkeys(row["noise"] for row in rows)
+    ]
+    return Table("Truth against verdict", ("noise", "truth", *columns.values()), lines, brief=False)
+
+
+def _verdicts(cell: Sequence[Row]) -> str:
+    found = grouped(cell, lambda row: row["kind"] + SIGNS[row["outcome"]])
+    if len(cell) == 1:
+        return str(next(iter(found)))
+    most_first = sorted(found.items(), key=lambda item: -len(item[1]))
+    return ", ".join(f"{text} {len(some)}" for text, some in most_first)
+
+
+def _kinds(some: Sequence[Row]) -> str:
+    return ", ".join(f"{kind} {len(each)}" for kind, each in grouped(some, lambda row: row["kind"]).items())
+
+
+def _where(cell: Sequence[Row]) -> tuple[str, str]:
+    return cell[0]["noise"], _record(cell[0])
+
+
+def _record(row: Row) -> str:
+    return f"{row['rate_hz']:g} Hz, {duration(row['duration_s'])}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time in the unit that one would choose."""
+    for limit, size, unit in ((120, 1, "s"), (7200, 60, "min")):
+        if seconds < limit:
+            return f"{seconds / size:g} {unit}"
+    return f"{seconds / 3600:g} h"
+
+
+def pictures(rows: list[Row]) -> dict[str, bytes]:
+    """Return a grid of outcomes, and every noise's spectrum with truth and verdict, as PNG."""
+    return {"cells": _grid(rows), "spectra": _spectra(rows)}
+
+
+def _grid(rows: list[Row]) -> bytes:
+    """A row a noise, a column a rate and length; a cell is split as its records are."""
+    from matplotlib.patches import Patch, Rectangle
+
+    groups = grouped(rows, lambda row: (row["noise"], _record(row)))
+    names = list(dict.fromkeys(row["noise"] for row in rows))
+    columns = list(dict.fromkeys(map(_record, rows)))
+    figure = new_figure(3.4 + 0.62 * len(columns), 1.4 + 0.19 * len(names))
+    axes = figure.subplots()
+    axes.set_facecolor("#eeeeee")
+    for line, name in enumerate(names):
+        for column, record in enumerate(columns):
+            outcomes = [row["outcome"] for row in groups.get((name, record), [])]
+            left = column - 0.5
+            for outcome, colour in COLOURS.items():
+                width = 0.96 * outcomes.count(outcome) / max(len(outcomes), 1)
+                axes.add_patch(Rectangle((left, line - 0.46), width, 0.92, color=colour, lw=0))
+                if width:
+                    axes.text(left + width / 2, line, SIGNS[outcome], ha="center", va="center", fontsize=6)
+                left += width
+    axes.set_xlim(-0.55, len(columns) - 0.45)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.xaxis.tick_top()
+    axes.set_xticks(range(len(columns)), [one.replace(", ", "\n") for one in columns], fontsize=7)
+    axes.tick_params(length=0)
+    handles = [Patch(color=colour, label=outcome) for outcome, colour in COLOURS.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    return png(figure)
+
+
+def _spectra(rows: list[Row]) -> bytes:
+    """A small picture of each noise: of its first record, at the quick rate and length if there is one."""
+    shown = [
+        next((row for row in some if (row["rate_hz"], row["duration_s"]) == QUICK), some[0])
+        for some in grouped(rows, lambda row: row["noise"]).values()
+    ]
+    lines = -(-len(shown) // ACROSS)
+    figure = new_figure(2.15 * ACROSS, 1.6 * lines)
+    panels = figure.subplots(lines, ACROSS, squeeze=False).ravel().tolist()
+    for panel, row in zip(panels, shown, strict=False):
+        _spectrum(panel, row)
+    for panel in panels[len(shown) :]:
+        panel.set_visible(False)
+    return png(figure)
+
+
+def _spectrum(axes: "Axes", row: Row) -> None:
+    """A periodogram in bins, the true density, and what was said of it."""
+    from matplotlib.ticker import NullFormatter
+
+    noise, rate_hz = NOISES[row["noise"]], row["rate_hz"]
+    y = draw(noise.name, rate_hz, row["duration_s"], row["record"])
+    n, window = len(y), np.hanning(len(y))
+    power = np.abs(np.fft.rfft((y - y.mean()) * window)) ** 2 / (window**2).sum()
+    edges = np.unique(np.geomspace(2, n // 2, 60).astype(int))
+    counts = np.diff(edges)
+    hz = np.add.reduceat(np.arange(n // 2 + 1.0), edges)[:-1] / counts * rate_hz / n
+    axes.loglog(hz, np.add.reduceat(power, edges)[:-1] / counts, color="#777777", lw=1.0)
+    if noise.treatment is None:
+        truth = noise.spectrum(2 * np.pi * hz / rate_hz, rate_hz)
+        axes.loglog(hz, np.maximum(truth, 1e-4), "k--", lw=0.8)
+    axes.set_title(noise.name, fontsize=8, pad=2)
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, high / 300), high)
+    box = {"facecolor": COLOURS[row["outcome"]], "alpha": 0.75, "lw": 0, "pad": 1.5}
+    axes.text(0.03, 0.04, row["kind"], transform=axes.transAxes, fontsize=7, bbox=box)
+    axes.tick_params(labelsize=6, pad=1)

@@ -1,0 +1,88 @@
+"""Recursions and responses in the time domain, with scipy's filters: nothing here is shared with the fits."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter, oaconvolve
+
+Array = NDArray[np.float64]
+
+
+class Stream:
+    """The filter b(z) / a(z), which goes on where the last piece of its input ended."""
+
+    def __init__(self, b: Any, a: Any, state: float = 0.0) -> None:
+        self._b, self._a = b, a
+        self._zi = np.full(max(len(a), len(b)) - 1, state)
+
+    def run(self, e: Array) -> Array:
+        """Return the output of one piece (n,) of the input."""
+        if not len(e):
+            return e  # scipy would forget its state
+        y, self._zi = lfilter(self._b, self._a, e, zi=self._zi)
+        return np.asarray(y)
+
+
+def fractional_difference(d: float, n: int) -> Array:
+    """Return the coefficients of (1 - B)^-d, (n,): the response of an order d; d < 0 differences."""
+    k = np.arange(1.0, n)
+    return np.concatenate([[1.0], np.cumprod((k - 1 + d) / k)])
+
+
+def state_response(alpha: float, g: float, n: int) -> Array:
+    """Return x_1 ... x_n after ω_0 = 1 alone, where x_{k+1} = g x_k - sum_j c_j(α) x_{k+1-j} + ω_k."""
+    series = fractional_difference(-alpha, n)
+    series[1] -= g
+    return inverse_series(series)
+
+
+def inverse_series(c: Array) -> Array:
+    """Return 1 / c(z), (n,), of a power series with c[0] = 1, by Newton's doubling."""
+    found = np.ones(1)
+    while len(found) < len(c):
+        m = min(2 * len(found), len(c))
+        size = 4 * (1 << (m - 1).bit_length())
+        a, b = np.fft.rfft(c[:m], size), np.fft.rfft(found, size)
+        found = np.asarray(np.fft.irfft(b * (2 - a * b), size)[:m])
+    return found
+
+
+def convolved(e: Array, response: Array, n: int) -> Array:
+    """Return the last n samples of e filtered by `response`; each sees all of it (len(e) >= n + len - 1)."""
+    return np.asarray(oaconvolve(e, response, mode="valid")[-n:])
+
+
+class FractionalState:
+    """Draws the state of order α and g = h^α f, n samples at a time, of steps of variance 1.
+
+    Every x knows of at least `PAST` steps before it, so it is stationary from its first sample on.
+    """
+
+    PAST = 1 << 16
+
+    def __init__(self, alpha: float, g: float, n: int) -> None:
+        self._n = n
+        self._size = 1 << (n + self.PAST - 1).bit_length()
+        self._response = state_response(alpha, g, self._size - n)
+        self.power = float(self._response @ self._response)
+        """variance of x"""
+
+    def draw(self, rng: np.random.Generator) -> Array:
+        """Return another x, (n,)."""
+        return convolved(rng.standard_normal(self._size), self._response, self._n)
+
+
+def fractional_noise(d: float, n: int, rng: np.random.Generator) -> Array:
+    """Return ARFIMA(0, d, 0), (n,), |d| < 1/2, exactly: Davies and Harte's circle of its autocovariance."""
+    k = np.arange(1.0, n + 1)
+    variance = math.exp(math.lgamma(1 - 2 * d) - 2 * math.lgamma(1 - d))
+    covariance = variance * np.concatenate([[1.0], np.cumprod((k - 1 + d) / (k - d))])
+    eigenvalues = np.maximum(np.fft.rfft(np.concatenate([covariance, covariance[-2:0:-1]])).real, 0.0)
+    z = np.empty(n + 1, dtype=np.complex128)
+    z.real = rng.standard_normal(n + 1)
+    z.imag = rng.standard_normal(n + 1)
+    z *= np.sqrt(eigenvalues * n)
+    z[[0, -1]] = z[[0, -1]].real * math.sqrt(2)
+    return np.asarray(np.fft.irfft(z, 2 * n)[:n])

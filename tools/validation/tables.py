@@ -1,0 +1,70 @@
+"""Tables of what was counted: for a terminal and as Markdown, with intervals of shares (pure)."""
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import NamedTuple, TypeVar
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table as Drawn
+from rich.text import Text
+from scipy.stats import binomtest, norm
+
+T = TypeVar("T")
+
+NONE = "–"
+"""Stands in a cell that has no value."""
+Z = float(norm.ppf(0.975))
+"""95 % of a normal distribution lie within ± so many standard deviations."""
+
+
+class Table(NamedTuple):
+    """Some rows of text under a title."""
+
+    title: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    brief: bool = True
+    """short enough for a terminal; else it is only in the file"""
+
+    def markdown(self) -> str:
+        """Return it as Markdown, with its title before it."""
+        lines = [self.headings, ["---"] * len(self.headings), *self.rows]
+        return f"### {self.title}\n\n" + "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
+
+    def drawn(self) -> Drawn:
+        """Return it as rich draws it."""
+        table = Drawn(title=self.title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        for number, heading in enumerate(self.headings):
+            table.add_column(heading, justify="right" if number else "left")
+        for row in self.rows:
+            table.add_row(*map(Text, row))
+        return table
+
+
+def number(value: float | None, form: str) -> str:
+    """Return a cell with a number, or with none."""
+    return NONE if value is None or value != value else format(value, form)
+
+
+def share(count: int, total: int) -> str:
+    """Return a cell with a share."""
+    return number(count / total if total else None, ".1%")
+
+
+def interval(count: int, total: int) -> tuple[float, float]:
+    """Return where a share is with 95 % (Wilson's interval)."""
+    found = binomtest(count, total).proportion_ci(method="wilson")
+    return float(found.low), float(found.high)
+
+
+def share_within(count: int, total: int) -> str:
+    """Return a cell with a share and where it is with 95 %."""
+    low, high = interval(count, total)
+    return f"{share(count, total)} ({100 * low:.0f}…{100 * high:.0f})"
+
+
+def grouped(rows: Iterable[T], key: Callable[[T], Hashable]) -> dict[Hashable, list[T]]:
+    """Return the rows by their key, in the order in which each first appears."""
+    groups: dict[Hashable, list[T]] = {}
+    for row in rows:
+        groups.setdefault(key(row), []).append(row)
+    return groups
