@@ -5,12 +5,13 @@ from fltea.identification.workers import Here
 from validation_support import TINY
 
 from tools.validation.evaluate import figures
-from tools.validation.evaluate.run import Result, evaluate
+from tools.validation.evaluate.run import Result, plan_tasks, result_of
+from tools.validation.runner import run
 
 
 @pytest.fixture(scope="session")
-def tiny() -> Result:
-    return evaluate(TINY, Here())
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return result_of(run(plan_tasks(TINY), Here(), tmp_path_factory.mktemp("tiny") / "evaluate.ndjson"))
 
 
 @pytest.fixture(scope="session")

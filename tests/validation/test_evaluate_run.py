@@ -1,35 +1,18 @@
 """Plans, their order, and what is made of the result."""
 
-import csv
-import io
-import json
-from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
-from fltea.identification.workers import Here
-from fltea.records.errors import FlteaError
-from validation_support import STRONG, TINY
+from validation_support import STRONG
 
 from tools.validation.evaluate import alarms, figures, fit_summaries, fits, run, summaries
 from tools.validation.evaluate.cases import POWER, samples
 from tools.validation.evaluate.online import Reading
-from tools.validation.evaluate.run import LIVE, WHITTLE, Result, changed_case, evaluate, full_plan, quick_plan
+from tools.validation.evaluate.run import LIVE, WHITTLE, Result, changed_case, full_plan, quick_plan
 from tools.validation.evaluate.score import Score, score
 from tools.validation.evaluate.settings import CHANGES, MAIN, TUNED
-
-
-class Dies(Here):
-    def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        raise BrokenExecutor("died")
-
-
-def test_a_process_that_died_is_told() -> None:
-    with pytest.raises(FlteaError, match="--jobs 1"):
-        evaluate(TINY, Dies())
 
 
 def test_rows(tiny: Result) -> None:
@@ -91,19 +74,6 @@ def test_plans() -> None:
     assert (len(quick.grid), quick.seeds) == (5, 5)
     for plan in (full, quick):
         assert all(case.noise.R > 0 for case in plan.grid + plan.changed_on)
-
-
-def test_json_and_csv_say_the_same(tiny: Result) -> None:
-    found = json.loads(summaries.to_json(tiny), parse_constant=lambda name: pytest.fail(name))
-    assert msgspec.json.decode(summaries.to_json(tiny), type=Result) == tiny
-    lines = list(csv.DictReader(io.StringIO(summaries.to_csv(tiny))))
-    assert len(lines) == len(found["rows"]) + len(found["changes"])
-    for line, row in zip(lines, found["rows"] + found["changes"], strict=True):
-        assert (line["estimator"], line["quantity"]) == (row["estimator"], row["quantity"])
-        assert int(line["samples"]) == row["samples"]
-        for key, value in row["score"].items():
-            assert line[key] == "" if value is None else float(line[key]) == pytest.approx(value)
-        assert line["alpha"] == ("" if row["case"]["alpha"] is None else f"{row['case']['alpha']:g}")
 
 
 def scored(error: float, coverage: float, without: int = 0) -> Score:

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tools.validation.evaluate.score import Z, score
+from tools.validation.evaluate.score import score
+from tools.validation.tables import Z
 
 SEEDS = 4000
 ALL = np.ones(SEEDS, dtype=bool)

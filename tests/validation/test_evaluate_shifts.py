@@ -1,5 +1,6 @@
 """Noises that change while they are measured, as the daemon's own fit sees them: few seeds."""
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -20,7 +21,9 @@ SEEDS = 6
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[str, bool], ShiftScore]:
     """By the name of the shift, and whether the fit forgets."""
-    scores = [one for shift in SHIFTS for one in score_shift(shift, SEEDS)]
+    scores = [
+        msgspec.convert(row["found"], ShiftScore) for shift in SHIFTS for row in score_shift(shift, SEEDS)
+    ]
     return {(one.shift, one.memory_s is not None): one for one in scores}
 
 

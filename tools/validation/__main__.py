@@ -26,6 +26,7 @@ from tools.validation.tables import Table
 
 PARTS = {
     "gallery": ("gallery.records", "verdicts on 77 noises, at three rates and three lengths"),
+    "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
 }
 """Modules of this folder, and what they are.
 

@@ -9,9 +9,9 @@ from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Binned, binned, periodogram
 from numpy.typing import NDArray
 
-from tools.validation.evaluate.add_up import add_up
 from tools.validation.evaluate.cases import H
 from tools.validation.evaluate.fits import live_data, rejects
+from tools.validation.runner import Row, as_row
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Alarms(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.rejected / self.series
 
 
-def count_alarms(noise: str, series: int, lengths: Sequence[int], seed: int) -> list[Alarms]:
+def count_alarms(noise: str, series: int, lengths: Sequence[int], seed: int) -> list[Row]:
     """Count those of some series; seed: another one is another set of series."""
     rng = np.random.default_rng([seed, *noise.encode()])
     y = MAKERS[noise](rng, (lengths[-1], series))
@@ -62,10 +62,5 @@ def count_alarms(noise: str, series: int, lengths: Sequence[int], seed: int) -> 
         )
         for name, data in both:
             five, one = np.sum([rejects(each, 0.05, 0.01) for each in data], axis=0).tolist()
-            found.append(Alarms(noise, n, name, series, five, one))
+            found.append(as_row("alarms", Alarms(noise, n, name, series, five, one)))
     return found
-
-
-def together(parts: Sequence[Sequence[Alarms]]) -> tuple[Alarms, ...]:
-    """The sums of several tasks, in the order in which they first appear."""
-    return add_up(parts, ("series", "rejected", "rejected_1"))

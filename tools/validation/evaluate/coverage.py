@@ -1,7 +1,6 @@
 """How often the 95 % intervals of each parameter hold the truth: many series of a few noises."""
 
 import math
-from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -11,11 +10,10 @@ from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.whittle import fit
 
-from tools.validation.evaluate.add_up import add_up
 from tools.validation.evaluate.cases import POWER, H
 from tools.validation.evaluate.fits import LEVEL, QUANTITIES, rejects
-from tools.validation.evaluate.impulse import Filter
-from tools.validation.evaluate.score import Z
+from tools.validation.recursions import FractionalState
+from tools.validation.runner import Row, as_row
 
 LENGTHS = (3_000, 60_000)
 AT_ONCE = 100
@@ -73,17 +71,10 @@ class Coverage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         defined = self.series - self.undefined
         return (self.held - self.undefined) / defined if defined else None
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Where that share is with 95 % (Wilson's)."""
-        n, p = self.series, self.share
-        middle, half = p + Z**2 / (2 * n), Z * math.sqrt(p * (1 - p) / n + (Z / (2 * n)) ** 2)
-        return (middle - half) / (1 + Z**2 / n), (middle + half) / (1 + Z**2 / n)
 
-
-def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[Coverage]:
+def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[Row]:
     """Fit the whole records of some series; seed: another one is another set of series."""
-    noise = Filter(point.alpha, spectrum.g_of(point.alpha, point.f, H), samples)
+    noise = FractionalState(point.alpha, spectrum.g_of(point.alpha, point.f, H), samples)
     s2 = POWER / (noise.power + point.white)
     R = s2 * point.white
     g = spectrum.g_of(point.alpha, point.f, H)
@@ -98,9 +89,7 @@ def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[C
             interval = getattr(found, name)
             undefined[name] += not interval.defined
             held[name] += not interval.defined or interval.low <= value <= interval.high
-    return [Coverage(point, samples, name, series, held[name], undefined[name]) for name in QUANTITIES]
-
-
-def together(parts: Sequence[Sequence[Coverage]]) -> tuple[Coverage, ...]:
-    """The sums of several tasks, in the order in which they first appear."""
-    return add_up(parts, ("series", "held", "undefined"))
+    return [
+        as_row("coverage", Coverage(point, samples, name, series, held[name], undefined[name]))
+        for name in QUANTITIES
+    ]

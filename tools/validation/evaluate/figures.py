@@ -1,6 +1,5 @@
 """Heat maps of an evaluation as PNG; rendered by Agg, nothing here opens a window."""
 
-import io
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,10 +9,10 @@ from numpy.typing import NDArray
 from tools.validation.evaluate import fit_summaries
 from tools.validation.evaluate.cases import Case
 from tools.validation.evaluate.run import LIVE, WHITTLE, Result, Row
+from tools.validation.pictures import new_figure, png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
 Array = NDArray[np.float64]
@@ -29,8 +28,6 @@ LINES = {
 }
 """Of the picture of what the live fit is worth, and their styles."""
 GREY = "#d9d9d9"
-DOTS_PER_INCH = 90
-COLOURS = 128
 
 
 class Map(NamedTuple):
@@ -96,15 +93,13 @@ def draw(result: Result) -> dict[str, bytes]:
 
 
 def _grid_map(result: Result, one: Map) -> bytes:
-    from matplotlib.figure import Figure
-
     cases = [case for case in result.plan.grid if case.alpha is not None]
     dynamics = list(dict.fromkeys((case.alpha, case.f) for case in cases))
     ratios = list(dict.fromkeys(case.step_ratio for case in cases))
     lengths = result.plan.lengths
     found = {(r.case, r.samples, r.estimator): r for r in result.rows if r.quantity == one.quantity}
     height = 1.4 + len(SHOWN) * (0.7 + 0.24 * len(dynamics))
-    figure = Figure(figsize=(2.0 + 2.7 * len(lengths), height), dpi=DOTS_PER_INCH, layout="constrained")
+    figure = new_figure(2.0 + 2.7 * len(lengths), height)
     seeds = f"{result.plan.seeds} seeds, the fits {result.plan.fit_seeds}"
     figure.suptitle(f"{one.title}\n{seeds}", fontsize=11, x=0.01, ha="left")
     panels = figure.subplots(len(SHOWN), len(lengths), sharex=True, sharey=True, squeeze=False)
@@ -123,19 +118,15 @@ def _grid_map(result: Result, one: Map) -> bytes:
     for axes in panels[:, 0]:
         axes.set_ylabel("α, f", fontsize=9)
     figure.colorbar(image, ax=panels, shrink=0.3, extend="max" if one.form != ".0%" else "neither")
-    return _png(figure)
+    return png(figure)
 
 
 def _live_lines(result: Result) -> bytes:
     """The median error of α over the noises of each s2/R, a panel a length."""
-    from matplotlib.figure import Figure
-
     headings, rows = fit_summaries.errors(result)
     ratios = [float(heading) for heading in headings[2:]]
     found = {(row[0], row[1]): [np.nan if c == "–" else float(c) for c in row[2:]] for row in rows}
-    figure = Figure(
-        figsize=(2.6 + 2.7 * len(result.plan.lengths), 3.6), dpi=DOTS_PER_INCH, layout="constrained"
-    )
+    figure = new_figure(2.6 + 2.7 * len(result.plan.lengths), 3.6)
     panels = figure.subplots(1, len(result.plan.lengths), sharey=True, squeeze=False)[0]
     for axes, n in zip(panels, result.plan.lengths, strict=True):
         for name, style in LINES.items():
@@ -149,13 +140,11 @@ def _live_lines(result: Result) -> bytes:
     panels[0].set_yticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=8)
     panels[0].set_ylabel("error of α (rms), median of the noises", fontsize=9)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
-    return _png(figure)
+    return png(figure)
 
 
 def _settings_map(result: Result) -> bytes:
     """The error of α of every changed setting on every noise it was tried on, after the longest length."""
-    from matplotlib.figure import Figure
-
     n = result.plan.changed_lengths[-1]
     rows = [
         r for r in result.changes if r.samples == n and r.quantity == "alpha" and r.case.alpha is not None
@@ -163,9 +152,7 @@ def _settings_map(result: Result) -> bytes:
     names = list(dict.fromkeys(r.estimator for r in rows))
     cases = list(dict.fromkeys(r.case for r in rows))
     found = {(r.estimator, r.case): r for r in rows}
-    figure = Figure(
-        figsize=(4.6 + 2.3 * len(cases), 1.6 + 0.27 * len(names)), dpi=DOTS_PER_INCH, layout="constrained"
-    )
+    figure = new_figure(4.6 + 2.3 * len(cases), 1.6 + 0.27 * len(names))
     title = f"Changed settings, {n:,} samples, {result.plan.seeds} seeds"
     figure.suptitle(title, fontsize=11, x=0.01, ha="left")
     panels = figure.subplots(1, 2, sharey=True)
@@ -176,7 +163,7 @@ def _settings_map(result: Result) -> bytes:
         heads = [f"α {c.alpha:g}\nf {c.f:g}\ns2/R {c.step_ratio:g}" for c in cases]
         axes.set_xticks(range(len(cases)), heads, fontsize=8)
         axes.set_yticks(range(len(names)), names, fontsize=8)
-    return _png(figure)
+    return png(figure)
 
 
 def _shown(row: Row, one: Map) -> float:
@@ -203,13 +190,3 @@ def _paint(axes: "Axes", values: Array, one: Map) -> "AxesImage":
 
 def _text(value: float, form: str) -> str:
     return ">900%" if form == ".0%" and value > 9 else format(value, form)
-
-
-def _png(figure: "Figure") -> bytes:
-    """With a palette, which takes a quarter of the room."""
-    from PIL import Image
-
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", metadata={"Software": None})
-    Image.open(drawn).convert("RGB").quantize(COLOURS).save(small, format="png", optimize=True)
-    return small.getvalue()

@@ -7,6 +7,7 @@ import numpy as np
 from tools.validation.evaluate.coverage import Coverage
 from tools.validation.evaluate.fits import QUANTITIES
 from tools.validation.evaluate.run import LIVE, WHITTLE, Pair, Result, Row
+from tools.validation.tables import number, share_within
 
 RATIO_HEADINGS = ("s2/R", "samples", "noises", "live / whole: all", "median", "worst", "of bound")
 COVERAGE_HEADINGS = ("fit", "samples", "series", *QUANTITIES)
@@ -85,8 +86,7 @@ def held(result: Result) -> Table:
 
 
 def _held(one: Coverage) -> str:
-    low, high = one.interval
-    share = f"{one.share:.1%} ({100 * low:.0f}…{100 * high:.0f})"
+    share = share_within(one.held, one.series)
     if not one.undefined:
         return share
     others = "" if one.share_of_defined is None else f", else {one.share_of_defined:.1%}"
@@ -130,10 +130,10 @@ def referee(result: Result) -> Table:
         (
             one.case.name,
             str(one.series),
-            _number(one.exact_rmse, ".3f"),
-            _number(_over(one.whole_rmse, one.exact_rmse), ".2f"),
-            _number(_over(one.live_rmse, one.exact_rmse), ".2f"),
-            *(_number(share, ".0%") for share in (one.exact_coverage, one.whole_coverage, one.live_coverage)),
+            number(one.exact_rmse, ".3f"),
+            number(_over(one.whole_rmse, one.exact_rmse), ".2f"),
+            number(_over(one.live_rmse, one.exact_rmse), ".2f"),
+            *(number(share, ".0%") for share in (one.exact_coverage, one.whole_coverage, one.live_coverage)),
         )
         for one in result.referee
     ]
@@ -187,7 +187,3 @@ def _of(rows: Sequence[Row], estimator: str, quantity: str, n: int) -> list[Row]
 
 def _over(a: float | None, b: float | None) -> float | None:
     return a / b if a and b else None
-
-
-def _number(value: float | None, form: str) -> str:
-    return "–" if value is None else format(value, form)

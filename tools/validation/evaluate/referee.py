@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tools.validation.evaluate import cases, fits
 from tools.validation.evaluate.cases import Case, H
+from tools.validation.runner import Row, as_row
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ class Referee(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     live_coverage: float | None
 
 
-def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Referee]:
+def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
     """Fit every series three times."""
     y, truth = cases.samples(case, seeds, samples), fits.truths(case)
     whole = fits.whole_reading(y, H, truth)
@@ -50,18 +51,17 @@ def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Referee]:
         covered[i], found = series.covers(truth["alpha"], series.fit())
         exact[i] = found.alpha
     both = whole.rejected & live.rejected
-    return [
-        Referee(
-            case,
-            samples,
-            int(both.sum()),
-            *(
-                rms(one[both] - truth["alpha"])
-                for one in (exact, whole.estimates["alpha"], live.estimates["alpha"])
-            ),
-            *(share(one[both]) for one in (covered, whole.covered["alpha"], live.covered["alpha"])),
-        )
-    ]
+    judged = Referee(
+        case,
+        samples,
+        int(both.sum()),
+        *(
+            rms(one[both] - truth["alpha"])
+            for one in (exact, whole.estimates["alpha"], live.estimates["alpha"])
+        ),
+        *(share(one[both]) for one in (covered, whole.covered["alpha"], live.covered["alpha"])),
+    )
+    return [as_row("referee", judged)]
 
 
 def rms(error: Array) -> float | None:

@@ -1,13 +1,15 @@
-"""The whole evaluation: many tasks, done by this process or by others."""
+"""The evaluation: bias, spread and coverage of the live fit and of the filters, on noises that are known.
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+Every noise is y = x + v with D^α x = f x + ω, stationary, at 100 Hz. `live` is the fit of what the daemon
+keeps, Whittle the same of the whole record. `triple` and `joint` run as the daemon runs them, then tuned by
+the live fit, and with what is true.
+"""
+
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
-from fltea.identification.workers import Workers
-from fltea.records.errors import FlteaError
 from numpy.typing import NDArray
 
 from tools.validation.evaluate import alarms, cases, coverage, cramer_rao, fits, referee, settings, shifts
@@ -20,6 +22,9 @@ from tools.validation.evaluate.score import Score, score
 from tools.validation.evaluate.settings import Setting
 from tools.validation.evaluate.shifts import Shift, ShiftScore
 from tools.validation.evaluate.tuned import read_tuned, tunings
+from tools.validation.runner import Options, Task, as_row
+from tools.validation.runner import Row as Kept
+from tools.validation.tables import Table
 
 Array = NDArray[np.float64]
 
@@ -27,9 +32,6 @@ WHITTLE = "Whittle"
 """The fit of the whole record."""
 LIVE = "live"
 """The same of what the daemon keeps of it."""
-
-Progress = Callable[[str], None]
-"""Is told what has just been done."""
 
 
 class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -147,116 +149,136 @@ COVERAGE_TO_FILTERS = 50
 """A share of 95 % needs nearly as many."""
 
 
-class Task(msgspec.Struct, frozen=True):
-    """A part of the work: a function that other processes know, too."""
+SEEDS, QUICK_SEEDS = 20, 10
+"""Series of each noise. Of fewer, all intervals have to hold the truth for a figure to be called right."""
+KINDS = {
+    "rows": Row,
+    "pairs": Pair,
+    "referee": Referee,
+    "alarms": Alarms,
+    "coverage": Coverage,
+    "shifts": ShiftScore,
+    "changes": Row,
+}
+"""Of rows, as `Result` has them."""
 
-    name: str
-    work: Callable[..., Any]
-    arguments: tuple[Any, ...]
+
+def tasks(options: Options) -> list[Task]:
+    """Return all tasks."""
+    return plan_tasks((quick_plan if options.quick else full_plan)(options.seeds))
 
 
-def tasks(plan: Plan) -> dict[str, list[Task]]:
-    """All of the work, by the field of `Result` that it is for; the longest first."""
-    seeds, lengths = plan.seeds, plan.lengths
-    return {
-        "referee": [Task(one.name, referee.judge, (one, seeds)) for one in plan.refereed],
-        "rows": [Task(one.name, filters_case, (one, seeds, lengths)) for one in plan.grid],
-        "fits": [Task(one.name, fits_case, (one, plan.fit_seeds, lengths)) for one in plan.grid],
-        "shifts": [Task(one.name, shifts.score_shift, (one, seeds)) for one in plan.shifts],
-        "alarms": [
+def plan_tasks(plan: Plan) -> list[Task]:
+    """Return the tasks of a plan; the first only says what the plan is."""
+    lengths, seeds, fit_seeds = plan.lengths, plan.seeds, plan.fit_seeds
+    return [
+        Task("the plan", _plan_row, (plan,)),
+        *(Task(one.name, filters_case, (one, seeds, lengths)) for one in plan.grid),
+        *(Task(one.name, fits_case, (one, fit_seeds, lengths)) for one in plan.grid),
+        *(Task(one.name, referee.judge, (one, seeds)) for one in plan.refereed),
+        *(Task(one.name, shifts.score_shift, (one, seeds)) for one in plan.shifts),
+        *(
             Task(f"white noise, {name}", alarms.count_alarms, (name, alarms.AT_ONCE, lengths, number))
             for name in alarms.MAKERS
             for number in range(max(1, plan.alarm_series // alarms.AT_ONCE))
-        ],
-        "coverage": [
+        ),
+        *(
             Task(one.name, coverage.count_coverage, (one, n, coverage.AT_ONCE, number))
             for one in plan.coverage
             for n in coverage.LENGTHS
             for number in range(max(1, plan.coverage_series // coverage.AT_ONCE))
-        ],
-        "changes": [
+        ),
+        *(
             Task(
                 one.name,
                 changed_case,
                 (one, seeds, plan.changed_lengths, settings.CHANGES, plan.fitted_samples),
             )
             for one in plan.changed_on
-        ],
+        ),
+    ]
+
+
+def _plan_row(plan: Plan) -> list[Kept]:
+    return [as_row("plan", plan)]
+
+
+def result_of(rows: Sequence[Kept]) -> Result:
+    """Return the rows of all tasks, kind by kind, what was counted in parts added up."""
+    plan = next(msgspec.convert(row["found"], Plan) for row in rows if row["kind"] == "plan")
+    found = {
+        name: tuple(msgspec.convert(row["found"], kind) for row in rows if row["kind"] == name)
+        for name, kind in KINDS.items()
     }
+    found["alarms"] = add_up(found["alarms"], ("series", "rejected", "rejected_1"))
+    found["coverage"] = add_up(found["coverage"], ("series", "held", "undefined"))
+    return Result(1 / H, cases.POWER, plan, **found)
 
 
-def steps(plan: Plan) -> int:
-    """Calls of `progress` that `evaluate` makes."""
-    return sum(map(len, tasks(plan).values()))
+def add_up(found: Sequence[Any], counts: Sequence[str]) -> tuple[Any, ...]:
+    """Add the fields `counts` of what is alike in all others; each stands where its first one stood."""
+    sums: dict[tuple[object, ...], Any] = {}
+    for one in found:
+        key = tuple(getattr(one, name) for name in one.__struct_fields__ if name not in counts)
+        if key in sums:
+            added = {name: getattr(sums[key], name) + getattr(one, name) for name in counts}
+            one = msgspec.structs.replace(one, **added)
+        sums[key] = one
+    return tuple(sums.values())
 
 
-def evaluate(plan: Plan, workers: Workers, progress: Progress = lambda text: None) -> Result:
-    """Do all of `plan`; the result does not depend on the workers.
+def tables(rows: Sequence[Kept]) -> list[Table | str]:
+    """Return the tables and the conclusion."""
+    from tools.validation.evaluate import fit_summaries, summaries
 
-    Raises:
-        FlteaError: a worker died.
-    """
-    parts = tasks(plan)
-    done = iter(_all([task for part in parts.values() for task in part], workers, progress))
-    found = {name: [next(done) for _ in part] for name, part in parts.items()}
-    fitted = [rows for rows, _ in found["fits"]]
-    return Result(
-        1 / H,
-        cases.POWER,
-        plan,
-        tuple(row for part in zip(found["rows"], fitted, strict=True) for rows in part for row in rows),
-        tuple(pair for _, pairs in found["fits"] for pair in pairs),
-        tuple(one for part in found["referee"] for one in part),
-        alarms.together(found["alarms"]),
-        coverage.together(found["coverage"]),
-        tuple(one for part in found["shifts"] for one in part),
-        tuple(row for part in found["changes"] for row in part),
-    )
+    result = result_of(rows)
+    return [
+        Table(title, headings, body)
+        for title, headings, body in (
+            ("Error of α", *fit_summaries.errors(result)),
+            ("Live over the whole record", fit_summaries.RATIO_HEADINGS, fit_summaries.ratios(result)),
+            ("Intervals, all noises", fit_summaries.COVERAGE_HEADINGS, fit_summaries.coverages(result)),
+            ("Intervals, noise by noise", fit_summaries.HELD_HEADINGS, fit_summaries.held(result)),
+            ("The exact likelihood", fit_summaries.REFEREE_HEADINGS, fit_summaries.referee(result)),
+            ("False alarms", fit_summaries.ALARM_HEADINGS, fit_summaries.alarms(result)),
+            ("Noises that change", fit_summaries.SHIFT_HEADINGS, fit_summaries.shifts(result)),
+            ("Right figures", summaries.SUMMARY_HEADINGS, summaries.summary(result)),
+            ("White noise", summaries.WHITE_HEADINGS, summaries.white(result)),
+            ("Changed settings", summaries.CHANGE_HEADINGS, summaries.changes(result)),
+        )
+    ] + [summaries.conclusion(result)]
 
 
-def _all(work: Sequence[Task], workers: Workers, progress: Progress) -> list[Any]:
-    """Results in the order of the tasks."""
-    results: dict[int, Any] = {}
-    pending: dict[Future[Any], int] = {}
-    waiting = list(range(len(work)))[::-1]
-    while waiting or pending:
-        try:
-            while waiting and len(pending) < workers.slots:
-                number = waiting.pop()
-                pending[workers.submit(work[number].work, *work[number].arguments)] = number
-            for future in wait(pending, return_when=FIRST_COMPLETED).done:
-                number = pending.pop(future)
-                results[number] = future.result()
-                progress(work[number].name)
-        except BrokenExecutor as error:
-            raise FlteaError(
-                "a process that worked on it was killed; did memory run out? Try --jobs 1."
-            ) from error
-    return [results[number] for number in range(len(work))]
+def pictures(rows: Sequence[Kept]) -> dict[str, bytes]:
+    """Return the heat maps."""
+    from tools.validation.evaluate import figures
+
+    return figures.draw(result_of(rows))
 
 
-def filters_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
+def filters_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Kept]:
     """Score the online filters on one noise; the shorter records are the beginnings of the longest."""
     y = cases.samples(case, seeds, lengths[-1])
     readings = _readings(case, y, settings.MAIN, lengths, 0)
     tuned = tunings(y, H, lengths[-1])
     for name, config in settings.TUNED.items():
         readings[name] = read_tuned(y, H, config, lengths, tuned)
-    return _filter_rows(case, readings, lengths)
+    return [as_row("rows", one) for one in _filter_rows(case, readings, lengths)]
 
 
 def changed_case(
     case: Case, seeds: int, lengths: Sequence[int], filters: Sequence[Setting], fitted_samples: int
-) -> list[Row]:
+) -> list[Kept]:
     """Score filters with changed settings; fitted_samples: as in `Plan`, for those that want it."""
     y = cases.samples(case, seeds, lengths[-1])
-    return _filter_rows(case, _readings(case, y, filters, lengths, fitted_samples), lengths)
+    found = _filter_rows(case, _readings(case, y, filters, lengths, fitted_samples), lengths)
+    return [as_row("changes", one) for one in found]
 
 
-def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> tuple[list[Row], list[Pair]]:
+def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Kept]:
     """Score the fits of one noise, of the whole records and live."""
     y, truth = cases.samples(case, seeds, lengths[-1]), fits.truths(case)
-    rows, pairs = [], []
+    rows: list[Kept] = []
     for n, live in zip(lengths, fits.live_readings(y, H, lengths, truth), strict=True):
         whole, limits = fits.whole_reading(y[:n], H, truth), _bound(case, n)
         for name, one in ((LIVE, live), (WHITTLE, whole)):
@@ -268,12 +290,13 @@ def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> tuple[list[Row]
                     covered=one.covered.get(quantity),
                     bound=limits.get(quantity),
                 )
-                rows.append(Row(case, n, name, quantity, scored))
+                rows.append(as_row("rows", Row(case, n, name, quantity, scored)))
         if truth:
             both = live.rejected & whole.rejected
             errors = (one.estimates["alpha"][both] - truth["alpha"] for one in (live, whole))
-            pairs.append(Pair(case, n, int(both.sum()), *map(referee.rms, errors)))
-    return rows, pairs
+            pair = Pair(case, n, int(both.sum()), *map(referee.rms, errors))
+            rows.append(as_row("pairs", pair))
+    return rows
 
 
 def _bound(case: Case, n: int) -> dict[str, float]:

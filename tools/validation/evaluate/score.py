@@ -6,10 +6,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tools.validation.tables import Z
 
-Z = 1.959964
-"""95 % of a normal distribution lie within ± so many standard deviations."""
+Array = NDArray[np.float64]
 
 
 class Score(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tools.validation.evaluate import cases
 from tools.validation.evaluate.cases import POWER, Case, H
+from tools.validation.runner import Row, as_row
 
 Array = NDArray[np.float64]
 
@@ -85,10 +86,10 @@ def samples(shift: Shift, seeds: int) -> Array:
     return y
 
 
-def score_shift(shift: Shift, seeds: int) -> list[ShiftScore]:
+def score_shift(shift: Shift, seeds: int) -> list[Row]:
     """Without forgetting, and with it."""
     y = samples(shift, seeds)
-    return [_score(shift, y, memory) for memory in (None, CONSTANT * H)]
+    return [as_row("shifts", _score(shift, y, memory)) for memory in (None, CONSTANT * H)]
 
 
 def _score(shift: Shift, y: Array, memory_s: float | None) -> ShiftScore:

@@ -1,11 +1,7 @@
 """What the evaluation says, as rows for people and for programs (pure)."""
 
-import csv
-import io
 from collections.abc import Sequence
-from typing import Any
 
-import msgspec
 import numpy as np
 
 from tools.validation.evaluate.run import LIVE, WHITTLE, Result, Row
@@ -19,31 +15,6 @@ COVERAGE = 0.9
 SUMMARY_HEADINGS = ("estimator", "samples", "right", "error α", "worst bias", "σ honest", "no value")
 WHITE_HEADINGS = ("on white noise", "samples", "α, 5 to 95 %", "σ", "claims α", "f, 5 to 95 %")
 CHANGE_HEADINGS = ("setting", "right", "error α", "worst", "σ", "honest", "error f")
-
-
-def to_json(result: Result) -> bytes:
-    """Indented JSON, with a line feed at its end."""
-    return msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n"
-
-
-def to_csv(result: Result) -> str:
-    """One line a score; cells without a number are empty."""
-    text = io.StringIO()
-    lines = csv.writer(text, lineterminator="\n")
-    names = ("alpha", "f", "step_ratio")
-    lines.writerow(
-        ["table", *names, "g", "x_share", "samples", "estimator", "quantity", *Score.__struct_fields__]
-    )
-    for table, rows in (("grid", result.rows), ("settings", result.changes)):
-        for row in rows:
-            noise = row.case.noise
-            lines.writerow(
-                [table]
-                + [_cell(getattr(row.case, name)) for name in names]
-                + [f"{noise.g:.6g}", f"{noise.x_share:.6g}", row.samples, row.estimator, row.quantity]
-                + [_cell(value) for value in msgspec.structs.astuple(row.score)]
-            )
-    return text.getvalue()
 
 
 def right(score: Score) -> bool:
@@ -152,10 +123,6 @@ def _names(rows: Sequence[Row]) -> list[str]:
 
 def _of(rows: Sequence[Row], estimator: str, quantity: str, n: int) -> list[Row]:
     return [r for r in rows if (r.estimator, r.quantity, r.samples) == (estimator, quantity, n)]
-
-
-def _cell(value: Any) -> str:
-    return "" if value is None else f"{value:.6g}"
 
 
 def _median(values: Sequence[float | None], form: str) -> str:
