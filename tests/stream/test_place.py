@@ -25,13 +25,16 @@ class Device(NamedTuple):
     first_sequence: int = 0
     first_us: int = 0
     clock_error: float = 0.0
+    late_ns: int = 0
 
     def true_us(self, k: int, jitter_us: int = 0) -> int:
         return self.first_us + round(k * PERIOD_US * (1 + self.clock_error)) + jitter_us
 
     def sample(self, k: int, jitter_us: int = 0) -> RawSample:
         sequence = (self.first_sequence + k) % 65536
-        return RawSample(sequence, self.true_us(k, jitter_us) % 2**32, k * PERIOD_US * 1000, (0, 0, 0))
+        return RawSample(
+            sequence, self.true_us(k, jitter_us) % 2**32, k * PERIOD_US * 1000 + self.late_ns, (0, 0, 0)
+        )
 
 
 def heard(max_gap: int = ANY_GAP, **changes: object) -> Place:
@@ -44,7 +47,9 @@ def deliver(place: Place, device: Device, indices: list[int]) -> list[Placed | N
     return place_all(place, [device.sample(k) for k in indices])
 
 
-devices = st.builds(Device, st.integers(0, 65535), st.integers(0, 2**32 - 1), st.floats(-0.01, 0.01))
+devices = st.builds(
+    Device, st.integers(0, 65535), st.integers(0, 2**32 - 1), st.floats(-0.01, 0.01), st.just(0)
+)
 steps = st.integers(1, 3) | st.integers(1, 1000) | st.integers(1, HALF_HOUR)
 deliveries = st.lists(steps, max_size=60).map(lambda some: list(accumulate(some, initial=0)))
 
@@ -84,13 +89,6 @@ def test_long_gap_begins_an_epoch_and_is_counted(device: Device, indices: list[i
     assert place.delivered + place.lost == indices[-1] + 1
 
 
-@pytest.mark.parametrize(("missing", "reason"), [(5, None), (6, "gap")])
-def test_longest_gap_that_an_epoch_survives(missing: int, reason: str | None):
-    last = deliver(heard(max_gap=5), Device(), [0, missing + 1])[-1]
-    assert last is not None
-    assert (last.missing, last.new_epoch) == (missing, reason)
-
-
 @given(devices, st.integers(0, HALF_HOUR), st.integers(1, 5))
 @settings(max_examples=50)
 def test_duplicates_are_dropped_and_counted(device: Device, k: int, copies: int):
@@ -100,23 +98,6 @@ def test_duplicates_are_dropped_and_counted(device: Device, k: int, copies: int)
     assert placed[-1] is not None
     assert placed[-1].missing == 0
     assert (place.duplicates, place.delivered) == (copies, 3)
-
-
-def test_same_sequence_one_wrap_later_is_no_duplicate():
-    place = heard()
-    placed = deliver(place, Device(), [3, 3 + 65536])[-1]
-    assert placed is not None
-    assert (placed.seq, placed.missing, place.duplicates) == (3 + 65536, 65535, 0)
-
-
-def test_samples_before_hello_are_counted_and_not_used():
-    place = Place(ANY_GAP)
-    assert deliver(place, Device(), [0, 1, 2]) == [None] * 3
-    assert place.on_hello(hello())
-    begin = place_one(place, Device().sample(3))
-    assert begin is not None
-    assert (begin.seq, begin.new_epoch, begin.missing) == (3, "start", 0)
-    assert (place.before_hello, place.delivered, place.lost) == (3, 1, 0)
 
 
 def test_only_a_hello_that_tells_something_is_news():
@@ -130,77 +111,89 @@ def test_only_a_hello_that_tells_something_is_news():
     assert place.on_hello(hello(boot_id=8, device_id="b1"))
 
 
-@pytest.mark.parametrize("change", [{"boot_id": 8}, {"device_id": "b1"}])
-def test_another_boot_or_device_begins_an_epoch(change: dict[str, object]):
-    place = heard()
-    deliver(place, Device(first_us=10**6), [0, 1, 2])
-    place.on_hello(hello(**change))
-    after = place_one(place, Device().sample(3))
-    assert after is not None
-    assert (after.new_epoch, after.seq, after.device_us, after.missing) == ("restart", 3, 30_000, 0)
-    assert place.lost == 0
+BOOT, SENSOR, DOWN = {"boot_id": 8}, {"sensor_starts": 2}, None
+"""Between samples: HELLOs with changes, and the end of the link."""
+
+EARLY = Device(first_us=10**6)
+"""Its clock differs from that of the usual one."""
+
+SCENARIOS: dict[str, tuple[list[Any], str, str, tuple[int, int, int]]] = {
+    # What happens, with samples as their numbers; the epochs that samples begin; number and lost samples
+    # before the last one; then delivered, lost, gaps.
+    "the longest gap in an epoch": ([{}, 0, 101], "start", "101 after 100", (2, 100, 1)),
+    "a longer gap": ([{}, 0, 102], "start gap", "102 after 101", (2, 101, 1)),
+    "the sequence again after a wrap": ([{}, 3, 65539], "start gap", "65539 after 65535", (2, 65535, 1)),
+    "samples before HELLO": ([0, 1, 2, {}, 3], "start", "3 after 0", (1, 0, 0)),
+    "another boot": ([{}, (EARLY, 2), BOOT, 3], "start restart", "3 after 0", (2, 0, 0)),
+    "another device": ([{}, (EARLY, 2), {"device_id": "b1"}, 3], "start restart", "3 after 0", (2, 0, 0)),
+    "sensor set up again": (
+        [{}, 2, SENSOR, SENSOR, 20, 21],
+        "start sensor_restart",
+        "21 after 0",
+        (3, 17, 1),
+    ),
+    "its HELLO was lost": ([{}, 1, 20, 21, SENSOR, 22], "start sensor_restart", "22 after 0", (4, 18, 1)),
+    "the sensor's first start": (
+        [{"who_am_i": 0, "sensor_starts": 0}, {}, 0],
+        "start",
+        "0 after 0",
+        (1, 0, 0),
+    ),
+    "another boot, its sensor started": (
+        [{}, (EARLY, 2), SENSOR, BOOT | {"sensor_starts": 0}, BOOT, 0],
+        "start restart",
+        "0 after 0",
+        (2, 0, 0),
+    ),
+    "sensor restart with a time that disagrees": (
+        [{}, 2, SENSOR, (EARLY, 3), SENSOR, (EARLY, 4)],
+        "start discontinuity",
+        "4 after 0",
+        (2, 0, 0),
+    ),
+    "sensor away for longer than is counted": (
+        [{}, 0, SENSOR, HALF_HOUR + 100],
+        "start sensor_restart",
+        f"{(HALF_HOUR + 100) % 65536} after 0",
+        (2, 0, 0),
+    ),
+    "link down": ([{}, 1, DOWN, 10, 11, {}, 20], "start", "20 after 18", (2, 18, 1)),
+    "link down, another boot": ([{}, 1, DOWN, BOOT, 20], "start restart", "20 after 0", (2, 0, 0)),
+    "half an hour of silence": (
+        [{}, 0, HALF_HOUR],
+        "start gap",
+        f"{HALF_HOUR} after {HALF_HOUR - 1}",
+        (2, HALF_HOUR - 1, 1),
+    ),
+    "a nanosecond more": (
+        [{}, 0, (Device(late_ns=1), HALF_HOUR)],
+        "start silence",
+        f"{HALF_HOUR % 65536} after 0",
+        (2, 0, 0),
+    ),
+}
 
 
-def test_a_sensor_set_up_again_begins_an_epoch_and_what_it_missed_is_counted():
-    place = heard(sensor_starts=1)
-    deliver(place, Device(first_sequence=65530), [0, 1, 2])
-    assert place.on_hello(hello(sensor_starts=2))
-    assert not place.on_hello(hello(sensor_starts=2))
-    after, then = deliver(place, Device(first_sequence=65530), [20, 21])
-    assert after is not None
-    assert then is not None
-    assert (after.new_epoch, after.seq, after.missing) == ("sensor_restart", 65550, 17)
-    assert (then.new_epoch, then.seq) == (None, 65551)
-    assert (place.delivered, place.lost, place.gaps) == (5, 17, 1)
-
-
-def test_a_sensor_restart_whose_hello_was_lost_begins_an_epoch_with_the_next_hello():
-    place = heard(sensor_starts=1)
-    placed = deliver(place, Device(), [0, 1, 20, 21])
-    assert [p.new_epoch for p in placed if p] == ["start", None, None, None]
-    place.on_hello(hello(sensor_starts=3))
-    after = place_one(place, Device().sample(22))
-    assert after is not None
-    assert (after.new_epoch, after.missing, place.lost) == ("sensor_restart", 0, 18)
-
-
-def test_the_first_start_of_the_sensor_is_the_start_of_the_first_epoch():
-    place = heard(who_am_i=0, sensor_starts=0)
-    assert place.on_hello(hello(sensor_starts=1)), "who the sensor is, is news"
-    first = place_one(place, Device().sample(0))
-    assert first is not None
-    assert first.new_epoch == "start"
-
-
-def test_another_boot_outranks_its_sensor_starts():
-    place = heard(sensor_starts=1)
-    deliver(place, Device(first_us=10**6), [0, 1, 2])
-    place.on_hello(hello(sensor_starts=2))
-    place.on_hello(hello(boot_id=8, sensor_starts=0))
-    place.on_hello(hello(boot_id=8, sensor_starts=1))
-    after = place_one(place, Device().sample(0))
-    assert after is not None
-    assert (after.new_epoch, after.missing) == ("restart", 0)
-
-
-def test_time_that_disagrees_after_a_sensor_restart_is_not_believed():
-    place = heard(sensor_starts=1)
-    deliver(place, Device(), [0, 1, 2])
-    place.on_hello(hello(sensor_starts=2))
-    assert place_one(place, Device(first_us=10**6).sample(3)) is None
-    place.on_hello(hello(sensor_starts=2))
-    after = place_one(place, Device(first_us=10**6).sample(4))
-    assert after is not None
-    assert after.new_epoch == "discontinuity"
-
-
-def test_a_sensor_that_was_away_for_longer_than_can_be_counted():
-    place = heard(sensor_starts=1)
-    place_one(place, Device().sample(0))
-    place.on_hello(hello(sensor_starts=2))
-    after = place_one(place, Device().sample(HALF_HOUR + 100))
-    assert after is not None
-    assert (after.new_epoch, after.missing) == ("sensor_restart", 0)
+@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
+def test_what_begins_an_epoch_and_what_is_lost_before(
+    scenario: tuple[list[Any], str, str, tuple[int, int, int]],
+) -> None:
+    happens, epochs, last, totals = scenario
+    place, placed = Place(100), []
+    for one in happens:
+        if one is DOWN:
+            place.on_link_down()
+        elif isinstance(one, dict):
+            place.on_hello(hello(**one))
+        else:
+            device, k = one if isinstance(one, tuple) else (Device(), one)
+            placed.append(place_one(place, device.sample(k)))
+    used = [one for one in placed if one is not None]
+    assert " ".join(one.new_epoch for one in used if one.new_epoch) == epochs
+    assert f"{used[-1].seq} after {used[-1].missing}" == last
+    assert used[-1].device_us == device.true_us(k)
+    assert (place.delivered, place.lost, place.gaps) == totals
+    assert place.before_hello == len(placed) - len(used)
 
 
 def after_lost_reset(k_before: int, k_after: int) -> tuple[Place, RawSample, Placed | None]:
@@ -247,40 +240,6 @@ def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, s
     placed = place_one(place, raw._replace(device_us=(raw.device_us + off_us) % 2**32))
     host_agrees = abs(time_us - step * PERIOD_US) <= MAX_HOST_DISAGREEMENT_US
     assert (placed is not None) == (nearest_us < PERIOD_US and host_agrees)
-
-
-def test_after_link_down_the_same_boot_goes_on_with_a_gap():
-    place = heard()
-    deliver(place, Device(), [0, 1])
-    place.on_link_down()
-    assert deliver(place, Device(), [10, 11]) == [None, None]
-    assert place.on_hello(hello())
-    after = place_one(place, Device().sample(20))
-    assert after is not None
-    assert (after.seq, after.missing, after.new_epoch) == (20, 18, None)
-    assert (place.delivered, place.lost, place.gaps, place.before_hello) == (3, 18, 1, 2)
-
-
-def test_after_link_down_another_boot_begins_an_epoch():
-    place = heard()
-    deliver(place, Device(), [0, 1])
-    place.on_link_down()
-    place.on_hello(hello(boot_id=8))
-    after = place_one(place, Device().sample(20))
-    assert after is not None
-    assert (after.missing, after.new_epoch, place.lost) == (0, "restart", 0)
-
-
-@pytest.mark.parametrize(("late_ns", "reason"), [(0, None), (1, "silence")])
-def test_half_an_hour_of_silence_begins_an_epoch(late_ns: int, reason: str | None):
-    place = heard()
-    place_one(place, Device().sample(0))
-    raw = Device().sample(HALF_HOUR)
-    after = place_one(place, raw._replace(host_ns=raw.host_ns + late_ns))
-    assert after is not None
-    assert after.new_epoch == reason
-    assert place.lost == (0 if reason else HALF_HOUR - 1)
-    assert after.seq == (HALF_HOUR % 65536 if reason else HALF_HOUR)
 
 
 class Happening(NamedTuple):
