@@ -87,7 +87,7 @@ def test_wrong_settings_are_named(settings: dict[str, object], words: str) -> No
 
 def secret(folder: Path, text: str, mode: int = 0o600) -> str:
     file = folder / "secret"
-    file.write_text(text)
+    file.write_bytes(text.encode(errors="surrogateescape"))
     file.chmod(mode)
     return str(file)
 
@@ -110,25 +110,25 @@ def test_login_from_a_file_goes_before_the_environment(
     assert (broker.user, broker.password) == ("me", "hunter2:with:colons")
 
 
-@pytest.mark.parametrize("text", ["", "hunter2\n", "me:\n", ":hunter2\n", "me:hunter2\nmore\n"])
-def test_file_without_a_login_is_refused_and_not_repeated(tmp_path: Path, text: str) -> None:
-    with pytest.raises(UsageError, match="one line, USER:PASSWORD") as refused:
-        Broker(MqttConfig(broker="pi", password_file=secret(tmp_path, text)))
+@pytest.mark.parametrize(
+    ("text", "mode", "words"),
+    [
+        *(
+            (text, 0o600, "one line, USER:PASSWORD")
+            for text in ("", "hunter2\n", "me:\n", ":hunter2\n", "a:b\nc\n")
+        ),
+        ("me:hunter2", 0o604, "chmod o= "),
+        ("\udcff", 0o600, "not UTF-8"),
+        (None, 0o600, "No such file"),
+    ],
+)
+def test_file_without_a_login_is_refused_and_not_repeated(
+    tmp_path: Path, text: str | None, mode: int, words: str
+) -> None:
+    file = str(tmp_path / "none") if text is None else secret(tmp_path, text, mode)
+    with pytest.raises(UsageError, match=words) as refused:
+        Broker(MqttConfig(broker="pi", password_file=file))
     assert "hunter2" not in str(refused.value)
-
-
-def test_file_that_everybody_may_read_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="chmod o= "):
-        Broker(MqttConfig(broker="pi", password_file=secret(tmp_path, "me:hunter2", 0o604)))
-
-
-def test_file_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="No such file"):
-        Broker(MqttConfig(broker="pi", password_file=str(tmp_path / "none")))
-    binary = tmp_path / "binary"
-    binary.write_bytes(b"\xff\xfe")
-    with pytest.raises(UsageError, match="not UTF-8"):
-        Broker(MqttConfig(broker="pi", password_file=str(binary)))
 
 
 def test_password_without_a_user(monkeypatch: pytest.MonkeyPatch) -> None:

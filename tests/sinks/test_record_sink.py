@@ -5,6 +5,7 @@ import os
 import subprocess
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -165,6 +166,11 @@ def test_devices_share_a_folder(tmp_path: Path) -> None:
     assert len(only(replay(Path(str(right).removesuffix("_000.mcap"))), Sample)) == 197
 
 
+def sink_in(folder: Path, told: list[tuple[str, str]] | None = None, **settings: Any) -> RecordSink:
+    told = [] if told is None else told
+    return RecordSink(RecordConfig(folder=str(folder), **settings), "due", lambda *one: told.append(one))
+
+
 # --- when a file ends ---
 
 
@@ -191,7 +197,7 @@ def test_files_end_by_age_and_size_and_nothing_falls_between(
 
 def test_a_board_that_says_ever_new_things_leaves_few_notes(tmp_path: Path) -> None:
     """The index of all metadata stays in memory until the file ends; the bytes hold every HELLO anyway."""
-    sink = RecordSink(RecordConfig(folder=str(tmp_path)), "due", lambda kind, text: None)
+    sink = sink_in(tmp_path)
     hellos = [
         Chunk(standin.Device(parse_noise("seed=1"), boot_id=k).boot(), MONOTONIC_NS + k, OFFSET_NS)
         for k in range(1, 3 * MOST_NOTES)
@@ -226,7 +232,7 @@ def test_a_second_run_touches_nothing_of_the_first(tmp_path: Path) -> None:
 def test_what_came_is_on_disk_within_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     now_ns = [MONOTONIC_NS]
     monkeypatch.setattr(clock, "host_ns", lambda: now_ns[0])
-    sink = RecordSink(RecordConfig(folder=str(tmp_path)), "due", lambda kind, text: None)
+    sink = sink_in(tmp_path)
     for item in transport(samples=300):
         now_ns[0] = item.host_ns
         sink.write(item)
@@ -247,7 +253,7 @@ def _last_wire_ns(path: Path) -> int:
 
 
 def test_an_error_of_another_output_may_come_first(tmp_path: Path) -> None:
-    sink = RecordSink(RecordConfig(folder=str(tmp_path)), "due", lambda kind, text: None)
+    sink = sink_in(tmp_path)
     sink.write(Error("output_lost", "the broker is away.", OFFSET_NS, device="due"))
     for item in transport(samples=100):
         sink.write(item)
@@ -331,7 +337,7 @@ def test_a_full_disk_costs_what_came_meanwhile_and_says_so_once(
 ) -> None:
     told: list[tuple[str, str]] = []
     items = transport(samples=3000)
-    sink = RecordSink(RecordConfig(folder=str(tmp_path)), "due", lambda *a: told.append(a))
+    sink = sink_in(tmp_path, told)
     disk.number = number
     feed(sink, disk, items[:300])
     disk.room = 100
@@ -375,7 +381,7 @@ def wire_data(path: Path) -> list[bytes]:
 
 def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, disk: Disk) -> None:
     items = transport(samples=2000)
-    sink = RecordSink(RecordConfig(folder=str(tmp_path)), "due", lambda *a: None)
+    sink = sink_in(tmp_path)
     feed(sink, disk, items[:500])
     disk.room = 0
     feed(sink, disk, items[500:900])
@@ -399,7 +405,7 @@ def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, disk: Disk) -> No
 def test_a_disk_that_is_full_from_the_start_records_from_when_it_is_not(tmp_path: Path, disk: Disk) -> None:
     told: list[tuple[str, str]] = []
     items = transport(samples=1500)
-    sink = RecordSink(RecordConfig(folder=str(tmp_path)), "due", lambda *a: told.append(a))
+    sink = sink_in(tmp_path, told)
     disk.room = 0
     feed(sink, disk, items[:200])
     assert files(tmp_path) == []
@@ -412,7 +418,7 @@ def test_a_disk_that_is_full_from_the_start_records_from_when_it_is_not(tmp_path
 
 def test_a_full_disk_at_the_very_end_raises_nothing(tmp_path: Path, disk: Disk) -> None:
     told: list[tuple[str, str]] = []
-    sink = RecordSink(RecordConfig(folder=str(tmp_path)), "due", lambda *a: told.append(a))
+    sink = sink_in(tmp_path, told)
     feed(sink, disk, transport(samples=100))
     disk.room = 50
     sink.close()
@@ -431,7 +437,7 @@ def test_a_real_file_system_that_is_full(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(clock, "host_ns", lambda: now_ns[0])
     monkeypatch.setattr(record_module, "FLUSH_NS", 0)
     try:
-        sink = RecordSink(RecordConfig(folder=str(mount), resume_mb=0.05), "due", lambda *a: told.append(a))
+        sink = sink_in(mount, told, resume_mb=0.05)
         (mount / "ballast").write_bytes(bytes(80_000))
         items = transport(samples=1600)
         for k, item in enumerate(items):
@@ -452,8 +458,7 @@ def test_a_real_file_system_that_is_full(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_too_slow_recorder_marks_the_place(tmp_path: Path) -> None:
     items = transport(samples=400)
-    settings = RecordConfig(folder=str(tmp_path), rotate_s=1.2)  # so that the file's head knows a HELLO
-    sink = RecordSink(settings, "due", lambda *a: None)
+    sink = sink_in(tmp_path, rotate_s=1.2)  # so that the file's head knows a HELLO
     for item in items[:150]:
         sink.write(item)
     sink.on_overflow(33)

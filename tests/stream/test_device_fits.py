@@ -132,13 +132,20 @@ def test_bins_of_another_fit_are_not_told() -> None:
     assert told(spectra(12)) == []
 
 
-def test_without_a_spectrum_there_is_no_figure() -> None:
-    numbers = dict.fromkeys(("alpha", "alpha_std", "f", "s2", "r", "ratio_white", "ratio_relaxation"), 0.0)
-    (record,) = told([FIT._replace(verdict=wire.FitVerdict.NONE, flags=0, ordinates=0.0, **numbers)], HOST)
+NUMBERS = dict.fromkeys(("alpha", "alpha_std", "f", "s2", "r", "ratio_white", "ratio_relaxation"), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "changed", "R"),
+    [("none", {"flags": 0, "ordinates": 0.0, **NUMBERS}, None), ("white", {}, 0.125)],
+)
+def test_white_noise_has_no_order_and_without_a_spectrum_there_is_no_figure(
+    verdict: str, changed: dict[str, Any], R: float | None
+) -> None:
+    (record,) = told([FIT._replace(verdict=wire.FitVerdict[verdict.upper()], **changed)], HOST)
     fit = record.axes["gyro_y"]
-    assert fit.verdict == "none"
-    assert fit.alpha == Interval()
-    assert fit.f is fit.s2 is fit.R is fit.alpha_difference is None
+    assert (fit.verdict, fit.alpha, fit.R) == (verdict, Interval(), R)
+    assert fit.f is fit.s2 is fit.alpha_difference is fit.half_widths is None
 
 
 def test_bins_that_had_no_room_are_told() -> None:
@@ -163,7 +170,9 @@ def test_bins_that_no_spectrum_has_are_counted_and_not_told(changed: dict[str, f
     assert len(told([later, *spectra(12, 2)], fits=board)) == 2
 
 
-def test_strangers_cannot_make_it_keep_or_calculate_more_and_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_faulty_device_cannot_make_it_keep_or_calculate_more_and_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     board = BoardFits("due", lambda _: SettledFit())
     board.begin(100.0)
     told([FIT], fits=board)
@@ -185,26 +194,22 @@ def test_strangers_cannot_make_it_keep_or_calculate_more_and_more(monkeypatch: p
     assert asked == [100.0] * 2
 
 
-def test_white_noise_has_no_order() -> None:
-    (record,) = told([FIT._replace(verdict=wire.FitVerdict.WHITE)], HOST)
-    fit = record.axes["gyro_y"]
-    assert fit.verdict == "white"
-    assert fit.alpha == Interval()
-    assert fit.f is fit.s2 is fit.alpha_difference is fit.half_widths is None
-    assert fit.R == 0.125
-
-
-def test_an_order_that_the_data_do_not_define_has_no_ends() -> None:
-    (record,) = told([FIT._replace(flags=0)], HOST)
-    assert record.axes["gyro_y"].alpha == Interval(0.5, None, None)
-    # What is not known is no interval of no width.
-    (record,) = told([FIT._replace(alpha_std=0.0)], HOST)
-    assert record.axes["gyro_y"].alpha == Interval(0.5, None, None)
-    (record,) = told([FIT._replace(alpha_std=-1.0)], HOST)
-    assert record.axes["gyro_y"].alpha == Interval(0.5, None, None)
-    # The interval ends where the model does.
-    (record,) = told([FIT._replace(alpha_std=2.0)])
-    assert record.axes["gyro_y"].alpha == Interval(0.5, 0.0, 2.0)
+@pytest.mark.parametrize(
+    ("changed", "low", "high"),
+    [
+        ({"flags": 0}, None, None),
+        # What is not known is no interval of no width.
+        ({"alpha_std": 0.0}, None, None),
+        ({"alpha_std": -1.0}, None, None),
+        # The interval ends where the model does.
+        ({"alpha_std": 2.0}, 0.0, 2.0),
+    ],
+)
+def test_an_order_that_the_data_do_not_define_has_no_ends(
+    changed: dict[str, Any], low: float | None, high: float | None
+) -> None:
+    (record,) = told([FIT._replace(**changed)])
+    assert record.axes["gyro_y"].alpha == Interval(0.5, low, high)
     assert record.axes["gyro_y"].alpha_difference is None
 
 
