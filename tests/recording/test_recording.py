@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.recording.csv_file import read_csv
+from fltea.recording.csv_file import open_csv, read_csv
 from fltea.recording.files import parse_units
 from fltea.recording.ndjson import EpochMark, read_ndjson
 from fltea.recording.npz_file import read_npz
 from fltea.records.errors import UsageError
 from fltea.records.records import Estimate, Hello, Sample
+from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from host_support import QUICK, fltea, strict_records
 from hypothesis import given, settings
@@ -81,19 +82,19 @@ BAD_CSV = {
     "other names": ("p,q\n1,2\n", ":1: no columns", "p, q", "--columns"),
     "header only": (HEADER, "no rows"),
     "header and blanks only": (HEADER + "\n\n", "no rows"),
-    "text": (HEADER + "0,1,2,3\n1,4,five,6\n", ":3: ", "'gyro_y_dps'", "'five' is not a number"),
+    "text": (HEADER + "0,1,2,3\n1,4,five,6\n", "the first is 3: ", "'gyro_y_dps'", "'five' is not a number"),
     "an empty column": (HEADER + "0,1,,3\n1,1,,3\n", ":2: ", "column gyro_y_dps is empty"),
     "decimal comma": (HEADER + '0,"1,5",2,3\n', ":2: ", "'1,5' is not a number"),
-    "infinity": (HEADER + "0,-inf,2,3\n", ":2: ", "-inf is not a finite"),
-    "too large": (HEADER + "0,1e999,2,3\n", ":2: ", "not a finite"),
+    "infinity": (HEADER + "0,-inf,2,3\n", ":2: ", "column gyro_x_dps is empty"),
+    "too large": (HEADER + "0,1e99,2,3\n", ":2: ", "more than 1e+06 deg/s"),
     "NaN as every time": (HEADER + "nan,1,2,3\n", ":2: ", "column time_s is empty"),
-    "short row": (HEADER + "0,1,2,3\n1,4\n", ":3: ", "has 2 fields", "'gyro_y_dps' is number 3"),
-    "text after blank lines": (HEADER + "\n\n0,1,2,3\n\n1,x,5,6\n", ":6: ", "'x'"),
-    "time stands": (HEADER + "0,1,2,3\n1,4,5,6\n1,4,5,6\n", ":4: ", "does not increase"),
-    "time runs backwards": (HEADER + "0,1,2,3\n\n2,4,5,6\n\n1,4,5,6\n3,1,1,1\n", ":6: ", "does not increase"),
+    "short row": (HEADER + "0,1,2,3\n1,4\n", "the first is 3: ", "has 2 fields", "'gyro_y_dps' is number 3"),
+    "text after blank lines": (HEADER + "\n\n0,1,2,3\n\n1,x,5,6\n", "the first is 6: ", "'x'"),
+    "time stands": (HEADER + "0,1,2,3\n1,4,5,6\n1,4,5,7\n", "'time_s': the steps are too uneven"),
+    "time runs backwards": (HEADER + "0,1,2,3\n2,4,5,6\n\n1,4,5,6\n3,1,1,1\n", "too uneven"),
     "no time and no rate": ("gyro_x_dps\n1\n2\n", "no column 'time_s'", "--rate"),
     "one row and no rate": ("time_s,gyro_x_dps\n0,1\n", "--rate"),
-    "not UTF-8": (HEADER.encode() + b"0,1,\xff,2\n", "cannot be read"),
+    "not UTF-8": (HEADER.encode() + b"0,1,\xff,2\n", ":2: ", "'gyro_y_dps': 'ÿ' is not a number"),
     "UTF-16": (HEADER.encode("utf-16"), "cannot be read as CSV (it is UTF-16; save it as UTF-8)"),
 }
 
@@ -109,7 +110,7 @@ def test_bad_csv(name: str, tmp_path: Path) -> None:
 
 def test_a_given_rate_wins_over_the_times(tmp_path: Path) -> None:
     path = csv_file(tmp_path, "time_s,gyro_x_dps\n0,1\n1,1\n0.5,1\n")
-    assert ":4: " in refusal(read_csv, path)
+    assert "too uneven" in refusal(read_csv, path)
     assert read_csv(path, rate_hz=10.0).device_s.tolist() == [0, 0.1, 0.2]
 
 
@@ -127,9 +128,12 @@ def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path:
 
 
 @pytest.mark.parametrize(("value", "units"), [("1e200", "dps"), ("-2e6", "dps"), ("1e308", "rad/s")])
-def test_rates_that_no_gyroscope_has_are_refused_by_line(value: str, units: str, tmp_path: Path) -> None:
-    path = csv_file(tmp_path, f"gyro_x_dps\n1\n{value}\n2\n")
-    assert refusal(read_csv, path, None, units, 100.0).startswith(":3: more than 1e+06 deg/s")
+def test_rates_that_no_gyroscope_has_are_left_out(value: str, units: str, tmp_path: Path) -> None:
+    found = open_csv(csv_file(tmp_path, f"gx\n1\n{value}\n2\n"), How(units=units, rate_hz=100.0))
+    assert found.whole().seq.tolist() == [0, 2]  # type: ignore[union-attr]
+    assert ":3: the first of 1 rows (of 3) with more than 1e+06 deg/s" in found.notes[0].text
+    path = csv_file(tmp_path, f"gx\n{value}\n{value}\n")
+    assert refusal(read_csv, path, ["gx"], units, 100.0).startswith(":2: more than 1e+06 deg/s")
 
 
 def test_an_underscore_makes_no_number(tmp_path: Path) -> None:

@@ -130,7 +130,13 @@ def test_times_of_arrival_are_told_from_a_devices() -> None:
     times = np.cumsum(rng.exponential(10.0, 200))
     lines = b"".join(b"%.3f,1\n" % time for time in times)
     text = opened(TIMES)
-    assert troubles([*text.feed(b"t_ms,gx\n" + lines, 0), *text.finish(0)]) == ["uneven_times"]
+    assert troubles(list(text.feed(b"t_ms,gx\n" + lines, 0))) == ["no_rate"]
+    with pytest.raises(UsageError, match="too uneven for a sensor's clock"):
+        list(text.finish(0))
+    with_rate = opened(How(columns=["gx"], time_column="t_ms", rate_hz=100.0))
+    events = [*with_rate.feed(b"t_ms,gx\n" + lines, 0), *with_rate.finish(0)]
+    assert troubles(events) == ["row_times"]
+    assert (placed(events).delivered, placed(events).lost) == (200, 0)
 
 
 def test_times_in_another_unit_than_the_given_one_are_told_and_counted() -> None:
@@ -192,18 +198,19 @@ def test_lines_without_the_columns_are_told() -> None:
     (trouble,) = events
     assert isinstance(trouble, Trouble)
     assert trouble.kind == "no_columns"
-    assert "time;roll;pitch" in trouble.message
+    assert "no column gx (it has: time, roll, pitch)" in trouble.message
 
 
 @pytest.mark.parametrize(
     ("how", "data", "words"),
     [
         (RATE, b"", "It was empty"),
-        (RATE, b"a,b\n1,2\n", "No line names the columns gx"),
-        (RATE, b"gx\n", "only the names of the columns"),
-        (RATE, b"gx\n,\n", "holds what is no number"),
+        (RATE, b"a,b\n1,2\n", "no column gx (it has: a, b)"),
+        (RATE, b"gx\n", "has a header but no rows"),
+        (RATE, b"gx\nx\n", "column 'gx': 'x' is not a number"),
+        (RATE, b"gx\n,\n", "an empty field"),
         (TIMES, b"t_ms,gx\n1,2\n", "tells no rate"),
-        (How(), b"gyro_x_dps\n1\n", "'time_s' (or give --rate 100)"),
+        (How(), b"gyro_x_dps\n1\n", "no column 'time_s' or another"),
     ],
 )
 def test_an_input_without_samples_is_an_error(how: How, data: bytes, words: str) -> None:
@@ -215,7 +222,13 @@ def test_an_input_without_samples_is_an_error(how: How, data: bytes, words: str)
 
 @pytest.mark.parametrize(
     ("how", "words"),
-    [(How(columns=["gx"], time_column="t"), "--time-unit"), (How(rate_hz=1e9), "no gyroscope")],
+    [
+        (How(rate_hz=1e9), "no gyroscope"),
+        (How(columns=["a", "a"]), "named twice"),
+        (How(columns=["a"], time_column="a"), "named twice"),
+        (How(columns=["a", "b", "c", "d"]), "up to 3"),
+        (How(columns=["a"], units="furlong"), "not a unit"),
+    ],
 )
 def test_settings_that_do_not_do(how: How, words: str) -> None:
     with pytest.raises(UsageError, match=words):

@@ -1,18 +1,14 @@
 """Pieces of text: whole lines each, behind the lines that name the columns."""
 
 import math
-from pathlib import Path
 
 from fltea.cluster.cut import Cut, Ranges
-from fltea.recording.columns import wanted_of
-from fltea.recording.csv_file import BOM, UTF_16
+from fltea.recording.csv_file import HEAD_BYTES
 from fltea.recording.lines import LONGEST_LINE
-from fltea.recording.text_layout import HEAD_LINES, find_layout
-from fltea.recording.text_rows import decoded_head
+from fltea.recording.text_rows import UTF_16, TextReader
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
-HEAD_BYTES = 1 << 20
 NEAR_BYTES = 1 << 12
 """In which the end of a line is looked for first."""
 
@@ -20,15 +16,14 @@ NEAR_BYTES = 1 << 12
 def cuts(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
     """Where it may be cut; nowhere if its columns are not understood: reading it whole reports why."""
     begin = source.read(0, HEAD_BYTES)
-    lines = begin.split(b"\n")[:-1][: HEAD_LINES + 1]
-    if not lines or begin.startswith(UTF_16):
-        return []
+    reader = TextReader(source.file.url, how)
     try:
-        names = decoded_head([lines[0].removeprefix(BOM), *lines[1:]])
-        layout = find_layout(Path(source.file.url), names, wanted_of(how))
+        reader.feed(begin)
     except UsageError:
         return []
-    head = b"".join(line + b"\n" for line in lines[: layout.begin])
+    if begin.startswith(UTF_16) or reader.layout is None:
+        return []
+    head = b"".join(line + b"\n" for line in begin.split(b"\n")[: reader.layout.begin - 1])
     first, size = len(head), source.size
     pieces = max(1, math.ceil((size - first) / block_bytes))
     places = [first]

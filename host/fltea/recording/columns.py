@@ -1,7 +1,11 @@
 """Which columns of a table are meant: by what the user says, or by names that leave no doubt (pure)."""
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fltea.recording.column_names import (
     ACCEL_MS2,
@@ -20,7 +24,9 @@ from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.how import How, TimeUnit
 
-SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
+MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
+"""What programs write where they have no number; in small letters."""
 
 
 class Chosen(NamedTuple):
@@ -55,6 +61,14 @@ class Chosen(NamedTuple):
         """All that is read."""
         return (*self.needed, *self.accel)
 
+    def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Numbers of the columns that are read, (n, places): in place to deg/s or counts, and m/s²."""
+        with np.errstate(over="ignore"):
+            values[:, : len(self.gyro)] *= self.factor
+            if self.accel:
+                values[:, len(self.needed) :] *= self.accel_ms2
+        return values
+
     @property
     def read(self) -> list[str]:
         """The names at these places."""
@@ -62,32 +76,37 @@ class Chosen(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """The columns that the user names, or None for those that are known by their names; and the times'."""
+    """The columns that the user names, or None for those that are known by their names; and that of times."""
 
     columns: list[str] | None
     time: str | None = None
 
     @property
     def names(self) -> list[str]:
-        """All that is named."""
+        """All names that the user gives."""
         return [*(self.columns or ()), *([] if self.time is None else [self.time])]
-
-    def are_in(self, header: Sequence[str]) -> bool:
-        """Whether a line of names has them all."""
-        named = all(name in header for name in self.names)
-        return named and (self.columns is not None or bool(_axes_of(header)))
 
     @property
     def by_position(self) -> bool:
-        """Whether they are numbers, which count columns from 1."""
+        """Whether the names are numbers, which count columns from 1."""
         return self.columns is not None and all(map(_is_position, self.names))
 
+    def are_in(self, header: Sequence[str]) -> bool:
+        """Whether a line of names has all that is needed."""
+        named = all(name in header for name in self.names)
+        return named and (self.columns is not None or bool(_axes_of(header)))
+
     def are_at(self, fields: Sequence[str]) -> bool:
-        """Whether a line without a header has them: by their positions, or since there are no others."""
+        """Whether a line without a header is a row: by the positions, or since it has no other columns."""
         if self.by_position:
-            return any(_is_float(fields[p - 1]) for p in map(int, self.names) if p <= len(fields))
+            found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
+            return (
+                len(found) == len(self.names)
+                and any(map(is_number, found))
+                and all(is_number(field) or is_missing(field) for field in found)
+            )
         alike = self.columns is not None and len(fields) == len(self.columns)
-        return self.time is None and alike and all(map(_is_float, fields))
+        return self.time is None and alike and all(map(is_number, fields))
 
 
 def wanted_of(how: How) -> Wanted:
@@ -116,7 +135,8 @@ def choose(
     they have none, and there are `width`. units: of each, where a line of them follows the names.
 
     Raises:
-        UsageError: a column is not there, there twice, or its unit is not known.
+        UsageError: a column is not there, or twice, its unit is not known or another than the given one, or
+            neither a rate is given nor a column of times is there.
     """
     wanted = wanted_of(how)
     labels = list(names or ())
@@ -135,9 +155,20 @@ def choose(
     unit = _unit_of(where, [names[p] for p in gyro], [beside[p] for p in gyro], how, known=not wanted.columns)
     factor, lsb = parse_units(unit)
     time = _time_of(where, names, how) if wanted.time is None else labels.index(wanted.time)
+    if how.rate_hz is None and time is None:
+        raise UsageError(
+            f"{where}: has no column '{TIME_COLUMN}' or another whose name says times, so give its rate: "
+            f"--rate 100, or name the column: --time-column NAME --time-unit ms (it has: {listed(names)})."
+        )
     time_unit = how.time_unit
-    if time is not None and time_unit is None:
-        time_unit = time_unit_of(names[time]) or TIME_UNITS.get(bare_unit(beside[time]))
+    if time is not None:
+        stated = time_unit_of(names[time]) or TIME_UNITS.get(bare_unit(beside[time]))
+        if stated is not None and time_unit not in (None, stated):
+            raise UsageError(
+                f"{where}: the column {listed([names[time]])} is in {stated} by its name or line of units, "
+                f"and --time-unit {time_unit} says otherwise. Leave --time-unit out, or mend the header."
+            )
+        time_unit = time_unit or stated
     accel, accel_ms2 = _accel_of(names, beside)
     if {*gyro, time} & {*accel}:
         accel = ()
@@ -173,26 +204,33 @@ def _accel_of(names: Sequence[str], beside: Sequence[str]) -> tuple[tuple[int, .
 
 
 def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known: bool) -> str:
-    if how.units is not None:
-        return how.units
-    said = {
+    found = {
         rate_unit_of(name) or RATE_UNITS.get(bare_unit(unit))
         for name, unit in zip(names, beside, strict=True)
     }
-    if len(said) > 1:
+    if how.units is not None:
+        given = parse_units(how.units)
+        denied = [unit for unit in found if unit is not None and parse_units(unit) != given]
+        if denied:
+            raise UsageError(
+                f"{where}: the columns {listed(names)} are in {denied[0]} by their names or line of units, "
+                f"and --units {how.units} says otherwise. Leave --units out, or mend the header."
+            )
+        return how.units
+    if len(found) > 1:
         raise UsageError(
             f"{where}: the columns {listed(names)} are not all of one unit; say which: --units {UNITS_HELP}."
         )
-    unit = said.pop()
+    unit = found.pop()
     if unit is None and not known and any("rad" in name.lower() for name in names):
         raise UsageError(
-            f"{where}: the columns {listed(names)} may be in rad/s, and without a word they would be read as "
-            f"deg/s. Say it with --units: {UNITS_HELP}."
+            f"{where}: the columns {listed(names)} may be in rad/s, and without --units they would be read "
+            f"as deg/s. Give --units: {UNITS_HELP}."
         )
     if unit is None and known:
         raise UsageError(
             f"{where}: the columns {listed(names)} are a gyroscope's by their names, which say no unit. "
-            f"Say it with --units: {UNITS_HELP}."
+            f"Give it with --units: {UNITS_HELP}."
         )
     return unit or "deg/s"
 
@@ -234,9 +272,18 @@ def _is_position(name: str) -> bool:
     return name.isascii() and name.isdecimal() and int(name) >= 1
 
 
-def _is_float(field: str) -> bool:
+def is_number(field: str) -> bool:
+    """Whether a field holds a number, with a decimal point or comma."""
+    field = field.strip().strip('"').strip()
+    if DECIMAL_COMMA.fullmatch(field):
+        return True
     try:
-        float(field.replace(",", ".", 1))
+        float(field)
     except ValueError:
         return False
-    return True
+    return "_" not in field and field.isascii()
+
+
+def is_missing(field: str) -> bool:
+    """Whether a field is what programs write where they have no number."""
+    return field.strip().strip('"').strip().lower() in MISSING

@@ -1,25 +1,19 @@
-"""Recordings as text: CSV and its relatives, whatever separates their columns."""
+"""Recordings as text: CSV and its relatives, whatever separates their columns, and objects of JSON."""
 
-import csv
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from fltea.recording.columns import Chosen, choose, wanted_of
 from fltea.recording.files import Note, Recording, Stored, parse_units
-from fltea.recording.lines import shown
-from fltea.recording.table import gather
-from fltea.recording.text_layout import HEAD_LINES, MISSING, Layout, find_layout, is_number
-from fltea.recording.text_rows import Lines, RowReader, blocks_of_lines, decoded_head
+from fltea.recording.table import Rows, gather
+from fltea.recording.text_rows import UTF_16, TextReader
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
+BLOCK_BYTES = 1 << 18
 HEAD_BYTES = 1 << 20
-"""Of lines in which a header is looked for."""
-
-BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
+"""In which the columns have to be named, or the first row has to stand."""
 
 
 def read_csv(
@@ -37,64 +31,61 @@ def read_csv(
 def open_csv(
     path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS, file: BinaryIO | None = None
 ) -> Stored:
-    """Read the columns of a gyroscope out of a text file, once.
+    """Read the columns of a gyroscope out of a text file, once, as `TextReader` does of live text.
 
-    The separator, the header and decimal commas are found (`text_layout`); columns are those that `how` names
-    or that are known by their names (`columns`); a row without a number is a lost sample. file: what is
-    behind the path, if it has been opened already.
+    file: what is behind the path, if it has been opened already.
 
     Raises:
-        UsageError: names file, line and reason.
+        UsageError: the columns are not clear, or no line holds a sample; names file, line and reason.
     """
-    wanted = wanted_of(how)
     if how.units is not None:
         parse_units(how.units)
+    reader = TextReader(str(path), how)
     try:
         with file or path.open("rb") as stream:
-            blocks = blocks_of_lines(path, stream)
-            head = _head(path, blocks)
-            ends = itertools.accumulate(map(len, head.lines[: HEAD_LINES + 1]))
-            most = 1 + sum(end < HEAD_BYTES for end in ends)  # lines may be long, but not all of them
-            texts = decoded_head(head.lines[:most])
-            layout = find_layout(path, texts, wanted)
-            where = f"{path}:{layout.header + 1}"
-            chosen = choose(where, layout.names, layout.units, len(layout.first), how)
-            chosen, notes = _without_dates(path, chosen, layout, how)
-            reader = RowReader(path, layout, chosen)
-            rows = map(reader.read, itertools.chain([_behind(head, layout)], blocks))
-            found = gather(path, chosen, rows, how, limits, lambda line: f"{path}:{line}")
-            return found._replace(notes=(*notes, *found.notes))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+            rows = _rows(path, reader, stream)
+            first = next(rows, None)
+            if first is None or reader.chosen is None:
+                raise reader.refusal()
+            found = gather(
+                path, reader.chosen, _joined(first, rows), how, limits, lambda line: f"{path}:{line}"
+            )
+    except OSError as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
+    except UsageError as error:
+        if reader.chosen is None or reader.first is None or reader.first.why in str(error):
+            raise
+        raise UsageError(
+            f"{error} Lines were left out, the first is {reader.first.line}: {reader.first.why}"
+        ) from error
+    return found._replace(notes=(*_notes(path, reader), *found.notes))
 
 
-def _head(path: Path, blocks: Iterator[Lines]) -> Lines:
-    """The first lines, so many that the header is among them."""
-    head = Lines(1, [])
-    for block in blocks:
-        head = Lines(1, head.lines + block.lines, block.cut)
-        if len(head.lines) > HEAD_LINES:
-            break
-    if head.lines:
-        if head.lines[0].startswith(UTF_16):
+def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
+    """All rows; the columns have to be known near the beginning."""
+    size = 0
+    while data := stream.read1(BLOCK_BYTES) if hasattr(stream, "read1") else stream.read(BLOCK_BYTES):
+        if not size and data.startswith(UTF_16):
             raise UsageError(f"{path}: cannot be read as CSV (it is UTF-16; save it as UTF-8).")
-        head.lines[0] = head.lines[0].removeprefix(BOM)
-    return head
+        size += len(data)
+        yield from reader.feed(data)
+        if reader.chosen is None and size > HEAD_BYTES:
+            raise reader.refusal()
+    yield from reader.finish()
 
 
-def _without_dates(path: Path, chosen: Chosen, layout: Layout, how: How) -> tuple[Chosen, list[Note]]:
-    """Leave aside a column of times that nobody asked for, and that holds dates instead of numbers."""
-    if chosen.time is None or how.time_column is not None or chosen.time >= len(layout.first):
-        return chosen, []
-    name, first = chosen.names[chosen.time], layout.first[chosen.time]
-    if is_number(first) or first.lower() in MISSING:
-        return chosen, []
-    told = f"{path}:{layout.begin + 1}: column {shown(name)}: {shown(first)} is no number"
-    if how.rate_hz is None:
-        raise UsageError(f"{told}; times as text are not read, so give the rate: --rate 100.")
-    text = f"{told}, so it cannot tell which samples are missing."
-    return chosen._replace(time=None), [Note("row_times", text)]
+def _joined(first: Rows, rest: Iterator[Rows]) -> Iterator[Rows]:
+    yield first
+    yield from rest
 
 
-def _behind(head: Lines, layout: Layout) -> Lines:
-    return Lines(head.first + layout.begin, head.lines[layout.begin :], head.cut)
+def _notes(path: Path, reader: TextReader) -> list[Note]:
+    """What a person has to know of the lines that hold no sample."""
+    notes = list(reader.notes)
+    left_out = sum(reader.counts.values()) - reader.counts["before_header"]
+    if left_out and reader.first is not None:
+        text = f"the first of {left_out} lines that hold no sample and are left out: {reader.first.why}"
+        notes.append(Note("bad_lines", f"{path}:{reader.first.line}: {text}"))
+    if reader.cut is not None:
+        notes.append(Note("cut_recording", f"{path}:{reader.cut}: the last line is cut off, and left out."))
+    return notes

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.lines import shown
+from fltea.recording.sample_times import LONGEST_S
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records.errors import UsageError
 
@@ -26,12 +27,6 @@ LARGEST_DPS = 1e6
 
 LONGEST_NAME, MOST_NAMES = 60, 30
 """How much of what a file says of itself goes into a message."""
-
-EVENNESS, EVEN_SHARE = 0.2, 0.9
-"""Times are a device's if nine steps in ten are within a fifth of the median."""
-
-SHORTEST_STEP_S, LONGEST_S = 1e-6, 4e9
-"""The second is 126 years; so many nanoseconds fit into 64 bits."""
 
 LARGEST_COUNT, LARGEST_NUMBER = 2.0**31, 2.0**53
 """Of a sensor's register, and what a float tells from its neighbours."""

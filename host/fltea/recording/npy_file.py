@@ -81,4 +81,5 @@ def _blocks(columns: Columns, chosen: Chosen) -> Iterator[Rows]:
     for begin in range(0, n, AT_ONCE):
         rows = slice(begin, min(begin + AT_ONCE, n))
         values = [np.asarray(columns[place][rows], dtype=np.float64) for place in chosen.places]
-        yield Rows(np.arange(rows.start, rows.stop), np.stack(values, axis=1))
+        row = np.arange(rows.start, rows.stop)
+        yield Rows(row, chosen.scale(np.stack(values, axis=1)), row)

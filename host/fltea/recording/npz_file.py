@@ -15,7 +15,6 @@ from fltea.recording.files import (
     LARGEST_COUNT,
     LARGEST_DPS,
     LARGEST_NUMBER,
-    LONGEST_S,
     Recording,
     Stored,
     check_span,
@@ -23,6 +22,7 @@ from fltea.recording.files import (
     too_large,
 )
 from fltea.recording.npz_arrays import NpzArrays
+from fltea.recording.sample_times import LONGEST_S
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.limits import DEFAULT_LIMITS, Limits

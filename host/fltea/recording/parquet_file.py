@@ -64,7 +64,8 @@ def _blocks(file: parquet.ParquetFile, chosen: Chosen) -> Iterator[Rows]:
                     begin = next((stamp.as_py() for stamp in column if stamp.is_valid), None)
                 column = compute.subtract(column, begin or 0)  # floats tell Unix times to 0.2 µs only
             values[:, i] = column.cast(pa.float64(), safe=False).to_numpy()
-        yield Rows(np.arange(row, row + len(table)), values)
+        numbers = np.arange(row, row + len(table))
+        yield Rows(numbers, chosen.scale(values), numbers)
         row += len(table)
 
 

@@ -13,7 +13,6 @@ from fltea.recording.bag_imu import Encoding, read_imu
 from fltea.recording.bag_messages import Batch, Topic
 from fltea.recording.bag_ros1 import read_ros1
 from fltea.recording.bag_ros2 import read_mcap, read_sqlite, unpacked_file
-from fltea.recording.bag_stamps import Stamps, Times, is_arrival, is_uneven, judge
 from fltea.recording.files import (
     AT_ONCE,
     LARGEST_DPS,
@@ -26,6 +25,7 @@ from fltea.recording.files import (
     listed,
 )
 from fltea.recording.lines import shown
+from fltea.recording.message_stamps import Stamps, Times, is_arrival, is_uneven, judge
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool

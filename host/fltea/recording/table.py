@@ -6,40 +6,84 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.recording.columns import Chosen
 from fltea.recording.files import (
     AT_ONCE,
     LARGEST_DPS,
-    TIME_COLUMN,
+    LARGEST_NUMBER,
     Note,
     Recording,
     Stored,
     check_span,
     listed,
-    too_large,
 )
 from fltea.recording.npz_arrays import NUMBER_BYTES
-from fltea.recording.row_times import rate_of, told_by_times
+from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, Numbering, Timing, clock_of, timing
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
-Array = NDArray[np.float64]
+STEPS_AT_ONCE = 1 << 16
+LATEST = LARGEST_NUMBER * 1e3
+"""A time in any unit."""
 
 
 class Rows(NamedTuple):
     """Some rows.
 
-    numbers: (n,) of their lines or rows in the file, for messages. values: (n, columns) of the axes and then
-    the times; NaN where there is no number. cut: number of a last line that is cut off, and left out.
+    numbers: (n,) of their lines or rows in the file, for messages. values: (n, columns) of `Chosen.places`,
+    scaled by `Chosen.scale`; NaN where there is no number. ordinal: (n,) number of each among the samples and
+    the lost ones, from 0. begins: the sender began again with the first of them.
     """
 
-    numbers: NDArray[np.int64]
-    values: NDArray[np.float64]
-    cut: int | None = None
+    numbers: Ints
+    values: Floats
+    ordinal: Ints
+    begins: bool = False
+
+
+class Samples(NamedTuple):
+    """Rows that are samples. time: (n,) as it stands in the column, or None. accel: (n, 3) m/s², or None.
+
+    left_out: why rows are none, as `text_rows.REASONS` names it, with the first such row and how many.
+    """
+
+    numbers: Ints
+    ordinal: Ints
+    gyro: Floats
+    time: Floats | None
+    accel: Floats | None
+    left_out: dict[str, tuple[int, int]]
+
+
+def samples_of(rows: Rows, chosen: Chosen) -> Samples:
+    """The samples among rows: those that have all numbers that are needed, and none that cannot be."""
+    values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
+    axes, needed = len(chosen.gyro), len(chosen.needed)
+    largest = LARGEST_DPS * (chosen.lsb or 1.0)
+    left_out: dict[str, tuple[int, int]] = {}
+
+    def leave_out(reason: str, bad: Marks) -> None:
+        nonlocal values, numbers, ordinal
+        left_out[reason] = int(numbers[int(np.argmax(bad))]), int(bad.sum())
+        values, numbers, ordinal = values[~bad], numbers[~bad], ordinal[~bad]
+
+    if not np.isfinite(values[:, :needed]).all():
+        leave_out("not_finite", ~np.isfinite(values[:, :needed]).all(axis=1))
+    if len(values) and np.abs(values[:, :axes]).max() > largest:
+        leave_out("too_large", np.asarray((np.abs(values[:, :axes]) > largest).any(axis=1)))
+    if needed > axes and len(values) and np.abs(values[:, axes]).max() > LATEST:
+        leave_out("time", np.asarray(np.abs(values[:, axes]) > LATEST))
+    time = values[:, axes] if needed > axes else None
+    accel = values[:, needed:] if chosen.accel else None
+    return Samples(numbers, ordinal, values[:, :axes], time, accel, left_out)
+
+
+def is_acceleration(accel: Floats) -> Marks:
+    """Mark the rows that hold an acceleration."""
+    return np.asarray((np.abs(accel) <= LARGEST_DPS).all(axis=1))
 
 
 def gather(
@@ -55,21 +99,12 @@ def gather(
     place: a line or row, for messages.
 
     Raises:
-        UsageError: no rows, numbers that no gyroscope gives, times that tell no rate.
+        UsageError: no rows, none with numbers that a gyroscope gives, or times that tell no rate.
     """
-    if how.rate_hz is None and chosen.time is None:
-        raise UsageError(
-            f"{path}: has no column '{TIME_COLUMN}' or another whose name says times, so give its rate: "
-            "--rate 100, or name the column: --time-column NAME --time-unit ms (it has: "
-            f"{listed(chosen.names)})."
-        )
     table = _Table(path, chosen, how, limits, place)
     for block in blocks:
         if len(block.values):
             table.add(block)
-        if block.cut is not None:
-            text = f"{place(block.cut)}: the last line is cut off, and left out."
-            table.notes.append(Note("cut_recording", text))
     return table.stored()
 
 
@@ -85,144 +120,163 @@ class _Table:
         self, path: Path, chosen: Chosen, how: How, limits: Limits, place: Callable[[int], str]
     ) -> None:
         self._path, self._chosen, self._place, self._rate_hz = path, chosen, place, how.rate_hz
-        self._most = limits.whole_bytes // NUMBER_BYTES
         self._limits = limits
+        self._most = limits.whole_bytes // NUMBER_BYTES
         self._spool = Spool()
-        self._rows = self._missing = self._first_missing = 0
+        self._rows = 0
+        self._left_out: dict[str, tuple[int, int]] = {}
         self._some = np.zeros(len(chosen.needed), dtype=bool)
         self._has_accel = bool(chosen.accel)
-        self._first_time: float | None = None
-        self.notes: list[Note] = []
-        self._last_time = 0.0
+        self._is_new_run = False
+        self._elapsed = Elapsed(chosen.time_unit)
+        self._last_elapsed = 0.0
+        self._begins: list[Ints] = []
+        self._notes: list[Note] = []
 
     def add(self, block: Rows) -> None:
-        """The next ones."""
-        numbers, values, _ = block
+        """Take the next rows."""
         width = len(self._chosen.places)
         fits = self._most // width - self._rows
-        if len(values) > fits:
+        if len(block.values) > fits:
             size = (self._most // width + 1) * width * NUMBER_BYTES
-            raise self._limits.whole_too_large(self._place(int(numbers[fits])), size)
-        values, accel = self._without_accel(numbers, values)
-        lacks = np.isnan(values)
-        infinite = np.isinf(values)
-        if infinite.any():
-            row, column = divmod(int(np.argmax(infinite)), values.shape[1])
-            name = self._chosen.read[column]
-            raise UsageError(f"{self._place(int(numbers[row]))}: column '{name}' is not a finite number.")
-        rows = np.arange(self._rows, self._rows + len(values))
-        self._rows += len(values)
-        self._some |= ~lacks.all(axis=0)
-        missing = lacks.any(axis=1)
-        if missing.any():
-            if not self._missing:
-                self._first_missing = int(numbers[int(np.argmax(missing))])
-            self._missing += int(missing.sum())
-            numbers, values, rows, accel = (
-                numbers[~missing],
-                values[~missing],
-                rows[~missing],
-                accel[~missing],
-            )
-            if not len(values):
-                return
-        with np.errstate(over="ignore"):
-            gyro = values[:, : len(self._chosen.gyro)] * self._chosen.factor
-        beyond = too_large(gyro, self._chosen.lsb)
-        if beyond.any():
-            place = self._place(int(numbers[int(np.argmax(beyond))]))
-            raise UsageError(
-                f"{place}: more than {LARGEST_DPS:g} deg/s; is --units {self._chosen.units} right?"
-            )
-        self._spool.append("gyro", gyro)
-        if self._has_accel:
-            self._spool.append("accel", accel)
-        if self._chosen.time is not None:
-            self._add_times(numbers, values[:, -1])
-        if self._rate_hz is not None:
-            self._spool.append("row", rows)
-
-    def _without_accel(self, numbers: NDArray[np.int64], values: NDArray[np.float64]) -> tuple[Array, Array]:
-        """What a sample needs, and m/s²; an accelerometer that is not there for each sample is left out."""
-        needed = len(self._chosen.needed)
-        with np.errstate(over="ignore"):
-            values, accel = values[:, :needed], values[:, needed:] * self._chosen.accel_ms2
-        bad = ~(np.abs(accel) <= LARGEST_DPS).all(axis=1) & ~np.isnan(values).any(axis=1)
-        if self._has_accel and bad.any():
-            self._has_accel = False
-            self._spool.drop("accel")
-            names = listed(self._chosen.read[needed:])
-            text = (
-                f"{self._place(int(numbers[int(np.argmax(bad))]))}: {names}: no acceleration stands here, so "
-                "the accelerometer is left out."
-            )
-            self.notes.append(Note("missing_numbers", text))
-        return values, accel
-
-    def _add_times(self, numbers: NDArray[np.int64], times: NDArray[np.float64]) -> None:
-        if self._first_time is None:
-            self._first_time, before = float(times[0]), [-np.inf]
+            raise self._limits.whole_too_large(self._place(int(block.numbers[fits])), size)
+        self._rows += len(block.values)
+        self._some |= np.isfinite(block.values[:, : len(self._some)]).any(axis=0)
+        found = samples_of(block, self._chosen)
+        for reason, (first, count) in found.left_out.items():
+            before = self._left_out.get(reason, (first, 0))
+            self._left_out[reason] = before[0], before[1] + count
+        self._is_new_run |= block.begins
+        if not len(found.gyro):
+            return
+        row = self._spool.length("gyro")
+        begins = np.zeros(len(found.gyro), dtype=bool)
+        if found.time is not None:
+            elapsed, begins = self._elapsed.add(found.time, found.gyro)
+            self._spool.append("time", elapsed)
+            self._last_elapsed = float(elapsed[-1])
         else:
-            before = [self._last_time]
-        times = times - self._first_time
-        steps = np.diff(times, prepend=before)
-        if self._rate_hz is None and (steps <= 0).any():
-            place = self._place(int(numbers[int(np.argmax(steps <= 0))]))
-            name = self._chosen.time_name
-            raise UsageError(f"{place}: column '{name}': the time does not increase.")
-        self._last_time = float(times[-1])
-        self._spool.append("time", times)
+            begins[0] = self._is_new_run and row > 0
+        self._is_new_run = False
+        if begins.any():
+            self._begins.append(row + np.flatnonzero(begins))
+        self._spool.append("gyro", found.gyro)
+        self._spool.append("row", found.ordinal)
+        if self._has_accel and found.accel is not None:
+            self._add_accel(found.numbers, found.accel)
+
+    def _add_accel(self, numbers: Ints, accel: Floats) -> None:
+        """Keep it, unless it is not there for each sample: then the accelerometer is left out."""
+        good = is_acceleration(accel)
+        if good.all():
+            self._spool.append("accel", accel)
+            return
+        self._has_accel = False
+        self._spool.drop("accel")
+        names = listed(self._chosen.read[len(self._chosen.needed) :])
+        text = (
+            f"{self._place(int(numbers[int(np.argmax(~good))]))}: {names}: no acceleration stands here, so "
+            "the accelerometer is left out."
+        )
+        self._notes.append(Note("missing_numbers", text))
 
     def stored(self) -> Stored:
-        """All of it, as a recording."""
-        path, chosen, spool, notes = self._path, self._chosen, self._spool, self.notes
+        """All rows as a recording."""
+        chosen, spool = self._chosen, self._spool
         n = spool.length("gyro")
-        if not self._rows:
-            raise UsageError(f"{path}: has a header but no rows.")
         if not n:
-            empty = [name for name, some in zip(chosen.read, self._some, strict=False) if not some]
-            where = f"column {listed(empty)} is empty" if empty else "no row has numbers in all columns"
-            raise UsageError(f"{self._place(self._first_missing)}: {where} ({listed(chosen.read)} are read).")
-        if self._missing:
-            text = (
-                f"{self._place(self._first_missing)}: the first of {self._missing} rows (of {self._rows}) "
-                "with an empty field, NaN or the like: their samples count as lost."
-            )
-            notes.append(Note("missing_numbers", text))
-        step, scale = None, 1.0
-        if self._rate_hz is None:
-            rate_hz, scale = rate_of(path, chosen.time_name, chosen.time_unit, spool, self._last_time)
+            raise self._none()
+        self._note_left_out()
+        found = self._timing()
+        if found.warning:
+            self._notes.append(Note("row_times", found.warning))
+        if found.period is None or "time" not in spool:
+            spool.drop("time")
+            samples, last_s = n, (n - 1) / found.rate_hz
         else:
-            rate_hz = self._rate_hz
-            check_span(path, rate_hz, n, (n - 1) / rate_hz)
-            if chosen.time is not None:
-                name, unit = chosen.time_name, chosen.time_unit
-                step, told = told_by_times(path, name, unit, spool, rate_hz)
-                notes += [Note("row_times", told)] if told else []
-                spool.drop("time" if step is None else "row")
-        make = partial(_blocks, spool, rate_hz, chosen.lsb, step, scale)
-        return Stored(n, rate_hz, chosen.lsb, None, make, tuple(notes))
+            spool.drop("row")
+            samples = n - self._elapsed.repeated
+            last_s = self._last_elapsed * found.unit_s
+        check_span(self._path, found.rate_hz, samples, last_s)
+        begins = np.concatenate(self._begins) if self._begins else np.empty(0, np.int64)
+        make = partial(_blocks, spool, chosen, found, begins, given=self._rate_hz is not None)
+        return Stored(samples, found.rate_hz, chosen.lsb, None, make, tuple(self._notes))
+
+    def _none(self) -> UsageError:
+        chosen = self._chosen
+        if not self._rows:
+            return UsageError(f"{self._path}: has a header but no rows.")
+        reason, (first, _) = next(iter(self._left_out.items()))
+        where = self._place(first)
+        if reason == "too_large":
+            return UsageError(f"{where}: more than {LARGEST_DPS:g} deg/s; is --units {chosen.units} right?")
+        if reason == "time":
+            return UsageError(f"{where}: column '{chosen.time_name}' has a time that cannot be.")
+        empty = [name for name, some in zip(chosen.read, self._some, strict=False) if not some]
+        what = f"column {listed(empty)} is empty" if empty else "no row has numbers in all columns"
+        return UsageError(f"{where}: {what} ({listed(chosen.read)} are read).")
+
+    def _note_left_out(self) -> None:
+        for reason, (first, count) in self._left_out.items():
+            where = f"{self._place(first)}: the first of {count} rows (of {self._rows}) "
+            match reason:
+                case "not_finite":
+                    text = "with an empty field, NaN or the like: their samples count as lost."
+                    self._notes.append(Note("missing_numbers", where + text))
+                case "too_large":
+                    right = f"is --units {self._chosen.units} right?"
+                    text = f"with more than {LARGEST_DPS:g} deg/s, which are left out; {right}"
+                    self._notes.append(Note("bad_lines", where + text))
+                case _:
+                    text = f"with a time in '{self._chosen.time_name}' that cannot be, which are left out."
+                    self._notes.append(Note("bad_lines", where + text))
+
+    def _timing(self) -> Timing:
+        """How the rows are numbered; a warning of runs and repeated rows that the times tell."""
+        chosen, spool = self._chosen, self._spool
+        if chosen.time is None:
+            assert self._rate_hz is not None  # `choose` refuses a table without both
+            return Timing(self._rate_hz, None)
+        clock = clock_of(
+            lambda: (times for (times,) in spool.blocks(["time"], STEPS_AT_ONCE)), self._elapsed.odd
+        )
+        found = timing(str(self._path), chosen.time_name, chosen.time_unit, clock, self._rate_hz)
+        if found.period is None:
+            self._begins.clear()
+        elif runs := sum(map(len, self._begins)):
+            text = f"column '{chosen.time_name}' runs backwards {runs} times; a new run begins at each."
+            self._notes.append(Note("row_times", f"{self._path}: {text}"))
+        if found.period is not None and self._elapsed.repeated:
+            text = f"{self._elapsed.repeated} rows have the time of the row before them, and are left out."
+            self._notes.append(Note("row_times", f"{self._path}: column '{chosen.time_name}': {text}"))
+        return found
 
 
 def _blocks(
-    spool: Spool, rate_hz: float, lsb: float | None, step: float | None, scale: float
+    spool: Spool, chosen: Chosen, timing: Timing, begins: Ints, *, given: bool
 ) -> Iterator[Recording]:
-    """Blocks of samples, numbered by their rows, by steps of their times, or by whoever reads their times."""
-    number, last = -1, None
-    columns = ["gyro", "row" if "row" in spool else "time", *(["accel"] if "accel" in spool else [])]
-    for gyro, told, *accel in spool.blocks(columns, AT_ONCE):
+    """Blocks of samples. given: the rate is the user's, so the numbers tell the times."""
+    rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool
+    columns = ["gyro", "time" if by_times else "row", *(["accel"] if "accel" in spool else [])]
+    numbering = Numbering(timing.period or 1.0, rate_hz)
+    row = epoch = 0
+    origin: int | None = None
+    for gyro, place, *accel in spool.blocks(columns, AT_ONCE):
         accel_ms2 = accel[0] if accel else None
-        if "row" in spool:
-            if last is None:
-                last = int(told[0])
-            seq = told - last
-        elif step is not None:
-            before = told[0] - step if last is None else last
-            seq = number + np.cumsum(
-                np.maximum(1, np.rint(np.diff(told, prepend=before) / step)).astype(np.int64)
-            )
-            number, last = int(seq[-1]), told[-1]
+        marks = np.zeros(len(gyro), dtype=bool)
+        marks[begins[(begins >= row) & (begins < row + len(gyro))] - row] = True
+        row += len(gyro)
+        if by_times:
+            found = numbering.add(place, marks)
+            if not found.kept.all():
+                gyro, accel_ms2 = gyro[found.kept], None if accel_ms2 is None else accel_ms2[found.kept]
+            seq, marks = found.sequence, found.begins
+            device_s = seq / rate_hz if given else found.elapsed * timing.unit_s
         else:
-            yield Recording(gyro, rate_hz, told * scale, lsb, accel_ms2=accel_ms2)
-            continue
-        yield Recording(gyro, rate_hz, seq / rate_hz, lsb, seq=seq, accel_ms2=accel_ms2)
+            origin = int(place[0]) if origin is None else origin
+            seq = place - origin
+            device_s = seq / rate_hz
+        epochs = epoch + np.cumsum(marks)
+        if len(seq):
+            epoch = int(epochs[-1])
+            yield Recording(gyro, rate_hz, device_s, chosen.lsb, seq=seq, epoch=epochs, accel_ms2=accel_ms2)

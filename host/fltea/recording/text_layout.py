@@ -1,88 +1,276 @@
-"""How a text recording is laid out: what separates its fields, where its columns stand, where rows begin."""
+"""How text is laid out: what separates its fields, where its columns stand, where its rows begin (pure).
+
+Lines are looked at one by one, so a file and an endless stream are understood in the same way.
+"""
 
 import csv
 import re
+from collections import deque
 from collections.abc import Sequence
-from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import msgspec
 
 from fltea.recording.column_names import known_unit
-from fltea.recording.columns import Wanted
-from fltea.recording.files import listed
+from fltea.recording.columns import (
+    DECIMAL_COMMA,
+    Chosen,
+    Wanted,
+    choose,
+    is_missing,
+    is_number,
+    wanted_of,
+)
+from fltea.recording.files import Note, listed
 from fltea.recording.lines import shown
 from fltea.records.errors import UsageError
+from fltea.settings.how import How
 
 COMMENTS = ("#", "%", "//")
-HEAD_LINES = 200
-"""So many lines may stand before the rows."""
+SEPARATORS = ("\t", ";", ",", None)
+"""The last is white space."""
+
+MOST_BEFORE = 200
+"""Lines before the first row that are remembered: one of them may be a header."""
 
 MOST_COLUMNS = 10_000
 """Names in a line; a file of text may hold lines of a million."""
 
-DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
-MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
-"""What programs write where they have no number; in small letters."""
+DATE = re.compile(r"\d[-:/.T ]\d+[-:/.T ]\d")
+"""What is in a time that is written as text."""
+
+ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
+
+decode_object = msgspec.json.Decoder(dict[str, Any]).decode
 
 
 class Layout(NamedTuple):
-    """separator: None is white space. names, units: of the columns, None without a header or such a line.
+    """Where the numbers of a row stand.
 
-    first: fields of the first row. header: index of the line with the names. begin: index of the first row.
+    separator: what is between two fields; None is white space. is_json: rows are JSON objects, and names are
+    their keys. usual: fields of the first row. least: a row has at least so many. most: fields beyond them
+    hold no numbers. begin: the line of the first row, from 1. notes: what the user has to know.
     """
 
+    chosen: Chosen
     separator: str | None
-    decimal_comma: bool
-    names: list[str] | None
-    units: list[str] | None
-    first: list[str]
-    header: int
+    is_json: bool
+    usual: int
+    least: int
+    most: int
     begin: int
+    notes: tuple[Note, ...] = ()
 
 
-def find_layout(path: Path, lines: Sequence[str], wanted: Wanted) -> Layout:
-    """Look at the first lines.
+class _Header(NamedTuple):
+    """A line of names. is_loose: it may hold other words than names, or names with blanks."""
+
+    line: int
+    names: list[str]
+    separator: str | None
+    is_loose: bool
+
+
+class LayoutFinder:
+    """Takes line after line until one is a row. where: for messages. how: what the user says.
+
+    is_other: the newest line was neither empty, a comment, nor part of the header.
 
     Raises:
-        UsageError: no line names the columns that are wanted, or the fields of the rows are not clear.
+        UsageError: `how` names too many columns, or one twice.
     """
-    header, names, begin = None, None, 0
-    for i, line in enumerate(lines):
+
+    def __init__(self, where: str, how: How) -> None:
+        self.is_other = False
+        self._wanted = wanted_of(how)
+        self._where, self._how = where, how
+        self._before: deque[tuple[int, str]] = deque(maxlen=MOST_BEFORE)
+        self._header: _Header | None = None
+        self._units: list[str] | None = None
+        self._chosen: Chosen | None = None
+        self._why_no_row = ""
+
+    def take(self, number: int, line: str) -> Layout | None:
+        """Look at the next line; the layout if it is a row.
+
+        Raises:
+            UsageError: a line names the columns, but which are meant, or in which units, is not clear.
+        """
+        self.is_other = False
         if is_blank(line):
-            continue
-        if not is_comment(line) and all_numbers(line):
-            break
-        found = _header(line, wanted)
-        if found is not None:
-            header, names, begin = i, found, i + 1
-            break
-        if not is_comment(line) and wanted.are_at(split(line, separator_of(line)[0])):
-            break  # a later row may hold what looks like the names: 2 is a position, and a number
-    units = None
-    if names is None:
-        begin = _without_header(path, lines, wanted)
-        header, names, units = _names_before(lines, begin)
-    rows = [i for i in range(begin, len(lines)) if not is_blank(lines[i])]
-    if names is not None and rows and begin <= rows[0] and units is None:
-        units = _units(lines[rows[0]])
-        rows = rows[units is not None :]
-    rows = [i for i in rows if not is_comment(lines[i])]
-    first = lines[rows[0]] if rows else "" if header is None else lines[header]
-    separator, decimal_comma = separator_of(first)
-    fields = split(first, separator) if rows else [""] * len(names or ())
-    if names is not None and len(names) == 1 and DECIMAL_COMMA.fullmatch(first.strip()):
-        separator, decimal_comma, fields = None, True, [first.strip()]
-    if names is not None and header is not None and rows and not wanted.by_position:
-        strict = separator is None or is_comment(lines[header])
-        _check_width(f"{path}:{rows[0] + 1}", fields, names, separator, strict=strict)
-    return Layout(
-        separator,
-        decimal_comma,
-        names,
-        units if units is None or names is None or len(units) == len(names) else None,
-        fields,
-        0 if header is None else header,
-        rows[0] if rows else len(lines),
+            return None
+        comment = is_comment(line)
+        if not comment and line.lstrip().startswith("{"):
+            found = self._of_object(number, line)
+        else:
+            numbers = not comment and all_numbers(line)
+            header = None if numbers else header_of(line, self._wanted)
+            if header is not None:
+                self._header, self._units, self._chosen = _Header(number, *header), None, None
+                return None
+            if self._header is not None and self._chosen is None:
+                units = None if numbers or self._units is not None else _units(line)
+                if units is not None:
+                    self._units = units
+                    return None
+                self._choose_named()
+            found = None if comment else self._of_row(number, line)
+        if found is None:
+            self._before.append((number, line))
+            self.is_other = not comment
+        return found
+
+    def refusal(self) -> UsageError:
+        """Why no line so far is a row."""
+        if self._header is not None or self._why_no_row:
+            return UsageError(self._why_no_row or f"{self._where}: has a header but no rows.")
+        lines = [line for _, line in self._before]
+        place, has = _what_there_is(lines)
+        where = f"{self._where}:{self._before[place][0] if lines else 1}"
+        wanted = self._wanted
+        if wanted.by_position and has is None and lines:
+            width = len(split(lines[place], separator_of(lines[place])))
+            beyond = [name for name in wanted.names if int(name) > width]
+            what = f"no column {', '.join(beyond)}" if beyond else f"no numbers in {', '.join(wanted.names)}"
+            return UsageError(f"{where}: {what} (it has {width} columns, without names).")
+        no_header = f"no header; the line is {shown(lines[place].strip())}" if lines else "no header"
+        lacking = [name for name in wanted.names if has is None or name not in has]
+        if wanted.columns is None and not (lacking and has):
+            positions = (
+                " or, since there is no header, their positions: --columns 1,2,3" if has is None else ""
+            )
+            return UsageError(
+                f"{where}: no columns gyro_x_dps, …; name yours with --columns{positions} (it has: "
+                f"{no_header if has is None else listed(has)})."
+            )
+        there = f"{no_header}; give positions: --columns 1,2,3" if has is None else listed(has)
+        return UsageError(f"{where}: no column {', '.join(lacking)} (it has: {there}).")
+
+    def _choose_named(self) -> None:
+        header, self._header = self._header, None  # of one that is refused nothing stays
+        assert header is not None
+        names, units = header.names, self._units
+        beside = units if units is not None and len(units) == len(names) else None
+        self._chosen = choose(f"{self._where}:{header.line}", names, beside, len(names), self._how)
+        self._header = header
+
+    def _of_row(self, number: int, line: str) -> Layout | None:
+        header, chosen = self._header, self._chosen
+        if header is None or chosen is None:
+            separator = separator_of(line)
+            fields = split(line, separator)
+            if not self._wanted.are_at(fields):
+                return None
+            at, names, units = self._names_above(len(fields))
+            chosen = choose(f"{self._where}:{at or number}", names, units, len(fields), self._how)
+            return _layout(chosen, separator, fields, len(fields), number)
+        names = header.names
+        why = ""
+        for separator in dict.fromkeys((separator_of(line, len(names)), header.separator)):
+            fields = split(line, separator)
+            if header.is_loose and (len(fields) < len(names) or any(fields[len(names) :])):
+                found = (
+                    f"has {len(fields)} fields, and the header names {len(names)} columns ({listed(names)}). "
+                    "Write one name a column, or give positions: --columns 2,3,4."
+                )
+            else:
+                found = why_too_many(fields, len(names))
+            timed, note = _without_dates(chosen, fields, self._how)
+            found = found or why_no_row(timed, fields, separator)
+            if not found:
+                where = f"{self._where}:{number}"
+                notes = (Note("row_times", f"{where}: {note}"),) if note else ()
+                return _layout(timed, separator, fields, len(names), number, notes)
+            why = why or found
+        self._why_no_row = self._why_no_row or f"{self._where}:{number}: {why}"
+        return None
+
+    def _of_object(self, number: int, line: str) -> Layout | None:
+        try:
+            found = decode_object(line)
+        except (ValueError, RecursionError):  # msgspec's errors are ValueErrors
+            return None
+        names = list(found)
+        if len(names) > MOST_COLUMNS or self._wanted.by_position or not self._wanted.are_in(names):
+            return None
+        chosen = choose(f"{self._where}:{number}", names, None, len(names), self._how)
+        if not all(found[name] is None or type(found[name]) in (int, float) for name in chosen.read):
+            self._why_no_row = f"{self._where}:{number}: {listed(chosen.read)}: not all are numbers."
+            return None
+        return Layout(chosen, None, True, 0, 0, 0, number)
+
+    def _names_above(self, width: int) -> tuple[int | None, list[str] | None, list[str] | None]:
+        """The header above rows whose columns go by their positions: its line, names, and units below it."""
+        units = None
+        for number, line in reversed(self._before):
+            text = line.strip().lstrip("#%/").strip()
+            found = split(text, separator_of(text))
+            if len(found) != width or any(map(is_number, found)):
+                continue
+            if units is None and _units(line) is not None:
+                units = found
+            else:
+                return number, found, units
+        return None, None, None
+
+
+def _layout(
+    chosen: Chosen,
+    separator: str | None,
+    fields: Sequence[str],
+    columns: int,
+    number: int,
+    notes: tuple[Note, ...] = (),
+) -> Layout:
+    filled = len(fields)
+    while filled and not fields[filled - 1].strip():
+        filled -= 1
+    least = max(min(filled, columns), max(chosen.needed) + 1)
+    return Layout(chosen, separator, False, len(fields), least, columns, number, notes)
+
+
+def why_too_many(fields: Sequence[str], columns: int) -> str:
+    """Why fields are more than there are columns, if these are numbers: commas may be decimal ones."""
+    if not any(map(is_number, fields[columns:])):
+        return ""
+    return (
+        f"has {len(fields)} fields, and there are {columns} columns. If the numbers have decimal commas, "
+        "separate the columns by ';' or write decimal points."
     )
+
+
+def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> str:
+    """Why fields do not hold the numbers that are needed; "" if they do, or are missing ones."""
+    for place, name in zip(chosen.needed, chosen.read, strict=False):
+        if place >= len(fields):
+            return f"has {len(fields)} fields; column {shown(name)} is number {place + 1}."
+        field = fields[place].strip()
+        in_quotes = separator == "," and "," in field
+        if is_missing(field) or (is_number(field) and not in_quotes):
+            continue
+        hint = ""
+        if in_quotes and is_number(field):
+            hint = " Decimal commas are read where ';', a tab or blanks separate the columns."
+        elif place == chosen.time:
+            hint = " Times as text are not read, so give the rate: --rate 100."
+        return f"column {shown(name)}: {shown(field)} is not a number.{hint}"
+    return ""
+
+
+def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Chosen, str]:
+    """Leave aside a column of times that nobody asked for, and that holds dates; and what to say of it."""
+    if (
+        chosen.time is None
+        or chosen.time >= len(fields)
+        or how.rate_hz is None
+        or how.time_column is not None
+    ):
+        return chosen, ""
+    first = fields[chosen.time]
+    if is_number(first) or not DATE.search(first):
+        return chosen, ""
+    told = f"column {shown(chosen.time_name)}: {shown(first)} is no number, so it cannot tell which samples "
+    return chosen._replace(time=None), told + "are missing."
 
 
 def is_blank(line: str) -> bool:
@@ -95,36 +283,23 @@ def is_comment(line: str) -> bool:
     return line.lstrip().startswith(COMMENTS)
 
 
-def is_number(field: str) -> bool:
-    """Whether a field holds a number, with a decimal point or comma."""
-    field = field.strip().strip('"').strip()
-    if DECIMAL_COMMA.fullmatch(field):
-        return True
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return "_" not in field and field.isascii()
-
-
 def all_numbers(line: str) -> bool:
     """Whether there are numbers in a line, and nothing else."""
-    fields = split(line, separator_of(line)[0])
-    known = [field for field in fields if field.strip().lower() not in MISSING]
+    known = [field for field in split(line, separator_of(line)) if not is_missing(field)]
     return bool(known) and all(map(is_number, known))
 
 
-def separator_of(line: str) -> tuple[str | None, bool]:
-    """What separates the fields of a row, and whether its numbers have decimal commas."""
+def separator_of(line: str, columns: int = 0) -> str | None:
+    """What separates the fields of a row of so many columns, if that is known; None is white space."""
     for separator in ("\t", ";"):
         if separator in line:
-            fields = [field.strip().strip('"') for field in line.split(separator)]
-            commas = any(map(DECIMAL_COMMA.fullmatch, fields))
-            return separator, commas and not any("." in field for field in fields)
+            return separator
     words = line.split()
-    if len(words) > 1 and all("," in w and DECIMAL_COMMA.fullmatch(w) for w in words):
-        return None, True
-    return ("," if "," in line else None), False
+    if columns == 1 and len(words) == 1 and DECIMAL_COMMA.fullmatch(words[0]):
+        return None
+    if len(words) > 1 and "," in line and all(map(is_number, words)):
+        return None
+    return "," if "," in line else None
 
 
 def split(line: str, separator: str | None) -> list[str]:
@@ -138,104 +313,48 @@ def split(line: str, separator: str | None) -> list[str]:
     return [field.strip().strip('"').strip() for field in fields]
 
 
-def _header(line: str, wanted: Wanted) -> list[str] | None:
+def header_of(line: str, wanted: Wanted) -> tuple[list[str], str | None, bool] | None:
+    """The names in a line, what separates them, and whether it may hold more than names; or None."""
     text = line.strip()
     for mark in COMMENTS:
         text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
-    for separator in ("\t", ";", ",", None):
-        if separator is None or separator in text:
-            names = split(text, separator)
-            if len(names) <= MOST_COLUMNS and wanted.are_in(names):
-                return names
+    if any(mark in text for mark in "\t;,"):
+        separators = [separator for separator in SEPARATORS if separator is None or separator in text]
+    else:  # a line end separates nothing: this is one name with blanks, rather if a unit ends it
+        separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
+    for separator in separators:
+        names = split(text, separator)
+        if len(names) <= MOST_COLUMNS and wanted.are_in(names) and not _is_row_of_positions(names, wanted):
+            return names, separator, separator is None or is_comment(line)
     return None
 
 
+def _is_row_of_positions(fields: Sequence[str], wanted: Wanted) -> bool:
+    """Whether a line that has the positions as its fields is a row that happens to hold such numbers."""
+    return wanted.by_position and any(is_number(field) and not field.isdecimal() for field in fields)
+
+
 def _units(line: str) -> list[str] | None:
-    """A second line of the header: units, and nothing else."""
+    """The units in the second line of a header, which holds nothing else."""
     text = line.strip().lstrip("#%").strip("\r\n")
-    fields = split(text, separator_of(text)[0])
+    fields = split(text, separator_of(text))
     named = [known_unit(field) for field in fields if field not in ("", "-", "[]", "[-]", "1")]
     return fields if named and all(named) and not any(map(is_number, fields)) else None
-
-
-def _without_header(path: Path, lines: Sequence[str], wanted: Wanted) -> int:
-    """Where the rows begin if no line names what is wanted."""
-    rows = [i for i, line in enumerate(lines) if not is_comment(line) and not is_blank(line)]
-    rows = rows if wanted.by_position else rows[:1]
-    row = next((i for i in rows if wanted.are_at(split(lines[i], separator_of(lines[i])[0]))), None)
-    if row is not None:
-        return row
-    place, has = _what_there_is(lines)
-    where = f"{path}:{place + 1}"
-    no_header = f"no header; the line is {shown(lines[place].strip())}" if lines else "no header"
-    lacking = [name for name in wanted.names if has is None or name not in has]
-    if wanted.columns is None and not (lacking and has):
-        positions = " or, since there is no header, their positions: --columns 1,2,3" if has is None else ""
-        raise UsageError(
-            f"{where}: no columns gyro_x_dps, …; name yours with --columns{positions} (it has: "
-            f"{no_header if has is None else listed(has)})."
-        )
-    told = f"{no_header}; give positions: --columns 1,2,3" if has is None else listed(has)
-    raise UsageError(f"{where}: no column {', '.join(lacking)} (it has: {told}).")
-
-
-def _names_before(lines: Sequence[str], begin: int) -> tuple[int | None, list[str] | None, list[str] | None]:
-    """The header above rows whose columns go by their positions: it may say units. Its line, names, units."""
-    row = split(lines[begin], separator_of(lines[begin])[0])
-    units = None
-    for i in range(begin - 1, -1, -1):
-        text = lines[i].strip().lstrip("#%/").strip()
-        found = split(text, separator_of(text)[0])
-        if len(found) != len(row) or any(map(is_number, found)):
-            continue
-        if units is None and _units(lines[i]) is not None:
-            units = found
-        else:
-            return i, found, units
-    return None, None, None
 
 
 def _what_there_is(lines: Sequence[str]) -> tuple[int, list[str] | None]:
     """The line that looks most like a header, and its names."""
     comment = None
     for i, line in enumerate(lines):
-        if is_blank(line):
-            continue
         if is_comment(line):
             comment = i
             continue
         if not all_numbers(line):
-            return i, split(line, separator_of(line)[0])
+            return i, split(line, separator_of(line))
         if comment is not None:
             text = lines[comment].strip().lstrip("#%/").strip()
-            names = split(text, separator_of(text)[0])
-            if len(names) == len(split(line, separator_of(line)[0])) and len(names) > 1:
+            names = split(text, separator_of(text))
+            if len(names) == len(split(line, separator_of(line))) and len(names) > 1:
                 return comment, names
         return i, None
     return 0, None
-
-
-def check_surplus(where: str, fields: Sequence[str], columns: int) -> None:
-    """Refuse a row with more numbers than columns: commas may be decimal ones, and all columns wrong."""
-    if any(map(is_number, fields[columns:])):
-        raise UsageError(
-            f"{where}: has {len(fields)} fields, and there are {columns} columns. If the numbers have "
-            "decimal commas, separate the columns by ';' or write decimal points."
-        )
-
-
-def _check_width(
-    where: str, fields: list[str], names: list[str], separator: str | None, *, strict: bool
-) -> None:
-    """Refuse a first row whose fields cannot be told to be those of the names.
-
-    strict: the names may hold blanks, or other words than names, so their number has to be the same.
-    """
-    if separator == ",":
-        check_surplus(where, fields, len(names))
-    told = f"{where}: has {len(fields)} fields, and the header names {len(names)} columns"
-    surplus = fields[len(names) :]
-    if strict and (len(fields) < len(names) or any(surplus)):
-        raise UsageError(
-            f"{told} ({listed(names)}). Write one name a column, or give positions: --columns 2,3,4."
-        )

@@ -1,212 +1,241 @@
-"""The numbers in the lines of a text recording, a block of lines at a time.
+"""Text as rows of numbers, from bytes that are cut anywhere: a file, a pipe, or what a board writes (pure).
 
-numpy's own reader takes a block at once: a million rows of four numbers in 0.28 s of processor time, where a
-loop over rows takes 1.2 s. pyarrow's takes 0.26 s in one thread: too little to have two paths. What numpy's
-does not take, such as empty fields and comments, is cleaned first; only a block that is still refused is
-looked at line by line, to find the place and the reason.
+A line that holds no sample is counted by its reason and left out; what looks like a sample and cannot be read
+stands for a lost one, so it takes a number.
 """
 
-import contextlib
-import csv
-import io
-import math
-import re
-from collections.abc import Iterator, Sequence
-from functools import partial
-from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fltea.recording.columns import Chosen
+from fltea.recording.columns import Chosen, wanted_of
+from fltea.recording.files import Note
 from fltea.recording.lines import LONGEST_LINE, shown
+from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.table import Rows
-from fltea.recording.text_layout import DECIMAL_COMMA, MISSING, Layout, check_surplus, is_blank, is_comment
+from fltea.recording.text_layout import Layout, LayoutFinder, header_of
+from fltea.recording.text_numbers import RowParser, decoded
 from fltea.records.errors import UsageError
+from fltea.settings.how import How
 
-BLOCK_BYTES = 1 << 18
+BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
+MANY = 24
+"""Lines from which on numpy's reader is quicker than a loop."""
 
-COMMON_EMPTY = b"", b"NA", b"null"
+NO_NAME = "0123456789+-."
+"""With what a line of names does not begin."""
+
+REASONS = {
+    "text": "is no line of numbers",
+    "fields": "has another number of fields than the others",
+    "number": "holds what is no number",
+    "columns": "is an object without the columns",
+    "too_long": f"has no end within {LONGEST_LINE} bytes",
+    "before_header": "came before the columns were known",
+    "header": "names columns that do not fit those before",
+    "not_finite": "has an empty field, NaN or infinity: a missing sample",
+    "too_large": "is beyond what a gyroscope measures; are the units right?",
+    "time": "has a time that cannot be",
+}
+"""Why a line holds no sample: key of its count in `link.bad_frames`, and what a person is told.
+
+The last three are found where rows become samples (`fltea.recording.table`).
+"""
 
 
-class Lines(NamedTuple):
-    """Successive lines, without their ends. first: the number of the first. cut: the last one has no end."""
+class Bad(NamedTuple):
+    """A line without a sample. line: its number, from 1. why: in full, with what the line holds."""
 
-    first: int
-    lines: list[bytes]
-    cut: bool = False
+    line: int
+    reason: str
+    why: str
 
 
-def blocks_of_lines(path: Path, file: BinaryIO) -> Iterator[Lines]:
-    """All lines of a file.
+class TextReader:
+    """Turns bytes into rows. where: for messages. how: what the user says of the columns.
+
+    counts: lines without a sample by their reason, but for the last three of `REASONS`. first, newest: the
+    first and the newest of them. cut: the last line, if it has no end and is no row, and so is left out.
+    lines: how many there were so far. notes: what the user has to know of the columns.
 
     Raises:
-        UsageError: a line is longer than any of a recording.
+        UsageError: `how` is wrong.
     """
-    first, rest = 1, b""
-    while data := file.read1(BLOCK_BYTES) if hasattr(file, "read1") else file.read(BLOCK_BYTES):
-        whole, end, last = data.rpartition(b"\n")
-        if end:
-            lines = (rest + whole).split(b"\n")
-            yield Lines(first, lines)
-            first += len(lines)
-            rest = last
-        else:
-            rest += data
-        if len(rest) > LONGEST_LINE:
-            raise UsageError(
-                f"{path}:{first}: the line has no end within {LONGEST_LINE} characters, so this is no "
-                "recording as text. Is it another kind of file, or damaged?"
-            )
-    if rest:
-        yield Lines(first, [rest], cut=True)
 
+    def __init__(self, where: str, how: How) -> None:
+        self._wanted = wanted_of(how)
+        self.layout: Layout | None = None
+        self.counts: Counter[str] = Counter()
+        self.first: Bad | None = None
+        self.newest: Bad | None = None
+        self.cut: int | None = None
+        self.lines = 0
+        self.notes: list[Note] = []
+        self._where, self._how = where, how
+        self._finder = LayoutFinder(where, how)
+        self._known: Chosen | None = None
+        self._parser: RowParser | None = None
+        self._ordinal = 0
+        self._begins = self._skipping = False
+        self._rest = b""
 
-class RowReader:
-    """Turns lines into rows."""
+    @property
+    def chosen(self) -> Chosen | None:
+        """The columns that are read; None as long as no line has said it. They stay what they are."""
+        return self._known
 
-    def __init__(self, path: Path, layout: Layout, chosen: Chosen) -> None:
-        self._path, self._layout, self._chosen = path, layout, chosen
-        separator = layout.separator
-        if separator is None:
-            self._empty = re.compile(r"(?<!\S)(?:na|n/a|null|none)(?!\S)", re.I)
-        else:
-            s = re.escape(separator)
-            self._empty = re.compile(
-                rf'(?:^|(?<={s})) *(?:na|n/a|null|none|""|) *(?=[\r ]*$|{s})', re.I | re.M
-            )
+    def resume(self, *, within_line: bool) -> None:
+        """The sender was lost and is back; within_line: what comes first may be the end of a line."""
+        self._rest, self._skipping = b"", within_line
 
-    def read(self, block: Lines) -> Rows:
-        """The rows in some lines.
+    def refusal(self) -> UsageError:
+        """Why there was no row so far."""
+        if self.first is None or (self._known is None and self.first.reason != "too_long"):
+            return self._finder.refusal()
+        return UsageError(f"{self._where}:{self.first.line}: {self.first.why}")
+
+    def feed(self, data: bytes) -> list[Rows]:
+        """Take bytes; the rows in the lines that end in them.
 
         Raises:
-            UsageError: a field is no number, or not there.
+            UsageError: the first line that names the columns does not say clearly which are meant.
         """
-        lines = block.lines
-        data = b"\n".join(lines)
-        commas = (len(self._layout.first) - 1) * len(lines)
-        if self._layout.separator == "," and data.count(b",") > commas:
-            self._check_surplus(block)
-        if all(lines):
-            values = self._at_once(data, len(lines))
-            if values is None:
-                values = self._at_once(self._filled(data), len(lines))
-            if values is not None:
-                return Rows(np.arange(block.first, block.first + len(lines)), values)
-        texts = data.decode().split("\n")
-        kept = [i for i, text in enumerate(texts) if not is_comment(text) and not self._blank(text)]
-        numbers = np.array(kept, dtype=np.int64) + block.first
-        if not kept:
-            return Rows(numbers, np.empty((0, len(self._chosen.places))))
-        texts = [texts[i] for i in kept]
-        for filled in (str, partial(self._empty.sub, "nan")):
-            values = self._at_once(filled("\n".join(texts)).encode(), len(kept))
-            if values is not None:
-                return Rows(numbers, values)
-        cut = None
-        if block.cut and self._is_short(texts[-1]):
-            cut, numbers, texts = int(numbers[-1]), numbers[:-1], texts[:-1]
-        each = [self._one(int(number), text) for number, text in zip(numbers, texts, strict=True)]
-        return Rows(numbers, np.array(each).reshape(len(each), len(self._chosen.places)), cut)
-
-    def _check_surplus(self, block: Lines) -> None:
-        columns = len(self._layout.first) if self._layout.names is None else len(self._layout.names)
-        for number, line in enumerate(block.lines, block.first):
-            text = line.decode()
-            if text.count(",") >= columns and not is_comment(text):
-                with contextlib.suppress(csv.Error):  # that is told with the row
-                    check_surplus(f"{self._path}:{number}", self._fields(text), columns)
-
-    def _filled(self, data: bytes) -> bytes:
-        """With nan in most of the empty fields; a regular expression, which finds all, takes its time."""
-        separator = self._layout.separator
-        if separator is None:
-            return data
-        s = separator.encode()
-        for word in COMMON_EMPTY:
-            for end in (s, b"\n", b"\r\n"):
-                data = data.replace(s + word + end, s + b"nan" + end)
-            data = data.replace(s + word + s, s + b"nan" + s)  # every second of a row of them was left
-        return data
-
-    def _at_once(self, data: bytes, rows: int) -> NDArray[np.float64] | None:
-        text = data.decode()
-        if not text or text.isspace():
-            return None
-        if self._layout.decimal_comma:
-            text = text.replace(",", ".")
-        try:
-            values: NDArray[np.float64] = np.loadtxt(
-                io.StringIO(text),
-                delimiter=self._layout.separator,
-                usecols=self._chosen.places,
-                comments=None,
-                quotechar='"',
-                ndmin=2,
-            )
-        except ValueError:
-            return None
-        return values if len(values) == rows and not np.isinf(values).any() else None
-
-    def _blank(self, text: str) -> bool:
-        return not text.strip(" \r") if self._layout.separator == "\t" else is_blank(text)
-
-    def _is_short(self, text: str) -> bool:
-        try:
-            return len(self._fields(text)) <= max(self._chosen.places)
-        except csv.Error:
-            return True
-
-    def _fields(self, text: str) -> list[str]:
-        separator = self._layout.separator
-        if separator is None:
-            return text.split()
-        return next(csv.reader([text], delimiter=separator, strict=True), [])
-
-    def _one(self, number: int, text: str) -> list[float]:
-        where = f"{self._path}:{number}"
-        try:
-            fields = self._fields(text)
-        except csv.Error as error:
-            raise UsageError(f"{where}: cannot be read as CSV ({error}).") from error
-        found = []
-        for place, name in zip(self._chosen.places, self._chosen.read, strict=True):
-            if place >= len(fields):
-                raise UsageError(
-                    f"{where}: has {len(fields)} fields; column {shown(name)} is number {place + 1}."
-                )
-            found.append(self._number(where, name, fields[place].strip()))
+        if self._skipping:
+            _, end, data = data.partition(b"\n")
+            if not end:
+                return []
+            self._skipping = False
+        whole, end, rest = data.rpartition(b"\n")
+        if end:
+            whole, self._rest = self._rest + whole, rest
+        else:
+            self._rest += data
+        found = self._take(whole) if end else []
+        if len(self._rest) > LONGEST_LINE:
+            self.lines += 1
+            why = f"the line has no end within {LONGEST_LINE} bytes. Is it another kind of file, or damaged?"
+            self._count(Bad(self.lines, "too_long", why))
+            self._rest, self._skipping = b"", True
         return found
 
-    def _number(self, where: str, name: str, field: str) -> float:
-        if field.lower() in MISSING:
-            return math.nan
-        text = field.replace(",", ".") if self._layout.decimal_comma else field
-        try:
-            if "_" in text or not text.isascii():  # 1_0 is a number in Python only
-                raise ValueError
-            value = float(text)
-        except ValueError:
-            hint = (
-                " Decimal commas are read where ';', a tab or blanks separate the columns."
-                if DECIMAL_COMMA.fullmatch(field)
-                else ""
-            )
-            raise UsageError(
-                f"{where}: column {shown(name)}: {shown(field)} is not a number.{hint}"
-            ) from None
-        if math.isinf(value):
-            raise UsageError(f"{where}: column {shown(name)}: {field} is not a finite number.")
-        return value
+    def finish(self) -> list[Rows]:
+        """The sender has ended: its last line may lack its end."""
+        rest, self._rest = self._rest, b""
+        if not rest:
+            return []
+        before, first, newest = self.counts.copy(), self.first, self.newest
+        found = self._take(rest)
+        if not found and self._known is not None and self.counts != before:
+            self.counts, self.first, self.newest, self.cut = before, first, newest, self.lines
+        return found
 
+    def _take(self, data: bytes) -> list[Rows]:
+        """Whole lines, without the end of the last one."""
+        found = []
+        left: bytes | None = data
+        while left is not None:
+            if self.layout is None:
+                left = self._find(left)
+            if left is not None:
+                assert self._parser is not None
+                rows, left = self._read(self._parser, left)
+                if rows is not None:
+                    found.append(rows)
+        return found
 
-def decoded_head(lines: Sequence[bytes]) -> list[str]:
-    """Lines of a header: UTF-8, or what Windows writes, for units have signs that are not ASCII."""
-    texts = []
-    for line in lines:
-        try:
-            texts.append(line.decode())
-        except UnicodeDecodeError:
-            texts.append(line.decode("cp1252", "replace"))
-    return texts
+    def _find(self, data: bytes) -> bytes | None:
+        """Look for the first row; what begins with it, None if there is none."""
+        begin = 0
+        while begin <= len(data):
+            end = data.find(b"\n", begin)
+            end = len(data) if end < 0 else end
+            line = data[begin:end]
+            if self.lines == 0:
+                line = line.removeprefix(BOM)
+            text = decoded(line)
+            try:
+                layout = self._finder.take(self.lines + 1, text)
+            except UsageError as error:
+                if self._known is None:
+                    raise
+                self._count(Bad(self.lines + 1, "header", str(error)))
+                layout = None
+            if layout is not None and self._is_as_before(layout.chosen):
+                self._begin(layout)
+                return data[begin:]
+            self.lines += 1
+            if layout is not None:
+                self._count(Bad(self.lines, "header", f"other columns than before: {shown(text)}"))
+                self._finder = LayoutFinder(self._where, self._how)
+            elif self._finder.is_other:
+                self._count(Bad(self.lines, "before_header", f"came before the columns: {shown(text)}"))
+            begin = end + 1
+        return None
+
+    def _is_as_before(self, chosen: Chosen) -> bool:
+        """Whether the columns of a new header can go on where those of the one before ended."""
+
+        def kind(of: Chosen) -> tuple[object, ...]:
+            return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
+
+        return self._known is None or kind(chosen) == kind(self._known)
+
+    def _begin(self, layout: Layout) -> None:
+        self._begins = True
+        self._known = self._known or layout.chosen
+        self.layout, self._parser = layout, RowParser(layout)
+        self.notes += layout.notes
+
+    def _read(self, parser: RowParser, data: bytes) -> tuple[Rows | None, bytes | None]:
+        """The rows in lines, up to a new header; and the bytes that begin with it, if there is one."""
+        count = data.count(b"\n") + 1
+        found = parser.many(data, count) if count >= MANY else None
+        if found is None:
+            return self._one_by_one(parser, data.split(b"\n"))
+        keep, values = found
+        numbers = self.lines + 1 + np.asarray(keep, dtype=np.int64)
+        ordinal = self._ordinal + np.arange(len(values))
+        self.lines += count
+        self._ordinal += len(values)
+        return self._rows(parser.layout, numbers, values, ordinal), None
+
+    def _rows(self, layout: Layout, numbers: Ints, values: Floats, ordinal: Ints) -> Rows:
+        begins, self._begins = self._begins, False
+        return Rows(numbers, layout.chosen.scale(values), ordinal, begins)
+
+    def _one_by_one(self, parser: RowParser, lines: Sequence[bytes]) -> tuple[Rows | None, bytes | None]:
+        numbers: list[int] = []
+        ordinals: list[int] = []
+        values: list[list[float]] = []
+        left = None
+        for k, line in enumerate(lines):
+            text = decoded(line)
+            found = parser.one(text)
+            if isinstance(found, list):
+                numbers.append(self.lines + 1)
+                ordinals.append(self._ordinal)
+                values.append(found)
+                self._ordinal += 1
+            elif found is not None:
+                if self._is_header(parser, text):
+                    self.layout, self._finder = None, LayoutFinder(self._where, self._how)
+                    left = b"\n".join(lines[k:])  # the sender has begun again
+                    break
+                self._ordinal += found[0] not in ("text", "columns")
+                self._count(Bad(self.lines + 1, *found))
+            self.lines += 1
+        if not values:
+            return None, left
+        return self._rows(parser.layout, np.array(numbers), np.array(values), np.array(ordinals)), left
+
+    def _is_header(self, parser: RowParser, text: str) -> bool:
+        might_be = not parser.layout.is_json and text.lstrip()[:1] not in NO_NAME
+        return might_be and header_of(text, self._wanted) is not None
+
+    def _count(self, bad: Bad) -> None:
+        self.counts[bad.reason] += 1
+        self.newest = bad
+        if self.first is None or (self.first.reason == "before_header" and bad.reason != "before_header"):
+            self.first = bad

@@ -8,14 +8,18 @@ import contextlib
 import os
 import select
 import stat
+from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 from urllib.parse import parse_qsl
 
 import numpy as np
 
-from fltea.recording.files import TIME_COLUMN
+from fltea.recording.columns import Chosen
+from fltea.recording.files import parse_units
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
+from fltea.recording.table import Rows, Samples, is_acceleration, samples_of
+from fltea.recording.text_rows import REASONS, TextReader
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import (
@@ -34,8 +38,8 @@ from fltea.records.events import (
 from fltea.records.records import Hello, LinkStats
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.how import How
-from fltea.sources.numbering import UNIT_US, ArrivalWatch, ByOrder, ByTime, Numbered, Rows
-from fltea.sources.text_rows import REASONS, LineRows, wanted
+from fltea.sources.arrival_watch import ArrivalWatch
+from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
 from fltea.wire.ports import TICK_S
 from fltea.wire.transport import Port, Reader
 
@@ -47,56 +51,58 @@ LONGEST_BLOCK_US = TIME_WRAP_US // 4
 """Of slow samples a read may hold hours; within a block times must not wrap."""
 
 PATIENCE_NS = 5 * 10**9
-ENDINGS = {"_s": "s", "_ms": "ms", "_us": "us", "_ns": "ns"}
 
 
 class TextEvents:
-    """Judges what comes as text. url: for messages. how: what the user says of the columns and times.
+    """Turns what comes as text into events. url: for messages. how: what the user says of columns and times.
 
     Raises:
-        UsageError: the settings do not say how the samples are timed, or are wrong.
+        UsageError: the settings are wrong.
     """
 
     def __init__(self, url: str, how: How, *, fatal: bool) -> None:
-        self.url, self._fatal = url, fatal
-        time = how.time_column or (None if how.rate_hz else TIME_COLUMN)
-        self._wanted = wanted(how.columns, how.units, time)
+        self.url, self._how, self._fatal = url, how, fatal
+        parse_units(how.units or "deg/s")
         if how.rate_hz is not None and not LOWEST_RATE_HZ <= how.rate_hz <= HIGHEST_RATE_HZ:
             raise UsageError(f"--rate {how.rate_hz:g}: no gyroscope gives so many samples a second.")
-        self._numbers: ByOrder | ByTime
+        self._where = url.removesuffix(":")
+        self.reader = TextReader(self._where, how)
+        self._numbers: ByOrder | ByTime | None = None
         self._watch: ArrivalWatch | None = None
-        if time is None:
-            assert how.rate_hz is not None
-            self._numbers, self._watch = ByOrder(how.rate_hz), ArrivalWatch(url, how.rate_hz)
-        else:
-            self._numbers = ByTime(_unit(time, how.time_unit), how.rate_hz)
-        self.rows = LineRows(self._wanted)
+        self._left_out: Counter[str] = Counter()
+        self._newest = ""
         self._told = OnceAMinute()
         self._boot = int.from_bytes(os.urandom(4), "big")
         self._samples = self._bytes = self._connections = 0
         self._heard_ns: int | None = None
-        self._hello_due = self._told_uneven = False
-        self._lines_told = self._headers = 0
+        self._hello_due = self._begins = self._told_uneven = False
+        self._has_accel = True
+        self._lines_told = 0
 
     def open(self, now_ns: int, *, within_line: bool) -> None:
         """The line is open. within_line: its first bytes may be the end of a line."""
         self._connections += 1
         self._hello_due = True
         self._heard_ns = now_ns
-        self.rows.resume(within_line=within_line)
-        self._numbers.begin()
+        self.reader.resume(within_line=within_line)
+        if self._numbers is not None:
+            self._numbers.begin()
 
     def lost(self, failed: Failed) -> Iterator[Event]:
         """The line was lost, or cannot be opened."""
         self._heard_ns = None
         yield LinkDown(failed.host_ns)
-        yield from self._tell(failed.kind, failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
+        yield from self._tell(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
 
     def feed(self, data: bytes, now_ns: int) -> Iterator[Event]:
-        """Yield what bytes lead to."""
+        """Yield what bytes lead to.
+
+        Raises:
+            UsageError: the columns are named, but which are meant, or in which units, is not clear.
+        """
         self._bytes += len(data)
         self._heard_ns = now_ns
-        yield from self._take(self.rows.feed(data), now_ns)
+        yield from self._take(self.reader.feed(data), now_ns)
         yield from self._tell_lines(now_ns)
 
     def tick(self, now_ns: int) -> Iterator[Event]:
@@ -104,7 +110,7 @@ class TextEvents:
         yield Tick(now_ns)
         if self._heard_ns is not None and now_ns - self._heard_ns >= PATIENCE_NS:
             text = f"{self.url}: nothing came for {PATIENCE_NS // 10**9} s; does the sender run?"
-            yield from self._tell("silent", "silent", text, now_ns, fatal=self._fatal)
+            yield from self._tell("silent", text, now_ns, fatal=self._fatal)
 
     def finish(self, now_ns: int) -> Iterator[Event]:
         """The sender has ended.
@@ -112,18 +118,22 @@ class TextEvents:
         Raises:
             UsageError: nothing that it sent was a sample.
         """
-        yield from self._take(self.rows.finish(), now_ns)
-        yield from self._block(self._numbers.finish(), now_ns)
+        yield from self._take(self.reader.finish(), now_ns)
+        if self._numbers is not None:
+            yield from self._blocks(self._numbers, self._numbers.finish(), now_ns)
         if not self._samples:
             raise UsageError(f"{self.url}: the input has ended, and no sample was in it. {self._why_none()}")
         yield from self._tell_lines(now_ns)
+        if self.reader.cut is not None:
+            text = f"{self._where}:{self.reader.cut}: the last line is cut off, and left out."
+            yield Trouble("cut_recording", text, now_ns, fatal=False)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
         """Count what arrived; a frame is a line with a sample, a bad one a line without."""
-        bad = dict(self.rows.counts)
-        if self._numbers.duplicates:
+        bad = dict(self.reader.counts + self._left_out)
+        if self._numbers is not None and self._numbers.duplicates:
             bad["duplicate_time"] = self._numbers.duplicates
-        if self._numbers.unrated:
+        if self._numbers is not None and self._numbers.unrated:
             bad["no_rate"] = self._numbers.unrated
         return LinkStats(
             bytes=self._bytes,
@@ -133,108 +143,127 @@ class TextEvents:
             reconnects=max(0, self._connections - 1),
         )
 
-    def _take(self, rows: Rows | None, now_ns: int) -> Iterator[Event]:
-        if self.rows.headers > self._headers:
-            self._headers = self.rows.headers
-            self._numbers.begin()
-        if rows is not None and len(rows.values):
-            yield from self._block(self._numbers.add(rows, now_ns), now_ns)
+    def _take(self, found: list[Rows], now_ns: int) -> Iterator[Event]:
+        chosen = self.reader.chosen
+        if chosen is None or not found:
+            return
+        if self._numbers is None:
+            yield from self._set_up(chosen, now_ns)
+        assert self._numbers is not None
+        for rows in found:
+            samples = samples_of(rows, chosen)
+            self._begins |= rows.begins
+            for reason, (line, count) in samples.left_out.items():
+                self._left_out[reason] += count
+                self._newest = f"line {line} {REASONS[reason]}"
+            if not len(samples.gyro):
+                continue
+            values = samples.gyro
+            if samples.accel is not None:
+                yield from self._judge_accel(samples, now_ns)
+                values = np.hstack([values, samples.accel])
+            arrived = Arrived(values, samples.time, samples.ordinal, self._begins)
+            self._begins = False
+            yield from self._blocks(self._numbers, self._numbers.add(arrived, now_ns), now_ns)
 
-    def _block(self, pieces: Iterator[Numbered], now_ns: int) -> Iterator[Event]:
+    def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
+        """The columns are known: so it is known what numbers the samples."""
+        if chosen.time is None:
+            assert self._how.rate_hz is not None  # `choose` refuses columns without both
+            self._numbers = ByOrder(self._how.rate_hz)
+            self._watch = ArrivalWatch(self.url, self._how.rate_hz)
+        else:
+            self._numbers = ByTime(self._where, chosen.time_name, chosen.time_unit, self._how.rate_hz)
+        for note in self.reader.notes:
+            yield Trouble(note.kind, note.text, now_ns, fatal=False)
+
+    def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
+        """An accelerometer that is not there for each sample is left out from then on."""
+        assert samples.accel is not None
+        if not self._has_accel or is_acceleration(samples.accel).all():
+            return
+        self._has_accel = False
+        self._hello_due = True
+        self._boot = (self._boot + 1) % (1 << 32)
+        text = f"{self.url}: a line holds no acceleration, so the accelerometer is left out from now on."
+        yield Trouble("missing_numbers", text, now_ns, fatal=False)
+
+    def _blocks(self, numbers: ByOrder | ByTime, pieces: Iterator[Numbered], now_ns: int) -> Iterator[Event]:
         for piece in pieces:
-            begins, sequence, device_us, gyro, host_ns = piece
-            if begins:
+            if piece.begins:
                 self._boot = (self._boot + 1) % (1 << 32)
-            if begins or self._hello_due:
+            if piece.begins or self._hello_due:
                 self._hello_due = False
-                yield self._hello(now_ns)
+                yield self._hello(numbers, now_ns)
                 if self._watch is not None:
                     self._watch.begin()
-            self._samples += len(sequence)
-            raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, gyro)
-            parts = np.flatnonzero(np.diff(device_us // LONGEST_BLOCK_US)) + 1
-            for begin, end in pairwise([0, *parts.tolist(), len(sequence)]):
-                yield raw.rows(begin, end)
-            found = self._watch.add(int(device_us[-1]), now_ns) if self._watch is not None else None
+            yield from self._of_piece(piece)
+            found = self._watch.add(int(piece.device_us[-1]), now_ns) if self._watch is not None else None
             if found is not None:
                 yield found
-        if self._numbers.unrated and self._numbers.rate_hz is None:
-            text = (
-                f"{self.url}: {self._numbers.unrated} samples are left out: the column '{self._wanted.time}' "
-                "tells no rate of a gyroscope. Is its unit right (--time-unit)? Or give the rate: --rate 100."
-            )
-            yield from self._tell("no_rate", "no_rate", text, now_ns, fatal=self._fatal)
-        elif self._numbers.uneven and not self._told_uneven:
+        if numbers.unrated and numbers.rate_hz is None and isinstance(numbers, ByTime):
+            text = f"{numbers.why_no_rate} {numbers.unrated} samples are left out so far."
+            yield from self._tell("no_rate", text, now_ns, fatal=self._fatal)
+        elif numbers.uneven and not self._told_uneven:
             self._told_uneven = True
-            text = (
-                f"{self.url}: the steps of the column '{self._wanted.time}' are too uneven for a device's "
-                "clock, so gaps may be seen where none are. If these are times of arrival, give the rate "
-                "instead: --rate 100."
-            )
-            yield Trouble("uneven_times", text, now_ns, fatal=False)
+            yield Trouble("row_times", numbers.uneven, now_ns, fatal=False)
 
-    def _hello(self, now_ns: int) -> Hello:
-        assert self._numbers.rate_hz is not None
+    def _of_piece(self, piece: Numbered) -> Iterator[RawBlock]:
+        assert self.reader.chosen is not None
+        axes = len(self.reader.chosen.gyro)
+        self._samples += len(piece.sequence)
+        accel = piece.values[:, axes:] if self._has_accel and piece.values.shape[1] > axes else None
+        sequence, device_us = piece.sequence % SEQUENCE_WRAP, piece.device_us % TIME_WRAP_US
+        raw = RawBlock(sequence, device_us, piece.host_ns, piece.values[:, :axes], accel)
+        if piece.device_us[0] // LONGEST_BLOCK_US == piece.device_us[-1] // LONGEST_BLOCK_US:
+            yield raw
+            return
+        parts = np.flatnonzero(np.diff(piece.device_us // LONGEST_BLOCK_US)) + 1
+        for begin, end in pairwise([0, *parts.tolist(), len(sequence)]):
+            yield raw.rows(begin, end)
+
+    def _hello(self, numbers: ByOrder | ByTime, now_ns: int) -> Hello:
+        assert numbers.rate_hz is not None
+        assert self.reader.chosen is not None
         return Hello(
             source=self.url,
             host_ns=now_ns,
-            rate_hz=self._numbers.rate_hz,
+            rate_hz=numbers.rate_hz,
             sampling_mode="text",
             boot_id=self._boot,
-            gyro_lsb_per_dps=self._wanted.lsb,
+            gyro_lsb_per_dps=self.reader.chosen.lsb,
         )
 
     def _tell_lines(self, now_ns: int) -> Iterator[Trouble]:
         """Tell of lines without a sample: those before the columns are known only where none follow."""
-        total = self.rows.counts.total() - self.rows.counts["before_header"]
-        newest = self.rows.newest
-        if total > self._lines_told and newest is not None and self._told.is_due("lines", now_ns):
+        early = self.reader.counts["before_header"]
+        total = self.reader.counts.total() + self._left_out.total() - early
+        if total > self._lines_told and self._told.is_due("lines", now_ns):
             self._lines_told = total
-            reason, line = newest
-            text = (
-                f"{self.url}: {total} lines hold no sample and are left out; the newest {REASONS[reason]}: "
-            )
-            yield Trouble("bad_lines", text + line, now_ns, fatal=False)
-        if not self.rows.knows_columns and self.rows.counts["before_header"] >= FEW_LINES:
+            newest = self.reader.newest
+            what = self._newest if newest is None else f"line {newest.line}: {newest.why}"
+            text = f"{self.url}: {total} lines hold no sample and are left out; the newest is {what}"
+            yield Trouble("bad_lines", text, now_ns, fatal=False)
+        if self.reader.chosen is None and early >= FEW_LINES:
             text = f"{self.url}: lines come, and none is a sample yet. {self._why_none()}"
-            yield from self._tell("no_columns", "no_columns", text, now_ns, fatal=self._fatal)
+            yield from self._tell("no_columns", text, now_ns, fatal=self._fatal)
 
     def _why_none(self) -> str:
         if not self._bytes:
             return "It was empty."
-        if self.rows.knows_columns:
-            if isinstance(self._numbers, ByTime) and not self.rows.counts:
-                return f"One time in '{self._wanted.time}' tells no rate; give it: --rate 100."
-            bad = ", ".join(f"{n} {REASONS[reason]}" for reason, n in self.rows.counts.items())
-            return f"Lines left out: {bad or 'none; there are only the names of the columns'}."
-        names = ", ".join(self._wanted.columns or ("gyro_x_dps, …",))
-        time = "" if self._wanted.time is None else f" and '{self._wanted.time}' (or give --rate 100)"
-        newest = f"; the newest line was {self.rows.newest[1]}" if self.rows.newest is not None else ""
-        return (
-            f"No line names the columns {names}{time}{newest}. Name yours with --columns gx,gy,gz, or, where "
-            "there is no header, by their positions: --columns 1,2,3."
-        )
+        if isinstance(self._numbers, ByTime) and self._numbers.why_no_rate:
+            return self._numbers.why_no_rate
+        if self._left_out and not self.reader.counts:
+            return f"The newest {self._newest}."
+        return str(self.reader.refusal())
 
-    def _tell(self, kind: str, topic: str, text: str, now_ns: int, *, fatal: bool) -> Iterator[Trouble]:
-        if self._told.is_due(topic, now_ns):
+    def _tell(self, kind: str, text: str, now_ns: int, *, fatal: bool) -> Iterator[Trouble]:
+        if self._told.is_due(kind, now_ns):
             yield Trouble(kind, text, now_ns, fatal)
 
 
 FEW_LINES = 20
 """Messages of a sender before its header; after so many something is wrong."""
-
-
-def _unit(time: str, given: str | None) -> str:
-    """The unit of a column of times, by its name if it is not given."""
-    if given is not None:
-        return given
-    for ending, unit in ENDINGS.items():
-        if time.endswith(ending) and unit in UNIT_US:
-            return unit
-    raise UsageError(
-        f"--time-column {time}: its name does not end in _s, _ms, _us or _ns; say what the times are counted "
-        "in: --time-unit ms."
-    )
 
 
 class PipeText:

@@ -23,7 +23,7 @@ from fltea.records.repeat import OnceAMinute
 from fltea.sources.iio.buffer import Buffer, Unusable, Wishes, rate_of
 from fltea.sources.iio.conversion import Conversion, conversion, parse_mount
 from fltea.sources.iio.sysfs import ACCEL, GYRO, SENSORS, Attributes, devices, find, root_of
-from fltea.sources.numbering import ByOrder, ByTime, Numbered, Rows
+from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
 from fltea.wire.ports import TICK_S
 from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
 
@@ -248,7 +248,7 @@ class _Reader:
         self._ordinal = 0
         self._has_time = buffer.has_time
         if buffer.has_time:
-            self.numbers = ByTime("ns", None)
+            self.numbers = ByTime(device.id, "timestamp", "ns", None)
         elif self.said_hz is not None:
             self.numbers = ByOrder(self.said_hz)
         else:
@@ -270,7 +270,7 @@ class _Reader:
             time = (counts["timestamp"] - self._origin_ns).astype(np.float64)
         ordinal = self._ordinal + np.arange(len(values), dtype=np.int64)
         self._ordinal += len(values)
-        return self.numbers.add(Rows(values, time, ordinal), now_ns)
+        return self.numbers.add(Arrived(values, time, ordinal), now_ns)
 
     def block(self, piece: Numbered) -> RawBlock:
         """Numbered samples with what their counts mean."""

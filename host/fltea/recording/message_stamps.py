@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.recording.files import EVEN_SHARE, EVENNESS
+from fltea.recording.sample_times import EVEN_SHARE, EVENNESS
 
 Times = NDArray[np.int64]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fltea.recording.bag_stamps import Times, is_uneven, judge
+from fltea.recording.message_stamps import Times, is_uneven, judge
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -1,0 +1,358 @@
+"""What the times of samples say: their rate, which samples are missing, and where a new run begins (pure).
+
+Two kinds of clock are told apart. Columns of text, tables and the time stamps of a driver are those of the
+**sensor's own clock**. The stamps of messages in a bag are a **computer's**: late by as much as it was busy.
+These are the rules for the first kind, the same for live text, text files, tables and Linux IIO:
+
+- **Unit.** It is the one that the user gives, or that the column's name or line of units states. Without
+  either it is seconds, if the rate is then one at which gyroscopes are recorded (5 Hz to 10 kHz).
+- **Rate.** It is the mean of the steps that are near the median. Near is within a fifth of it, or of times
+  that are rounded within one grain (2 and 3 ms in turns are 400 Hz). A file is taken as a whole; live, the
+  first 2 s decide.
+- **Even.** Nine steps in ten have to be near the median, or be two, three or four times as long. Otherwise
+  these are times of arrival and not a clock's, and they are refused: only a given rate can help.
+- **Missing samples.** A step of n periods counts n - 1 samples as missing. What is left over is carried on to
+  the next step, so that rounded times make no gaps.
+- **A long step**, of more than a minute and of more than ten periods, begins a new run: whether the sensor
+  went on meanwhile cannot be known, and nothing is counted as missing.
+- **A step backwards** begins a new run. A counter of 32 bits (`millis()`, `micros()`) that wraps is no step
+  backwards.
+- **A repeated time** is the same sample again: it is left out and counted. Where the values differ it counts
+  as an uneven step, for the clock is then coarser than the samples.
+- **A given rate** wins. The times still number the samples, by their own period. Times that are uneven do
+  not: then the order of the rows numbers them, and the user is warned.
+
+`message_stamps` has those for the second kind: messages are numbered in the order in which they came, a
+sample is missing only where the stamps are late and stay late, and a new run begins where the clock was set.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.records.errors import UsageError
+from fltea.settings.how import TimeUnit
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Marks = NDArray[np.bool_]
+
+SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+EVENNESS, EVEN_SHARE = 0.2, 0.9
+"""Times are a clock's if nine steps in ten are within a fifth of the median."""
+
+PLAUSIBLE_HZ = 5.0, 10_000.0
+"""Rates at which a gyroscope is recorded. A column without a unit that gives another is not in seconds."""
+
+SHORTEST_STEP_S, LONGEST_S = 1e-6, 4e9
+"""The second is 126 years; so many nanoseconds fit into 64 bits."""
+
+COUNTER_WRAP = float(1 << 32)
+"""Of millis() and micros(), which are what boards send as times in ms and in us."""
+
+LONGEST_GAP_S, LONGEST_GAP_PERIODS = 60.0, 10.0
+
+GRAINS = (1.0, 0.1, 1e-2, 1e-3, 1e-4)
+"""Of rounded times, in their own unit."""
+
+SHORT_GAPS = 2, 3, 4
+"""Steps of so many periods are a clock's, too, however many there are. Bursts leave longer ones."""
+
+NEARLY = 1e-3
+"""Of a grain: times are on it."""
+
+SAME_RATE = 0.2
+"""A given rate and one by the times that differ by less are the same."""
+
+LEAK = 0.98
+"""How much of what is left over goes on to the next step: the rate is known to 0.1 %."""
+
+FEW, STRETCH, FADED = 8, 256, 2048
+"""More steps than the first are numbered together; LEAK to the second is a number, to the third 0."""
+
+NO_DOUBT = 0.499
+"""Of a period: what is left over does not change a number."""
+
+
+class Elapsed:
+    """Times of rows as the time since the first row, in the same unit; it never runs back.
+
+    repeated: rows with the time of the row before them. odd: steps that are no clock's, backwards or with a
+    repeated time and other values.
+    """
+
+    def __init__(self, unit: TimeUnit | None) -> None:
+        self.repeated = self.odd = 0
+        self._wrap = COUNTER_WRAP if unit in ("ms", "us") else None
+        self._longest = LONGEST_GAP_S / SECONDS[unit or "s"]
+        self._offset = 0.0
+        self._last: tuple[float, float, Floats] | None = None
+
+    def add(self, time: Floats, values: Floats) -> tuple[Floats, Marks]:
+        """Take the next rows, (n,) and (n, columns); elapsed times, and marks where a new run begins."""
+        is_first = self._last is None
+        last_time, last_elapsed, last_values = self._last or (float(time[0]), 0.0, values[0])
+        if is_first:
+            self._offset = -last_time
+        steps = _differences(time, last_time)
+        begins = steps < 0
+        offset: float | Floats = self._offset
+        if begins.any():
+            jump = np.where(begins, -steps, 0.0)
+            if self._wrap is not None:
+                after = steps + self._wrap
+                wraps = begins & (after > 0) & (after <= self._longest)
+                jump[wraps] = self._wrap
+                begins &= ~wraps
+            offset = self._offset + np.cumsum(jump)
+            self._offset = float(offset[-1])
+            self.odd += int(begins.sum())
+        elapsed = time + offset
+        flat = (_differences(elapsed, last_elapsed) <= 0) & ~begins
+        flat[0] &= not is_first
+        if flat.any():
+            before = np.concatenate([last_values[np.newaxis], values[:-1]])
+            self.repeated += int(flat.sum())
+            self.odd += int((flat & (values != before).any(axis=1)).sum())
+        self._last = float(time[-1]), float(elapsed[-1]), values[-1]
+        return elapsed, begins
+
+
+def _differences(values: Floats, before: float) -> Floats:
+    """From one value to the next; of a few values quicker than `np.diff` with `prepend`."""
+    found = np.empty(len(values))
+    found[0] = values[0] - before
+    np.subtract(values[1:], values[:-1], out=found[1:])
+    return found
+
+
+class Clock(NamedTuple):
+    """What steps say, in the column's unit. typical: the mean without gaps. even: they are a clock's."""
+
+    typical: float
+    median: float
+    least: float
+    largest: float
+    even: bool
+
+
+def clock_of(blocks: Callable[[], Iterable[Floats]], odd: int = 0) -> Clock | None:
+    """Look at elapsed times, a block at a time; None if there is no step.
+
+    blocks: gives them again each time it is called. odd: steps besides that are no clock's.
+    """
+    medians, least, largest = [], math.inf, 0.0
+    for steps in _steps(blocks()):
+        medians.append(float(np.median(steps)))
+        least, largest = min(least, float(steps.min())), max(largest, float(steps.max()))
+    if not medians:
+        return None
+    median = float(np.median(medians))
+    single, share, typical = _even_share(blocks(), median, EVENNESS * median, odd)
+    if single < EVEN_SHARE:
+        grain = _grain(blocks)
+        is_coarse = EVENNESS * median < grain < median * (1 + NEARLY)
+        if is_coarse and (share < EVEN_SHARE or _is_rounded(blocks(), grain)):
+            _, share, typical = _even_share(blocks(), median, grain * (1 + NEARLY), odd)
+    return Clock(typical, median, least, largest, share >= EVEN_SHARE and typical > 0)
+
+
+def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:
+    last: list[float] = []
+    for times in blocks:
+        steps = np.diff(times, prepend=last)
+        last = [float(times[-1])]
+        steps = steps[steps > 0]
+        if len(steps):
+            yield steps
+
+
+def _even_share(
+    blocks: Iterable[Floats], median: float, tolerance: float, odd: int
+) -> tuple[float, float, float]:
+    """The shares of steps near the median, and with those near a multiple, as short gaps are.
+
+    The third is the mean of the steps near the median.
+    """
+    count, near, gaps, total = odd, 0, 0, 0.0
+    for steps in _steps(blocks):
+        single = steps[np.abs(steps - median) <= tolerance]
+        count, near, total = count + len(steps), near + len(single), total + float(single.sum())
+        for times in SHORT_GAPS if tolerance < median / 2 else ():
+            gaps += int((np.abs(steps - times * median) <= tolerance).sum())
+    return near / count, (near + gaps) / count, total / near if near else 0.0
+
+
+def _is_rounded(blocks: Iterable[Floats], grain: float) -> bool:
+    """Whether steps of 1 and 2 ms are those of 800 Hz in whole ms, and not those of 1000 Hz with losses.
+
+    Then stretches of as many steps are alike, to the grain; of lost samples some have more than others.
+    """
+    count = near = 0
+    for times in blocks:
+        steps = min(STRETCH // 8, max(2, len(times) // 4))
+        long = np.diff(times[::steps])
+        count += len(long)
+        near += int((np.abs(long - np.median(long)) <= grain * (1 + NEARLY)).sum()) if len(long) else 0
+    return near >= EVEN_SHARE * max(count, 1)
+
+
+def _grain(blocks: Callable[[], Iterable[Floats]]) -> float:
+    """The coarsest grain on which all times are; infinite if there is none."""
+    for grain in GRAINS:
+        if all(bool((np.abs(t / grain - np.rint(t / grain)) < NEARLY).all()) for t in blocks()):
+            return grain
+    return math.inf
+
+
+class Timing(NamedTuple):
+    """How rows are numbered and timed.
+
+    period: in the column's unit; None: the order of the rows numbers them. unit_s: seconds in one of that
+    unit. warning: what the user has to know, "" if that is nothing.
+    """
+
+    rate_hz: float
+    period: float | None
+    unit_s: float = 1.0
+    warning: str = ""
+
+
+def timing(
+    where: str, column: str, unit: TimeUnit | None, clock: Clock | None, given_hz: float | None
+) -> Timing:
+    """The rate of rows, and how they are numbered.
+
+    where, column: for messages. given_hz: the rate that the user gives.
+
+    Raises:
+        UsageError: no rate is given, and the times tell none.
+    """
+    if given_hz is not None:
+        return _with_rate(f"{where}: column '{column}'", unit, clock, given_hz)
+    if clock is None:
+        raise UsageError(f"{where}: one time in '{column}' tells no rate; give it: --rate 100.")
+    unit_s = SECONDS[unit or "s"]
+    if unit is None and clock.even and not _is_plausible(1 / clock.typical):
+        raise _unit_needed(f"{where}: column '{column}'", 1 / clock.typical)
+    if clock.even and clock.typical * unit_s < SHORTEST_STEP_S:
+        raise UsageError(
+            f"{where}: column '{column}': a step of {clock.typical:.3g} {unit or 's'} is no gyroscope's. Is "
+            "the unit right (--time-unit)? Or give the rate: --rate 100."
+        )
+    if not clock.even:
+        shown = unit or "s"
+        raise UsageError(
+            f"{where}: column '{column}': the steps are too uneven for a sensor's clock (median "
+            f"{clock.median:.3g} {shown}, from {clock.least:.3g} to {clock.largest:.3g} {shown}). If these "
+            "are times of arrival, give the rate: --rate 100 (the column then tells no gaps)."
+        )
+    return Timing(1.0 / (clock.typical * unit_s), clock.typical, unit_s)
+
+
+def _is_plausible(rate_hz: float) -> bool:
+    return PLAUSIBLE_HZ[0] <= rate_hz <= PLAUSIBLE_HZ[1]
+
+
+def _unit_needed(where: str, in_seconds_hz: float) -> UsageError:
+    rates = {unit: in_seconds_hz / unit_s for unit, unit_s in SECONDS.items()}
+    likely = [f"--time-unit {unit} ({rate:.6g} Hz)" for unit, rate in rates.items() if _is_plausible(rate)]
+    return UsageError(
+        f"{where} says no unit, and in seconds its steps would be {in_seconds_hz:.4g} Hz. "
+        f"Say what it counts: {' or '.join(likely) or '--time-unit s, ms, us or ns'}."
+    )
+
+
+def _with_rate(where: str, unit: TimeUnit | None, clock: Clock | None, rate_hz: float) -> Timing:
+    if clock is None:
+        return Timing(rate_hz, None)
+    if not clock.even:
+        return Timing(
+            rate_hz,
+            None,
+            warning=f"{where} has steps too uneven for a clock, so it cannot tell which samples are missing: "
+            f"with --rate {rate_hz:g} all rows count as evenly spaced.",
+        )
+    found = [1 / (clock.typical * SECONDS[u]) for u in ([unit] if unit else SECONDS)]
+    nearest = min(found, key=lambda rate: abs(math.log(rate / rate_hz)))
+    warning = ""
+    if abs(nearest / rate_hz - 1) > SAME_RATE:
+        warning = (
+            f"{where}: by its times the rate is {nearest:.6g} Hz; --rate {rate_hz:g} is used, and the column "
+            "tells only which samples are missing."
+        )
+    return Timing(rate_hz, clock.typical, warning=warning)
+
+
+class Numbered(NamedTuple):
+    """Numbers of samples. kept: (rows,) marks those that are one; the others are (samples,).
+
+    begins: marks the samples that begin a new run. elapsed: their times, which always increase.
+    """
+
+    kept: Marks
+    sequence: Ints
+    begins: Marks
+    elapsed: Floats
+
+
+class Numbering:
+    """Numbers samples by elapsed times, from 0. period: from one to the next. rate_hz: of the same."""
+
+    def __init__(self, period: float, rate_hz: float) -> None:
+        self._period = period
+        self._longest = period * max(LONGEST_GAP_S * rate_hz, LONGEST_GAP_PERIODS)
+        self._last: float | None = None
+        self._sequence = -1
+        self._ahead = self._shift = 0.0
+
+    def add(self, elapsed: Floats, begins: Marks) -> Numbered:
+        """Number the next rows, at least one; marks as of `Elapsed.add`."""
+        before = elapsed[0] - self._period if self._last is None else self._last
+        steps = _differences(elapsed, before)
+        self._last = float(elapsed[-1])
+        begins = begins | (steps > self._longest)
+        kept = begins | (steps > 0)
+        if not kept.all():
+            steps, elapsed, begins = steps[kept], elapsed[kept], begins[kept]
+        periods = steps / self._period
+        elapsed = elapsed + self._shift
+        if begins.any():
+            shift = self._period * np.cumsum(begins & (steps <= self._longest))
+            elapsed, self._shift = elapsed + shift, self._shift + float(shift[-1])
+            periods[begins] = 1.0
+        sequence = self._sequence + np.cumsum(self._whole(periods))
+        if len(sequence):
+            self._sequence = int(sequence[-1])
+        return Numbered(kept, sequence, begins, elapsed)
+
+    def _whole(self, periods: Floats) -> Ints:
+        """Steps as numbers of periods, at least 1; what is left over goes on to the next one."""
+        off = periods - 1
+        if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - LEAK) < NO_DOUBT:
+            last = off[-FADED:]
+            self._ahead = self._ahead * LEAK ** len(off) + float(last @ LEAK ** np.arange(len(last))[::-1])
+            return np.ones(len(off), dtype=np.int64)
+        found = np.maximum(1, np.rint(periods)).astype(np.int64)
+        for begin in range(0, len(periods), STRETCH):
+            part = slice(begin, min(begin + STRETCH, len(periods)))
+            found[part] = self._of_stretch(periods[part], found[part])
+        return found
+
+    def _of_stretch(self, periods: Floats, rounded: Ints) -> Ints:
+        if len(periods) > FEW:  # where rounding each by itself leaves less than half over, it is right
+            weights = LEAK ** np.arange(1, len(periods) + 1)
+            ahead = weights * (self._ahead + np.cumsum((periods - rounded) / weights))
+            if (np.abs(ahead) < NO_DOUBT).all():
+                self._ahead = float(ahead[-1])
+                return rounded
+        found = []
+        for step in periods.tolist():
+            ahead_now = self._ahead * LEAK + step
+            found.append(max(1, round(ahead_now)))
+            self._ahead = min(0.5, max(-0.5, ahead_now - found[-1]))
+        return np.array(found, dtype=np.int64)

@@ -1,0 +1,88 @@
+"""Whether live samples without times come as the rate says that the user gives."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from fltea.records.events import Trouble
+
+
+class ArrivalWatch:
+    """Whether samples that are numbered by their order also come as their rate says.
+
+    A buffer makes samples late, and then they come all at once: of a while, the earliest counts. What stays
+    late was lost, or the sender paused.
+    """
+
+    WHILE_S, CHUNKS, LEAST_JUMP_S = 1.0, 3, 0.1
+    NEEDED, RATE_S, RATE_TOLERANCE = 4, 10.0, 0.02
+
+    def __init__(self, url: str, rate_hz: float) -> None:
+        self._url, self._rate_hz = url, rate_hz
+        self._told_rate = False
+        self.begin()
+
+    def begin(self) -> None:
+        """A new run of the sender."""
+        self._origin: tuple[float, float] | None = None
+        self._whiles: list[tuple[float, float]] = []
+        self._doubt: tuple[float, float] | None = None
+        self._open: list[tuple[float, float]] = []
+        self._pauses_s: list[float] = []
+
+    def add(self, device_us: int, host_ns: int) -> Trouble | None:
+        """Take the last sample of what arrived together; what there is to tell."""
+        host_s, device_s = host_ns * 1e-9, device_us * 1e-6
+        if self._origin is None:
+            self._origin = (host_s, device_s)
+        host_s, device_s = host_s - self._origin[0], device_s - self._origin[1]
+        self._open.append((host_s - device_s, host_s))
+        if len(self._open) < self.CHUNKS or host_s - self._open[0][1] < self.WHILE_S:
+            return None
+        late_s = min(late for late, _ in self._open)
+        chunks_s = [at for _, at in self._open]
+        self._open = []
+        return self._judge(host_ns, late_s, host_s, max(b - a for a, b in pairwise(chunks_s)))
+
+    def _judge(self, now_ns: int, late_s: float, host_s: float, longest_s: float) -> Trouble | None:
+        if len(self._whiles) >= self.NEEDED:
+            slope = self._slope()
+            reference = self._whiles[-1]
+            jump_s = late_s - reference[0] - slope * (host_s - reference[1])
+            least_s = max(self.LEAST_JUMP_S, 3 / self._rate_hz, float(np.median(self._pauses_s)))
+            if jump_s > least_s and self._doubt is None:
+                self._doubt = late_s, host_s  # the next while tells whether it stays
+                return None
+            if jump_s > least_s:
+                self._whiles, self._doubt = [(late_s, host_s)], None
+                text = (
+                    f"{self._url}: samples come {jump_s:.3g} s later than before, and stay late: about "
+                    f"{jump_s * self._rate_hz:.0f} were lost on the way, or the sender paused. Nobody can "
+                    "tell which ones, so the numbers of the samples go on as if none were missing. Let the "
+                    "sender write its own time (--time-column), and gaps are seen."
+                )
+                return Trouble("arrival_jump", text, now_ns, fatal=False)
+            self._doubt = None
+        self._whiles = [*self._whiles[-29:], (late_s, host_s)]
+        self._pauses_s = [*self._pauses_s[-29:], longest_s]
+        return self._rate(now_ns)
+
+    def _slope(self) -> float:
+        late, host = np.array(self._whiles).T
+        return float(np.median(np.diff(late) / np.diff(host)))
+
+    def _rate(self, now_ns: int) -> Trouble | None:
+        span_s = self._whiles[-1][1] - self._whiles[0][1]
+        if self._told_rate or len(self._whiles) < 2 * self.NEEDED or span_s < self.RATE_S:
+            return None
+        slope = self._slope()
+        if abs(slope) <= self.RATE_TOLERANCE:
+            return None
+        self._told_rate = True
+        text = (
+            f"{self._url}: samples come at {self._rate_hz * (1 - slope):.4g} Hz, and --rate says "
+            f"{self._rate_hz:g}: all that is in seconds or Hz is off by as much. Give the true rate, "
+            "or a column of times (--time-column). A stored file comes as fast as it can: let it be read "
+            "with replay:/dev/stdin."
+        )
+        return Trouble("rate_differs", text, now_ns, fatal=False)

@@ -1,0 +1,185 @@
+"""Lines of text as rows: any bytes, cut anywhere, against a plain decoder of one line after the other."""
+
+import json
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from fltea.recording.lines import LONGEST_LINE
+from fltea.recording.table import Rows
+from fltea.recording.text_rows import MANY, TextReader
+from fltea.settings.how import How
+from hypothesis import given
+from hypothesis import strategies as st
+
+NAMES = ["gx", "gy"]
+TIMED = How(columns=NAMES, time_column="t")
+RATE = How(columns=NAMES, rate_hz=9.0)
+
+Row = tuple[int, list[float]]
+
+
+def rows_of(parser: TextReader, *parts: bytes) -> list[Row]:
+    """Number and values, those of the axes and then the time; None where there is no number."""
+    found: list[Rows] = [rows for part in parts for rows in parser.feed(part)] + parser.finish()
+    return [
+        (number, [None if math.isnan(value) else value for value in row])  # type: ignore[misc]
+        for rows in found
+        for number, row in zip(rows.ordinal.tolist(), rows.values.tolist(), strict=True)
+    ]
+
+
+def plain(lines: list[bytes]) -> list[Row]:
+    """What the fields t,gx,gy hold, one line after the other, by the simplest means."""
+    number = 0
+    found: list[Row] = []
+    for line in lines:
+        text = line.decode("utf-8", "cp1252" if False else "replace")
+        if not text.strip(" \r\n") or text.isspace() or text.lstrip().startswith(("#", "%", "//")):
+            continue
+        fields = [field.strip() for field in text.split(",")]
+        while len(fields) > 3 and not fields[-1]:
+            fields.pop()
+        meant = (
+            len(fields) >= 3 or text.lstrip()[0] in '0123456789+-.,;"{' or text.lstrip()[:3].lower() == "nan"
+        )
+        values = []
+        for field in fields:
+            bare = field.strip('"').strip()
+            try:
+                values.append(None if bare.lower() in ("", "nan", "na") else float(bare))
+                assert "_" not in bare
+                assert bare.isascii()
+            except (ValueError, AssertionError):
+                values.append("bad")  # type: ignore[arg-type]
+        surplus = any(isinstance(value, float) for value in values[3:])
+        if len(values) >= 3 and "bad" not in values[:3] and not surplus:
+            found.append((number, [values[1], values[2], values[0]]))  # type: ignore[list-item]
+        number += meant
+    return found
+
+
+FIELD = st.one_of(
+    st.floats(width=32, allow_infinity=False).map(lambda x: repr(x).encode()),
+    st.integers(-(10**7), 10**7).map(lambda n: b"%d" % n),
+    st.sampled_from([b"", b" ", b"nan", b"x", b"1_0", b" 3 ", b"-0", b'"4"', b"\xff", b"\0", b"NA"]),
+)
+GOOD = st.tuples(*[st.integers(-999, 999).map(lambda n: b"%d" % n)] * 3).map(b",".join)
+LINE = st.one_of(GOOD, st.lists(FIELD, min_size=1, max_size=5).map(b",".join), st.just(b"# a remark"))
+
+
+@given(
+    st.lists(LINE, max_size=12), st.lists(st.integers(0, 200), max_size=6), st.booleans(), st.integers(0, 40)
+)
+def test_any_lines_cut_anywhere_are_what_a_plain_decoder_reads(
+    lines: list[bytes], cuts: list[int], windows: bool, before: int
+) -> None:
+    lines = [b"0,1,2", *[b"%d,5,-6" % k for k in range(before)], *lines]
+    text = b"t,gx,gy\n" + b"".join(line + (b"\r\n" if windows else b"\n") for line in lines)
+    places = [0, *sorted(min(cut, len(text)) for cut in cuts), len(text)]
+    parts = [text[a:b] for a, b in pairwise(places)]
+    assert rows_of(TextReader("x", TIMED), *parts) == plain(lines)
+
+
+@given(st.lists(st.binary(max_size=40) | LINE, max_size=20))
+def test_nothing_that_a_sender_writes_ends_the_reading(parts: list[bytes]) -> None:
+    for names in (NAMES, ["1", "2"], None):
+        parser = TextReader("x", How(columns=names, units="rad/s", rate_hz=9.0))
+        rows_of(parser, *parts)
+        if parser.newest is not None:
+            assert parser.newest.why.isprintable()
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ", ", "])
+@pytest.mark.parametrize("header", ["t{}gx{}gy", "# t{}gx{}gy", '"t"{}"gx"{}"gy"', "\ufefft{}gx{}gy"])
+def test_the_header_may_come_after_messages(separator: str, header: str) -> None:
+    first = "" if header.startswith("\ufeff") else "IMU ready\n\n"
+    text = first + header.replace("{}", separator) + "\n" + separator.join(("0.5", "1", "2")) + "\n"
+    parser = TextReader("x", TIMED)
+    assert rows_of(parser, text.encode()) == [(0, [1.0, 2.0, 0.5])]
+    assert parser.counts == ({"before_header": 1} if first else {})
+
+
+def test_without_a_header_positions_or_as_many_fields_as_names() -> None:
+    def found(how: How, text: bytes) -> list[list[float]]:
+        return [values for _, values in rows_of(TextReader("x", how), text)]
+
+    assert found(How(columns=["3", "1"], rate_hz=9.0), b"1 2 3\n") == [[3.0, 1.0]]
+    assert found(How(columns=["2"], time_column="1"), b"7;8\n") == [[8.0, 7.0]]
+    assert found(RATE, b"1,2\n3,4\n") == [[1.0, 2.0], [3.0, 4.0]]
+    assert found(RATE, b"1,2,3\n") == found(How(rate_hz=9.0), b"1,2,3\n") == []
+
+
+def test_a_line_that_looks_like_a_sample_takes_a_number_and_a_message_takes_none() -> None:
+    text = b"gx,gy\n1,2\n1,\nhello\n3\n1,2x\nnan,1\n# remark\n5,6\n"
+    parser = TextReader("x", RATE)
+    assert rows_of(parser, text) == [(0, [1.0, 2.0]), (1, [1.0, None]), (4, [None, 1.0]), (5, [5.0, 6.0])]
+    assert parser.counts == {"text": 1, "fields": 1, "number": 1}
+
+
+def test_objects() -> None:
+    lines = [
+        {"status": "up"},
+        {"t": 1, "gx": 2, "gy": 3.5, "more": "x"},
+        {"gx": 1},
+        {"t": 2, "gx": None, "gy": 1},
+        {"t": 3, "gx": "4", "gy": 1},
+        {"t": 4, "gx": True, "gy": 1},
+        {"t": 5, "gx": 10**400, "gy": 1},
+        {"t": 6, "gx": 7, "gy": 8},
+    ]
+    text = "".join(json.dumps(line) + "\n" for line in lines) + '{"t": 7\nwords\n[1]\n'
+    parser = TextReader("x", TIMED)
+    assert rows_of(parser, text.encode()) == [
+        (0, [2.0, 3.5, 1.0]),
+        (1, [None, 1.0, 2.0]),
+        (5, [7.0, 8.0, 6.0]),
+    ]
+    assert parser.counts == {"before_header": 1, "columns": 1, "number": 4, "text": 2}
+
+
+def test_a_line_without_end_is_left_out_and_the_next_one_is_read() -> None:
+    parser = TextReader("x", How(columns=["gx"], rate_hz=9.0))
+    parts = [b"gx\n1\n", b"2" * (LONGEST_LINE // 2), b"2" * LONGEST_LINE, b"2\n3\n"]
+    assert [values for _, values in rows_of(parser, *parts)] == [[1.0], [3.0]]
+    assert parser.counts == {"too_long": 1}
+
+
+def test_a_sender_that_begins_again_may_order_its_columns_in_another_way_and_name_other_units() -> None:
+    parser = TextReader("x", How(rate_hz=9.0))
+    found = [
+        rows
+        for text in (b"gx [dps],gy [dps]\n1,2\n", b"gy [rad/s],gx [rad/s]\n1,2\n", b"gx [dps]\n7\n")
+        for rows in parser.feed(text)
+    ]
+    assert [rows.values.round(3).tolist() for rows in found] == [[[1.0, 2.0]], [[114.592, 57.296]]]
+    assert [rows.begins for rows in found] == [True, True]
+    assert parser.counts == {"header": 1}
+
+
+def test_after_an_opening_the_rest_of_a_line_is_left_out() -> None:
+    parser = TextReader("x", RATE)
+    parser.resume(within_line=True)
+    assert rows_of(parser, b"5,", b"7\n1,2\n") == [(0, [1.0, 2.0])]
+
+
+@pytest.mark.parametrize("lines", [1, MANY - 1, MANY, 3 * MANY])
+def test_once_a_number_has_a_decimal_comma_or_a_point_the_others_have_it_too(lines: int) -> None:
+    """In few lines and in many, which are read in different ways."""
+    for mark, other in ((",", "."), (".", ",")):
+        text = "gx;gy\n" + "3;4\n" * lines + f"1{mark}5;2\n" * lines + f"7{other}5;2\n" * lines
+        parser = TextReader("x", How(columns=NAMES, rate_hz=9.0))
+        found = [row for part in text.splitlines(keepends=True) for row in rows_of(parser, part.encode())]
+        assert [values for _, values in found] == [[3.0, 4.0]] * lines + [[1.5, 2.0]] * lines
+        parser = TextReader("x", How(columns=NAMES, rate_hz=9.0))
+        assert [values for _, values in rows_of(parser, text.encode())] == [values for _, values in found]
+        assert parser.counts == {"number": lines}
+
+
+def test_many_lines_are_read_by_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(TextReader, "_one_by_one", None)
+    (rows,) = TextReader("x", TIMED).feed(
+        b"t,gx,gy\n" + b"".join(b"%d,%d,%d\n" % (k, k, -k) for k in range(999))
+    )
+    assert np.array_equal(rows.values[:, 2], np.arange(999))

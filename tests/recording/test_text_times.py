@@ -1,0 +1,156 @@
+"""Times and accelerometers of text recordings, as other programs write them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from text_files import refusal, stored
+
+# --- the accelerometer ---
+
+ACCELS = {
+    "ours": ("accel_{}_ms2", None, 1.0),
+    "in g": ("a{} [g]", None, 9.80665),
+    "EuRoC": ("a_RS_S_{} [m s^-2]", None, 1.0),
+    "phyphox": ("Linear Acceleration {} (m/s^2)", None, 1.0),
+    "a line of units": ("acc_{}", "mg", 9.80665e-3),
+}
+
+
+@pytest.mark.parametrize("name", ACCELS)
+def test_an_accelerometer_whose_unit_is_known_is_read_too(name: str, tmp_path: Path) -> None:
+    form, unit, ms2 = ACCELS[name]
+    header = ["time_s", *[form.format(axis) for axis in "zxy"], "gyro_x_dps"]
+    units = "" if unit is None else ",".join(["s", unit, unit, unit, "dps"]) + "\n"
+    text = ",".join(header) + "\n" + units + "".join(f"{k},3,1,2,{k}\n" for k in range(4))
+    found = stored(tmp_path, text).whole()
+    assert found.gyro.ravel().tolist() == [0, 1, 2, 3]
+    assert found.accel_ms2 == pytest.approx(np.array([[1, 2, 3]] * 4) * ms2)
+    assert stored(tmp_path, text, columns=["gyro_x_dps"], rate_hz=1.0).whole().accel_ms2 is not None
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["ax,ay,az", "ax [g],ay [g],az", "ax [g],ay [g],az [m/s^2]", "ax [g],ay [g],p", "ax [g],ax [g],az [g]"],
+)
+def test_an_accelerometer_that_leaves_a_doubt_is_not_read(header: str, tmp_path: Path) -> None:
+    found = stored(tmp_path, f"gyro_x_dps,{header}\n1,0,0,x\n", rate_hz=1.0)
+    assert found.whole().accel_ms2 is None
+    assert found.notes == ()
+
+
+def test_an_accelerometer_with_missing_numbers_is_left_out_and_told(tmp_path: Path) -> None:
+    rows = ["1,0,0,1", "nan,0,,1", "2,0,0,1", "3,0,,1", "4,,,"]
+    text = "gyro_x_dps,accel_x_ms2,accel_y_ms2,accel_z_ms2\n" + "\n".join(rows) + "\n"
+    found = stored(tmp_path, text, rate_hz=1.0)
+    assert found.whole().gyro.ravel().tolist() == [1, 2, 3, 4]
+    assert found.whole().accel_ms2 is None
+    assert [note.kind for note in found.notes] == ["missing_numbers"] * 2
+    assert ":5: accel_x_ms2, accel_y_ms2, accel_z_ms2: no acceleration stands here" in found.notes[0].text
+    whole = stored(tmp_path, "\n".join(text.split("\n")[:4]) + "\n", rate_hz=1.0).whole()
+    assert whole.accel_ms2 is not None
+    assert whole.accel_ms2.tolist() == [[0, 0, 1]] * 2
+
+
+# --- times ---
+
+
+def timed(times: list[float], name: str = "t", separator: str = ",") -> str:
+    return f"{name}{separator}gyro_x_dps\n" + "".join(f"{t:.10g}{separator}1\n" for t in times)
+
+
+@pytest.mark.parametrize(
+    ("name", "per_s"),
+    [
+        ("time_s", 1.0),
+        ("t [ms]", 1e3),
+        ("time_us", 1e6),
+        ("timestamp [ns]", 1e9),
+        ("Timestamp(µs)", 1e6),
+        ("millis", 1e3),
+        ("time", 1.0),
+    ],
+)
+def test_units_of_times_by_their_name(name: str, per_s: float, tmp_path: Path) -> None:
+    found = stored(tmp_path, timed([k * per_s / 100 for k in range(200) if k != 50], name))
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.whole().device_s[-1] == pytest.approx(1.99)
+
+
+@pytest.mark.parametrize(("unit", "per_s"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+@pytest.mark.parametrize("rate_hz", [10.0, 100.0, 1000.0])
+def test_times_without_a_unit_are_never_taken_for_seconds(
+    unit: str, per_s: float, rate_hz: float, tmp_path: Path
+) -> None:
+    text = timed([round(k * per_s / rate_hz) for k in range(100)])
+    reason = refusal(tmp_path, text)
+    assert "column 't' says no unit" in reason
+    assert f"--time-unit {unit} ({rate_hz:g} Hz)" in reason
+    assert stored(tmp_path, text, time_unit=unit).rate_hz == pytest.approx(rate_hz)
+
+
+@pytest.mark.parametrize("rate_hz", [400.0, 416.0, 333.0, 64.0])
+def test_times_in_whole_milliseconds_are_a_clocks(rate_hz: float, tmp_path: Path) -> None:
+    """2 and 3 ms in turns are 400 Hz, not too uneven; and no step is a gap."""
+    times = [round(k * 1000 / rate_hz) for k in range(2000) if k != 1000]
+    found = stored(tmp_path, timed(times, "time_ms"))
+    assert found.rate_hz == pytest.approx(rate_hz, rel=2e-3)
+    in_s = stored(tmp_path, timed([t / 1000 for t in times], "time_s"))
+    assert in_s.rate_hz == pytest.approx(found.rate_hz)
+
+
+@pytest.mark.parametrize("name", ["time_s", "t", "millis"])
+def test_with_a_rate_times_still_number_the_samples(name: str, tmp_path: Path) -> None:
+    lost = {30, 31, 32, *range(50, 90)}
+    scale = 1e3 if name == "millis" else 1.0
+    found = stored(
+        tmp_path, timed([k * scale / 100 for k in range(200) if k not in lost], name), rate_hz=100.5
+    )
+    whole = found.whole()
+    assert whole.seq is not None
+    assert whole.seq.tolist() == [k for k in range(200) if k not in lost]
+    assert (found.rate_hz, found.notes) == (100.5, ())
+
+
+def test_a_rate_that_contradicts_the_times_is_told(tmp_path: Path) -> None:
+    found = stored(tmp_path, timed([k / 50 for k in range(100)], "time_s"), rate_hz=100.0)
+    assert found.whole().seq.tolist() == list(range(100))  # type: ignore[union-attr]
+    assert [note.kind for note in found.notes] == ["row_times"]
+    assert "the rate is 50 Hz; --rate 100 is used" in found.notes[0].text
+
+
+def test_times_that_number_nothing_are_told(tmp_path: Path) -> None:
+    for times in ([0, 1, 0.5, 2], [0, 0.001, 0.1, 0.101, 0.2, 0.201]):
+        found = stored(tmp_path, timed(times), rate_hz=10.0)
+        assert found.whole().seq.tolist() == list(range(len(times)))  # type: ignore[union-attr]
+        assert [note.kind for note in found.notes] == ["row_times"]
+
+
+def test_dates_number_nothing(tmp_path: Path) -> None:
+    text = "timestamp,gyro_x_dps\n" + "".join(f"2026-01-01 08:00:{k:02},{k}\n" for k in range(9))
+    found = stored(tmp_path, text, rate_hz=1.0)
+    assert found.samples == 9
+    assert "'2026-01-01 08:00:00' is no number, so it cannot tell" in found.notes[0].text
+    assert ":2: column 'timestamp': '2026-01-01 08:00:00' is not a number. " in refusal(tmp_path, text)
+    assert "--rate 100" in refusal(tmp_path, text)
+
+
+def test_long_files_go_over_many_blocks(tmp_path: Path) -> None:
+    n = 150_000
+    times = [k / 200 for k in range(n) if k % 10_000 != 9_999]
+    lines = timed(times, "time_s").splitlines(keepends=True)
+    lines[70_000] = "# a remark\n" + lines[70_000]
+    lines[80_000] = lines[80_000].split(",")[0] + ",\n"
+    found = stored(tmp_path, "".join(lines))
+    whole = found.whole()
+    assert found.rate_hz == pytest.approx(200.0)
+    assert len(whole.gyro) == found.samples == len(times) - 1
+    assert int(np.rint(whole.device_s[-1] * 200)) == round(times[-1] * 200)
+    assert ":80002: the first of 1 rows" in found.notes[0].text
+    lines[120_000] = "600,1x\n"
+    found = stored(tmp_path, "".join(lines))
+    assert (
+        ":120002: the first of 1 lines that hold no sample and are left out: column 'gyro_x_dps': '1x'"
+        in (found.notes[0].text)
+    )
+    assert found.samples == len(times) - 2

@@ -1,0 +1,23 @@
+"""Text recordings in a test's folder, read or refused."""
+
+from pathlib import Path
+
+import pytest
+from fltea.recording.csv_file import open_csv
+from fltea.recording.files import Stored
+from fltea.records.errors import UsageError
+from fltea.settings.how import How
+
+
+def stored(folder: Path, text: str | bytes, **how: object) -> Stored:
+    """The recording that a file with this text is; how: fields of `How`."""
+    path = folder / "rest.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return open_csv(path, How(**how))  # type: ignore[arg-type]
+
+
+def refusal(folder: Path, text: str | bytes, **how: object) -> str:
+    """Why a file with this text is refused, behind the file's name."""
+    with pytest.raises(UsageError) as caught:
+        stored(folder, text, **how)
+    return str(caught.value).removeprefix(str(folder / "rest.csv"))

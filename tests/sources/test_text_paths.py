@@ -1,0 +1,216 @@
+"""Text is read once: what a file gives, a pipe gives, too, with the same samples; or both refuse it."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from fltea.recording.csv_file import open_csv
+from fltea.records.errors import UsageError
+from fltea.records.events import Event, RawBlock
+from fltea.records.records import Hello
+from fltea.settings.how import How
+from fltea.sources.text_lines import TextEvents
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+DEG = 180 / np.pi
+
+
+class Found(NamedTuple):
+    """What a text holds. seq: numbers of the samples since the first of their run."""
+
+    gyro: list[list[float]]
+    accel: list[list[float]] | None
+    seq: list[int]
+    rate_hz: float
+    lsb: float | None
+
+
+def of_file(path: Path, text: bytes, how: How) -> Found:
+    path.write_bytes(text)
+    stored = open_csv(path, how)
+    whole = stored.whole()
+    assert whole.seq is not None
+    assert whole.epoch is not None
+    first = {
+        epoch: seq
+        for seq, epoch in reversed(list(zip(whole.seq.tolist(), whole.epoch.tolist(), strict=True)))
+    }
+    seq = [
+        number - first[epoch] for number, epoch in zip(whole.seq.tolist(), whole.epoch.tolist(), strict=True)
+    ]
+    accel = None if whole.accel_ms2 is None else whole.accel_ms2.tolist()
+    return Found(whole.gyro.tolist(), accel, seq, stored.rate_hz, whole.lsb_per_dps)
+
+
+def of_pipe(text: bytes, how: How, cuts: list[int]) -> Found:
+    live = TextEvents("stdin:", how, fatal=False)
+    live.open(0, within_line=False)
+    places = [0, *sorted(min(cut, len(text)) for cut in cuts), len(text)]
+    events: list[Event] = [event for a, b in pairwise(places) for event in live.feed(text[a:b], 0)]
+    events += live.finish(0)
+    gyro: list[list[float]] = []
+    accel: list[list[float]] = []
+    seq: list[int] = []
+    boot, base, hello = None, 0, None
+    for event in events:
+        if isinstance(event, Hello):
+            hello = event
+        elif isinstance(event, RawBlock):
+            assert hello is not None
+            if hello.boot_id != boot:
+                boot, base = hello.boot_id, int(event.sequence[0])
+            gyro += event.gyro.tolist()
+            accel += [] if event.accel is None else event.accel.tolist()
+            seq += (event.sequence - base).tolist()
+    assert hello is not None
+    return Found(gyro, accel or None, seq, hello.rate_hz, hello.gyro_lsb_per_dps)
+
+
+def both(path: Path, text: bytes, how: How, cuts: list[int]) -> tuple[Found | str, Found | str]:
+    found: list[Found | str] = []
+    for read in (lambda: of_file(path, text, how), lambda: of_pipe(text, how, cuts)):
+        try:
+            found.append(read())
+        except UsageError as error:
+            found.append(str(error))
+    return found[0], found[1]
+
+
+RATE: dict[str, Any] = {"rate_hz": 100.0}
+FORMS: dict[str, tuple[str, dict[str, Any], float]] = {
+    "rad/s in the names": ("gyro_x_rad_s,gyro_y_rad_s\n1,2\n3,4\n", RATE, DEG),
+    "rad/s in the names that are given": (
+        "gyro_x_rad_s,gyro_y_rad_s\n1,2\n3,4\n",
+        {"columns": ["gyro_x_rad_s", "gyro_y_rad_s"], **RATE},
+        DEG,
+    ),
+    "rad/s in brackets": ("gx [rad/s],gy [rad/s]\n1,2\n3,4\n", RATE, DEG),
+    "a line of units": ("gx;gy\nrad/s;rad/s\n1;2\n3;4\n", RATE, DEG),
+    "decimal commas": ("gx;gy\n0,5;1\n1,5;2,0\n", {"units": "dps", **RATE}, 0.5),
+    "decimal commas from the second row on": ("gx;gy\n1;2\n1,5;2,0\n", {"units": "dps", **RATE}, 1.0),
+    "names that are known": (
+        "t_ms angular_velocity.x angular_velocity.y\n0 1 2\n10 3 4\n",
+        {"units": "rad/s"},
+        DEG,
+    ),
+    "a file's own objects": (
+        '{"t_ms": 0, "wx_rads": 1, "wy_rads": 2}\n{"t_ms": 10, "wx_rads": 3, "wy_rads": 4}\n',
+        {},
+        DEG,
+    ),
+    "messages before, between and behind": (
+        "boot ok\ngx,gy\nhm\n1,2\nx,1\n3,4\nbye\n",
+        {"units": "dps", **RATE},
+        1.0,
+    ),
+    "an accelerometer": ("gx [dps],gy [dps],ax [g],ay [g],az [g]\n1,2,0,0,1\n3,4,0,1,0\n", RATE, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_forms_that_a_file_and_a_pipe_give_alike(name: str, tmp_path: Path) -> None:
+    text, how, first = FORMS[name]
+    from_file, from_pipe = both(tmp_path / "a.csv", text.encode(), How(**how), [7, 20])
+    assert from_file == from_pipe
+    assert isinstance(from_file, Found)
+    assert from_file.gyro[0][0] == pytest.approx(first)
+    assert len(from_file.gyro) == 2
+
+
+@pytest.mark.parametrize("header", ["gx [rad/s]", "gyro_x_rad_s", "gx\nrad/s"])
+@pytest.mark.parametrize("units", ["deg/s", "mdps", "lsb:131"])
+def test_a_unit_that_the_header_denies_is_an_error_that_names_both(
+    header: str, units: str, tmp_path: Path
+) -> None:
+    for found in both(tmp_path / "a.csv", f"{header}\n1\n2\n".encode(), How(units=units, rate_hz=9.0), []):
+        assert isinstance(found, str)
+        assert f"are in rad/s by their names or line of units, and --units {units} says otherwise" in found
+
+
+def test_another_name_for_the_same_unit_is_no_contradiction(tmp_path: Path) -> None:
+    for units in ("deg/s", "°/s", "dps"):
+        for found in both(tmp_path / "a.csv", b"gyro_x_dps\n1\n2\n", How(units=units, rate_hz=9.0), []):
+            assert isinstance(found, Found)
+
+
+def test_a_counter_that_wraps_and_times_that_run_back_are_alike(tmp_path: Path) -> None:
+    times = [(2**32 - 60 + 10 * k) % 2**32 for k in range(20)] + [5, 15, 25, 25, 45]
+    text = "t_ms,gyro_x_dps\n" + "".join(f"{t},{k % 24}\n" for k, t in enumerate(times))
+    from_file, from_pipe = both(tmp_path / "a.csv", text.encode(), How(), [])
+    assert from_file == from_pipe
+    assert isinstance(from_file, Found)
+    assert from_file.seq == [*range(20), 0, 1, 2, 4]
+    assert from_file.rate_hz == pytest.approx(100.0)
+
+
+number = st.one_of(st.integers(-999, 999).map(str), st.floats(-2000, 2000, width=32).map("{:.6g}".format))
+field = st.one_of(
+    number, number, number, st.sampled_from(["", "nan", "NA", "x", "1_0", "1e5", "2,5", '"7"', "inf"])
+)
+garbage = st.sampled_from(
+    ["", "# a remark", "IMU ready", "gx gy", "1", "-", ",,,", ";;;", "\x00\x1b[2J", "{", '{"gx": 1}', '"']
+)
+HEADERS = [
+    "",
+    "t_ms,gx,gy\n",
+    "# t_ms,gx [rad/s],gy [rad/s]\n",
+    "title\ntime_s,gyro_x_dps,gyro_y_dps\n",
+    "t,gx,gy\nms,rad/s,rad/s\n",
+    "t_ms,wx_rads,wy_rads,ax [g],ay [g],az [g]\n",
+    "a,b,c\n",
+]
+HOWS: list[dict[str, Any]] = [
+    {},
+    {"units": "rad/s"},
+    {"rate_hz": 100.0},
+    {"rate_hz": 100.0, "units": "dps"},
+    {"columns": ["gx", "gy"], "rate_hz": 50.0},
+    {"columns": ["2", "3"], "time_column": "1", "time_unit": "ms"},
+    {"columns": ["2", "3"], "rate_hz": 100.0},
+    {"columns": ["a", "b", "c"], "rate_hz": 100.0, "units": "lsb:16.4"},
+]
+
+
+@st.composite
+def texts(draw: st.DrawFn) -> bytes:
+    separator = draw(st.sampled_from([",", ";", "\t", " "]))
+    comma = separator != "," and draw(st.booleans())
+    step = draw(st.sampled_from(["10", "10", "10", "0.01", "0"]))
+    header = draw(st.sampled_from(HEADERS)).replace(",", separator)
+    columns = 6 if "ax" in header else 3
+    lines = []
+    for k in range(draw(st.integers(0, 40))):
+        kind = draw(st.integers(0, 9))
+        if kind == 0:
+            lines.append(draw(garbage))
+            continue
+        one = field if kind == 1 else number
+        row = [
+            f"{k * float(step):.6g}",
+            *draw(st.lists(one, min_size=columns - 1, max_size=columns - (kind > 1))),
+        ]
+        text = separator.join(row)
+        lines.append(text.replace(".", ",") if comma else text)
+        if kind == 2 and draw(st.booleans()):
+            lines.append(header.rstrip("\n"))
+    end = draw(st.sampled_from(["\n", "\r\n"]))
+    text = header + "\n".join(lines) + draw(st.sampled_from(["", "\n"]))
+    return text.replace("\n", end).encode()
+
+
+@given(text=texts(), how=st.sampled_from(HOWS), cuts=st.lists(st.integers(0, 2000), max_size=6))
+@settings(max_examples=300)
+def test_what_a_file_takes_a_pipe_takes_with_the_same_samples(
+    tmp_path_factory: pytest.TempPathFactory, text: bytes, how: dict[str, Any], cuts: list[int]
+) -> None:
+    from_file, from_pipe = both(tmp_path_factory.getbasetemp() / "a.csv", text, How(**how), cuts)
+    if isinstance(from_file, str) or isinstance(from_pipe, str):
+        assert isinstance(from_file, str), from_pipe
+        assert isinstance(from_pipe, str), from_file
+        return
+    if from_file.accel is None:  # a pipe gives it up to the first line without it
+        from_pipe = from_pipe._replace(accel=None)
+    assert from_file == from_pipe
