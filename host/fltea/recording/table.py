@@ -71,7 +71,7 @@ def samples_of(rows: Rows, chosen: Chosen) -> Samples:
         values, numbers, ordinal = values[~bad], numbers[~bad], ordinal[~bad]
 
     if not np.isfinite(values[:, :needed]).all():
-        leave_out("not_finite", ~np.isfinite(values[:, :needed]).all(axis=1))
+        leave_out("not_finite", np.asarray(~np.isfinite(values[:, :needed]).all(axis=1)))
     if len(values) and np.abs(values[:, :axes]).max() > largest:
         leave_out("too_large", np.asarray((np.abs(values[:, :axes]) > largest).any(axis=1)))
     if needed > axes and len(values) and np.abs(values[:, axes]).max() > LATEST:
@@ -131,6 +131,7 @@ class _Table:
         self._elapsed = Elapsed(chosen.time_unit)
         self._last_elapsed = 0.0
         self._begins: list[Ints] = []
+        self._headers: list[int] = []
         self._notes: list[Note] = []
 
     def add(self, block: Rows) -> None:
@@ -155,8 +156,8 @@ class _Table:
             elapsed, begins = self._elapsed.add(found.time, found.gyro)
             self._spool.append("time", elapsed)
             self._last_elapsed = float(elapsed[-1])
-        else:
-            begins[0] = self._is_new_run and row > 0
+        if self._is_new_run and row:
+            self._headers.append(row)
         self._is_new_run = False
         if begins.any():
             self._begins.append(row + np.flatnonzero(begins))
@@ -236,13 +237,14 @@ class _Table:
         chosen, spool = self._chosen, self._spool
         if chosen.time is None:
             assert self._rate_hz is not None  # `choose` refuses a table without both
+            self._begins = [np.array(self._headers, np.int64)]
             return Timing(self._rate_hz, None)
         clock = clock_of(
             lambda: (times for (times,) in spool.blocks(["time"], STEPS_AT_ONCE)), self._elapsed.odd
         )
         found = timing(str(self._path), chosen.time_name, chosen.time_unit, clock, self._rate_hz)
         if found.period is None:
-            self._begins.clear()
+            self._begins = [np.array(self._headers, np.int64)]
         elif runs := sum(map(len, self._begins)):
             text = f"column '{chosen.time_name}' runs backwards {runs} times; a new run begins at each."
             self._notes.append(Note("row_times", f"{self._path}: {text}"))

@@ -223,7 +223,7 @@ def _of_object(layout: Layout, text: str) -> list[float] | WhyNot:
     if not {type(value) for value in values[: len(names)]} <= {int, float, type(None)}:
         return "number", f"{shown(text)} has other values than numbers."
     try:
-        return [float(value) if type(value) in (int, float) else math.nan for value in values]
+        return [float(value) if isinstance(value, int | float) else math.nan for value in values]
     except OverflowError:
         return "number", f"{shown(text)} has a number that is too large."
 

@@ -68,7 +68,7 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "bad_lines",
-        "Lines of text hold no sample and are left out; `stats` counts them, this comes once a minute.",
+        "Lines of text hold no sample and are left out; the text counts them, live once a minute.",
         "Look at the line that the text shows; a line that looks like a sample counts as a lost one.",
     ),
     ErrorKind(
@@ -93,13 +93,8 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "no_rate",
-        "The times of samples tell no rate that a gyroscope has, so the samples are left out.",
+        "The times of samples are uneven or tell no rate that a gyroscope has: the samples are left out.",
         "Give the unit of the times (`--time-unit`), or the rate (`--rate`; for IIO `?rate_hz=`).",
-    ),
-    ErrorKind(
-        "uneven_times",
-        "The steps of a column of times are too uneven for a device's clock.",
-        "Give the rate (`--rate`) in place of the column if these are times of arrival.",
     ),
     ErrorKind(
         "cut_recording",
@@ -113,12 +108,12 @@ ERROR_KINDS = (
     ),
     ErrorKind(
         "missing_numbers",
-        "Rows of a table have an empty field or NaN where a number should be; the text counts them.",
+        "Rows have an empty field or NaN where a number should be; the text counts them.",
         "Nothing has to be done; if there are many, look at the logger.",
     ),
     ErrorKind(
         "row_times",
-        "With `--rate`, the column of times is too uneven to tell gaps, or tells another rate.",
+        "A column of times runs back or repeats times, or with `--rate` is uneven or tells another rate.",
         "Check `--rate`; name a column of the device's own clock (`--time-column`), if there is one.",
     ),
     ErrorKind(

@@ -150,7 +150,8 @@ class ByTime:
         waiting, self._waiting = self._waiting, []
         if not waiting:
             return
-        clock = clock_of(lambda: (one.elapsed for one in waiting), self._elapsed.odd)
+        elapsed = np.concatenate([one.elapsed for one in waiting])
+        clock = clock_of(lambda: [elapsed], self._elapsed.odd)
         try:
             found = timing(self._where, self._column, self._unit, clock, self._given_hz)
             if not LOWEST_RATE_HZ <= found.rate_hz <= HIGHEST_RATE_HZ:
