@@ -97,7 +97,7 @@ def test_misuse_of_live_is_told_and_takes_nothing() -> None:
     for axes in ([], ["a", "a"]):
         with pytest.raises(ValueError, match="each of them once"):
             fltea.Live(100.0, axes)
-    with pytest.raises(ValueError, match="duration"):
+    with pytest.raises(ValueError, match="memory must be a time"):
         fltea.Live(100.0, memory="soon")
     assert live.samples == 0
     assert live.fit()["a"].verdict == "too few samples"
