@@ -7,7 +7,6 @@ import threading
 from collections.abc import Callable
 
 from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags, MQTTMessage
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
@@ -15,9 +14,8 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from fltea.fleet.messages import KINDS
 from fltea.settings.outputs import MqttConfig
-from fltea.sinks.mqtt.broker import Broker
+from fltea.sinks.mqtt.broker import KEEPALIVE_S, Broker
 
-KEEPALIVE_S = 15
 RETAINED = ("hello", "fit")
 LONGEST_WAIT_S = 5
 IN_FLIGHT = 65_535
@@ -46,20 +44,13 @@ class Listener:
         self._prefix, self._take, self._report, self._back = settings.prefix, take, report, back
         self.is_up = threading.Event()
         self.outages = self.connections = 0
-        self._told = self._closed = False
+        self._reported = self._closed = False
         self._asked: list[str] = []
-        self._client = client = Client(
-            CallbackAPIVersion.VERSION2,
-            f"fltea-fleet-{secrets.token_hex(4)}",
-            protocol=MQTTProtocolVersion.MQTTv5,
-        )
+        name = f"fltea-fleet-{secrets.token_hex(4)}"
+        self._client = client = self._broker.client(name, reconnects=True)
         client.on_connect, client.on_connect_fail = self._on_connect, self._on_connect_fail
         client.on_disconnect, client.on_message = self._on_disconnect, self._on_message
         client.reconnect_delay_set(1, LONGEST_WAIT_S)
-        if self._broker.user is not None:
-            client.username_pw_set(self._broker.user, self._broker.password)
-        if self._broker.tls is not None:
-            client.tls_set_context(self._broker.tls)
         wishes = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
         wishes.ReceiveMaximum = IN_FLIGHT
         address = self._broker.address
@@ -67,10 +58,7 @@ class Listener:
 
     def start(self) -> None:
         """Connect, in the background."""
-        if self._broker.shows_password:
-            self._report(
-                "broker_plain", f"{self._broker.address}: the password crosses the network in clear."
-            )
+        self._broker.report_plain(self._report)
         self._client.loop_start()
 
     def publish(self, topic: str, payload: bytes, *, retain: bool) -> None:
@@ -113,9 +101,9 @@ class Listener:
         client.subscribe(
             [(f"{self._prefix}/+/{kind}", later if kind == "fit" else options) for kind in KINDS]
         )
-        if self._told:
+        if self._reported:
             self._back()
-        self._told = False
+        self._reported = False
         self.connections += 1
         self.is_up.set()
 
@@ -137,8 +125,8 @@ class Listener:
             self._down(*self._broker.explain_end(reason, answered))
 
     def _down(self, kind: str, text: str) -> None:
-        if not self._told and not self._closed:
-            self._told = True
+        if not self._reported and not self._closed:
+            self._reported = True
             self._report(kind, text)
 
     def _on_message(self, client: Client, userdata: object, message: MQTTMessage) -> None:

@@ -5,7 +5,6 @@ import threading
 from typing import Any
 
 from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags, MQTTMessage
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
@@ -14,9 +13,8 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 from fltea.records.ports import Report
 from fltea.service.ingest.inbox import Inbox
 from fltea.settings.outputs import MqttConfig
-from fltea.sinks.mqtt.broker import Broker
+from fltea.sinks.mqtt.broker import KEEPALIVE_S, Broker
 
-KEEPALIVE_S = 15
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0)
 LEVEL = "frames"
 """Last level of the topics `<prefix>/<device>/frames`."""
@@ -52,11 +50,7 @@ class MqttFrames:
         self._stop = threading.Event()
         self._client: Client | None = None
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
-        if self._broker.shows_password:
-            report(
-                "broker_plain",
-                f"{self.url}: the password crosses the network in clear; use mqtts:// if the broker can.",
-            )
+        self._broker.report_plain(report)
 
     def start(self) -> None:
         """Begin to receive."""
@@ -94,18 +88,9 @@ class MqttFrames:
             self._stop.wait(BACKOFF_S[min(self._failures, len(BACKOFF_S)) - 1])
 
     def _new_client(self) -> Client:
-        client = Client(
-            CallbackAPIVersion.VERSION2,
-            self._name,
-            protocol=MQTTProtocolVersion.MQTTv5,
-            reconnect_on_failure=False,
-        )
+        client = self._broker.client(self._name)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
         client.on_message, client.on_subscribe = self._on_message, self._on_subscribe
-        if self._broker.user is not None:
-            client.username_pw_set(self._broker.user, self._broker.password)
-        if self._broker.tls is not None:
-            client.tls_set_context(self._broker.tls)
         return client
 
     def _on_connect(

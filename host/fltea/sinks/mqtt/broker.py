@@ -8,13 +8,19 @@ import os
 import socket
 import ssl
 
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.reasoncodes import ReasonCode
 
 from fltea.records.errors import UsageError
+from fltea.records.ports import Report
 from fltea.settings.login_file import read_login
 from fltea.settings.outputs import BrokerAddress, MqttConfig
 
 USER, PASSWORD = "FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"
+KEEPALIVE_S = 15
+"""A broker that vanishes silently is noticed after at most twice this time."""
+
 REFUSED_BY_NAME = (0x86, 0x87, 0x8C)
 """Reason codes of MQTT 5: bad user name or password, not authorized, bad authentication method."""
 
@@ -34,11 +40,27 @@ class Broker:
         self.user, self.password = _credentials(settings.password_file)
         self.tls = _tls(settings) if self.address.tls else None
 
-    @property
-    def shows_password(self) -> bool:
-        """The password crosses a network in clear."""
+    def report_plain(self, report: Report) -> None:
+        """Report that the password crosses a network in clear, if it does."""
         local = self.address.host in ("localhost", "::1") or self.address.host.startswith("127.")
-        return self.password is not None and self.tls is None and not local
+        if self.password is not None and self.tls is None and not local:
+            text = "the password crosses the network in clear; use mqtts:// if the broker can."
+            report("broker_plain", f"{self.address}: {text}")
+
+    def client(self, client_id: str, *, userdata: object = None, reconnects: bool = False) -> Client:
+        """Return a client with this login and these certificates, which is not connected yet."""
+        client = Client(
+            CallbackAPIVersion.VERSION2,
+            client_id,
+            userdata=userdata,
+            protocol=MQTTProtocolVersion.MQTTv5,
+            reconnect_on_failure=reconnects,
+        )
+        if self.user is not None:
+            client.username_pw_set(self.user, self.password)
+        if self.tls is not None:
+            client.tls_set_context(self.tls)
+        return client
 
     def explain_failure(self, error: BaseException | None) -> Failure:
         """Why the broker could not be reached."""

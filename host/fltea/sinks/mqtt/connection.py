@@ -10,14 +10,10 @@ from collections import deque
 from typing import NamedTuple
 
 from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
-from fltea.sinks.mqtt.broker import Broker
-
-KEEPALIVE_S = 15
-"""A broker that vanishes silently is noticed after at most twice this time."""
+from fltea.sinks.mqtt.broker import KEEPALIVE_S, Broker
 
 
 class Up(NamedTuple):
@@ -56,22 +52,12 @@ class Connection:
     def __init__(self, broker: Broker, client_id: str, will: tuple[str, bytes]) -> None:
         self._shared = _Shared(broker)
         self.events = self._shared.events
-        self._client = client = Client(
-            CallbackAPIVersion.VERSION2,
-            client_id,
-            userdata=self._shared,
-            protocol=MQTTProtocolVersion.MQTTv5,
-            reconnect_on_failure=False,
-        )
+        self._client = client = broker.client(client_id, userdata=self._shared)
         client.on_connect = _on_connect
         client.on_connect_fail = _on_connect_fail
         client.on_publish = _on_publish
         client.on_disconnect = _on_disconnect
         client.will_set(*will, qos=1, retain=True)
-        if broker.user is not None:
-            client.username_pw_set(broker.user, broker.password)
-        if broker.tls is not None:
-            client.tls_set_context(broker.tls)
         client.connect_async(broker.address.host, broker.address.port, keepalive=KEEPALIVE_S)
         client.loop_start()
 

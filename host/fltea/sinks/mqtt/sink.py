@@ -55,12 +55,8 @@ class MqttSink(Sink):
         self._fit: bytes | None = None
         self._status: DeviceStatus | None = None
         self._seen: dict[str, int] = {}
-        if shared is None and broker.shows_password:
-            report(
-                "broker_plain",
-                f"{broker.address}: the password crosses the network in clear; use mqtts:// if the broker "
-                "can.",
-            )
+        if shared is None:
+            broker.report_plain(report)
 
     @property
     def lost(self) -> int:  # type: ignore[override]
