@@ -147,3 +147,21 @@ def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: St
     assert "Rows that wait: 0; lost: 0." in stage.said[0]
     assert stage.fleet.history.alerts().result()[0]["kind"] == "offline"
     stage.fleet.close()
+
+
+def test_the_end_says_how_many_rows_it_lost(stage: Stage) -> None:
+    stage.fleet.history.lost = 2
+    database: Any = stage.fleet.history._database
+    database.connection.execute("PRAGMA query_only = 1")
+    stage.fleet.history.add_alert(0.0, "raised", "offline", "a", "a: went offline.")
+    stage.fleet.close()
+    assert stage.said[-1].endswith("Rows that waited and are lost: 1.")
+
+
+def test_the_summary_says_how_long_a_look_takes(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    times_s = iter([10.0, 10.25])
+    with monkeypatch.context() as clock:
+        clock.setattr(program.time, "perf_counter", lambda: next(times_s))
+        stage.fleet.look_now()
+    assert stage.fleet.summary()["look_ms"] == 250.0
+    stage.fleet.close()
