@@ -1,6 +1,7 @@
 """Bags of ROS 1 and ROS 2, made by `rosbags`, as recordings."""
 
 import contextlib
+import re
 import sqlite3
 import sys
 from pathlib import Path
@@ -208,7 +209,7 @@ def test_messages_that_stand_there_twice_are_taken_once(tmp_path: Path) -> None:
     some = Messages(*(np.asarray(column)[twice].tolist() for column in rest[:3]))  # type: ignore[arg-type]
     stored = open_bag(write_bag(tmp_path / "a.bag", {"/imu": some}))
     assert stored.samples == 60
-    assert "3 messages stand there twice" in told(stored)["bag_messages"]
+    assert re.search(r"(^| )3 messages stand there twice", told(stored)["bag_messages"])
 
 
 def test_without_stamps_the_arrivals_are_taken_and_it_says_so(tmp_path: Path) -> None:

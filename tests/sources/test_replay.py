@@ -184,6 +184,12 @@ def test_flags_of_csv_do_not_fit_other_kinds(kind: str, flag: dict[str, Any], tm
         ReplaySource(path, how=How(**flag))
 
 
+def test_a_topic_fits_bags_only(tmp_path: Path) -> None:
+    for path in (npz_file(tmp_path), ndjson_file(tmp_path)):
+        with pytest.raises(UsageError, match="--topic is for bags of ROS"):
+            ReplaySource(path, how=How(topic="/imu"))
+
+
 def test_shuffle_does_not_fit_ndjson(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
         ReplaySource(ndjson_file(tmp_path), shuffle=1)
