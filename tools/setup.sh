@@ -85,6 +85,7 @@ if [ ${#others[@]} -gt 0 ]; then
     others_work=$!
 fi
 steps=3
+[ "$level" != dev ] || steps=4
 step=0
 
 # One step: its name, then its command. A terminal shows the seconds and what the command said last.
@@ -106,7 +107,7 @@ quietly() {
 }
 
 if .venv/bin/python -m pip --version >/dev/null 2>&1; then
-    steps=2
+    steps=$((steps - 1))
 else
     quietly "making .venv" "$python" -m venv --clear .venv
 fi
@@ -115,10 +116,18 @@ pip() { quietly "$1" .venv/bin/python -m pip "${@:2}"; }
 pip "installing what builds the native module (cmake, ninja, nanobind)" \
     install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
 extras='[emulator,outputs]'
-[ "$level" = dev ] && extras='[test,lint,plot,bench,emulator,outputs,dask,cloud,docs,tables,postgres]'
+options=()
+if [ "$level" = dev ]; then
+    extras='[test,lint,plot,bench,emulator,outputs,dask,cloud,docs,tables,postgres]'
+    # pip would make bytecode on one core: a quarter of its time.
+    options=(--no-compile)
+fi
 # Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
 pip "installing pinned Python packages and building the native module ($level); this is most of the time" \
-    install -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
+    install "${options[@]}" -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
+# Some packages hold files that are no Python of today; nothing imports them.
+bytecode() { .venv/bin/python -m compileall -q -j 0 .venv/lib || true; }
+[ "$level" != dev ] || quietly "making bytecode of them" bytecode
 if [ -n "$others_work" ] && ! wait "$others_work"; then
     cat "$others_log" >&2
     say "installing failed; see above, or run by hand: $by_hand"
