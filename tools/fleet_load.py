@@ -18,7 +18,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 from fltea.records.records import AXES, Fit, Hello, LinkStats, SampleStats, Stats
-from fltea.settings.listen_address import is_loopback
+from fltea.settings.outputs import is_loopback
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 

@@ -8,16 +8,17 @@ from collections.abc import Sequence
 from struct import pack, unpack
 
 import numpy as np
-from fltea.estimator.engine import (
-    Engine,
-    EngineSettings,
-    JointTuning,
-    OrderTuning,
-    ParameterTuning,
-    StateTuning,
-)
+from fltea.estimator.engine import Engine
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.config import Config
 from fltea.settings.duration import known
+from fltea.settings.estimator import (
+    EstimatorConfig,
+    JointSettings,
+    OrderSettings,
+    ParameterSettings,
+    StateSettings,
+)
 from fltea.wire import layout as wire
 
 CONFIG = Config()
@@ -132,22 +133,21 @@ class OwnEstimator:
         self._bias = rates.mean(axis=0)
         R = np.maximum(rates.var(axis=0, ddof=1), (1 / self._lsb) ** 2 / 12)
         joint = s.variant == wire.EstimatorVariant.JOINT
-        settings = EngineSettings(
-            h=self._h,
-            window=None,
+        config = EstimatorConfig(
+            window=0,
             variant="joint" if joint else "triple",
             guard=("off", "faithful", "consistent")[s.guard],
             gate=s.gate,
-            state=StateTuning(P0=s.state_p0, Q=s.state_q, x0=s.state_x0, R=R[self._live]),
-            order=OrderTuning(P0=s.alpha_p0, Q0=s.alpha_q0, alpha0=s.alpha0, delta=s.alpha_delta),
-            parameter=ParameterTuning(
+            state=StateSettings(P0=s.state_p0, Q=s.state_q, x0=s.state_x0),
+            order=OrderSettings(P0=s.alpha_p0, Q0=s.alpha_q0, alpha0=s.alpha0, delta=s.alpha_delta),
+            parameter=ParameterSettings(
                 P0=s.parameter_p0, Q0=s.parameter_q0, f0=s.parameter0, delta=s.parameter_delta
             ),
-            joint=JointTuning(
+            joint=JointSettings(
                 P0=s.alpha_p0, Q0=s.alpha_q0, alpha0=s.alpha0, beta0=s.parameter0, delta=s.alpha_delta
             ),
         )
-        self._engine = Engine(len(self._live), settings)
+        self._engine = Engine(len(self._live), LaneSettings(config, self._h, R[self._live]))
         R[[axis for axis in range(3) if axis not in self._live]] = 0.0
         x, y, z = map(f32, self._bias)
         r_x, r_y, r_z = map(f32, R)

@@ -60,7 +60,7 @@ def instruction_sets() -> list[str]: ...
 
 # See fltea.estimator.engine, which checks what this class only guards against crashes. Arrays are in C order.
 class Engine:
-    # settings: (lanes, fields) float64, engine_settings.native_table(); window 0 is unlimited.
+    # settings: (lanes, fields) float64, lane_settings.native_table(); window 0 is unlimited.
     def __init__(
         self,
         instruction_set: str,

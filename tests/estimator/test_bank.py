@@ -152,10 +152,10 @@ def test_what_cannot_be_a_sample_is_refused_and_changes_nothing() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"bias": [1.0]}, "bias needs one finite value"),
-        ({"bias": 1e308}, "bias needs one finite value"),
+        ({"bias": [1.0]}, "bias needs one value, or 3"),
+        ({"bias": 1e308}, "bias must be .* 5e\\+99 deg/s"),
         ({"R": [0.1, 0.2]}, "R needs one value"),
-        ({"R": 1e-200, "bias": 0.0}, "state.R must be"),
+        ({"R": 1e-200, "bias": 0.0}, "R must be "),
     ],
 )
 def test_settings_that_no_bank_can_work_with(changes: dict[str, object], message: str) -> None:
@@ -169,7 +169,7 @@ def test_samples_that_vary_beyond_measure_or_below_it() -> None:
     bank.run(1e-120 * y)
     assert bank.baseline is not None
     assert bank.baseline.constant_axes == AXES
-    with pytest.raises(ValueError, match=r"state\.R must be"):
+    with pytest.raises(ValueError, match=r"R must be"):
         Bank(AXES, config(), H, None).run(1e60 * y)
 
 

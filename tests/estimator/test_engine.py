@@ -17,7 +17,8 @@ from engine_cases import (
     white,
     with_,
 )
-from fltea.estimator.engine import CAUSES, Engine, EngineSettings, StateTuning, instruction_sets
+from fltea.estimator.engine import CAUSES, Engine, instruction_sets
+from fltea.estimator.lane_settings import LaneSettings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,8 +30,9 @@ ALL_KINDS = [
 ]
 
 
-def kind(engine_settings: EngineSettings) -> str:
-    return f"{engine_settings.memory} {engine_settings.variant} {engine_settings.guard}"
+def kind(engine_settings: LaneSettings) -> str:
+    c = engine_settings.config
+    return f"{c.memory} {c.variant} {c.guard}"
 
 
 def relative_difference(estimates: Array, expected: Array) -> Array:
@@ -94,14 +96,14 @@ def test_a_window_as_long_as_the_data_is_unlimited(memory: str) -> None:
         assert same(longest, exact)
         assert np.array_equal(shorter.alpha[:-1], exact.alpha[:-1])
     else:
-        unlimited = run(with_(GYROSCOPE, memory=memory, window=None), y)
+        unlimited = run(with_(GYROSCOPE, memory=memory, window=0), y)
         np.testing.assert_allclose(unlimited.alpha, exact.alpha, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(longest.alpha, exact.alpha, rtol=1e-6, atol=1e-8)
     assert not np.array_equal(shorter.x[-1], exact.x[-1])
 
 
 @pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
-def test_block_is_step_by_step_is_restored(tuning: EngineSettings) -> None:
+def test_block_is_step_by_step_is_restored(tuning: LaneSettings) -> None:
     n = 150
     tuning = with_(tuning, window=60)
     y, u = white(n, 5, 2), white(n, 5, 3)
@@ -110,7 +112,7 @@ def test_block_is_step_by_step_is_restored(tuning: EngineSettings) -> None:
     stepped = Engine(5, tuning)
     for k in range(n):
         if k in (1, 20, 77):
-            stepped = Engine.restore(stepped.save(), tuning if k == 20 else None)
+            stepped = Engine.restore(stepped.save(), tuning)
         row = stepped.step(y[k], u[k], missing[k])
         for name in ESTIMATES:
             assert np.array_equal(getattr(row, name), getattr(block, name)[k], equal_nan=True)
@@ -118,28 +120,28 @@ def test_block_is_step_by_step_is_restored(tuning: EngineSettings) -> None:
 
 
 @pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
-def test_lanes_do_not_know_of_each_other(tuning: EngineSettings) -> None:
+def test_lanes_do_not_know_of_each_other(tuning: LaneSettings) -> None:
     n, lanes = 120, 11
     rng = np.random.default_rng(6)
     y = white(n, lanes, 5)
     R, h = rng.uniform(0.01, 0.05, lanes), rng.uniform(0.005, 0.02, lanes)
     u, missing = white(n, lanes, 7), rng.random((n, lanes)) < 0.1
-    every = Engine(lanes, with_(tuning, h=h, state=StateTuning(R=R))).run(y, u, missing)
+    every = Engine(lanes, with_(tuning, h=h, R=R)).run(y, u, missing)
     order = rng.permutation(lanes)
     for index in (order, order[:3], order[:1]):
-        engine = Engine(len(index), with_(tuning, h=h[index], state=StateTuning(R=R[index])))
+        engine = Engine(len(index), with_(tuning, h=h[index], R=R[index]))
         assert same(engine.run(y[:, index], u[:, index], missing[:, index]), lane(every, index))
     # Rubbish beside them: lanes that overflow (guard off) or have to be held at every sample.
     rubbish = y.copy()
     rubbish[:, ::2] = rng.choice([-1, 1], (n, 6)) * 10.0 ** rng.uniform(-100, 100, (n, 6))
-    beside = Engine(lanes, with_(tuning, h=h, state=StateTuning(R=R))).run(rubbish, u, missing)
+    beside = Engine(lanes, with_(tuning, h=h, R=R)).run(rubbish, u, missing)
     assert same(lane(beside, np.s_[1::2]), lane(every, np.s_[1::2]))
-    if tuning.guard != "off":
+    if tuning.config.guard != "off":
         assert np.isfinite(beside.x).all()
 
 
 @pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
-def test_instruction_sets_agree(tuning: EngineSettings) -> None:
+def test_instruction_sets_agree(tuning: LaneSettings) -> None:
     y = white(1500, 9, 8)
     first, *others = (run(tuning, y, instruction_set=name) for name in instruction_sets())
     for other in others:
@@ -152,14 +154,15 @@ def test_instruction_sets_agree(tuning: EngineSettings) -> None:
 @pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
 @settings(max_examples=10)
 @given(exponent=st.integers(-40, 40), seed=st.integers(0, 1000))
-def test_scale_changes_neither_order_nor_parameter(tuning: EngineSettings, exponent: int, seed: int) -> None:
+def test_scale_changes_neither_order_nor_parameter(tuning: LaneSettings, exponent: int, seed: int) -> None:
     scale = 2.0**exponent
     y, u = white(100, 2, seed), white(100, 2, seed + 1)
     y[50] += 1.0
-    plain = StateTuning(P0=0.01, Q=0.15, x0=0.2, R=0.0235)
-    scaled = StateTuning(P0=0.01 * scale**2, Q=0.15 * scale**2, x0=0.2 * scale, R=0.0235 * scale**2)
-    one = run(with_(tuning, state=plain), y, u)
-    other = run(with_(tuning, state=scaled), scale * y, scale * u)
+    plain = {"state__P0": 0.01, "state__Q": 0.15, "state__x0": 0.2, "R": 0.0235}
+    powers = {"state__P0": 2, "state__Q": 2, "state__x0": 1, "R": 2}
+    scaled = {name: value * scale ** powers[name] for name, value in plain.items()}
+    one = run(with_(tuning, **plain), y, u)
+    other = run(with_(tuning, **scaled), scale * y, scale * u)
     for name, power in (("alpha", 0), ("f", 0), ("f_var", 0), ("x", 1), ("innovation", 1), ("P", 2)):
         assert np.array_equal(getattr(other, name), getattr(one, name) * scale**power, equal_nan=True)
     assert np.array_equal(one.interventions, other.interventions)
@@ -168,14 +171,13 @@ def test_scale_changes_neither_order_nor_parameter(tuning: EngineSettings, expon
 def test_scale_by_any_factor_up_to_rounding() -> None:
     y = white(500, 2, 3)
     one = run(GYROSCOPE, y)
-    scaled = StateTuning(P0=0.01 * 49, Q=0.15 * 49, R=0.0235 * 49)
-    other = run(with_(GYROSCOPE, state=scaled), 7 * y)
+    other = run(with_(GYROSCOPE, state__P0=0.01 * 49, state__Q=0.15 * 49, R=0.0235 * 49), 7 * y)
     np.testing.assert_allclose(other.alpha, one.alpha, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(other.f, one.f, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("tuning", ALL_KINDS, ids=kind)
-def test_a_lane_that_is_reset_is_as_new(tuning: EngineSettings) -> None:
+def test_a_lane_that_is_reset_is_as_new(tuning: LaneSettings) -> None:
     y = white(90, 3, 9)
     engine = Engine(3, tuning)
     begun = engine.run(y[:30])

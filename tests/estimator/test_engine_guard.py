@@ -6,17 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 from engine_cases import ESTIMATES, EXAMPLE, GYROSCOPE, Array, example, run, saw_tooth, white, with_
-from fltea.estimator.engine import (
-    CAUSES,
-    LARGEST_INPUT,
-    Engine,
-    EngineSettings,
-    Estimates,
-    JointTuning,
-    OrderTuning,
-    ParameterTuning,
-    StateTuning,
-)
+from fltea.estimator.engine import CAUSES, LARGEST_INPUT, Engine, Estimates
+from fltea.estimator.lane_settings import LaneSettings
+from fltea.settings.estimator import OrderSettings, StateSettings
 from hypothesis import example as case
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -33,15 +25,16 @@ GUARDED = [
 ]
 
 
-def kind(engine_settings: EngineSettings) -> str:
-    return f"{engine_settings.variant} {engine_settings.guard} {engine_settings.memory}"
+def kind(engine_settings: LaneSettings) -> str:
+    c = engine_settings.config
+    return f"{c.variant} {c.guard} {c.memory}"
 
 
 def counted(estimates: Estimates) -> dict[str, int]:
     return dict(zip(CAUSES, estimates.interventions.sum(axis=0).tolist(), strict=True))
 
 
-def assert_within_bounds(tuning: EngineSettings, estimates: Estimates, y: Array, missing: Flags) -> None:
+def assert_within_bounds(tuning: LaneSettings, estimates: Estimates, y: Array, missing: Flags) -> None:
     """Finite, in the box, non-negative, and near the measurement where there is one."""
     for name in ESTIMATES:
         assert np.isfinite(getattr(estimates, name)[~missing if name == "innovation" else ...]).all(), name
@@ -53,7 +46,7 @@ def assert_within_bounds(tuning: EngineSettings, estimates: Estimates, y: Array,
     for name in ("alpha_var", "f_var", "P", "innovation_var"):
         assert (getattr(estimates, name) >= 0).all(), name
     rounding = 1e-12 * (np.abs(y) + np.abs(np.nan_to_num(estimates.innovation)))
-    far = np.abs(y - estimates.x) > 4 * np.sqrt(np.asarray(tuning.state.R)) * (1 + 1e-9) + rounding
+    far = np.abs(y - estimates.x) > 4 * np.sqrt(np.asarray(tuning.R)) * (1 + 1e-9) + rounding
     assert not far[~missing].any()
 
 
@@ -65,7 +58,7 @@ small_variances = st.one_of(st.just(0.0), st.floats(-9, 9).map(lambda exponent: 
 @pytest.mark.parametrize("tuning", GUARDED, ids=kind)
 @settings(max_examples=60)
 @given(data=st.data())
-def test_no_input_and_no_settings_leave_the_bounds(tuning: EngineSettings, data: Any) -> None:
+def test_no_input_and_no_settings_leave_the_bounds(tuning: LaneSettings, data: Any) -> None:
     n = data.draw(st.integers(1, 40))
     y = np.array(data.draw(st.lists(numbers, min_size=n, max_size=n)))[:, np.newaxis]
     u = np.array(data.draw(st.lists(numbers, min_size=n, max_size=n)))[:, np.newaxis]
@@ -75,31 +68,23 @@ def test_no_input_and_no_settings_leave_the_bounds(tuning: EngineSettings, data:
     tuning = with_(
         tuning,
         h=data.draw(st.floats(1e-6, 10)),
-        state=StateTuning(
-            R=data.draw(variances),
-            Q=data.draw(st.one_of(st.just(0.0), variances)),
-            P0=data.draw(variances),
-            x0=data.draw(numbers),
-        ),
-        order=OrderTuning(
-            P0=data.draw(small_variances),
-            Q0=data.draw(small_variances),
-            alpha0=data.draw(st.floats(0, 2)),
-            delta=data.draw(st.floats(0, 1)),
-        ),
-        parameter=ParameterTuning(
-            P0=data.draw(variances),
-            Q0=data.draw(variances),
-            f0=data.draw(numbers),
-            delta=data.draw(st.floats(0, 1)),
-        ),
-        joint=JointTuning(
-            P0=data.draw(small_variances),
-            Q0=data.draw(small_variances),
-            alpha0=data.draw(st.floats(0, 2)),
-            beta0=data.draw(st.floats(-2, 1)),
-            delta=data.draw(st.floats(0, 1)),
-        ),
+        R=data.draw(variances),
+        state__Q=data.draw(st.one_of(st.just(0.0), variances)),
+        state__P0=data.draw(variances),
+        state__x0=data.draw(numbers),
+        order__P0=data.draw(small_variances),
+        order__Q0=data.draw(small_variances),
+        order__alpha0=data.draw(st.floats(0, 2)),
+        order__delta=data.draw(st.floats(0, 1)),
+        parameter__P0=data.draw(variances),
+        parameter__Q0=data.draw(variances),
+        parameter__f0=data.draw(numbers),
+        parameter__delta=data.draw(st.floats(0, 1)),
+        joint__P0=data.draw(small_variances),
+        joint__Q0=data.draw(small_variances),
+        joint__alpha0=data.draw(st.floats(0, 2)),
+        joint__beta0=data.draw(st.floats(-2, 1)),
+        joint__delta=data.draw(st.floats(0, 1)),
     )
     estimates = Engine(1, tuning).run(np.where(missing, np.nan, y), u, missing)
     assert_within_bounds(tuning, estimates, y, missing)
@@ -126,9 +111,9 @@ def wild_signals(n: int) -> Array:
 
 @pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("tuning", GUARDED, ids=kind)
-def test_wild_signals_leave_the_state_at_the_measurement(tuning: EngineSettings, ratio: float) -> None:
+def test_wild_signals_leave_the_state_at_the_measurement(tuning: LaneSettings, ratio: float) -> None:
     y = wild_signals(1500)
-    tuning = with_(tuning, window=3000, state=StateTuning(R=0.0235 * ratio))
+    tuning = with_(tuning, window=3000, R=0.0235 * ratio)
     estimates = run(tuning, y)
     assert_within_bounds(tuning, estimates, y, np.zeros(y.shape, dtype=bool))
 
@@ -137,14 +122,19 @@ def test_wild_signals_leave_the_state_at_the_measurement(tuning: EngineSettings,
 @pytest.mark.parametrize("variant", ["triple", "joint"])
 def test_a_prediction_cannot_run_away(guard: str, variant: str) -> None:
     # h^α f = -4: twice as far each sample. The printed filter would reach 1e300 in 500 missing samples.
-    start = {"alpha0": 1.0, "P0": 0.0, "Q0": 0.0}
     tuning = with_(
         GYROSCOPE,
         variant=variant,
         guard=guard,
-        order=OrderTuning(**start),
-        parameter=ParameterTuning(P0=0, Q0=0, f0=-400),
-        joint=JointTuning(**start, beta0=-4),
+        order__P0=0,
+        order__Q0=0,
+        parameter__P0=0,
+        parameter__Q0=0,
+        parameter__f0=-400,
+        joint__alpha0=1,
+        joint__P0=0,
+        joint__Q0=0,
+        joint__beta0=-4,
     )
     y = np.r_[white(20, 1, 3)[:, 0], np.zeros(3000)][:, np.newaxis]
     missing = np.arange(len(y))[:, np.newaxis] >= 20
@@ -161,7 +151,7 @@ def test_a_prediction_cannot_run_away(guard: str, variant: str) -> None:
 @pytest.mark.parametrize("variant", ["triple", "joint"])
 def test_a_guard_that_is_never_needed_changes_no_bit(variant: str, memory: str) -> None:
     y = white(3000, 8, 4)
-    tuning = with_(GYROSCOPE, variant=variant, memory=memory, state=StateTuning(R=0.3), gate=8.0)
+    tuning = with_(GYROSCOPE, variant=variant, memory=memory, R=0.3, gate=8.0)
     printed, guarded = (run(with_(tuning, guard=guard), y) for guard in ("off", "faithful"))
     assert not guarded.interventions[:, :-1].any()
     quiet = ~printed.interventions.any(axis=1)
@@ -203,14 +193,14 @@ def test_consistent_differs_from_the_first_update_on() -> None:
 def test_consistent_takes_the_variance_of_the_state_into_account() -> None:
     # Sample 1 by hand, α0 = 1, f0 = 0, x0 = 0, u = 1: KFo's R grows by F² P0 + Q, with F = 1, so the filter
     # is the printed one with that R in place of its own.
-    state = StateTuning(P0=0.3, Q=0.15, R=0.0235)
+    state = StateSettings(P0=0.3, Q=0.15)
     one = {"y": np.array([[0.1]]), "u": np.array([[1.0]])}
     tuning = with_(GYROSCOPE, state=state, guard="consistent")
-    printed = with_(tuning, guard="off", order=OrderTuning(R=0.0235 + 0.3 + 0.15))
+    printed = with_(tuning, guard="off", order__R=0.0235 + 0.3 + 0.15)
     assert run(tuning, **one).alpha == run(printed, **one).alpha
     # KFw's grows by the P̃ of KFx: at α̂_1, f = 0 and no past but x0, α̂² P0 + Q.
     alpha = run(tuning, **one).alpha[0, 0]
-    printed = with_(printed, parameter=ParameterTuning(R=0.0235 + alpha * 0.3 * alpha + 0.15))
+    printed = with_(printed, parameter__R=0.0235 + alpha * 0.3 * alpha + 0.15)
     assert run(tuning, **one).f == run(printed, **one).f
 
 
@@ -252,7 +242,7 @@ def test_faithful_gate_softens_the_update_to_its_width() -> None:
     # Sample 1 with u = 1 and a far y: the innovation becomes `gate` standard deviations, so the correction is
     # gate² Pαy / e.
     gate, y = 4.0, np.array([[50.0]])
-    tuning = with_(GYROSCOPE, guard="faithful", gate=gate, order=OrderTuning(P0=0.001, Q0=0.001))
+    tuning = with_(GYROSCOPE, guard="faithful", gate=gate, order__P0=0.001, order__Q0=0.001)
     estimates = run(tuning, y, np.array([[1.0]]))
     a = np.array([1.0, 1 + np.sqrt(0.006), 1 - np.sqrt(0.006)])
     Y = 0.01**a
@@ -270,7 +260,7 @@ def test_faithful_gate_softens_the_update_to_its_width() -> None:
 def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
     # With P0 = Q = 0 the prediction is certain, and the innovation's variance is R.
     R = 0.04
-    tuning = with_(GYROSCOPE, guard=guard, state=StateTuning(P0=0, Q=0, R=R))
+    tuning = with_(GYROSCOPE, guard=guard, state__P0=0, state__Q=0, R=R)
     y = np.array([[-3.99, 3.99, 4.01, -4.01]]) * R**0.5
     estimates = run(tuning, y)
     assert estimates.interventions[:, CAUSES.index("state_bound")].tolist() == [0, 0, 1, 1]
@@ -282,9 +272,9 @@ def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
 def test_the_walk_learns_from_the_correction_that_the_box_left(guard: str) -> None:
     # f0 = 0, x0 = 1: the model's answer is α itself, so y = 3 pulls α from 1.9 to beyond 2. With delta = 1
     # the walk's variance becomes the square of what the box allowed, 0.1, as if it had been 0.01 all along.
-    state = StateTuning(x0=1, P0=0, Q=0)
-    learning = OrderTuning(P0=0.2, Q0=0.1, alpha0=1.9, delta=1)
-    told = OrderTuning(P0=0.29, Q0=0.01, alpha0=1.9, delta=0)
+    state = StateSettings(x0=1, P0=0, Q=0)
+    learning = OrderSettings(P0=0.2, Q0=0.1, alpha0=1.9, delta=1)
+    told = OrderSettings(P0=0.29, Q0=0.01, alpha0=1.9, delta=0)
     after = []
     for order in (learning, told):
         engine = Engine(1, with_(GYROSCOPE, guard=guard, order=order, state=state))
@@ -301,7 +291,7 @@ def test_every_cause_can_be_provoked() -> None:
     y[:, 1] += 5.0
     y[200:, 2] += 1000.0
     total = dict.fromkeys(CAUSES, 0)
-    wide = with_(GYROSCOPE, parameter=ParameterTuning(P0=1e9, Q0=1e9), order=OrderTuning(P0=3.0))
+    wide = with_(GYROSCOPE, parameter__P0=1e9, parameter__Q0=1e9, order__P0=3.0)
     for tuning in (with_(GYROSCOPE, guard="faithful"), with_(wide, guard="faithful"), with_(GYROSCOPE)):
         for cause, n in counted(run(with_(tuning, memory="compressed"), y, u)).items():
             total[cause] += n
@@ -311,7 +301,7 @@ def test_every_cause_can_be_provoked() -> None:
 def test_a_cause_counts_once_a_sample_and_only_for_its_lane() -> None:
     y = white(300, 2, 6)
     y[200:205, 1] = [9.0, -9.0, 9.0, -9.0, 9.0]
-    tuning = with_(GYROSCOPE, state=StateTuning(R=0.3), gate=8.0)
+    tuning = with_(GYROSCOPE, R=0.3, gate=8.0)
     estimates = run(with_(tuning, guard="faithful"), y)
     assert not estimates.interventions[0].any()
     assert 1 <= estimates.interventions[1, CAUSES.index("order_gate")] <= 5

@@ -6,17 +6,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from engine_cases import GYROSCOPE, Array, run, white, with_
-from fltea.estimator.engine import CAUSES, Engine, JointTuning, OrderTuning, ParameterTuning, StateTuning
+from fltea.estimator.engine import CAUSES, Engine
 from fltea.noise.simulation import FractionalNoise
 from fltea.noise.weights import weights
+from fltea.settings.estimator import JointSettings, StateSettings
+
+RESTING = 0.0235
 
 
 def straight_loop(
     y: Array,
     u: Array,
     h: float,
-    tuning: JointTuning,
-    state: StateTuning,
+    tuning: JointSettings,
+    state: StateSettings,
     *,
     consistent: bool,
     limit: float = np.inf,
@@ -26,12 +29,12 @@ def straight_loop(
 
     changes: Q and R from those samples on.
     """
-    Q, R = float(state.Q), float(state.R)  # type: ignore[arg-type]
+    Q, R = state.Q, RESTING
     mean = np.array([tuning.alpha0, tuning.beta0], dtype=np.float64)
     P = np.eye(2) * tuning.P0
     walk = np.eye(2) * tuning.Q0
-    delta = float(tuning.delta)  # type: ignore[arg-type]
-    states, variances = [float(state.x0)], [float(state.P0)]  # type: ignore[arg-type]
+    delta = tuning.delta
+    states, variances = [state.x0], [state.P0]
     V, rows = 0.0, []
     Wm, Wc = np.full(5, 1 / 6), np.full(5, 1 / 6)
     Wm[0], Wc[0] = 1 / 3, 1 / 3 + 2
@@ -74,8 +77,8 @@ def straight_loop(
 @pytest.mark.parametrize("guard", ["off", "consistent"])
 def test_joint_equals_a_straight_loop(guard: str, delta: float) -> None:
     y, u = white(120, 1, 3)[:, 0], white(120, 1, 4)[:, 0]
-    joint = JointTuning(P0=0.02, Q0=1e-3, alpha0=0.6, beta0=-0.2, delta=delta)
-    state = StateTuning(P0=0.02, Q=0.1, x0=0.3, R=0.0235)
+    joint = JointSettings(P0=0.02, Q0=1e-3, alpha0=0.6, beta0=-0.2, delta=delta)
+    state = StateSettings(P0=0.02, Q=0.1, x0=0.3)
     expected = straight_loop(y, u, 0.01, joint, state, consistent=guard == "consistent")
     tuning = with_(GYROSCOPE, variant="joint", guard=guard, gate=1e3, joint=joint, state=state)
     estimates = run(tuning, y[:, np.newaxis], u[:, np.newaxis])
@@ -87,8 +90,8 @@ def test_joint_equals_a_straight_loop(guard: str, delta: float) -> None:
 @pytest.mark.parametrize("guard", ["off", "consistent"])
 def test_joint_equals_a_straight_loop_whose_q_and_r_change(guard: str) -> None:
     y, u = white(150, 1, 3)[:, 0], np.zeros(150)
-    joint = JointTuning(P0=0.02, Q0=1e-3, alpha0=0.6, beta0=-0.2, delta=0.1)
-    state = StateTuning(P0=0.02, Q=0.1, x0=0.3, R=0.0235)
+    joint = JointSettings(P0=0.02, Q0=1e-3, alpha0=0.6, beta0=-0.2, delta=0.1)
+    state = StateSettings(P0=0.02, Q=0.1, x0=0.3)
     changes = {40: (0.01, 0.02), 41: (0.2, 0.004), 120: (0.0, 0.03)}
     expected = straight_loop(y, u, 0.01, joint, state, consistent=guard == "consistent", changes=changes)
     tuning = with_(GYROSCOPE, variant="joint", guard=guard, gate=1e3, joint=joint, state=state)
@@ -96,7 +99,7 @@ def test_joint_equals_a_straight_loop_whose_q_and_r_change(guard: str) -> None:
     for begin, end in pairwise([0, *changes, len(y)]):
         if begin:
             Q, R = changes[begin]
-            engine.retune(with_(tuning, state=with_(state, Q=Q, R=R)))
+            engine.retune(with_(tuning, state__Q=Q, R=R))
         parts.append(engine.run(y[begin:end, np.newaxis]))
     assert not parts[-1].interventions.any()
     got = np.vstack([np.column_stack([column[:, 0] for column in part[:6]]) for part in parts])
@@ -104,7 +107,7 @@ def test_joint_equals_a_straight_loop_whose_q_and_r_change(guard: str) -> None:
 
 
 def test_missing_samples_leave_the_joint_filter_alone() -> None:
-    tuning = with_(GYROSCOPE, variant="joint", joint=JointTuning(Q0=0.01, delta=0.5))
+    tuning = with_(GYROSCOPE, variant="joint", joint__Q0=0.01, joint__delta=0.5)
     engine = Engine(1, tuning)
     before = engine.run(white(20, 1, 1))
     first, second = (engine.step([np.nan], missing=[True]) for _ in range(2))
@@ -122,7 +125,7 @@ def test_joint_finds_order_and_parameter_within_its_own_deviation(alpha: float, 
         for seed in range(lanes)
     ]
     y = np.column_stack([lane_noise.samples(3000)[0] for lane_noise in noise])
-    estimates = run(with_(GYROSCOPE, variant="joint", state=StateTuning(Q=step_Q, R=R)), y)
+    estimates = run(with_(GYROSCOPE, variant="joint", state__Q=step_Q, R=R), y)
     beta = h ** estimates.alpha[-1] * estimates.f[-1]
     assert abs(estimates.alpha[-1].mean() - alpha) < 0.06
     assert beta.mean() == pytest.approx(h**alpha * f, abs=0.04)
@@ -135,8 +138,8 @@ def test_joint_finds_order_and_parameter_within_its_own_deviation(alpha: float, 
 
 def test_the_limit_of_the_order_s_variance_keeps_the_correlation() -> None:
     y, u = white(8, 1, 2)[:, 0], np.zeros(8)
-    joint = JointTuning(P0=0.1, Q0=0.3, alpha0=0.7, beta0=-0.3)
-    state = StateTuning(P0=0.02, Q=0.1, x0=0.3, R=0.0235)
+    joint = JointSettings(P0=0.1, Q0=0.3, alpha0=0.7, beta0=-0.3)
+    state = StateSettings(P0=0.02, Q=0.1, x0=0.3)
     expected = straight_loop(y, u, 0.01, joint, state, consistent=True, limit=1 / 3)
     unlimited = straight_loop(y, u, 0.01, joint, state, consistent=True)
     tuning = with_(GYROSCOPE, variant="joint", guard="consistent", gate=1e3, joint=joint, state=state)
@@ -150,7 +153,7 @@ def test_the_limit_of_the_order_s_variance_keeps_the_correlation() -> None:
 
 
 def test_joint_with_nothing_to_learn_keeps_its_start() -> None:
-    held = JointTuning(P0=0, Q0=0, alpha0=0.7, beta0=-0.2)
+    held = JointSettings(P0=0, Q0=0, alpha0=0.7, beta0=-0.2)
     estimates = run(with_(GYROSCOPE, variant="joint", joint=held), white(50, 2, 1))
     assert (estimates.alpha == 0.7).all()
     np.testing.assert_allclose(estimates.f, -0.2 * 0.01**-0.7, rtol=1e-14)
@@ -159,7 +162,11 @@ def test_joint_with_nothing_to_learn_keeps_its_start() -> None:
     # The state filter is then the triple one's with order and parameter held.
     fixed = with_(
         GYROSCOPE,
-        order=OrderTuning(P0=0, Q0=0, alpha0=0.7),
-        parameter=ParameterTuning(P0=0, Q0=0, f0=-0.2 * 0.01**-0.7),
+        order__P0=0,
+        order__Q0=0,
+        order__alpha0=0.7,
+        parameter__P0=0,
+        parameter__Q0=0,
+        parameter__f0=-0.2 * 0.01**-0.7,
     )
     np.testing.assert_allclose(run(fixed, white(50, 2, 1)).x, estimates.x, rtol=1e-10, atol=1e-13)

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.estimator.engine import Engine, EngineSettings, StateTuning
+from engine_cases import GYROSCOPE, with_
+from fltea.estimator.engine import Engine
 from fltea.recording.npz_file import read_npz
 
 
@@ -15,9 +16,7 @@ def test_a_hundred_thousand_real_samples(recordings: Path, variant: str, guard: 
     rates = recording.gyro / recording.lsb_per_dps
     y = (rates - rates.mean(axis=0))[:, :2].T.reshape(-1, 1)[:100_000]
     runs = [
-        Engine(
-            1, EngineSettings(memory=memory, variant=variant, guard=guard, state=StateTuning(R=y.var()))
-        ).run(y)  # type: ignore[arg-type]
+        Engine(1, with_(GYROSCOPE, memory=memory, variant=variant, guard=guard, R=y.var())).run(y)
         for memory in ("direct", "compressed")
     ]
     for name, bound in (("x", 1e-6), ("alpha", 1e-6), ("f", 1e-4)):

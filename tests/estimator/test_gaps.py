@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from fltea.estimator.engine import Engine, EngineSettings, StateTuning
+from engine_cases import GYROSCOPE, with_
+from fltea.estimator.engine import Engine
 from fltea.noise.simulation import FractionalNoise
 
 N, LANES, H = 4000, 16, 0.01
@@ -27,7 +28,7 @@ def fractional() -> np.ndarray:
 def test_random_losses_do_not_move_the_estimates(noise, variant: str, guard: str) -> None:
     """Spread: of the lanes, which differ in nothing but their noise, or the filter's own, if larger."""
     y = noise()
-    settings = EngineSettings(h=H, variant=variant, guard=guard, state=StateTuning(R=0.0235))  # type: ignore[arg-type]
+    settings = with_(GYROSCOPE, memory="compressed", variant=variant, guard=guard)
     whole = Engine(LANES, settings).run(y)
     spread = max(whole.alpha[-1].std(), np.median(np.sqrt(whole.alpha_var[-1])))
     for share in (0.01, 0.05, 0.2):

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fltea.estimator.engine import Engine, instruction_sets
-from fltea.estimator.engine_settings import EngineSettings
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, LaneBlock, Lanes, Lost
 from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given, settings
@@ -20,9 +19,9 @@ Array = NDArray[np.float64]
 PRINTED = {"variant": "triple", "guard": "off"}
 
 
-def tuning(n: int, R: float = 0.0235, **changes: object) -> EngineSettings:
+def tuning(n: int, R: float = 0.0235, **changes: object) -> LaneSettings:
     config = EstimatorConfig(window=100, **changes)  # type: ignore[arg-type]
-    return lane_settings(config, 0.01, [R] * n)
+    return LaneSettings(config, 0.01, [R] * n)
 
 
 def white(n: int, lanes: int, seed: int = 0) -> Array:
@@ -179,8 +178,8 @@ def test_what_cannot_be_run_is_refused_and_changes_nothing() -> None:
             runner.run(np.zeros(shape))
     with pytest.raises(ValueError, match="missing must have y's shape"):
         runner.run(y, np.zeros((9, 2), dtype=bool))
-    with pytest.raises(ValueError, match=r"state\.R"):
-        Lanes(2, replace(tuning(2), state=replace(tuning(2).state, R=-1.0)))
+    with pytest.raises(ValueError, match="R must be"):
+        Lanes(2, replace(tuning(2), R=-1.0))
     assert runner.run(y[:0]).alpha.shape == (0, 2)
     first, second = runner.run(y), other.run(y)
     np.testing.assert_array_equal(first.alpha, second.alpha)

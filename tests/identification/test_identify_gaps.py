@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
 from fltea.identification import findings
 from fltea.identification.allan import allan, allan_of_stretches, overlapping_stretches
@@ -178,7 +178,7 @@ def test_fltea_predicts_and_begins_again() -> None:
     assert longest_epoch(len(seen), gaps) == (600, len(seen))
     found, _ = fltea_fit(seen, H, QUICK, None, gaps)
     assert (found.samples, found.predicted) == (2296, 3)
-    lanes = Lanes(1, lane_settings(QUICK, H, [found.R]))
+    lanes = Lanes(1, LaneSettings(QUICK, H, [found.R]))
     missing = ~keep[801:, np.newaxis]
     last = lanes.run(y[801:, np.newaxis] - found.bias, missing)
     assert found.alpha == pytest.approx(float(last.alpha[-1, 0]), rel=1e-9)

@@ -137,7 +137,7 @@ def test_without_a_recording_each_axis_is_white_noise_of_the_papers_variance() -
     for axis, y in samples.items():
         assert y.shape == (3000, 2)
         assert y.var() == pytest.approx(paper.GYRO_R[axis], rel=5 * np.sqrt(2 / y.size))
-        assert axes[axis].R == paper.GYRO_R[axis] == axes[axis].filters.state.R
+        assert axes[axis].R == paper.GYRO_R[axis] == axes[axis].filters.R
         assert "white noise" in axes[axis].source
     assert abs(np.corrcoef(samples["x"][:, 0], samples["y"][:, 0])[0, 1]) < 5 / np.sqrt(3000)
 
@@ -152,7 +152,7 @@ def test_a_recording_gives_its_first_samples_without_their_mean(tmp_path: Path) 
     y = axes["y"].make(range(5)).y
     assert y.shape == (3000, 1)
     assert y[:, 0] == pytest.approx(expected - expected.mean())
-    assert pytest.approx(expected.var()) == axes["y"].filters.state.R
+    assert pytest.approx(expected.var()) == axes["y"].filters.R
     assert axes["y"].filters.h == 1 / 200
     assert "rest.npz" in axes["y"].source
     assert len(outcomes(axes["y"], range(5), Options(), quiet)[1500].order) == 1

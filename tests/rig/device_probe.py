@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 from built import make
-from fltea.estimator.engine import Engine, EngineSettings, StateTuning
+from fltea.estimator.engine import Engine
+from fltea.estimator.lane_settings import LaneSettings
+from fltea.settings.estimator import EstimatorConfig
 from fltea.wire.layout import Estimate
 from memory_probe import BUILD, SOURCES
 from numpy.typing import ArrayLike, NDArray
@@ -83,12 +85,11 @@ def host_engine(variant: str, R: float) -> Engine:
     """One lane in double with the device's settings, over a memory of nine digits without an end."""
     return Engine(
         1,
-        EngineSettings(
-            window=None,
+        LaneSettings(
+            EstimatorConfig(window=0, variant=variant, guard="consistent"),  # type: ignore[arg-type]
+            h=0.01,
+            R=R,
             accuracy=9,
-            variant=variant,  # type: ignore[arg-type]
-            guard="consistent",
-            state=StateTuning(R=R),
         ),
     )
 

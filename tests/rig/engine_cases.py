@@ -4,17 +4,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
-from fltea.estimator.engine import (
-    Engine,
-    EngineSettings,
-    Estimates,
-    OrderTuning,
-    ParameterTuning,
-    StateTuning,
-)
+from fltea.estimator.engine import Engine, Estimates
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reference import filters as reference
 from fltea.noise.simulation import fractional_system
+from fltea.settings.estimator import EstimatorConfig, OrderSettings, ParameterSettings, StateSettings
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -22,20 +18,28 @@ Array = NDArray[np.float64]
 ESTIMATES = ("alpha", "alpha_var", "f", "f_var", "x", "P", "innovation", "innovation_var")
 
 # Section 7.1, x axis.
-GYROSCOPE = EngineSettings(h=0.01, window=3000, memory="direct")
+PRINTED = EstimatorConfig(variant="triple", guard="off", memory="direct")
+GYROSCOPE = LaneSettings(PRINTED, h=0.01, R=0.0235)
 # Section 6.1.
-EXAMPLE = EngineSettings(
+EXAMPLE = LaneSettings(
+    msgspec.structs.replace(
+        PRINTED,
+        window=4000,
+        state=StateSettings(P0=1, Q=1e-5, x0=0),
+        order=OrderSettings(P0=0.05, Q0=0.005, alpha0=1, delta=0.5),
+        parameter=ParameterSettings(P0=0.001, Q0=0.01, f0=0, delta=0.5),
+    ),
     h=0.001,
-    window=4000,
-    memory="direct",
-    state=StateTuning(P0=1, Q=1e-5, x0=0, R=1e-3),
-    order=OrderTuning(P0=0.05, Q0=0.005, alpha0=1, delta=0.5),
-    parameter=ParameterTuning(P0=0.001, Q0=0.01, f0=0, delta=0.5),
+    R=1e-3,
 )
 
 
-def with_(settings: EngineSettings, **changes: Any) -> EngineSettings:
-    return replace(settings, **changes)
+def with_(settings: LaneSettings, **changes: Any) -> LaneSettings:
+    """The same with other settings; `state__Q` is the number of lanes in place of state.Q."""
+    numbers = {name.replace("__", "."): changes.pop(name) for name in [*changes] if "__" in name}
+    own = {name: changes.pop(name) for name in [*changes] if name in ("h", "R", "accuracy")}
+    config = msgspec.structs.replace(settings.config, **changes)
+    return replace(settings, config=config, numbers={**settings.numbers, **numbers}, **own)
 
 
 def saw_tooth(n: int, hz: float = 1.0, h: float = 0.001) -> Array:
@@ -55,7 +59,7 @@ def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
 
 
 def reference_run(
-    settings: EngineSettings,
+    settings: LaneSettings,
     y: Array,
     u: Array,
     missing: NDArray[np.bool_],
@@ -65,14 +69,14 @@ def reference_run(
 
     changes: Q and R from those samples on.
     """
-    state, order, parameter = settings.state, settings.order, settings.parameter
-    assert settings.window is not None
+    config, R = settings.config, settings.R
+    state, order, parameter = config.state, config.order, config.parameter
     fltea = reference.Fltea(
         reference.System(lambda w: w.reshape(1, 1), np.eye(1), np.eye(1), float(settings.h)),  # type: ignore[arg-type]
-        reference.OrderSettings(order.P0, order.Q0, order.alpha0, state.R, order.delta),  # type: ignore[arg-type]
-        reference.ParameterSettings(parameter.P0, parameter.Q0, parameter.f0, state.R, parameter.delta),  # type: ignore[arg-type]
-        reference.StateSettings(state.P0, state.Q, state.x0, state.R),
-        settings.window,
+        reference.OrderSettings(order.P0, order.Q0, order.alpha0, R, order.delta),  # type: ignore[arg-type]
+        reference.ParameterSettings(parameter.P0, parameter.Q0, parameter.f0, R, parameter.delta),  # type: ignore[arg-type]
+        reference.StateSettings(state.P0, state.Q, state.x0, R),
+        config.window_samples,
     )
     rows = []
     for k in range(len(y)):
@@ -88,7 +92,7 @@ def reference_run(
     return np.array(rows)
 
 
-def run(settings: EngineSettings, y: Array, u: Array | None = None, **options: Any) -> Estimates:
+def run(settings: LaneSettings, y: Array, u: Array | None = None, **options: Any) -> Estimates:
     """One engine for all columns of y (n, lanes)."""
     return Engine(y.shape[1], settings, **options).run(y, u)
 

@@ -7,12 +7,12 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from fltea.estimator.baseline import Baseline, BaselineRule
 from fltea.estimator.engine import CAUSES, Engine
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, Reason
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import LAGS, describes
@@ -81,17 +81,10 @@ class Supervisor:
 
 
 class Startup(BaselineRule):
-    """Collects `length` samples and turns them into a Baseline; arguments and errors as of `BaselineRule`."""
+    """Collects the samples of the start-up window; arguments and errors as of `BaselineRule`."""
 
-    def __init__(
-        self,
-        axes: Sequence[str],
-        length: int,
-        bias: Literal["startup", "none"] | float | Sequence[float],
-        R: Literal["auto"] | float | Sequence[float],
-        resolution_dps: float | None = None,
-    ) -> None:
-        super().__init__(axes, length, bias, R, resolution_dps)
+    def __init__(self, axes: Sequence[str], config: EstimatorConfig, resolution: float | None = None) -> None:
+        super().__init__(axes, config, resolution)
         self._floor = self.resolution**2 / 12
         self._samples: list[tuple[float, ...]] = []
 
@@ -150,7 +143,7 @@ class NativeGyroscope:
         self.restarts = dict.fromkeys(self.axes, 0)
         self._bias = np.array(bias, dtype=np.float64)
         self._supervisors = [Supervisor() for _ in self.axes]
-        self._settings = lane_settings(config, h, R)
+        self._settings = LaneSettings(config, h, R)
         self._engine = Engine(len(self.axes), self._settings) if self.axes else None
         self._bounded = np.zeros(len(self.axes), dtype=np.int32)
 
@@ -235,8 +228,7 @@ class OnlineEstimator:
         self.axes = axes
         self._config = config
         self._h = h
-        bias = [config.bias] * len(axes) if isinstance(config.bias, int | float) else config.bias
-        self._startup = Startup(axes, config.startup, bias, config.R, resolution_dps)
+        self._startup = Startup(axes, config, resolution_dps)
         self.startup_remaining = self._startup.needed
         self.baseline: Baseline | None = None
         self._estimator: NativeGyroscope | None = None

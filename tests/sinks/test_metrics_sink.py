@@ -32,8 +32,7 @@ from fltea.records.records import (
 )
 from fltea.service.outlet import Outlet
 from fltea.settings.config import load_config
-from fltea.settings.listen_address import listen_address
-from fltea.settings.outputs import MetricsConfig
+from fltea.settings.outputs import MetricsConfig, listen_address
 from fltea.sinks.metrics import families as metrics_families
 from fltea.sinks.metrics import sink as metrics
 from fltea.sinks.metrics.families import Families

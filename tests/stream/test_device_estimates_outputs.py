@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from estimating_board import START_NS, Board, chunks, noise
 from fltea.archive.export import export
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.recording.schema import record_schema
 from fltea.records.errors import UsageError
 from fltea.records.events import Opened, TransportEvent
@@ -250,10 +250,10 @@ def test_an_unlimited_window_needs_the_compressed_memory() -> None:
 
 
 def test_window_and_gate_reach_the_engine() -> None:
-    assert lane_settings(EstimatorConfig(window=0), 0.01, [1.0]).window is None
-    assert lane_settings(EstimatorConfig(), 0.01, [1.0]).window == 3000
-    assert lane_settings(EstimatorConfig(gate=7.5), 0.01, [1.0]).gate == 7.5
-    with pytest.raises(UsageError, match="gate must be 1 to 1000"):
+    assert LaneSettings(EstimatorConfig(window=0), 0.01, 1.0).kind["window"] == 0
+    assert LaneSettings(EstimatorConfig(), 0.01, 1.0).kind["window"] == 3000
+    assert LaneSettings(EstimatorConfig(gate=7.5), 0.01, 1.0).table(1)[0, -1] == 7.5
+    with pytest.raises(UsageError, match="gate must be a number from 1 to 1000"):
         load_config(None, {"estimator.gate": 0.5})
 
 

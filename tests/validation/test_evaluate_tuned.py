@@ -1,13 +1,12 @@
 """Filters whose Q and R change while they run."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.engine import Engine
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 
 from tools.validation.evaluate.cases import Case, H, samples
 from tools.validation.evaluate.online import read
@@ -33,10 +32,9 @@ def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
     config = TUNED[name]
     y = samples(STRONG, 2, 1_000)
     bias, R = lane_baselines(y[:500], config, None)
-    settings = lane_settings(config, H, list(R))
-    engine = Engine(2, settings)
+    engine = Engine(2, LaneSettings(config, H, R))
     engine.run(y[500:900] - bias)
-    engine.retune(replace(settings, state=replace(settings.state, Q=0.01, R=0.004)))
+    engine.retune(LaneSettings(config, H, 0.004, {"state.Q": 0.01}))
     changed = engine.run(y[900:] - bias)
     given = [Tuning(900, np.full(2, 0.01), np.full(2, 0.004))]
     (found,) = read_tuned(y, H, config, (1_000,), given)

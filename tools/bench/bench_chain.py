@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from fltea.estimator.engine import Engine
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import EstimatorConfig
 
 from tools.bench import bench_daemon, day_files
@@ -172,7 +172,7 @@ def _replay(path: Path, output: str = "none") -> list[Any]:
 def _engine(gyro: Any) -> Cost:
     """The engine on the same samples, in blocks."""
     y = np.asarray(gyro[200:], dtype=np.float64) / day_files.LSB_PER_DPS
-    engine = Engine(3, lane_settings(EstimatorConfig(), 1 / day_files.RATE_HZ, y[:1000].var(axis=0).tolist()))
+    engine = Engine(3, LaneSettings(EstimatorConfig(), 1 / day_files.RATE_HZ, y[:1000].var(axis=0)))
     begin_s, begin_cpu_s = time.monotonic(), time.process_time()
     for begin in range(0, len(y), AT_ONCE):
         engine.run(y[begin : begin + AT_ONCE])

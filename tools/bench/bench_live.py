@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
@@ -81,7 +81,7 @@ def text(found: dict[str, Any]) -> str:
 
 def _accumulators(y: Array) -> dict[str, Any]:
     """Beside the filters on the same blocks."""
-    settings = lane_settings(EstimatorConfig(), H, y[:1000].var(axis=0).tolist())
+    settings = LaneSettings(EstimatorConfig(), H, y[:1000].var(axis=0))
     found = {}
     for name, rows in AT_ONCE.items():
         blocks = [y[begin : begin + rows] for begin in range(0, SAMPLES, rows)]

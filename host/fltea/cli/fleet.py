@@ -13,8 +13,8 @@ from fltea.cli.output import say
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings import duration
 from fltea.settings.extras import load
-from fltea.settings.listen_address import is_loopback, listen_address
 from fltea.settings.login_file import read_login
+from fltea.settings.outputs import is_loopback, listen_address
 
 if TYPE_CHECKING:
     from tornado.ioloop import IOLoop

@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
 from fltea.estimator import snapshot
-from fltea.estimator.baseline import Baseline, Moments, rule_of
+from fltea.estimator.baseline import Baseline, BaselineRule, Moments
 from fltea.estimator.engine import CAUSES, instruction_sets
-from fltea.estimator.engine_settings import EngineSettings, native_arguments, native_table
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings, native_table
 from fltea.estimator.lanes import Lost
-from fltea.estimator.online_state import OnlineState
+from fltea.estimator.snapshot import OnlineState
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes
 
@@ -85,11 +84,11 @@ class Bank:
         self.baseline: Baseline | None = None
         self._config = config
         self._h = h
-        self._rule = rule_of(self.axes, config, resolution)
+        self._rule = BaselineRule(self.axes, config, resolution)
         self.startup_remaining = self._rule.needed
         self._native = _native.Bank(len(self.axes))
         self._instruction_set = instruction_sets()[0]
-        self._settings: EngineSettings | None = None
+        self._settings: LaneSettings | None = None
         self.variances: dict[str, Variances] = {}
         self.tuned: set[str] = set()
         if state is not None:
@@ -207,9 +206,9 @@ class Bank:
             tuple(axis for axis in self.axes if axis in self.tuned),
         )
 
-    def _settings_of(self, told: Sequence[Variances]) -> EngineSettings:
+    def _settings_of(self, told: Sequence[Variances]) -> LaneSettings:
         R, Q = [one.R for one in told], [one.Q for one in told]
-        return lane_settings(self._config, self._h, R, Q)
+        return LaneSettings(self._config, self._h, R, {"state.Q": Q})
 
     def _of_live(self, values: list[_T], otherwise: _T) -> dict[str, _T]:
         assert self.baseline is not None
@@ -228,7 +227,7 @@ class Bank:
         self._settings = self._settings_of(told)
         table = self._settings.table(len(self.axes))
         self._native.start(
-            *native_arguments(self._settings, self._instruction_set, table),
+            *self._settings.native(self._instruction_set, table),
             np.array(baseline.bias_dps, dtype=np.float64),
             np.array(live, dtype=np.uint8),
         )

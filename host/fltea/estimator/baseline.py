@@ -9,14 +9,13 @@ arithmetic is in firmware/core/engine/baseline.hpp.
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
-from fltea.estimator.engine_settings import LARGEST
-from fltea.settings.estimator import EstimatorConfig
+from fltea.settings.estimator import LARGEST, EstimatorConfig
 
 Array = NDArray[np.float64]
 
@@ -42,39 +41,24 @@ class Moments(NamedTuple):
 
 
 class BaselineRule:
-    """What of bias and R is given, and what the window has to give.
+    """What of bias and R an estimator's settings give, and what the start-up window has to give.
 
-    `bias` is "startup" (mean of the window), "none", one value in deg/s, or one an axis. `R` is "auto"
-    (variance of the window), one value in (deg/s)², or one an axis. `resolution_dps` is the size of one
-    count, if known: its quantisation variance, resolution²/12, is the least that `R="auto"` gives. `needed`
-    is how many samples the window has, 0 if nothing is drawn from it.
+    `resolution` is the size of one count in the axes' unit, if known: its quantisation variance,
+    resolution²/12, is the least that R "auto" gives. `needed` is how many samples the window has, 0 if
+    nothing is drawn from it.
 
     Raises:
-        ValueError: wrong counts, values that are not finite or beyond all measure, R <= 0, or a window too
-            short for its purpose.
+        ValueError: settings with another number of axes, or a resolution that is none.
     """
 
-    def __init__(
-        self,
-        axes: Sequence[str],
-        length: int,
-        bias: Literal["startup", "none"] | float | Sequence[float],
-        R: Literal["auto"] | float | Sequence[float],
-        resolution_dps: float | None = None,
-    ) -> None:
+    def __init__(self, axes: Sequence[str], config: EstimatorConfig, resolution: float | None = None) -> None:
         self.axes = tuple(axes)
-        self._given_bias = self._check_bias(bias)
-        self._given_R = self._check_R(R)
-        if resolution_dps is not None and not (math.isfinite(resolution_dps) and resolution_dps > 0):
-            raise ValueError(f"resolution_dps is the size of one count and must be > 0, got {resolution_dps}")
-        self.resolution = 0.0 if resolution_dps is None else resolution_dps
-        shortest = 2 if self._given_R is None else 1 if self._given_bias is None else 0
-        if length < shortest:
-            raise ValueError(
-                f"the start-up window must have at least {shortest} samples, got {length}; "
-                "to do without it, give both bias and R"
-            )
-        self.needed = length if shortest else 0
+        self._given_bias = self._given("bias", 0.0 if config.bias == "none" else config.bias)
+        self._given_R = self._given("R", config.R)
+        if resolution is not None and not (math.isfinite(resolution) and resolution > 0):
+            raise ValueError(f"the resolution is the size of one count and must be > 0, got {resolution}")
+        self.resolution = resolution or 0.0
+        self.needed = config.startup_needed
 
     def baseline_of(self, window: Sequence[Moments]) -> Baseline:
         """The baseline after a window with these moments; an empty one where none is needed."""
@@ -88,39 +72,14 @@ class BaselineRule:
         R = tuple(math.nan if same else axis.variance for axis, same in zip(window, still, strict=True))
         return Baseline(bias, R, tuple(axis for axis, same in zip(self.axes, still, strict=True) if same))
 
-    def _check_bias(self, bias: str | float | Sequence[float]) -> tuple[float, ...] | None:
-        """Values of the bias, None if the window shall give them."""
-        if isinstance(bias, str):
-            if bias == "startup":
-                return None
-            if bias == "none":
-                return (0.0,) * len(self.axes)
-            raise ValueError(
-                f'bias must be "startup", "none" or {len(self.axes)} values in deg/s, got "{bias}"'
-            )
-        values = (bias,) * len(self.axes) if isinstance(bias, int | float) else tuple(bias)
-        if len(values) != len(self.axes) or not all(abs(value) <= _native.LARGEST_OFFSET for value in values):
-            raise ValueError(f"bias needs one finite value in deg/s, or {len(self.axes)}, got {list(values)}")
-        return tuple(map(float, values))
-
-    def _check_R(self, R: str | float | Sequence[float]) -> tuple[float, ...] | None:
-        """Values of R, None if the window shall give them."""
-        if isinstance(R, str):
-            if R == "auto":
-                return None
-            raise ValueError(f'R must be "auto" or a variance in (deg/s)², got "{R}"')
-        values = (R,) * len(self.axes) if isinstance(R, int | float) else tuple(R)
+    def _given(self, name: str, value: str | float | list[float]) -> tuple[float, ...] | None:
+        """The value of each axis; None if the window shall give them."""
+        if isinstance(value, str):
+            return None
+        values = tuple(value) if isinstance(value, list | tuple) else (value,) * len(self.axes)
         if len(values) != len(self.axes):
-            raise ValueError(f"R needs one value, or {len(self.axes)}, got {list(values)}")
-        for axis, value in zip(self.axes, values, strict=True):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"R of {axis} is a variance in (deg/s)² and must be > 0, got {value}")
+            raise ValueError(f"{name} needs one value, or {len(self.axes)}, got {list(values)}")
         return tuple(map(float, values))
-
-
-def rule_of(axes: Sequence[str], config: EstimatorConfig, resolution: float | None) -> BaselineRule:
-    """The rule of an estimator's settings; resolution: one LSB in the axes' unit, None where unknown."""
-    return BaselineRule(axes, config.startup_samples, config.bias, config.R, resolution)
 
 
 def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: float | None) -> Baseline:
@@ -129,7 +88,7 @@ def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: fl
     Raises:
         ValueError: settings as for `BaselineRule`, or fewer samples than the window needs.
     """
-    rule = rule_of((axis,), config, resolution)
+    rule = BaselineRule((axis,), config, resolution)
     window = np.array(np.asarray(y)[: rule.needed], dtype=np.float64)[:, np.newaxis]
     if len(window) < rule.needed:
         raise ValueError(f"the start-up window needs {rule.needed} samples, there are {len(window)}")

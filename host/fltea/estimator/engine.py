@@ -29,30 +29,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
 from fltea.estimator import snapshot
-from fltea.estimator.engine_settings import (
-    EngineSettings,
-    JointTuning,
-    OrderTuning,
-    ParameterTuning,
-    StateTuning,
-    native_arguments,
-    native_table,
-)
+from fltea.estimator.lane_settings import LaneSettings, native_table
 
 Array = NDArray[np.float64]
-
-__all__ = [
-    "CAUSES",
-    "LARGEST_INPUT",
-    "Engine",
-    "EngineSettings",
-    "Estimates",
-    "JointTuning",
-    "OrderTuning",
-    "ParameterTuning",
-    "StateTuning",
-    "instruction_sets",
-]
 
 CAUSES = (
     "order_box",
@@ -114,12 +93,12 @@ class Engine:
     for each other.
     """
 
-    def __init__(self, lanes: int, settings: EngineSettings, *, instruction_set: str | None = None) -> None:
+    def __init__(self, lanes: int, settings: LaneSettings, *, instruction_set: str | None = None) -> None:
         self.lanes = lanes
         self.settings = settings
         self.instruction_set = instruction_set or instruction_sets()[0]
         self._table = settings.table(lanes)
-        self._native = _native.Engine(*native_arguments(settings, self.instruction_set, self._table))
+        self._native = _native.Engine(*settings.native(self.instruction_set, self._table))
 
     def step(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
         """Take one sample of every lane: y, the input u that led to it (default 0), both (lanes,).
@@ -155,13 +134,13 @@ class Engine:
         self._native.counts(counts)
         return counts
 
-    def retune(self, settings: EngineSettings) -> None:
+    def retune(self, settings: LaneSettings) -> None:
         """Go on with other numbers from the next sample on, and where a lane begins again.
 
         All that the lanes remember stays. Raises ValueError, and changes nothing, for settings that no filter
         can work with, or of another window, memory, accuracy, variant or guard.
         """
-        if _kind(settings) != _kind(self.settings):
+        if settings.kind != self.settings.kind:
             raise ValueError("window, memory, accuracy, variant and guard of an engine cannot change")
         table = settings.table(self.lanes)
         self._native.retune(native_table(table))
@@ -186,23 +165,17 @@ class Engine:
         )
 
     @staticmethod
-    def restore(data: bytes, settings: EngineSettings | None = None) -> "Engine":
+    def restore(data: bytes, settings: LaneSettings) -> "Engine":
         """Return an engine that continues where the one that was saved stood.
 
         Raises ValueError for bytes that are not a snapshot, are damaged, come from another version, were
         written with an instruction set that this processor lacks, or with settings other than `settings`.
         """
         saved = snapshot.unpack(data)
-        if settings is not None:
-            saved.check(settings)
-        engine = Engine(saved.lanes, settings or saved.settings, instruction_set=saved.instruction_set)
+        saved.check(settings)
+        engine = Engine(saved.lanes, settings, instruction_set=saved.instruction_set)
         try:
             engine._native.load(saved.state)
         except ValueError as error:
             raise ValueError(f"not a snapshot of this version of the engine: {error}") from None
         return engine
-
-
-def _kind(settings: EngineSettings) -> tuple[object, ...]:
-    """What the memory and the filters are made for."""
-    return settings.window, settings.memory, settings.accuracy, settings.variant, settings.guard

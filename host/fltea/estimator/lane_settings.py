@@ -1,33 +1,135 @@
-"""What the engine is told by the settings of an estimator."""
+"""What the native engine is made with: the settings of an estimator, and the numbers that differ by lane."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
-from fltea.estimator.engine_settings import (
-    EngineSettings,
-    JointTuning,
-    OrderTuning,
-    ParameterTuning,
-    StateTuning,
-)
+import numpy as np
+from msgspec.inspect import FloatType
+from numpy.typing import NDArray
+
 from fltea.settings.estimator import EstimatorConfig
+from fltea.settings.setting import Declared, Setting, declared, tables
+
+Array = NDArray[np.float64]
+Numbers = float | Sequence[float] | Array
+
+BOX_ORDER = (0.0, 2.0)
+"""Bounds of α with a guard."""
+
+NativeArguments = tuple[str, bool, int, bool, int, int, Array]
+
+_DECLARED = {
+    one.path: one for path, table in tables(EstimatorConfig()).items() for one in declared(table, path)
+}
+_DECLARED |= {path: _DECLARED["R"]._replace(path=path) for path in ("order.R", "parameter.R", "joint.R")}
+_DECLARED["h"] = Declared(
+    "h", FloatType(), None, Setting("Sampling period.", unit="s", least=1e-12, most=1e12)
+)
 
 
-def lane_settings(
-    config: EstimatorConfig, h: float, R: Sequence[float], Q: Sequence[float] | None = None
-) -> EngineSettings:
-    """What the engine is told: a lane for each R, sampling period h in s. Q: in place of the setting's."""
-    order, parameter, state, joint = config.order, config.parameter, config.state, config.joint
-    return EngineSettings(
-        h=h,
-        window=config.window_samples or None,
-        memory=config.memory,
-        variant=config.variant,
-        guard=config.guard,
-        gate=config.gate,
-        state=StateTuning(P0=state.P0, Q=state.Q if Q is None else tuple(Q), x0=state.x0, R=tuple(R)),
-        order=OrderTuning(P0=order.P0, Q0=order.Q0, alpha0=order.alpha0, delta=order.delta),
-        parameter=ParameterTuning(P0=parameter.P0, Q0=parameter.Q0, f0=parameter.f0, delta=parameter.delta),
-        joint=JointTuning(
-            P0=joint.P0, Q0=joint.Q0, alpha0=joint.alpha0, beta0=joint.beta0, delta=joint.delta
-        ),
-    )
+@dataclass(frozen=True, eq=False)
+class LaneSettings:
+    """All of an engine; a number of a lane may also be an array with one entry for each lane.
+
+    config: the filters' settings, the window in samples. h: sampling period in s. R: measurement variance.
+    numbers: by the path of a setting in the table `estimator`, such as "state.Q", in place of that of
+    `config`; "order.R", "parameter.R" and "joint.R" are variances that one filter takes in place of R (the
+    joint one of Q + R). accuracy: digits of the compressed memory, 3 to 11; 0: the native side's default, 6.
+    """
+
+    config: EstimatorConfig
+    h: Numbers
+    R: Numbers
+    numbers: Mapping[str, Numbers] = field(default_factory=dict)
+    accuracy: int = 0
+
+    def __post_init__(self) -> None:
+        if not (self.accuracy == 0 or 3 <= self.accuracy <= 11):
+            raise ValueError(f"accuracy must be a number of digits from 3 to 11, or 0, got {self.accuracy}")
+
+    @property
+    def kind(self) -> dict[str, object]:
+        """What the memory and the filters are made for, and what cannot change."""
+        c = self.config
+        return {
+            "window": c.window_samples,
+            "memory": c.memory,
+            "accuracy": self.accuracy,
+            "variant": c.variant,
+            "guard": c.guard,
+        }
+
+    def table(self, lanes: int) -> Array:
+        """The numbers of each lane in the order of the native engine, (lanes, 16).
+
+        These are h, of KFx x0, P0, Q and R, of KFo alpha0, P0, Q0, R and delta, of KFw the same from f0 on,
+        and gate; with variant "joint" the joint filter's are in the places of KFo's and KFw's.
+
+        Raises:
+            ValueError: arrays of another length, and numbers that no filter can work with; by their path.
+        """
+        if lanes < 1:
+            raise ValueError(f"an engine needs at least one lane, got {lanes}")
+        x0, P0, Q = (self._lanes(f"state.{name}", lanes) for name in ("x0", "P0", "Q"))
+        R = self._lanes("R", lanes)
+        joint = self.config.variant == "joint"
+        starts = ("joint.alpha0", "joint.beta0") if joint else ("order.alpha0", "parameter.f0")
+        filters = []
+        for start in starts:
+            name = start.partition(".")[0]
+            own = self._lanes(f"{name}.R", lanes) if f"{name}.R" in self.numbers else Q + R if joint else R
+            filters += [self._lanes(start, lanes), *(self._lanes(f"{name}.{n}", lanes) for n in ("P0", "Q0"))]
+            filters += [own, self._lanes(f"{name}.delta", lanes)]
+        if self.config.guard != "off":
+            low, high = BOX_ORDER
+            _guarded(starts[0], filters[0], (filters[0] >= low) & (filters[0] <= high))
+            if joint:
+                _guarded(starts[1], filters[5], (filters[5] >= -2 * 2.0 ** filters[0]) & (filters[5] <= 1))
+        columns = [self._lanes("h", lanes), x0, P0, Q, R, *filters, self._lanes("gate", lanes)]
+        return np.ascontiguousarray(np.column_stack(columns))
+
+    def native(self, instruction_set: str, table: Array) -> NativeArguments:
+        """What every native class that runs the engine is made with; `table` is that of its lanes."""
+        c = self.config
+        return (
+            instruction_set,
+            c.variant == "joint",
+            ("off", "faithful", "consistent").index(c.guard),
+            c.memory == "compressed",
+            self.accuracy,
+            c.window_samples,
+            native_table(table),
+        )
+
+    def _lanes(self, path: str, lanes: int) -> Array:
+        """The number of a setting for each lane."""
+        value = self.numbers.get(path)
+        if value is None:
+            found: object = self if path in ("h", "R") else self.config
+            for name in path.split("."):
+                found = getattr(found, name)
+            value = found  # type: ignore[assignment]
+        array = np.asarray(value, dtype=np.float64)
+        if array.shape not in ((), (lanes,)):
+            raise ValueError(
+                f"{path} must be a number or have one entry for each of {lanes} lanes, "
+                f"got shape {array.shape}"
+            )
+        good = np.atleast_1d(_DECLARED[path].setting.contains(array))
+        if not good.all():
+            raise ValueError(_DECLARED[path].wrong(float(np.atleast_1d(array)[~good][0])))
+        return np.array(np.broadcast_to(array, (lanes,)))
+
+
+def native_table(table: Array) -> Array:
+    """Return `table` as the native engine takes it: with ln h in place of h."""
+    result = table.copy()
+    # math.log and not numpy's, whose last digit depends on the processor.
+    result[:, 0] = [math.log(h) for h in table[:, 0]]
+    return result
+
+
+def _guarded(path: str, array: Array, good: NDArray[np.bool_]) -> None:
+    if not good.all():
+        raise ValueError(f"{path} must be within the bounds of the guard, got {array[~good][0]}")

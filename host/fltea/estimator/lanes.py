@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
 from fltea.estimator.engine import CAUSES, instruction_sets
-from fltea.estimator.engine_settings import EngineSettings, native_arguments
+from fltea.estimator.lane_settings import LaneSettings
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -60,12 +60,10 @@ class Lanes:
     that no filter can work with. Calls from several threads wait for each other.
     """
 
-    def __init__(self, lanes: int, settings: EngineSettings, *, instruction_set: str | None = None) -> None:
+    def __init__(self, lanes: int, settings: LaneSettings, *, instruction_set: str | None = None) -> None:
         self.lanes = lanes
         table = settings.table(lanes)
-        self._native = _native.Lanes(
-            *native_arguments(settings, instruction_set or instruction_sets()[0], table)
-        )
+        self._native = _native.Lanes(*settings.native(instruction_set or instruction_sets()[0], table))
 
     def run(self, y: ArrayLike, missing: ArrayLike | None = None) -> LaneBlock:
         """Take n samples of every lane, (n, lanes): the same, to the bit, however they are cut into blocks.

@@ -1,13 +1,13 @@
 """What the figures of the report are drawn from: more than the numbers in `axis.AxisResult`."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea.estimator.baseline import baseline_of, lane_baselines
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
 from fltea.identification.axis import AxisResult, IdentifyOptions
 from fltea.identification.fltea_fit import after_startup
@@ -111,7 +111,7 @@ def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOp
     rng = np.random.default_rng(options.seed)
     own = baseline_of(y, "axis", config, lsb)
     bias, R = _baselines(rng.choice(y, (startup, copies)), own.bias_dps[0], own.R[0], config, lsb)
-    settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
+    settings = LaneSettings(msgspec.structs.replace(config, memory="compressed"), h, R, accuracy=ACCURACY)
     lanes = Lanes(copies + 1, settings)
     rest, missing = after_startup(y, gaps, config)
     block = max(BLOCK, -(-len(rest) // POINTS))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fltea.estimator.baseline import baseline_of
 from fltea.estimator.engine import CAUSES
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
 from fltea.identification.gaps import Gaps, Mask, longest_epoch, no_gaps, spread
 from fltea.settings.estimator import EstimatorConfig
@@ -133,7 +133,7 @@ class _Run:
     def __init__(
         self, y: Array, missing: Mask | None, bias: float, h: float, config: EstimatorConfig, R: float
     ) -> None:
-        lanes = Lanes(1, lane_settings(config, h, [R]))
+        lanes = Lanes(1, LaneSettings(config, h, R))
         n, third = len(y), len(y) // 3
         tested = InnovationSums()
         self.alpha, self.f = _Drift(n - third, n), _Drift(n - third, n)

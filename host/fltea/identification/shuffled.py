@@ -6,7 +6,6 @@ have them.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import chain
 
 import msgspec
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.estimator.baseline import lane_baselines
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
 from fltea.settings.estimator import EstimatorConfig
 
@@ -99,7 +98,7 @@ def estimate(
     if config.R == "auto":
         # A copy that happens to be constant in its window, of data that hardly ever change.
         R = np.maximum(R, 1e-6 * y[:LONGEST].var())
-    settings = replace(lane_settings(config, h, R.tolist()), memory="compressed", accuracy=ACCURACY)
+    settings = LaneSettings(msgspec.structs.replace(config, memory="compressed"), h, R, accuracy=ACCURACY)
     runner = Lanes(lanes, settings)
     lost = np.zeros(lanes, dtype=bool)
     for now in chain([shuffles[:, startup:]], parts):

@@ -9,7 +9,6 @@ measurement.
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from fltea.estimator.engine import Engine, instruction_sets
 from fltea.lab.reproduce.paper import SAMPLES_PER_SECOND
+from fltea.lab.reproduce.runs import Options, lane_settings
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS
 from fltea.lab.reproduce.timing import reference_filters
 from fltea.records.errors import FlteaError
@@ -155,7 +155,7 @@ def _in_turns(contenders: dict[str, Work], repetitions: int) -> dict[str, float]
 
 
 def _noise(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    R = np.asarray(GYROSCOPE_FILTERS.state.R)
+    R = np.asarray(GYROSCOPE_FILTERS.R)
     return np.random.default_rng(1).normal(0, float(np.sqrt(R)), shape)
 
 
@@ -163,7 +163,7 @@ def _engine(
     lanes: int, window: int | None, memory: Literal["direct", "compressed"], steps: int, scale: float
 ) -> Work:
     """The engine with the paper's gyroscope settings, its memory full (to the part `scale` of it)."""
-    engine = Engine(lanes, replace(GYROSCOPE_FILTERS, window=window, memory=memory))
+    engine = Engine(lanes, lane_settings(GYROSCOPE_FILTERS, window or 0, Options(memory=memory)))
     y = _noise((max(1, steps), lanes))
     fill = round((window or WINDOW) * min(scale, 1.0))
     for begin in range(0, fill, len(y)):
@@ -202,8 +202,8 @@ def _filterpy(steps: int) -> Work | None:
         dim_x=1, dim_z=1, dt=0.01, hx=lambda x: x, fx=lambda x, dt: 0.9 * x, points=points
     )
     peer.x = np.zeros(1)
-    state = GYROSCOPE_FILTERS.state
-    peer.P, peer.Q, peer.R = (np.array([[value]], dtype=np.float64) for value in (state.P0, state.Q, state.R))
+    state, R = GYROSCOPE_FILTERS.config.state, GYROSCOPE_FILTERS.R
+    peer.P, peer.Q, peer.R = (np.array([[value]], dtype=np.float64) for value in (state.P0, state.Q, R))
     y = _noise((max(1, steps), 1))
 
     def work() -> int:
@@ -218,7 +218,9 @@ def _filterpy(steps: int) -> Work | None:
 def _bytes_per_lane() -> dict[str, float]:
     """Bytes of an engine of 8 lanes (one pack of the widest instruction set), a lane, by window."""
     return {
-        "unlimited" if w is None else str(w): Engine(8, replace(GYROSCOPE_FILTERS, window=w)).storage_bytes
+        "unlimited" if w is None else str(w): Engine(
+            8, lane_settings(GYROSCOPE_FILTERS, w or 0, Options(memory="compressed"))
+        ).storage_bytes
         / 8
         for w in WINDOWS
     }

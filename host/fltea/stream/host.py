@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.lanes import Reason
-from fltea.estimator.online_state import OnlineState
+from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import AxisColumns, Block, Bools
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, Ints

@@ -9,7 +9,7 @@ was reset in between (opening its port resets a Due) does not matter: its sensor
 
 import msgspec
 
-from fltea.estimator.online_state import OnlineState
+from fltea.estimator.snapshot import OnlineState
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.records.records import Hello
 from fltea.settings.config import Config

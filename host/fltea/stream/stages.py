@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
-from fltea.estimator.online_state import OnlineState
+from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints
 from fltea.records.records import (

@@ -1,8 +1,8 @@
 """What the live fit hands to the filters of an axis, and when (pure)."""
 
 from fltea.estimator.bank import Variances
-from fltea.estimator.engine_settings import LARGEST
 from fltea.records.fit import AxisFit, Interval
+from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
 
 STEP = 0.1

@@ -1,12 +1,11 @@
 """The online filters on many series at once, as the daemon would run them: each series is a lane."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from fltea.estimator.baseline import lane_baselines
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
 from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
@@ -49,10 +48,8 @@ def read(
     if any(n % BLOCK or n < startup + BLOCK for n in lengths) or startup % BLOCK:
         raise ValueError(f"lengths must be multiples of {BLOCK} beyond the start-up window, got {lengths}")
     bias, own_R = lane_baselines(y[:startup], config, None)
-    settings = lane_settings(config, h, (own_R if R is None else R).tolist())
-    if Q is not None:
-        settings = replace(settings, state=replace(settings.state, Q=Q))
-    lanes = Lanes(y.shape[1], settings)
+    numbers = {} if Q is None else {"state.Q": Q}
+    lanes = Lanes(y.shape[1], LaneSettings(config, h, own_R if R is None else R, numbers))
     valid = np.ones(y.shape[1], dtype=bool)
     readings = []
     for start in range(startup, lengths[-1], BLOCK):

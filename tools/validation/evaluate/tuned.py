@@ -7,13 +7,12 @@ ten, and a filter that has believed it for a while does not come back.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.engine import Engine
-from fltea.estimator.lane_settings import lane_settings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import LOST_ORDER
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import TUNED_WITHIN
@@ -95,8 +94,7 @@ def read_tuned(
     R = np.array(R)
     seeds = y.shape[1]
     Q = np.full(seeds, config.state.Q)
-    settings = lane_settings(config, h, R.tolist())
-    engine = Engine(seeds, replace(settings, state=replace(settings.state, Q=Q, R=R)))
+    engine = Engine(seeds, LaneSettings(config, h, R, {"state.Q": Q}))
     by_samples = {one.samples: one for one in tunings}
     stops = sorted({*lengths, *(n for n in by_samples if n > startup)})
     valid, readings, at = np.ones(seeds, dtype=bool), [], startup
@@ -110,5 +108,5 @@ def read_tuned(
         if (one := by_samples.get(stop)) is not None:
             known = np.isfinite(one.s2)
             Q, R = np.where(known, one.s2, Q), np.where(known, one.R, R)
-            engine.retune(replace(settings, state=replace(settings.state, Q=Q, R=R)))
+            engine.retune(LaneSettings(config, h, R, {"state.Q": Q}))
     return readings

@@ -81,7 +81,7 @@ def _scenario(axis: str, source: str, R: float, make: Make, h: float, *, single:
         title=f"Gyroscope, {axis} axis",
         source=source,
         lengths=paper.GYRO_LENGTHS,
-        filters=replace(GYROSCOPE_FILTERS, h=h, state=replace(GYROSCOPE_FILTERS.state, R=R)),
+        filters=replace(GYROSCOPE_FILTERS, h=h, R=R),
         R=R,
         samples=paper.GYRO_SAMPLES,
         make=make,

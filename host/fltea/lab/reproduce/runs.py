@@ -11,11 +11,12 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea.estimator.engine import Engine, Estimates
-from fltea.estimator.engine_settings import EngineSettings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reproduce.scenarios import Data, Scenario
 from fltea.lab.reproduce.simulate import WIDTH, Array
 
@@ -50,14 +51,19 @@ class Outcome(NamedTuple):
 
 def estimate(scenario: Scenario, data: Data, length: int, options: Options) -> Estimates:
     """Every estimate of every run, arrays (n, runs)."""
-    return Engine(data.y.shape[1], engine_settings(scenario.filters, length, options)).run(data.y, data.u)
+    return Engine(data.y.shape[1], lane_settings(scenario.filters, length, options)).run(data.y, data.u)
 
 
-def engine_settings(filters: EngineSettings, length: int, options: Options) -> EngineSettings:
+def lane_settings(filters: LaneSettings, length: int, options: Options) -> LaneSettings:
     """The filters of an experiment with the length L and what of the engine is asked for."""
-    return replace(
-        filters, window=length, variant=options.variant, guard=options.guard, memory=options.memory
+    config = msgspec.structs.replace(
+        filters.config,
+        window=length,
+        variant=options.variant,
+        guard=options.guard,
+        memory=options.memory,
     )
+    return replace(filters, config=config)
 
 
 def outcomes(

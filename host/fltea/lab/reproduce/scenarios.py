@@ -14,25 +14,36 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fltea.estimator.engine_settings import EngineSettings, OrderTuning, ParameterTuning, StateTuning
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reproduce import paper
 from fltea.lab.reproduce.simulate import Array, fractional_states, noises
 from fltea.records.errors import UsageError
+from fltea.settings.estimator import EstimatorConfig, OrderSettings, ParameterSettings, StateSettings
 
-EXAMPLE_FILTERS = EngineSettings(
+EXAMPLE_FILTERS = LaneSettings(
+    EstimatorConfig(
+        variant="triple",
+        guard="off",
+        state=StateSettings(P0=1.0, Q=1e-5, x0=0.0),
+        order=OrderSettings(P0=0.05, Q0=0.005, alpha0=1.0, delta=0.5),
+        parameter=ParameterSettings(P0=0.001, Q0=0.01, f0=0.0, delta=0.5),
+    ),
     h=paper.H,
-    state=StateTuning(P0=1.0, Q=1e-5, x0=0.0, R=paper.NOISE_R),
-    order=OrderTuning(P0=0.05, Q0=0.005, alpha0=1.0, delta=0.5),
-    parameter=ParameterTuning(P0=0.001, Q0=0.01, f0=0.0, delta=0.5),
+    R=paper.NOISE_R,
 )
 """Section 6.1; R is that of all three filters."""
 
 STEP_VARIANCE = 0.15
-GYROSCOPE_FILTERS = EngineSettings(
+GYROSCOPE_FILTERS = LaneSettings(
+    EstimatorConfig(
+        variant="triple",
+        guard="off",
+        state=StateSettings(P0=0.01, Q=STEP_VARIANCE, x0=0.0),
+        order=OrderSettings(P0=0.01, Q0=0.1, alpha0=1.0, delta=0.5),
+        parameter=ParameterSettings(P0=0.01, Q0=0.1, f0=0.0, delta=0.5),
+    ),
     h=paper.GYRO_H,
-    state=StateTuning(P0=0.01, Q=STEP_VARIANCE, x0=0.0, R=paper.GYRO_R["x"]),
-    order=OrderTuning(P0=0.01, Q0=0.1, alpha0=1.0, delta=0.5),
-    parameter=ParameterTuning(P0=0.01, Q0=0.1, f0=0.0, delta=0.5),
+    R=paper.GYRO_R["x"],
 )
 """Section 7.1, R of the x axis."""
 
@@ -85,7 +96,7 @@ class Scenario:
     """what goes in, in words: stands in every output"""
     lengths: tuple[int, ...]
     """lengths L, the longest first"""
-    filters: EngineSettings
+    filters: LaneSettings
     R: float
     """measurement variance that the filters assume"""
     samples: int
@@ -160,7 +171,7 @@ def unknown_input(*, fractional: bool, samples: int = paper.GYRO_SAMPLES) -> Sce
         source=(f"source noise of order {SOURCE_ALPHA:g}" if fractional else "white source noise")
         + ", not known to the filters",
         lengths=paper.GYRO_LENGTHS,
-        filters=replace(GYROSCOPE_FILTERS, state=replace(GYROSCOPE_FILTERS.state, R=UNKNOWN_FILTER_R)),
+        filters=replace(GYROSCOPE_FILTERS, R=UNKNOWN_FILTER_R),
         R=UNKNOWN_FILTER_R,
         samples=samples,
         make=make,

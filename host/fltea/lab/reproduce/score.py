@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fltea.estimator.engine import Engine
 from fltea.lab.reproduce import paper
-from fltea.lab.reproduce.runs import Options, Outcome, engine_settings, has_diverged, outcomes
+from fltea.lab.reproduce.runs import Options, Outcome, has_diverged, lane_settings, outcomes
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, SawTooth, Scenario, example
 from fltea.lab.reproduce.simulate import WIDTH, Array
 
@@ -115,8 +115,8 @@ def _medians(outcome: Outcome, chosen: NDArray[np.bool_]) -> dict[str, float | N
 def _at_rest(case: Resting, seeds: Sequence[int], options: Options) -> dict[str, Any]:
     V, n = paper.GYRO_R["x"], paper.GYRO_SAMPLES
     R = V * case.R_over_V
-    filters = replace(GYROSCOPE_FILTERS, state=replace(GYROSCOPE_FILTERS.state, R=R))
-    settings = engine_settings(filters, n, options)
+    filters = replace(GYROSCOPE_FILTERS, R=R)
+    settings = lane_settings(filters, n, options)
     diverged, alpha, f = [], [], []
     for first in range(0, len(seeds), WIDTH):
         group = seeds[first : first + WIDTH]

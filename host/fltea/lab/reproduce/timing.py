@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from fltea.estimator.engine_settings import EngineSettings
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reference import filters as reference
 from fltea.lab.reproduce.runs import Options, estimate
 from fltea.lab.reproduce.scenarios import Data, SawTooth, example
@@ -53,33 +53,25 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def run_reference(settings: EngineSettings, length: int, data: Data) -> Array:
+def run_reference(settings: LaneSettings, length: int, data: Data) -> Array:
     """Estimates (n, 3) of state, parameter and order of the first run, by the numpy reference."""
     inputs = None if data.u is None else data.u[:, 0]
     steps = reference_filters(settings, length).run(data.y[:, 0], inputs)
     return np.array([(step.x[0], step.w[0], step.order) for step in steps])
 
 
-def reference_filters(settings: EngineSettings, length: int) -> reference.Fltea:
+def reference_filters(settings: LaneSettings, length: int) -> reference.Fltea:
     """The numpy reference with one state and settings that are plain numbers, R the same in all filters."""
-    state, order, parameter = settings.state, settings.order, settings.parameter
-    R = np.asarray(state.R)
+    state, order, parameter = settings.config.state, settings.config.order, settings.config.parameter
+    R = np.asarray(settings.R)
     return reference.Fltea(
-        reference.System(A=lambda w: w.reshape(1, 1), B=np.eye(1), C=np.eye(1), h=_number(settings.h)),
-        reference.OrderSettings(
-            P0=_number(order.P0),
-            Q0=_number(order.Q0),
-            alpha0=_number(order.alpha0),
-            R=R,
-            delta=_number(order.delta),
+        reference.System(
+            A=lambda w: w.reshape(1, 1), B=np.eye(1), C=np.eye(1), h=float(np.asarray(settings.h))
         ),
+        reference.OrderSettings(P0=order.P0, Q0=order.Q0, alpha0=order.alpha0, R=R, delta=order.delta),
         reference.ParameterSettings(
-            P0=parameter.P0, Q0=parameter.Q0, w0=parameter.f0, R=R, delta=_number(parameter.delta)
+            P0=parameter.P0, Q0=parameter.Q0, w0=parameter.f0, R=R, delta=parameter.delta
         ),
         reference.StateSettings(P0=state.P0, Q=state.Q, x0=state.x0, R=R),
         window=length,
     )
-
-
-def _number(value: object) -> float:
-    return float(np.asarray(value, dtype=np.float64))

@@ -11,8 +11,7 @@ from pathlib import Path
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.host_system import System
 from fltea.settings.config import Config
-from fltea.settings.listen_address import listen_address
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.outputs import MqttConfig, listen_address
 
 CONNECT_S = 3.0
 DAYS_LEFT = 7.0

@@ -17,8 +17,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Departed, Item, OutputView, Report, Sink
 from fltea.records.records import DeviceEstimates, DeviceFits, Epoch, Error, Estimate, Fit, Hello, Stats
-from fltea.settings.listen_address import listen_address
-from fltea.settings.outputs import MetricsConfig
+from fltea.settings.outputs import MetricsConfig, listen_address
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.own_names import is_own, own_names
 
