@@ -42,7 +42,7 @@ def takes_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def option(path: str, help: str | None = None) -> Any:
-    """The flag of a setting, for the signature of another command; help: in place of its meaning."""
+    """Return the flag of a setting, for the signature of another command; help: in place of its meaning."""
     one = SETTINGS[path]
     return typer.Option(*one.setting.flags, metavar=_metavar(one), help=help or _help(one))
 

@@ -172,7 +172,7 @@ class _Drift:
             self._counts[i] += len(part)
 
     def value(self) -> float | None:
-        """The result, or None if too few values are finite."""
+        """Return the result, or None if too few values are finite."""
         if not all(self._counts):
             return None
         first, second = (total / count for total, count in zip(self._sums, self._counts, strict=True))

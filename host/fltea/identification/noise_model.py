@@ -158,7 +158,7 @@ class CompositeNoise(Noise, frozen=True, tag="composite"):
         return np.asarray(total)
 
     def walk_dps2(self, h: float) -> float:
-        """The variance K² h of a step of the random walk, in (deg/s)²."""
+        """Return the variance K² h of a step of the random walk, in (deg/s)²."""
         return self.K_dps_per_sqrt_s**2 * h
 
 

@@ -21,8 +21,8 @@ LOWEST = 4
 FEWEST = 64
 """Ordinates below which nothing is fitted."""
 LONG, PARTS, AT_ONCE = 1 << 20, 16, 1 << 15
-"""Of more samples than LONG the last few are left out, so that their number is a multiple of PARTS, and the
-transform is put together from PARTS small ones, AT_ONCE ordinates at a time."""
+"""If there are more samples than LONG, the last few are left out, so that their number is a multiple of
+PARTS, and the transform is put together from PARTS small ones, AT_ONCE ordinates at a time."""
 GROWTH = 0.03
 """Width of a bin over its frequency: a spectrum that goes with λ^-4 changes by 12 % over it."""
 WIDEST = math.pi / 120
