@@ -253,7 +253,7 @@ def test_record_button_records_what_can_be_replayed(
     one.wait(f"{text}.startsWith('Recorded ')")
     (path,) = folder.iterdir()
     assert path.name in one.page.inner_text("#recording")
-    assert not one.page.is_visible("#said")
+    assert not one.page.is_visible("#problem")
     assert one.complaints == []
     code, stderr = daemon.end()
     assert (code, stderr) == (0, "")
@@ -276,6 +276,6 @@ def test_a_folder_that_cannot_be_written_to_is_said_on_the_page(
     one = Watched(chromium, url)
     one.wait_for_seq(100)
     one.page.get_by_role("button", name="Record", exact=True).click()
-    one.page.wait_for_selector("#said", state="visible")
-    assert "the folder cannot be made" in one.page.inner_text("#said")
+    one.page.wait_for_selector("#problem", state="visible")
+    assert "the folder cannot be made" in one.page.inner_text("#problem")
     assert daemon.end()[0] == 0

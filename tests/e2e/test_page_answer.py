@@ -104,7 +104,7 @@ def test_report_and_yaml_are_downloaded_and_the_report_shows_its_figures_by_itse
     assert asked_yaml.value.suggested_filename.endswith("_imu.yaml")
     found = yaml.safe_load(asked_yaml.value.path().read_text())
     assert found["gyroscope_noise_density"] == pytest.approx(7.679e-5, rel=1e-3)
-    assert not one.page.is_visible("#said")
+    assert not one.page.is_visible("#problem")
     assert one.complaints == []
     path = asked.value.path().with_suffix(".html")
     path.write_bytes(asked.value.path().read_bytes())
@@ -121,8 +121,8 @@ def test_a_button_whose_daemon_is_gone_says_so(sink: DashboardSink, chromium: Br
     one.wait("!document.querySelector('#report').disabled")
     one.page.route("**/report.html*", lambda route: route.abort())
     one.page.get_by_role("button", name="Download report").click()
-    one.page.wait_for_selector("#said", state="visible")
-    assert one.page.inner_text("#said") == "The daemon does not answer."
+    one.page.wait_for_selector("#problem", state="visible")
+    assert one.page.inner_text("#problem") == "The daemon does not answer."
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ PLACE = struct.Struct("<Q")
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Where it may be cut; nowhere if it was not closed, and has no index."""
+    """Return where it may be cut; nowhere if it was not closed, and has no index."""
     begin = BytesIO(source.read(len(VERSION), len(VERSION) + HEADER_BYTES))
     header = next_record(begin, source.size)
     if header is None or header.fields.get(b"op") != Op.BAG_HEADER:

@@ -34,7 +34,7 @@ class _Summary(NamedTuple):
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Where it may be cut; nowhere if it has no index, as a recorder that was killed leaves it."""
+    """Return where it may be cut; nowhere if it has no index, as a killed recorder leaves it."""
     try:
         summary = _summary(source)
         if summary is None:

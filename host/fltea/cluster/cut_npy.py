@@ -13,7 +13,7 @@ HEAD_BYTES = 1 << 16
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Where it may be cut; nowhere if its columns lie one after the other, or it is damaged."""
+    """Return where it may be cut; nowhere if its columns lie one after the other, or it is damaged."""
     head = io.BytesIO(source.read(0, HEAD_BYTES))
     try:
         version = np.lib.format.read_magic(head)

@@ -14,7 +14,7 @@ NEAR_BYTES = 1 << 12
 
 
 def cuts(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
-    """Where it may be cut; nowhere if its columns are not understood: reading it whole reports why."""
+    """Return where it may be cut; nowhere if its columns are unknown: reading it whole reports why."""
     begin = source.read(0, HEAD_BYTES)
     reader = TextReader(source.file.url, how)
     try:

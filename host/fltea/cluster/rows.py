@@ -153,7 +153,7 @@ def coefficient_values(curve: Any) -> dict[str, float | None]:
 
 
 def trap_kinds(traps: Iterable[Trap]) -> list[str]:
-    """Each kind once."""
+    """Return each kind once."""
     return sorted({trap.kind for trap in traps})
 
 

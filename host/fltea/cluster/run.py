@@ -95,7 +95,7 @@ class _Loop:
         self._under_way: set[File] = set()
 
     def run(self) -> Progress:
-        """Until nothing is left."""
+        """Work until nothing is left."""
         while self._hand_out() or self._pending:
             done, _ = wait(self._pending, CHECK_S, FIRST_COMPLETED)
             if not done:

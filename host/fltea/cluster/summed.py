@@ -73,7 +73,7 @@ class PieceSums(msgspec.Struct, frozen=True):
 
     @property
     def samples(self) -> int:
-        """Of an axis."""
+        """Samples of the longest axis."""
         return max((axis.samples for axis in self.axes.values()), default=0)
 
     def goes_with(self, other: "PieceSums") -> bool:
@@ -125,7 +125,7 @@ def _piece(found: Loaded, axes: dict[str, AxisSums], seconds: float) -> PieceSum
 
 
 def fit_pieces(file: File, ask: Ask, pieces: Sequence[PieceSums]) -> list[Row]:
-    """All axes of a file whose pieces were summed, or one row that says why there are none.
+    """Return rows of all axes of a file whose pieces were summed, or one row that says why there are none.
 
     As with samples of several rates, those pieces are taken that go with the one that has the most.
     """

@@ -68,7 +68,7 @@ class Alerts:
         self.dropped = 0
 
     def raised(self) -> list[tuple[Key, str]]:
-        """Those that are on, with their texts."""
+        """Return the alerts that are on, with their texts."""
         return [(key, seen.text) for key, seen in self._seen.items() if seen.raised]
 
     def counts(self) -> dict[str, int]:
@@ -76,7 +76,7 @@ class Alerts:
         return dict(Counter(key[0] for key, _ in self.raised()))
 
     def listed(self) -> AlertList:
-        """Those that are on, the newest first, as they are published."""
+        """Return the alerts that are on, the newest first, as they are published."""
         raised = self.raised()
         newest = raised[: -LISTED - 1 : -1]
         names = "kind", "device_id", "axis", "quantity"

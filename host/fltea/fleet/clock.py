@@ -28,7 +28,7 @@ class Clock:
         self._deaf_since: float | None = steady()
 
     def unix_s(self) -> float:
-        """Now."""
+        """Return Unix time, as of now."""
         offset = self._wall() - self.steady()
         if abs(offset - self._offset) > JUMP_S:
             self.jumps += 1

@@ -59,7 +59,7 @@ class Database(Protocol):
         """End, from another thread, what is being done now: it fails as if the database were away."""
 
     def close(self) -> None:
-        """Let it go."""
+        """Close the connection."""
 
 
 class Sqlite:

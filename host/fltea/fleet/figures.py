@@ -57,7 +57,7 @@ class Figure(NamedTuple):
 
 
 class Point(NamedTuple):
-    """Of an Allan deviation."""
+    """A point of an Allan deviation."""
 
     tau_s: float
     adev: float

@@ -35,7 +35,7 @@ Points = Annotated[list[float], msgspec.Meta(max_length=1000)]
 
 
 class Status(msgspec.Struct, frozen=True):
-    """Of `<prefix>/<device_id>/status`."""
+    """The payload of `<prefix>/<device_id>/status`."""
 
     status: str
     source: str = ""
@@ -44,7 +44,7 @@ class Status(msgspec.Struct, frozen=True):
 
 
 class Hello(msgspec.Struct, frozen=True):
-    """Of `…/hello`."""
+    """The payload of `…/hello`."""
 
     rate_hz: float
     sensor: str | None = None
@@ -86,7 +86,7 @@ class AxisFit(msgspec.Struct, frozen=True):
 
 
 class Fit(msgspec.Struct, frozen=True):
-    """Of `…/fit`."""
+    """The payload of `…/fit`."""
 
     seq: Count
     epoch: Count
@@ -102,13 +102,13 @@ class Samples(msgspec.Struct, frozen=True):
 
 
 class Stats(msgspec.Struct, frozen=True):
-    """Of `…/stats`."""
+    """The payload of `…/stats`."""
 
     samples: Samples = Samples()
 
 
 class Error(msgspec.Struct, frozen=True):
-    """Of `…/error`."""
+    """The payload of `…/error`."""
 
     kind: str
     message: str = ""

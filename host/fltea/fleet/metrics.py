@@ -49,7 +49,7 @@ def _counters(found: dict[str, Any]) -> Iterator[Metric]:
 
 
 def text_of(fleet: Fleet) -> bytes:
-    """What /metrics answers."""
+    """Return what /metrics answers."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Collector(fleet))
     return bytes(generate_latest(registry))

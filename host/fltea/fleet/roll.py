@@ -70,7 +70,7 @@ class Sensor:
 
     @property
     def kind(self) -> str:
-        """With which others it is compared: the same chip at the same rate."""
+        """The kind within which it is compared: the same chip at the same rate."""
         if self.hello is None:
             return "?"
         return f"{(self.hello.sensor or '?')[:40]}, {self.hello.rate_hz:.4g} Hz"

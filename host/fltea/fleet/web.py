@@ -211,7 +211,7 @@ class _Metrics(_Handler):
 
 
 def application(shown: Shown) -> Application:
-    """What is answered."""
+    """Return the application that answers the page's requests."""
     given = {"shown": shown}
     return Application(
         [

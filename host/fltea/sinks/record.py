@@ -89,12 +89,12 @@ class RecordSink(Sink):
 
     @property
     def parts(self) -> int:
-        """Files so far."""
+        """The number of files so far."""
         return self._session.parts
 
     @property
     def size_bytes(self) -> int:
-        """Of all files so far, without what is not yet written; may be asked from any thread."""
+        """The size of all files so far, as far as written; may be asked from any thread."""
         part = self._part
         return self._finished_bytes + (part.writer.size_bytes if part is not None else 0)
 

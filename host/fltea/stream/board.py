@@ -55,7 +55,7 @@ class BoardEstimates:
         self._estimates = self._lost = self._unplaced = 0
 
     def host_settings(self) -> EstimatorConfig:
-        """With what this computer estimates from now on: the board's settings, once they are known."""
+        """Return the settings for this computer from now on: the board's, once they are known."""
         self._in_use = self._settings or self._config.estimator
         return self._in_use
 
@@ -77,7 +77,7 @@ class BoardEstimates:
         self._sequence = None
 
     def bridge(self, count: int) -> None:
-        """Nothing of a board is ever saved."""
+        """Do nothing: nothing of a board is ever saved."""
 
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
         """Remember samples; their estimates come later."""

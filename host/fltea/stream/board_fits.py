@@ -41,7 +41,7 @@ VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
 
 
 class BoardFits:
-    """Makes the records.
+    """Makes records of a board's fits.
 
     came: fits that came; refused: those of them for which there was no sample yet, or whose numbers or bins
     no fit can have.

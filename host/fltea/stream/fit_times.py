@@ -82,7 +82,7 @@ class FitTimes:
         self.begin()
 
     def begin(self) -> None:
-        """An epoch begins."""
+        """Begin an epoch."""
         self.due = self._settles = self._period + self._offset
         self._drawn: int | None = None
         self._latest = 0

@@ -267,14 +267,14 @@ class HostEstimates:
             begin = end
 
     def on_event(self, event: Event) -> Iterator[Item]:
-        """Nothing else matters here."""
+        """Ignore all other events."""
         return iter(())
 
     def forget(self) -> None:
         """The next epoch begins with new channels anyway."""
 
     def standing(self) -> Standing:
-        """Sum up."""
+        """Return how the filters get on."""
         return Standing(
             startup_remaining=max((c.startup_remaining for c in self._channels()), default=0),
             axes={axis: stats for c in self._channels() for axis, stats in c.stats()},

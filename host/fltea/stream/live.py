@@ -158,7 +158,7 @@ class LiveFits:
             begin = end
 
     def on_event(self, event: Event) -> Iterator[Item]:
-        """Nothing else matters here."""
+        """Ignore all other events."""
         return iter(())
 
     def forget(self) -> None:

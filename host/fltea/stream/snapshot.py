@@ -21,7 +21,7 @@ LONGEST_WRAP_S = 30 * 60.0
 
 
 class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a device was: of its boot `boot_id`, both wrapped as on the wire."""
+    """The last sample of a device, of its boot `boot_id`; number and time wrapped as on the wire."""
 
     boot_id: int
     sequence: int
@@ -45,7 +45,7 @@ class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def estimators(self) -> Saved:
-        """Those of both sensors."""
+        """The estimators of both sensors."""
         return Saved(self.gyro, self.accel, SavedFits(self.gyro_fit, self.accel_fit))
 
 
@@ -61,7 +61,7 @@ def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: in
 def missing_by_number(
     state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float
 ) -> int | None:
-    """The same, where the numbers show it; else None."""
+    """Return the same number where the samples' numbers show it; else None."""
     last = state.last
     if last is None or last.boot_id != hello.boot_id or age_s > LONGEST_WRAP_S:
         return None

@@ -31,7 +31,7 @@ Item = AnyRecord | Block | Notice
 
 
 class Beginning(NamedTuple):
-    """An epoch begins.
+    """What a stage gets when an epoch begins.
 
     gyro_axes, accel: what its samples hold. saved: what to go on from. missing: samples lost just before, as
     far as anybody knows.
@@ -102,7 +102,7 @@ class Stage(Protocol):
         """Believe nothing of samples until now: the device, its boot or its sensor may be another."""
 
     def standing(self) -> Standing:
-        """Sum up."""
+        """Return how the stage gets on."""
 
     def save(self) -> Saved | None:
         """What `Beginning.saved` takes; None while there is nothing to keep."""

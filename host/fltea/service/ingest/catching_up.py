@@ -33,7 +33,7 @@ class CatchingUp:
         self._again[partition] = _Again(done)
 
     def forget(self, partition: int) -> None:
-        """Serve a partition no more, or anew."""
+        """Serve a partition no more, or from its beginning."""
         self._caught_up.discard(partition)
         self._again.pop(partition, None)
 

@@ -47,7 +47,7 @@ class Sightings:
             self._seen[key] = Seen(revision, known.changed_s if same and known else now_s, value)
 
     def of(self, key: str) -> Seen | None:
-        """The newest sighting."""
+        """Return the newest sighting of an entry."""
         return self._seen.get(key)
 
     def fresh(self, prefix: str, now_s: float) -> list[str]:

@@ -79,7 +79,7 @@ class SharedReceiver(Receiver, Protocol):
         """Whether messages of a partition may still be walked here."""
 
     def resume(self, partition: int) -> None:
-        """Take note that the messages come again that were left out while `serves` said no."""
+        """Take note that the messages come again that were left out while `serves` was false."""
 
     def walked(self, partition: int, mark: int) -> None:
         """Take note of the last message that was walked."""

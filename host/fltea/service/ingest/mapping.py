@@ -22,7 +22,7 @@ ANSWER_S = 1.0
 
 
 def partition_of(name: str, partitions: int) -> int:
-    """Where `partition(partitions,1)` of a server puts a device: by FNV-1a of 32 bits."""
+    """Return where `partition(partitions,1)` of a server puts a device: by FNV-1a of 32 bits."""
     found = 0x811C9DC5
     for byte in name.encode():
         found = (found ^ byte) * 0x01000193 & 0xFFFFFFFF

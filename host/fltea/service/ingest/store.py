@@ -47,7 +47,7 @@ class Unfit(Exception):
 
 
 class Entry(NamedTuple):
-    """Of a bucket."""
+    """An entry of a bucket."""
 
     revision: int
     value: bytes
@@ -158,7 +158,7 @@ class Store:
         return found
 
     async def held(self) -> dict[str, Entry]:
-        """Leases and workers."""
+        """Return the entries of leases and workers."""
         name = self._settings.bucket
         return await self.entries(self.leases, name, "lease.*") | await self.entries(
             self.leases, name, "worker.*"

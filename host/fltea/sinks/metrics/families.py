@@ -60,12 +60,12 @@ class Newest:
             self.estimate, self.estimate_ns = block, host_ns()
 
     def newest_sample(self) -> Sample | None:
-        """The last one."""
+        """Return the last sample."""
         n = len(self.block) if self.block is not None else 0
         return next(self.block.samples(slice(n - 1, n))) if self.block is not None else None
 
     def newest_estimate(self) -> Estimate | None:
-        """The last one."""
+        """Return the last estimate."""
         return self.estimate.last_estimate() if isinstance(self.estimate, Block) else self.estimate
 
 

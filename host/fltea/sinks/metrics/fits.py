@@ -19,7 +19,7 @@ PARAMETERS = (
 
 
 def fit_families(fits: Sequence[tuple[str, Fit]]) -> Iterator[Metric]:
-    """Of each device's newest fit: every parameter with its interval, test, verdict, what is left out."""
+    """Yield, of each device's newest fit, every parameter with its interval, test and verdict."""
     axes: list[tuple[tuple[str, str], AxisFit]] = [
         ((device, axis), one) for device, fit in fits for axis, one in fit.axes.items()
     ]

@@ -9,7 +9,7 @@ Rows = list[tuple[tuple[str, ...], float | None]]
 
 
 def counter_family(name: str, text: str, labels: Sequence[str], rows: Rows) -> Metric:
-    """What only grows."""
+    """Return a family of counters, which only grow."""
     return _filled(CounterMetricFamily(name, text, labels=labels), rows)
 
 

@@ -22,7 +22,7 @@ POLL_S = 0.002
 
 
 class Message(NamedTuple):
-    """What is published.
+    """A message that is published.
 
     retain: it is a state, published with each new connection. again: sent again if its connection is lost.
     """
@@ -46,7 +46,7 @@ class Flight:
 
     @property
     def messages(self) -> list[Message]:
-        """Those that the broker will acknowledge."""
+        """Messages that the broker will acknowledge."""
         return [message for message, _ in self._unacknowledged.values()]
 
     def began(self, mid: int, message: Message) -> None:

@@ -2,7 +2,7 @@
 window.fltea.actions = (() => {
   "use strict"
   const byId = id => document.getElementById(id)
-  let device = "", on = false, busy = false, said = ""
+  let device = "", on = false, busy = false, shown = ""
 
   async function ask(path, method) {
     const token = document.querySelector("meta[name=fltea-token]").content
@@ -11,7 +11,7 @@ window.fltea.actions = (() => {
     return answer
   }
 
-  // One at a time; what goes wrong is said in words.
+  // One at a time; what goes wrong is shown in words.
   async function act(what) {
     if (busy) return
     busy = true
@@ -22,9 +22,9 @@ window.fltea.actions = (() => {
   }
 
   function say(text) {
-    said = text
-    byId("said").textContent = text
-    byId("said").hidden = !text
+    shown = text
+    byId("problem").textContent = text
+    byId("problem").hidden = !text
   }
 
   const of = () => "?device=" + encodeURIComponent(device)
@@ -41,7 +41,7 @@ window.fltea.actions = (() => {
   })
 
   function show(f) {
-    if (device !== f.device && said) say("")
+    if (device !== f.device && shown) say("")
     device = f.device
     on = f.recording.on
     const button = byId("record")

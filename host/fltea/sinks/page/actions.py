@@ -35,7 +35,7 @@ class Actions:
         self.token = secrets.token_urlsafe(24)
 
     def rules(self) -> list[Rule]:
-        """Where they are asked for."""
+        """Return the addresses where actions are asked for."""
         made = {"actions": self}
         return [
             Rule(PathMatches("/recording$"), Recording, made),
@@ -69,7 +69,7 @@ class _OfOurPage(RequestHandler):
 
     @property
     def history(self) -> DeviceHistory:
-        """Of the device that was asked for."""
+        """The history of the device that was asked for."""
         return self._actions.histories[self.get_query_argument("device")]
 
 

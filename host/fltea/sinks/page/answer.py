@@ -69,7 +69,7 @@ class Answer(NamedTuple):
     left_out: str
 
     def plain(self) -> dict[str, Any]:
-        """As plain data."""
+        """Return it as plain data."""
         return self._asdict()
 
 

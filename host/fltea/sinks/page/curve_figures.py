@@ -40,7 +40,7 @@ class CurveFigures:
 
     @property
     def all(self) -> list[figure]:
-        """In the order of the page."""
+        """All figures, in the order of the page."""
         return [self.spectrum, self.allan]
 
     def show(self, axis: str, unit: str, fit: AxisFit | None, board: DeviceSpectrum | None = None) -> None:

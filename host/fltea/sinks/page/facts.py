@@ -105,7 +105,7 @@ def _axis(
 
 
 def fitted(history: DeviceHistory) -> str:
-    """Of how many samples the newest fit is, in a line."""
+    """Return a line that states of how many samples the newest fit is."""
     fit, hello = history.fits.newest, history.hello
     if fit is None:
         return ""

@@ -57,7 +57,7 @@ def own(history: DeviceHistory) -> list[list[str]]:
 
 
 def compared(history: DeviceHistory, window: int) -> dict[str, dict[str, Any]]:
-    """Of every axis that both estimate, the device's figures and how far they are from the host's."""
+    """Return, of every axis that both estimate, the device's figures and how far they are from the host's."""
     names = [axis for axis in history.axes if history.tables.estimator(axis) == "both"]
     farthest = history.farthest(window) if names else {}
     return {axis: _compared(history, axis, farthest[axis]) for axis in names}

@@ -60,7 +60,7 @@ class Figures:
 
     @property
     def all(self) -> list[figure]:
-        """In the order of the page."""
+        """All figures, in the order of the page."""
         return [self.noise, self.alpha, self.f, self.lag1, self.nis, self.temperature, self.apart]
 
     def fit(self) -> None:

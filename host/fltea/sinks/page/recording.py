@@ -12,7 +12,7 @@ ELSEWHERE = "Pages may not record here: start fltea with --record or --set dashb
 
 
 def nothing() -> dict[str, Any]:
-    """Where there is nothing that records."""
+    """Return what is shown where nothing can record."""
     return {"on": False, "can": False, "level": "plain", "text": ""}
 
 

@@ -45,7 +45,7 @@ def make(table: Table, axes: int, rate_hz: float) -> Tiers:
 
 
 def places(table: Table, axes: Sequence[str], axis: str) -> dict[str, int]:
-    """Where the columns that concern an axis stand in a table's rows."""
+    """Return where the columns that concern an axis stand in a table's rows."""
     common, names = COMMON[table], OF_AXIS[table]
     first = len(common) + axes.index(axis) * len(names)
     return {name: i for i, name in enumerate(common)} | {name: first + i for i, name in enumerate(names)}
