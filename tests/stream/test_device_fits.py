@@ -20,9 +20,9 @@ from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.table import DeviceView
 from fltea.stream import board_fits
 from fltea.stream.board_fits import BoardFits
-from fltea.stream.board_samples import Moment
 from fltea.stream.live import SettledFit
 from fltea.stream.pipeline import Pipeline
+from fltea.stream.stages import Moment
 from fltea.wire import layout as wire
 from fltea.wire.message_events import bins_event, fit_event
 from hypothesis import given

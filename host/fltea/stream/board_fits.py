@@ -19,8 +19,8 @@ from fltea.spectrum.likelihood_ratio import null_fits
 from fltea.spectrum.models import FULL, parameters
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.whittle import fit as whittle_fit
-from fltea.stream.board_samples import Moment
 from fltea.stream.live import SettledFit
+from fltea.stream.stages import Moment
 
 NORMAL_95 = 1.96
 """Standard deviations of a 95 % interval."""

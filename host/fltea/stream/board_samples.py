@@ -5,18 +5,10 @@ from typing import NamedTuple
 from fltea.records.block import Block
 from fltea.records.events import SEQUENCE_WRAP
 from fltea.records.records import GYRO_UNIT, AxisEstimate
+from fltea.stream.stages import Moment
 
 REMEMBERED = 256
 """Samples for which an estimate may still come; the board drops samples when it is further behind."""
-
-
-class Moment(NamedTuple):
-    """Number, epoch, and times of a sample, as records state them."""
-
-    seq: int
-    epoch: int
-    device_us: int
-    host_ns: int
 
 
 class RecentSample(NamedTuple):

@@ -25,7 +25,7 @@ from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream.fit_times import CURVES_S, Done, FitLoad, FitTimes, Turns, period_s, turns
-from fltea.stream.stages import Beginning, Item, Saved, SavedFits, Standing
+from fltea.stream.stages import Beginning, Item, Moment, Saved, SavedFits, Standing
 
 BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
@@ -52,19 +52,10 @@ class _Sensor(NamedTuple):
         self.live.add(values if len(self.places) == values.shape[1] else values[:, self.places])
 
 
-class _Place(NamedTuple):
-    """Of a sample."""
-
-    seq: int
-    epoch: int
-    device_us: int
-    host_ns: int
-
-
 class _Begun(NamedTuple):
-    """A fit that was due after the sample `place`, of which some axes may be left to do."""
+    """A fit that was due after the sample at `moment`, of which some axes may be left to do."""
 
-    place: _Place
+    moment: Moment
     samples: int
     done: Done
     found: dict[str, AxisFit]
@@ -96,7 +87,7 @@ class LiveFits:
         self._resumed = False
         self._times = FitTimes(1, 1, grows=False, every=False)
         self._first: int | None = None
-        self._at: _Place | None = None
+        self._at: Moment | None = None
         self._settled: dict[str, SettledFit] = {}
         self._drawn_samples = 0
 
@@ -201,7 +192,7 @@ class LiveFits:
                 self._sensors[name].add(values)
         last = (int(column[-1]) for column in (block.seq, block.device_us, block.host_ns))
         seq, device_us, host_ns = last
-        self._at = _Place(seq, block.epoch, device_us, host_ns)
+        self._at = Moment(seq, block.epoch, device_us, host_ns)
 
     def _pace(self) -> int:
         """Take note of what this program's fits share now; the samples from fit to fit."""
@@ -250,7 +241,7 @@ class LiveFits:
             self._begun = None
             if begun.done.settles:
                 self._settled = {axis: _settled_of(one) for axis, one in begun.found.items()}
-            yield Fit(*begun.place, begun.samples, begun.found, device=self._config.name)
+            yield Fit(*begun.moment, begun.samples, begun.found, device=self._config.name)
 
 
 NO_FIT = SettledFit()

@@ -18,6 +18,15 @@ from fltea.records.records import (
 )
 
 
+class Moment(NamedTuple):
+    """Number, epoch, and times of a sample, as records state them."""
+
+    seq: int
+    epoch: int
+    device_us: int
+    host_ns: int
+
+
 class Notice(NamedTuple):
     """Kind and text of an `error` record; host_ns: when, on the source's monotonic clock."""
 

@@ -154,7 +154,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def server_bind(self) -> None:
-        """Bind as the base class does, but do not look for the machine's name, which may wait for a server."""
+        """Bind as the base class does, without looking for the machine's name, which may take long."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = "", self.server_address[1]
 
