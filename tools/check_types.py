@@ -18,7 +18,6 @@ BY_PACKAGE = (
     "tools.board_voice",
     "tools.demo",
     "tools.due_run",
-    "tools.fleet_false_alarms",
     "tools.fleet_fits",
     "tools.fleet_load",
     "tools.fleet_noise",

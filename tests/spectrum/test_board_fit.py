@@ -20,7 +20,7 @@ from identify_support import H
 from numpy.typing import NDArray
 from spectrum_probe import BoardFit, BoardSpectrum
 
-from tools.bench import board_agreement
+from tools.validation.device import agreement
 
 # The first test compiles the probe.
 pytestmark = pytest.mark.timeout(300)
@@ -95,8 +95,8 @@ def test_the_order_and_its_interval_are_near_the_hosts(
 
 @pytest.mark.slow
 def test_of_a_million_samples_it_says_what_the_host_says() -> None:
-    """All twenty noises of `make bench ARGS=--device`; the figures are in firmware/README.md."""
-    cases = board_agreement.measure((1_000_000,))["1000000"]
+    """All twenty noises of `make validate ARGS=device`; the figures are in firmware/README.md."""
+    cases = agreement(1_000_000, 2)
     assert len(cases) == 20
     assert all(one["same_verdict"] for one in cases)
     apart = [one["half_widths"] for one in cases]

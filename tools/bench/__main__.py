@@ -20,17 +20,9 @@ class Mode(NamedTuple):
 USUAL = Mode("", ("tools.bench.bench_decode", "tools.bench.bench_spectrum", "fltea.lab.bench"))
 DAEMON = Mode("measure the running daemon too: some minutes", ("tools.bench.bench_daemon",))
 MODES = {
-    "identify": Mode(
-        "only how far `fltea identify` can be believed: half an hour",
-        ("tools.bench.identify_tables",),
-        ("seeds",),
-    ),
     "device": Mode(
-        "only what the device's estimates cost, and how near they are",
-        tuple(
-            f"tools.bench.{name}"
-            for name in ("device_cost", "spectrum_cost", "device_difference", "board_agreement")
-        ),
+        "only what the device's estimates and fits cost",
+        ("tools.bench.device_cost", "tools.bench.spectrum_cost"),
     ),
     "chain": Mode(
         "only recordings and devices, the chain beside its engine: two minutes",
@@ -68,7 +60,6 @@ def main() -> None:
         "--devices", type=int, help="sensors of --ingest (default 200) and --fleet (default 500)"
     )
     parser.add_argument("--seconds", type=int, help="of --ingest (default 15)")
-    parser.add_argument("--seeds", type=int, default=1_000, help="series of the largest table of --identify")
     given = vars(parser.parse_args())
     chosen = [mode for name, mode in MODES.items() if given[name]]
     chosen = chosen or [USUAL, *([DAEMON] if given["daemon"] else [])]

@@ -27,6 +27,11 @@ from tools.validation.tables import Table
 PARTS = {
     "gallery": ("gallery.records", "verdicts on 77 noises, at three rates and three lengths"),
     "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
+    "power": ("power", "how often the null test of `identify` rejects, white noise and other"),
+    "anytime": ("anytime", "how often white sensors are ever called anything else in a day"),
+    "bound": ("bound", "critical values of intervals where there is no white noise"),
+    "device": ("device", "how far the board's estimates and fits are from the host's"),
+    "fleet": ("fleet", "how often `fltea fleet` calls healthy sensors odd"),
 }
 """Modules of this folder, and what they are.
 

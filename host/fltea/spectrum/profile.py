@@ -37,7 +37,7 @@ AT_BOUND = {"alpha": 4.8, "g": 4.6, "f": 4.6, "F": 5.1, "s2": 5.1}
 That of two normal estimates with the correlation ρ, of which the second cannot be below 0 and is there while
 the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is Self & Liang's,
 *JASA* 82, 1987). Nine tenths of 35 noises with R = 0 have, by the information, up to 0.9 between f and R,
-0.95 between α and R, 0.99 for F and 1 for s2 (tools/bench/bound_tables.py)."""
+0.95 between α and R, 0.99 for F and 1 for s2 (tools/validation/bound.py)."""
 NO_WHITE = 1e-3
 """R over s2: less is none; so in the native search."""
 APART = 6.0

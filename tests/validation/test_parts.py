@@ -1,0 +1,91 @@
+"""The smaller parts, on a few short series: what they count, and their tables."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tools.validation import __main__ as program
+from tools.validation import anytime, bound, fleet, power
+from tools.validation.runner import Options
+from tools.validation.tables import Table
+
+
+def cells(tables: list[Any]) -> list[Any]:
+    """All rows of all tables, which have as many cells as headings."""
+    for one in tables:
+        assert isinstance(one, Table)
+        assert one.rows
+        assert {len(row) for row in one.rows} == {len(one.headings)}
+    return [row for one in tables for row in one.rows]
+
+
+def test_tasks_differ() -> None:
+    for part in (anytime, bound, fleet, power):
+        for quick in (False, True):
+            keys = [one.key for one in part.tasks(Options(25, quick))]
+            assert len(keys) == len(set(keys)) > 5
+    assert set(program.PARTS) == {"gallery", "evaluate", "power", "anytime", "bound", "device", "fleet"}
+
+
+def test_strong_noise_is_found_and_white_is_not() -> None:
+    rows = power.count("Gaussian", "30 s", 20) + power.count("α 0.6, f -0.3, 100% of the power", "30 s", 5)
+    white, strong = rows
+    assert white["at 1 %"] <= white["at 5 %"] <= 4
+    assert white["peaks"] <= 2
+    assert (strong["at 5 %"], strong["peaks"]) == (5, 0)
+    alarms = power.tables([white])
+    assert [one.title for one in alarms if isinstance(one, Table)] == ["False alarms on white noise"]
+    assert len(cells(alarms)) == 1
+
+
+@pytest.mark.parametrize(
+    ("noise", "rules"),
+    [
+        ("gauss", ["null test", "broad resonance", "peaks", "not stationary", "any"]),
+        ("AR(.99)", ["fractional"]),
+    ],
+)
+def test_an_axis_looked_at_all_the_while(noise: str, rules: list[str]) -> None:
+    rows = [row for seed in range(2) for row in anytime.axis(noise, 3_000, seed)]
+    assert [list(row["lowest"]) for row in rows] == [rules, rules]
+    for row in rows:
+        assert 1e-4 < min(row["lowest"].values()) <= max(row["lowest"].values()) <= 1
+    shares = [[float(cell.rstrip("%")) for cell in line[1:]] for line in cells(anytime.tables(rows))]
+    assert all(line == sorted(line, reverse=True) for line in shares)
+
+
+def test_critical_values_rise_with_the_correlation() -> None:
+    """Without correlation the bound says nothing of the other: 3.84."""
+    points = {row["rho"]: row["critical"] for row in bound.critical_values()}
+    assert points[0.0] == pytest.approx(3.84 + 0.0, abs=0.03)
+    assert list(points.values()) == sorted(points.values())
+    assert points[1.0] == pytest.approx(5.14, abs=0.03)
+
+
+def test_the_truth_is_held_without_white_noise() -> None:
+    rows = bound.count(0.45, -0.08 * 2**0.45, 3_000, 60)
+    assert [row["parameter"] for row in rows] == ["s2", "alpha", "f", "F"]
+    for row in rows:
+        assert 0 < row["correlation"] <= 1
+        if row["held"]:
+            assert row["held"] == sorted(row["held"])
+            assert row["held"][3] >= 0.85
+    cells(bound.tables([*bound.critical_values(), *rows]))
+
+
+def test_equal_sensors_are_hardly_ever_odd() -> None:
+    rows = [row for first in (0, 10) for row in fleet.fitted("white", first, 10, [3_000], 100.0)]
+    (equal, differing) = cells(fleet.tables(rows))
+    assert equal[:3] == ("white", "20", "0%")
+    assert differing[2] == "3%"
+    assert float(equal[3].rstrip("%")) < 10
+
+
+def test_a_sensor_that_is_ten_times_as_strong_is_odd() -> None:
+    rows = fleet.fitted("white", 0, 20, [20_000], 100.0)
+    looks = [fleet.msgspec.convert(row["fits"], fleet.Fits) for row in rows]
+    members: list[Any] = [(one, fleet._all_figures(one, 100.0), 1.0) for one in looks]
+    turns = np.zeros(20, dtype=np.int64)
+    assert fleet._odd_at(members, turns) == set()
+    assert fleet._odd_at([*members[:-1], (*members[-1][:2], 10.0)], turns)

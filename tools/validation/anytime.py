@@ -1,0 +1,129 @@
+"""How often white sensors are ever called anything else in 24 hours, for `verdict.ANYTIME_LEVEL`.
+
+Axis-days at 100 Hz are looked at whenever they have grown by 5 %: between such looks next to nothing changes.
+For each rule and level: the share of axes for which it ever speaks. Noises that relax are not white, and of
+no order: of these it is counted how often they are ever called fractional.
+"""
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
+from fltea.spectrum.lines import FALSE_ALARM
+from fltea.spectrum.octave_lines import find_octave_peaks
+from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.spectral import examine
+from fltea.spectrum.stationarity import find_change
+from fltea.spectrum.verdict import decide
+from fltea.spectrum.warm import Warm
+from numpy.typing import NDArray
+
+from tools.validation.recursions import Stream
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import Table, grouped, share
+
+Array = NDArray[np.float64]
+Draw = Callable[[int], Array]
+
+SEEDS, QUICK_SEEDS = 200, 4
+"""Axes of each noise; those of a quick run last half an hour."""
+H = 0.01
+DAY, SHORT = 8_640_000, 180_000
+FIRST, GROWTH = 200, 1.05
+AT_ONCE = 1 << 16
+LEVELS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 5e-5, 3e-5, 1e-5)
+
+
+def _relaxations(poles: tuple[float, ...], rng: np.random.Generator) -> Draw:
+    """AR(1) processes of unit variance in white noise; they go on from call to call."""
+    sizes = [math.sqrt(1 - pole * pole) for pole in poles]
+    streams = [Stream([size], [1.0, -pole]) for pole, size in zip(poles, sizes, strict=True)]
+
+    def draw(n: int) -> Array:
+        y = rng.standard_normal(n)
+        for one in streams:
+            y += one.run(rng.standard_normal(n))
+        return y
+
+    return draw
+
+
+WHITE: dict[str, Callable[[np.random.Generator], Draw]] = {
+    "gauss": lambda rng: rng.standard_normal,
+    "lsb": lambda rng: lambda n: np.rint(rng.standard_normal(n)),
+    "t4": lambda rng: lambda n: rng.standard_t(4, n),
+}
+NOISES = WHITE | {
+    "AR(.5)": partial(_relaxations, (0.5,)),
+    "AR(.99)": partial(_relaxations, (0.99,)),
+    "AR(.99) + AR(.5)": partial(_relaxations, (0.99, 0.5)),
+}
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return a task for each axis."""
+    return [
+        Task(name, axis, (name, SHORT if options.quick else DAY, seed))
+        for name in NOISES
+        if options.wanted(name)
+        for seed in range(options.seeds)
+    ]
+
+
+def axis(noise: str, samples: int, seed: int) -> list[Row]:
+    """Return the highest level at which each rule is silent all the time."""
+    draw = NOISES[noise](np.random.default_rng((seed, samples)))
+    sums, warm, taken, look = Octaves(1), Warm(), 0, float(FIRST)
+    lowest: dict[str, float] = {}
+    while taken < samples:
+        until = min(round(look), samples)
+        while taken < until:
+            part = min(until - taken, AT_ONCE)
+            sums.add(np.ascontiguousarray(draw(part)[:, np.newaxis]))
+            taken += part
+        for rule, p in (_look if noise in WHITE else _claim)(sums, warm, taken).items():
+            lowest[rule] = min(lowest.get(rule, 1.0), p)
+        look *= GROWTH
+    if noise in WHITE:
+        lowest["any"] = min(lowest.values())
+    return [{"noise": noise, "samples": samples, "lowest": lowest}]
+
+
+def _look(sums: Octaves, warm: Warm, taken: int) -> dict[str, float]:
+    """The levels from which on the rules speak now."""
+    whole = sums.periodogram(0, H)
+    e = examine(whole, taken * H, taken, peaks=(), warm=warm).evidence
+    by_level = FALSE_ALARM / LEVEL
+    found: list[float] = []
+    if find_octave_peaks(whole, LEVELS[0] * by_level):
+        found = [level for level in LEVELS if find_octave_peaks(whole, level * by_level)]
+    change = find_change(sums.cells(0, H), H, LEVELS[0] * by_level)
+    return {
+        "null test": e.p_all,
+        # Believed if BIC < -2 log(LEVEL / level).
+        "broad resonance": min(LEVEL * math.exp(e.contest.models["ar2"].bic / 2), 1.0),
+        "peaks": found[-1] * 0.999 if found else 1.0,
+        "not stationary": change.p / by_level if change else 1.0,
+    }
+
+
+def _claim(sums: Octaves, warm: Warm, taken: int) -> dict[str, float]:
+    """Whether the noise is called fractional now: below every level, or below none."""
+    whole, cells = sums.periodogram(0, H), sums.cells(0, H)
+    seen = examine(whole, taken * H, taken, cells=cells, level=ANYTIME_LEVEL, warm=warm)
+    return {"fractional": 0.0 if decide(seen.evidence).kind == "fractional" else 1.0}
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return the share of axes for which each rule ever speaks, by level."""
+    found: list[Table | str] = []
+    for name, axes in grouped(rows, lambda row: row["noise"]).items():
+        shares = [
+            (rule, *(share(sum(row["lowest"][rule] < level for row in axes), len(axes)) for level in LEVELS))
+            for rule in axes[0]["lowest"]
+        ]
+        title = f"{name}: {len(axes)} axes, {axes[0]['samples']:,} samples"
+        found.append(Table(title, ("rule", *(f"{level:g}" for level in LEVELS)), shares))
+    return found

@@ -1,0 +1,130 @@
+"""Critical values where there is no white noise, and how often intervals with them hold the truth.
+
+First table: two normal estimates with the correlation ρ, of which the second, R, cannot be below 0, and has
+its best value there while the first is held at its truth. The 95 % point of the ratio of likelihoods then
+depends on ρ alone. What `spectrum.profile.AT_BOUND` was chosen by, with the correlations that the information
+gives for 35 noises without white noise (second table).
+
+Third table: ordinates are drawn from the spectra of those noises, and the truth is inside if 2 log L there is
+within the critical value of the best: no search for ends, no leakage.
+"""
+
+from typing import Any
+
+import numpy as np
+from fltea.noise import spectra as spectrum
+from fltea.spectrum.models import FULL, held, share
+from fltea.spectrum.periodogram import Binned, Periodogram, binned, used_ordinates
+from fltea.spectrum.profile import AT_BOUND, CRITICAL, NO_WHITE
+from fltea.spectrum.whittle import fit
+from numpy.typing import NDArray
+
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import Table
+
+Array = NDArray[np.float64]
+
+SEEDS, QUICK_SEEDS = 1_000, 50
+"""Series of each noise and length."""
+H = 0.01
+LENGTHS = (3_000, 20_000, 60_000)
+ORDERS = (0.25, 0.3, 0.35, 0.45, 0.5, 0.65, 0.9)
+FEEDBACKS = (0.02, 0.05, 0.08, 0.2, 0.4)
+"""-g / 2^α"""
+NAMES = ("alpha", "f", "F")
+CRITICAL_VALUES = (CRITICAL, 4.4, 4.6, 4.8, 5.1, 5.5, 6.0)
+CORRELATIONS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 1.0)
+DRAWN = 1_000_000
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return a task for the first table, and one for each noise and length."""
+    lengths = LENGTHS[:1] if options.quick else LENGTHS
+    noises = [(alpha, -part * 2**alpha) for alpha in ORDERS for part in FEEDBACKS]
+    return [
+        Task("critical values", critical_values, ()),
+        *(
+            Task(f"α = {alpha:g}", count, (alpha, g, n, options.seeds))
+            for n in lengths
+            for alpha, g in noises
+        ),
+    ]
+
+
+def critical_values() -> list[Row]:
+    """Return the 95 % points for two normal estimates, given that R is 0 while the other is held."""
+    rng = np.random.default_rng(0)
+    other, below = rng.standard_normal(DRAWN), np.abs(rng.standard_normal(DRAWN))
+    # below: what R would be below 0, in its deviation while the other is held; free: the same, nothing held
+    rows: list[Row] = []
+    for rho in CORRELATIONS:
+        free = np.minimum(rho * other - np.sqrt(max(1 - rho**2, 1e-12)) * below, 0.0)
+        rows.append({"rho": rho, "critical": float(np.quantile(other**2 + below**2 - free**2, 0.95))})
+    return rows
+
+
+def count(alpha: float, g: float, n: int, series: int) -> list[Row]:
+    """Return each parameter's correlation with R, and how often each critical value holds it."""
+    by_name = correlations(alpha, g, n)
+    lam = 2 * np.pi * used_ordinates(n, 1.0) / n
+    layout = binned(Periodogram(lam, np.ones(len(lam)), 1.0, n))
+    rng = np.random.default_rng([n, round(100 * alpha), round(-1000 * g)])
+    drawn = rng.gamma(layout.counts, size=(series, len(layout.lam))) / layout.counts
+    data = Binned(layout.lam, layout.counts, spectrum.fractional(layout.lam, alpha, g) * drawn)
+    best = fit(data, FULL)
+    rows: list[Row] = [{"samples": n, "parameter": "s2", "correlation": by_name["s2"], "held": None}]
+    for name, value in zip(NAMES, (alpha, spectrum.f_of(alpha, g, H), alpha + g), strict=True):
+        found = fit(data, held(name, value, H))
+        weight = share(found.theta[:, -1])
+        ratio, at = 2 * (found.nll - best.nll), (1 - weight) < NO_WHITE * weight
+        shares = [float(np.mean(ratio <= np.where(at, one, CRITICAL))) for one in CRITICAL_VALUES]
+        rows.append({"samples": n, "parameter": name, "correlation": by_name[name], "held": shares})
+    return rows
+
+
+def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
+    """Return those of α, f, F and s2 with R, where R is 0, by the information of n samples."""
+    lam = 2 * np.pi * used_ordinates(n, 1.0) / n
+
+    def log_spectrum(at: Array) -> Array:
+        return np.asarray(np.log(at[2] * spectrum.fractional(lam, at[0], at[1]) + at[3]))
+
+    at, step = np.array([alpha, g, 1.0, 1e-4]), 1e-5
+    slopes = [(log_spectrum(at + step * e) - log_spectrum(at - step * e)) / (2 * step) for e in np.eye(4)]
+    spread = np.linalg.inv(np.array(slopes) @ np.array(slopes).T)
+    f = spectrum.f_of(alpha, g, H)
+    rows = np.array([[1, 0, 0, 0], [-f * np.log(H), f / g, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0]])
+    deviations = np.sqrt(np.einsum("ij,jk,ik->i", rows, spread, rows) * spread[3, 3])
+    found = (np.abs(rows @ spread[:, 3]) / deviations).tolist()
+    return dict(zip((*NAMES, "s2"), found, strict=True))
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return critical values, correlations, and shares that hold the truth."""
+    points = [(f"{row['rho']:.2f}", f"{row['critical']:.2f}") for row in rows if "rho" in row]
+    noises = [row for row in rows if "samples" in row]
+    related: list[Any] = []
+    shares: list[Any] = []
+    for n in dict.fromkeys(row["samples"] for row in noises):
+        for name in (*NAMES, "s2"):
+            some = [row for row in noises if (row["samples"], row["parameter"]) == (n, name)]
+            spread = np.quantile([row["correlation"] for row in some], [0.1, 0.5, 0.9])
+            related.append((f"{n:,}", name, *(f"{one:.3f}" for one in spread), f"{AT_BOUND[name]}"))
+            for i, critical in enumerate(CRITICAL_VALUES if name != "s2" else ()):
+                held_by = np.array([row["held"][i] for row in some])
+                low, high = np.mean(held_by < 0.93), np.mean(held_by > 0.97)
+                cells = (held_by.mean(), held_by.min(), held_by.max(), 1 - low - high, low, high)
+                shares.append((f"{n:,}", name, f"{critical:.2f}", *(f"{one:.1%}" for one in cells)))
+    return [
+        Table("95 % points at R = 0", ("correlation with R", "critical value"), points),
+        Table(
+            "Correlation with R, over the noises",
+            ("samples", "parameter", "10 %", "50 %", "90 %", "taken"),
+            related,
+        ),
+        Table(
+            "Shares that hold the truth, over the noises",
+            ("samples", "parameter", "critical", "mean", "least", "most", "93 to 97 %", "below", "above"),
+            shares,
+        ),
+    ]

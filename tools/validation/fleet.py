@@ -1,0 +1,136 @@
+"""How often `fltea fleet` calls a sensor odd that is not: fleets of real fits, of simulated noise.
+
+The live estimator of the daemon fits each record; fleets of one axis a sensor are drawn from these fits and
+looked at as the program looks at them. Sensors that differ by themselves have N, B, K and density times a
+factor of their own, which is what another gain would do; α and f stay. Records that grow to a day are looked
+at all the while.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+from fltea.fleet.figures import QUANTITIES, Figure, figures_of
+from fltea.fleet.messages import AxisFit
+from fltea.fleet.roll import Axis, Roll, Sensor
+from fltea.fleet.summary import look
+from numpy.typing import NDArray
+
+from tools.fleet_noise import NOISES, RATE_HZ, fits
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import Table, number
+
+SEEDS, QUICK_SEEDS = 400, 20
+"""Records of each noise."""
+FLEETS = 100
+"""Drawn from these records."""
+SAMPLES = 100_000
+DIFFER = (0.0, 0.03)
+SIZES = (20, 100)
+DAY_HZ, DAY = 10.0, 864_000
+FIRST, GROWTH = 600, 1.2
+"""Samples at the first look of a day, and by how much a record grows from look to look."""
+AT_ONCE = 10
+Fits = list[AxisFit]
+Place = tuple[Fits, list[dict[str, Figure]], float]
+"""A sensor of a fleet: its fits, look by look, their figures, and how strong its noise is."""
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return tasks that fit records, at one length and, unless quick, at the looks of a day."""
+    grown = FIRST * GROWTH ** np.arange(math.ceil(math.log(DAY / FIRST, GROWTH)))
+    day = [*np.round(grown).astype(int).tolist(), DAY]
+    return [
+        Task(name, fitted, (name, first, min(AT_ONCE, options.seeds - first), at, rate_hz), at[-1])
+        for at, rate_hz in (([SAMPLES], RATE_HZ), *(() if options.quick else ((day, DAY_HZ),)))
+        for name in NOISES
+        if options.wanted(name)
+        for first in range(0, options.seeds, AT_ONCE)
+    ]
+
+
+def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float) -> list[Row]:
+    """Return the messages of some sensors, one for each look."""
+    rows: list[Row] = []
+    for seed in range(first, first + count):
+        record = NOISES[noise].draw(at[-1], np.random.default_rng((seed, at[-1])), rate_hz)
+        looks = [msgspec.structs.replace(fit, spectrum=None) for fit in fits(record, at, rate_hz)]
+        rows.append({"noise": noise, "rate_hz": rate_hz, "fits": msgspec.to_builtins(looks)})
+    return rows
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return the share of fleets, and of looks, in which anybody is called odd."""
+    cells = []
+    for name, rate_hz in dict.fromkeys((row["noise"], row["rate_hz"]) for row in rows):
+        pool = [
+            msgspec.convert(row["fits"], Fits)
+            for row in rows
+            if (row["noise"], row["rate_hz"]) == (name, rate_hz)
+        ]
+        grows = len(pool[0]) > 1
+        for sensors in (size for size in SIZES if size <= len(pool)):
+            for differ in DIFFER:
+                for ages in (False, True) if grows else (False,):
+                    shares = share_of_fleets(pool, rate_hz, sensors, differ, FLEETS, ages=ages)
+                    kind = name + (", a day" if grows else "") + (", of all ages" if ages else "")
+                    cells.append((kind, str(sensors), f"{differ:.0%}", *_shares(shares)))
+    headings = ("noise", "sensors", "they differ by", "fleets with any odd", "looks", "by figure")
+    return [Table(f"False alarms of {FLEETS} fleets", headings, cells)]
+
+
+def _shares(shares: dict[str, float]) -> tuple[str, ...]:
+    names = [one.name for one in QUANTITIES if one.name in shares]
+    by = ", ".join(f"{name} {shares[name]:.1%}" for name in names) or "none"
+    return number(shares["any"], ".1%"), number(shares["look"], ".2%"), by
+
+
+def share_of_fleets(
+    pool: list[Fits], rate_hz: float, sensors: int, differ: float, count: int, *, ages: bool = False
+) -> dict[str, float]:
+    """Return the share of fleets in which anybody is ever called odd, by figure, `any`, and of looks, `look`.
+
+    ages: each sensor has been on for another time, and there is one look. Else all began at once and are
+    looked at while their records grow; fits change little between these looks, so what one sees is an alert.
+    """
+    rng = np.random.default_rng(sensors)
+    figures = [_all_figures(looks, rate_hz) for looks in pool]
+    ever: Counter[str] = Counter()
+    times_odd, looks = 0, len(pool[0])
+    for _ in range(count):
+        members = rng.choice(len(pool), sensors, replace=False)
+        factors = np.exp(rng.normal(0, differ, sensors))
+        fleet = [(pool[i], figures[i], float(factor)) for i, factor in zip(members, factors, strict=True)]
+        turns: Any = [rng.integers(looks, size=sensors)] if ages else np.arange(looks)[:, np.newaxis]
+        seen = [_odd_at(fleet, np.broadcast_to(turn, sensors)) for turn in turns]
+        times_odd += sum(map(bool, seen))
+        quantities = set().union(*seen)
+        ever.update(quantities)
+        ever["any"] += bool(quantities)
+    found = {name: times / count for name, times in ever.items()}
+    return {"any": 0.0, **found, "look": times_odd / count / (1 if ages else looks)}
+
+
+def _all_figures(looks: Fits, rate_hz: float) -> list[dict[str, Figure]]:
+    """Of one sensor, look by look."""
+    found: list[dict[str, Figure]] = []
+    for fit in looks:
+        found.append(figures_of(fit, rate_hz, found[-1] if found else {}))
+    return found
+
+
+def _odd_at(fleet: list[Place], turns: NDArray[np.int64]) -> set[str]:
+    """By which figures anybody is called odd, each sensor at look number `turns` of its own."""
+    logarithmic = {quantity.name for quantity in QUANTITIES if quantity.log}
+    roll = Roll()
+    for place, ((looks, figures, factor), turn) in enumerate(zip(fleet, turns, strict=True)):
+        sensor = roll.sensors[str(place)] = Sensor(str(place), 0.0, 0.0)
+        scaled = {
+            name: Figure(*(factor * end for end in figure)) if name in logarithmic else figure
+            for name, figure in figures[turn].items()
+        }
+        sensor.axes["gyro_x"] = Axis(looks[turn].verdict, "", looks[turn].unit, 0, scaled, 0.0)
+    return {one.quantity for one in look(roll, 0.0).odd}
