@@ -96,6 +96,15 @@ def test_nothing_in_a_pipe_and_more_than_allowed(fifo: Path) -> None:
             ReplaySource(fifo, limits=Limits(max_mb=0.0004))
 
 
+@pytest.mark.parametrize("name", ["rest.ndjson", "rest"])
+def test_objects_of_other_programs_are_text(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"".join(b'{"t_ms":%d,"wx_rads":0.5}\n' % (k * 10) for k in range(50)))
+    (first, *_) = samples_of(ReplaySource(path).events())
+    assert samples(ReplaySource(path)) == 50
+    assert first.gyro[0] == pytest.approx(np.degrees(0.5))
+
+
 def test_a_file_without_an_ending_is_what_it_holds(tmp_path: Path) -> None:
     for name, text in TEXTS.items():
         if name == "blank lines first":
@@ -164,6 +173,7 @@ def test_a_pipe_that_says_nothing_can_be_interrupted(
     process = subprocess.Popen([sys.executable, "-m", "fltea", *words], stderr=subprocess.PIPE)
     try:
         held = _opened_by_a_reader(fifo, process)
+        _wait_until_it_reads(process)
         process.send_signal(number)
         _, said = process.communicate(timeout=30)
         os.close(held)
@@ -180,3 +190,14 @@ def _opened_by_a_reader(fifo: Path, process: subprocess.Popen[bytes]) -> int:
             return os.open(fifo, os.O_WRONLY | os.O_NONBLOCK)
         time.sleep(0.05)
     raise AssertionError(process.communicate())
+
+
+def _wait_until_it_reads(process: subprocess.Popen[bytes]) -> None:
+    """Wait until the program sleeps in the kernel's read: a signal just before it is taken only after it."""
+    process_files = Path(f"/proc/{process.pid}")
+    while process.poll() is None:
+        where = (process_files / "wchan").read_text()
+        state = (process_files / "stat").read_text().rpartition(")")[2].split()[0]
+        if "pipe_read" in where or (where == "0" and state == "S"):  # not every kernel says where
+            return
+        time.sleep(0.02)

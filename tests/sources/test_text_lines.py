@@ -11,7 +11,8 @@ from fltea.records.errors import UsageError
 from fltea.records.events import TIME_WRAP_US, Event, Failed, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
 from fltea.settings.how import How
-from fltea.sources.text_lines import PipeText, SerialText, TextEvents, parse_serial
+from fltea.sources.text_events import TextEvents
+from fltea.sources.text_lines import PipeText, SerialText, parse_serial
 from fltea.stream.place import Place
 
 S = 10**9

@@ -11,7 +11,7 @@ from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawBlock
 from fltea.records.records import Hello
 from fltea.settings.how import How
-from fltea.sources.text_lines import TextEvents
+from fltea.sources.text_events import TextEvents
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -3,7 +3,9 @@
 import os
 import stat
 from pathlib import Path
-from typing import BinaryIO, Literal, NamedTuple
+from typing import Any, BinaryIO, Literal, NamedTuple
+
+import msgspec
 
 from fltea.recording import bag_files
 from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
@@ -90,6 +92,8 @@ def open_one_file(path: Path) -> Opened:
     try:
         file = path.open("rb")
         kind = KINDS.get(path.suffix.lower()) or _kind_of_content(file)
+        if kind == "ndjson" and _is_foreign(file.peek()):
+            kind = "csv"
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
     if not is_stream(path):
@@ -102,6 +106,15 @@ def open_one_file(path: Path) -> Opened:
             f"Write it to a file first: cat {path} > recording.{kind}"
         )
     return Opened(kind, file)
+
+
+def _is_foreign(begin: bytes) -> bool:
+    """Whether the first line is an object that fltea has not written: then its keys name columns of text."""
+    line, end, _ = begin.removeprefix(BOM).lstrip().partition(b"\n")
+    try:
+        return bool(end) and "class" not in msgspec.json.decode(line, type=dict[str, Any])
+    except (ValueError, RecursionError):
+        return False
 
 
 def _kind_of_content(file: BinaryIO) -> Kind:

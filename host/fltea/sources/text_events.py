@@ -1,0 +1,247 @@
+"""Live text as events: which samples it holds, how they are numbered, and what the user has to know."""
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from fltea.recording.columns import Chosen
+from fltea.recording.files import parse_units
+from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
+from fltea.recording.table import Rows, Samples, is_acceleration, samples_of
+from fltea.recording.text_rows import REASONS, TextReader
+from fltea.records.errors import UsageError
+from fltea.records.events import (
+    SEQUENCE_WRAP,
+    TIME_WRAP_US,
+    Event,
+    Failed,
+    LinkDown,
+    RawBlock,
+    Tick,
+    Trouble,
+)
+from fltea.records.records import Hello, LinkStats
+from fltea.records.repeat import OnceAMinute
+from fltea.settings.how import How
+from fltea.sources.arrival_watch import ArrivalWatch
+from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
+
+LONGEST_BLOCK_US = TIME_WRAP_US // 4
+"""Of slow samples a read may hold hours; within a block times must not wrap."""
+
+PATIENCE_NS = 5 * 10**9
+
+FEW_LINES = 20
+"""Messages of a sender before its header; after so many something is wrong."""
+
+
+class TextEvents:
+    """Turns what comes as text into events. url: for messages. how: what the user says of columns and times.
+
+    Raises:
+        UsageError: the settings are wrong.
+    """
+
+    def __init__(self, url: str, how: How, *, fatal: bool) -> None:
+        self.url, self._how, self._fatal = url, how, fatal
+        parse_units(how.units or "deg/s")
+        if how.rate_hz is not None and not LOWEST_RATE_HZ <= how.rate_hz <= HIGHEST_RATE_HZ:
+            raise UsageError(f"--rate {how.rate_hz:g}: no gyroscope gives so many samples a second.")
+        self._where = url.removesuffix(":")
+        self.reader = TextReader(self._where, how)
+        self._numbers: ByOrder | ByTime | None = None
+        self._watch: ArrivalWatch | None = None
+        self._left_out: Counter[str] = Counter()
+        self._newest = ""
+        self._told = OnceAMinute()
+        self._boot = int.from_bytes(os.urandom(4), "big")
+        self._samples = self._bytes = self._connections = 0
+        self._heard_ns: int | None = None
+        self._hello_due = self._begins = self._told_uneven = False
+        self._has_accel = True
+        self._lines_told = 0
+
+    def open(self, now_ns: int, *, within_line: bool) -> None:
+        """The line is open. within_line: its first bytes may be the end of a line."""
+        self._connections += 1
+        self._hello_due = True
+        self._heard_ns = now_ns
+        self.reader.resume(within_line=within_line)
+        if self._numbers is not None:
+            self._numbers.begin()
+
+    def lost(self, failed: Failed) -> Iterator[Event]:
+        """The line was lost, or cannot be opened."""
+        self._heard_ns = None
+        yield LinkDown(failed.host_ns)
+        yield from self._tell(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
+
+    def feed(self, data: bytes, now_ns: int) -> Iterator[Event]:
+        """Yield what bytes lead to.
+
+        Raises:
+            UsageError: the columns are named, but which are meant, or in which units, is not clear.
+        """
+        self._bytes += len(data)
+        self._heard_ns = now_ns
+        yield from self._take(self.reader.feed(data), now_ns)
+        yield from self._tell_lines(now_ns)
+
+    def tick(self, now_ns: int) -> Iterator[Event]:
+        """Nothing came for a while."""
+        yield Tick(now_ns)
+        if self._heard_ns is not None and now_ns - self._heard_ns >= PATIENCE_NS:
+            text = f"{self.url}: nothing came for {PATIENCE_NS // 10**9} s; does the sender run?"
+            yield from self._tell("silent", text, now_ns, fatal=self._fatal)
+
+    def finish(self, now_ns: int) -> Iterator[Event]:
+        """The sender has ended.
+
+        Raises:
+            UsageError: nothing that it sent was a sample.
+        """
+        yield from self._take(self.reader.finish(), now_ns)
+        if self._numbers is not None:
+            yield from self._blocks(self._numbers, self._numbers.finish(), now_ns)
+        if not self._samples:
+            raise UsageError(f"{self.url}: the input has ended, and no sample was in it. {self._why_none()}")
+        yield from self._tell_lines(now_ns)
+        if self.reader.cut is not None:
+            text = f"{self._where}:{self.reader.cut}: the last line is cut off, and left out."
+            yield Trouble("cut_recording", text, now_ns, fatal=False)
+
+    def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
+        """Count what arrived; a frame is a line with a sample, a bad one a line without."""
+        bad = dict(self.reader.counts + self._left_out)
+        if self._numbers is not None and self._numbers.duplicates:
+            bad["duplicate_time"] = self._numbers.duplicates
+        if self._numbers is not None and self._numbers.unrated:
+            bad["no_rate"] = self._numbers.unrated
+        return LinkStats(
+            bytes=self._bytes,
+            frames=self._samples,
+            bad_frames=bad,
+            overflow_bytes=overflow_bytes,
+            reconnects=max(0, self._connections - 1),
+        )
+
+    def _take(self, found: list[Rows], now_ns: int) -> Iterator[Event]:
+        chosen = self.reader.chosen
+        if chosen is None or not found:
+            return
+        if self._numbers is None:
+            yield from self._set_up(chosen, now_ns)
+        assert self._numbers is not None
+        for rows in found:
+            samples = samples_of(rows, chosen)
+            self._begins |= rows.begins
+            for reason, (line, count) in samples.left_out.items():
+                self._left_out[reason] += count
+                self._newest = f"line {line} {REASONS[reason]}"
+            if not len(samples.gyro):
+                continue
+            values = samples.gyro
+            if samples.accel is not None:
+                yield from self._judge_accel(samples, now_ns)
+                values = np.hstack([values, samples.accel])
+            arrived = Arrived(values, samples.time, samples.ordinal, self._begins)
+            self._begins = False
+            yield from self._blocks(self._numbers, self._numbers.add(arrived, now_ns), now_ns)
+
+    def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
+        """The columns are known: so it is known what numbers the samples."""
+        if chosen.time is None:
+            assert self._how.rate_hz is not None  # `choose` refuses columns without both
+            self._numbers = ByOrder(self._how.rate_hz)
+            self._watch = ArrivalWatch(self.url, self._how.rate_hz)
+        else:
+            self._numbers = ByTime(self._where, chosen.time_name, chosen.time_unit, self._how.rate_hz)
+        for note in self.reader.notes:
+            yield Trouble(note.kind, note.text, now_ns, fatal=False)
+
+    def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
+        """An accelerometer that is not there for each sample is left out from then on."""
+        assert samples.accel is not None
+        if not self._has_accel or is_acceleration(samples.accel).all():
+            return
+        self._has_accel = False
+        self._hello_due = True
+        self._boot = (self._boot + 1) % (1 << 32)
+        text = f"{self.url}: a line holds no acceleration, so the accelerometer is left out from now on."
+        yield Trouble("missing_numbers", text, now_ns, fatal=False)
+
+    def _blocks(self, numbers: ByOrder | ByTime, pieces: Iterator[Numbered], now_ns: int) -> Iterator[Event]:
+        for piece in pieces:
+            if piece.begins:
+                self._boot = (self._boot + 1) % (1 << 32)
+            if piece.begins or self._hello_due:
+                self._hello_due = False
+                yield self._hello(numbers, now_ns)
+                if self._watch is not None:
+                    self._watch.begin()
+            yield from self._of_piece(piece)
+            found = self._watch.add(int(piece.device_us[-1]), now_ns) if self._watch is not None else None
+            if found is not None:
+                yield found
+        if numbers.unrated and numbers.rate_hz is None and isinstance(numbers, ByTime):
+            text = f"{numbers.why_no_rate} {numbers.unrated} samples are left out so far."
+            yield from self._tell("no_rate", text, now_ns, fatal=self._fatal)
+        elif numbers.uneven and not self._told_uneven:
+            self._told_uneven = True
+            yield Trouble("row_times", numbers.uneven, now_ns, fatal=False)
+
+    def _of_piece(self, piece: Numbered) -> Iterator[RawBlock]:
+        assert self.reader.chosen is not None
+        axes = len(self.reader.chosen.gyro)
+        self._samples += len(piece.sequence)
+        accel = piece.values[:, axes:] if self._has_accel and piece.values.shape[1] > axes else None
+        sequence, device_us = piece.sequence % SEQUENCE_WRAP, piece.device_us % TIME_WRAP_US
+        raw = RawBlock(sequence, device_us, piece.host_ns, piece.values[:, :axes], accel)
+        if piece.device_us[0] // LONGEST_BLOCK_US == piece.device_us[-1] // LONGEST_BLOCK_US:
+            yield raw
+            return
+        parts = np.flatnonzero(np.diff(piece.device_us // LONGEST_BLOCK_US)) + 1
+        for begin, end in pairwise([0, *parts.tolist(), len(sequence)]):
+            yield raw.rows(begin, end)
+
+    def _hello(self, numbers: ByOrder | ByTime, now_ns: int) -> Hello:
+        assert numbers.rate_hz is not None
+        assert self.reader.chosen is not None
+        return Hello(
+            source=self.url,
+            host_ns=now_ns,
+            rate_hz=numbers.rate_hz,
+            sampling_mode="text",
+            boot_id=self._boot,
+            gyro_lsb_per_dps=self.reader.chosen.lsb,
+        )
+
+    def _tell_lines(self, now_ns: int) -> Iterator[Trouble]:
+        """Tell of lines without a sample: those before the columns are known only where none follow."""
+        early = self.reader.counts["before_header"]
+        total = self.reader.counts.total() + self._left_out.total() - early
+        if total > self._lines_told and self._told.is_due("lines", now_ns):
+            self._lines_told = total
+            newest = self.reader.newest
+            what = self._newest if newest is None else f"line {newest.line}: {newest.why}"
+            text = f"{self.url}: {total} lines hold no sample and are left out; the newest is {what}"
+            yield Trouble("bad_lines", text, now_ns, fatal=False)
+        if self.reader.chosen is None and early >= FEW_LINES:
+            text = f"{self.url}: lines come, and none is a sample yet. {self._why_none()}"
+            yield from self._tell("no_columns", text, now_ns, fatal=self._fatal)
+
+    def _why_none(self) -> str:
+        if not self._bytes:
+            return "It was empty."
+        if isinstance(self._numbers, ByTime) and self._numbers.why_no_rate:
+            return self._numbers.why_no_rate
+        if self._left_out and not self.reader.counts:
+            return f"The newest {self._newest}."
+        return str(self.reader.refusal())
+
+    def _tell(self, kind: str, text: str, now_ns: int, *, fatal: bool) -> Iterator[Trouble]:
+        if self._told.is_due(kind, now_ns):
+            yield Trouble(kind, text, now_ns, fatal)
