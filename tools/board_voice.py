@@ -1,4 +1,4 @@
-"""What every made-up board says alike: who it is, and how its frames are numbered.
+"""What all made-up boards have in common: a HELLO, and how their frames are numbered.
 
 The boards differ in when they speak and what they remember: `standin` serves a port at its own pace,
 `faults.pty_board` remembers every bit that it put on the line, `tests/rig/estimating_board` needs no line,

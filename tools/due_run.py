@@ -1,7 +1,7 @@
 """A run of the emulated Due that is known from both ends: what happened, and what the host made of it.
 
 The bytes go through the modules of `fltea run` as from a serial port: framing, messages, the serial source,
-continuity, pipeline. Beside that, the sensor's bus and the board's resets are watched, so that the host's
+continuity, pipeline. The sensor's bus and the board's resets are watched too, so that the host's
 counts can be held against what was really there.
 """
 
@@ -162,12 +162,12 @@ class DueRun:
 
     @property
     def troubles(self) -> list[str]:
-        """Kinds of errors that the host told."""
+        """Kinds of the errors that the host reported."""
         return [record.kind for record in self.records if isinstance(record, Error)]
 
     @property
     def hellos(self) -> list[Hello]:
-        """HELLOs that told something new."""
+        """HELLOs that the host reported: each new one."""
         return [record for record in self.records if isinstance(record, Hello)]
 
     @property

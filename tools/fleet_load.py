@@ -4,7 +4,7 @@ It publishes what as many daemons would: `hello`, `status`, `fit` with its curve
 three axes, of two chips. The fits are real: the daemon's own estimator makes some of simulated noise of
 several kinds, and each axis has one of these times a factor of its own (`fleet_fits`). So verdicts, curves
 and intervals are such as a daemon sends. Some sensors are bad: one figure of theirs is far from the others',
-and it says whose. It speaks to this machine only, and ends by itself; then it prints how many messages the
+and it prints whose. It speaks to this machine only, and ends by itself; then it prints how many messages the
 broker has acknowledged, as one line of JSON.
 """
 
@@ -125,7 +125,7 @@ class Publisher:
 
 
 def due(count: int, every_s: float, rounds: int) -> Iterator[tuple[float, int, int]]:
-    """When which sensor says its fit number `turn`: spread evenly over the period."""
+    """When which sensor publishes its fit number `turn`: spread evenly over the period."""
     for turn in range(rounds):
         for place in range(count):
             yield (turn + place / count) * every_s, place, turn

@@ -29,7 +29,7 @@ VOICES = 8
 
 
 class Sensors:
-    """What each of many sensors says in each second."""
+    """The messages of many sensors, one a second each."""
 
     def __init__(self, devices: int, seed: int = 1) -> None:
         self.names = [f"s{k:05d}" for k in range(devices)]

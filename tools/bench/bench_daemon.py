@@ -94,7 +94,7 @@ def run_once(devices: int, seconds: float, extra: Sequence[str] = (), client: An
         stack.callback(daemon.kill)
         reader = Reader(daemon.stdout)
         reader.start()
-        time.sleep(2.0 + devices / 150)  # a device that is silent for 5 s is told of
+        time.sleep(2.0 + devices / 150)  # a device that is silent for 5 s is reported
         feeder.stdin.write("go\n")
         feeder.stdin.flush()
         time.sleep(SETTLE_S)

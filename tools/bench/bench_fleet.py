@@ -32,9 +32,9 @@ def measure(devices: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
         address = mosquitto.url.removeprefix("mqtt://")
         log = Path(name) / "fleet.log"
         command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", address, "--listen", "0"]
-        with log.open("wb") as said:
+        with log.open("wb") as output:
             fleet = subprocess.Popen(
-                [*command, "--history", str(Path(name) / "fleet.db")], stdout=said, stderr=said
+                [*command, "--history", str(Path(name) / "fleet.db")], stdout=output, stderr=output
             )
         stack.callback(fleet.wait)
         stack.callback(fleet.kill)

@@ -84,7 +84,7 @@ def through_nats(devices: int, seconds: int, kill_after_s: int | None = None) ->
 
 
 class _Programs(contextlib.AbstractContextManager["_Programs"]):
-    """As many of `fltea run`, and what they said."""
+    """Several processes of `fltea run`, and their records."""
 
     def __init__(self, folder: Path, count: int, *arguments: str) -> None:
         self._files = [(folder / f"out{k}").open("w+b") for k in range(count)]

@@ -80,7 +80,7 @@ def text(found: dict[str, Any]) -> str:
 
 
 def _accumulators(y: Array) -> dict[str, Any]:
-    """Beside the filters on the same blocks."""
+    """Time the accumulators, and in turns with them the filters on the same blocks."""
     settings = LaneSettings(EstimatorConfig(), H, y[:1000].var(axis=0))
     found = {}
     for name, rows in AT_ONCE.items():

@@ -122,7 +122,7 @@ class Seen:
                 self.epochs[-1]["delivered"] += len(record)
                 self.epochs[-1]["last"] = int(record.seq[-1])
             case Gap():
-                self.epochs[-1]["lost"] += record.missing  # told before the epoch that it may begin
+                self.epochs[-1]["lost"] += record.missing  # reported before the epoch that it may begin
             case Stats():
                 self.stats = record
 

@@ -44,7 +44,7 @@ class Phase(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a run says."""
+    """The figures of a run."""
 
     hash: int
     alpha: float

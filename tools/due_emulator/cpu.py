@@ -85,8 +85,8 @@ class Cpu:
         self._watch_hook: int | None = None
         self._restart = True
         self._halted_until_ps = 0
-        self._told: tuple[int, ...] | None = None
-        """What the slice that runs was told last, if it still holds."""
+        self._handed_over: tuple[int, ...] | None = None
+        """The state that the slice was given last, if it still holds."""
         self._pc = 0
         machine.where = lambda: f"at PC 0x{self._pc:08X}"
 
@@ -126,7 +126,7 @@ class Cpu:
 
         Raises:
             EmulationFault: the program did what is not forgiven.
-            KeyboardInterrupt: the machine was told so.
+            KeyboardInterrupt: the machine was interrupted.
         """
         machine = self._machine
         while machine.now_ps < at_ps:
@@ -203,8 +203,8 @@ class Cpu:
     def _run_slice(self, until_ps: int, longest: int) -> None:
         machine, slice_ = self._machine, self._execution
         slice_.begin(machine.now_ps, machine.mck_hz, until_ps, longest)
-        self._told = None
-        self._tell()
+        self._handed_over = None
+        self._hand_over()
         error = slice_.run(self._pc)
         self._pc = self._execution.register(PC)
         if self._raised is not None:
@@ -304,7 +304,7 @@ class Cpu:
         except BaseException as raised:
             return self._die(raised)
         finally:
-            self._tell()
+            self._hand_over()
 
     def _on_write(self, now_ps: int, address: int, size: int, value: int) -> None:
         try:
@@ -312,7 +312,7 @@ class Cpu:
                 (self._bus if address < system_control.BASE else self._control).write(address, size, value)
         except BaseException as raised:
             self._die(raised)
-        self._tell()
+        self._hand_over()
 
     def _drops_access(self, now_ps: int) -> bool:
         """Come to the moment of an access; whether a reset came first, and it went down with the program."""
@@ -328,7 +328,7 @@ class Cpu:
             self._machine.advance_to(now_ps)
         except BaseException as raised:
             self._die(raised)
-        self._tell()
+        self._hand_over()
 
     def _on_limit(self, now_ps: int, pc: int) -> None:
         """Let happen what is due before the next instruction; the slice goes on if it may."""
@@ -343,22 +343,22 @@ class Cpu:
             slice_.until_ps = 0
         except BaseException as raised:
             self._die(raised)
-        self._tell()
+        self._hand_over()
 
     def _die(self, raised: BaseException) -> int:
         self._raised = raised
         self._execution.dead = True
         return 0
 
-    def _tell(self) -> None:
-        """Tell what the slice has to know about the machine: after all that may have changed it."""
+    def _hand_over(self) -> None:
+        """Give the slice the state of the machine: after all that may have changed it."""
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
         next_ps = machine.next_event_ps
         slice_.next_event_ps = next_ps if next_ps < LATEST_PS else LATEST_PS
         waiting = nvic.pending & nvic.enabled
         state = (waiting, self._restart, self._halted_until_ps, machine.mck_hz, machine.clocked)
-        if waiting or state != self._told:
-            self._told = state
+        if waiting or state != self._handed_over:
+            self._handed_over = state
             slice_.waiting = waiting != 0
             slice_.halted_until_ps = self._halted_until_ps
             machine.quick_reads.clocked = machine.clocked

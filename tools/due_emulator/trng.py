@@ -57,7 +57,7 @@ class Trng(Peripheral):
         self._event = self.machine.schedule(CYCLES * PS_PER_S // self.machine.mck_hz, self._ready)
 
     def _ready(self) -> None:
-        # Never 0, so that "no word yet" can be told from a word; the real one may give it.
+        # Never 0, so that "no word yet" can be distinguished from a word; the real one may give it.
         self.registers["ODATA"] = int(self._rng.integers(1, 1 << 32))
         self.registers["ISR"] = DATRDY
         self._settle_irq()

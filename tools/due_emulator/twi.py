@@ -88,7 +88,7 @@ class Twi(Peripheral):
         return self.busy_ps + running
 
     def on_read(self, register: str) -> int:
-        """Reading SR clears what it told; reading RHR lets the next byte end."""
+        """Reading SR clears its events; reading RHR lets the next byte end."""
         value = self.registers[register]
         if register == "SR":
             self.registers["SR"] &= ~CLEARED_BY_READ

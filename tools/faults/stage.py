@@ -69,9 +69,9 @@ class Stage:
         """A board on a pseudo-terminal, plugged in."""
         return self.closing(Board(self.folder / "board", seed))
 
-    def broker(self, **how: bool) -> Broker:
+    def broker(self, *, persistent: bool = False, logs: bool = True) -> Broker:
         """An MQTT broker; see `Broker`."""
-        broker = Broker(self.folder, **how)
+        broker = Broker(self.folder, persistent=persistent, logs=logs)
         self.later(broker.kill)
         return broker
 

@@ -54,8 +54,8 @@ class Result(NamedTuple):
             return f"INVALID  {head}\n{self.invalid}"
         if self.survives:
             return f"SURVIVES {head}"
-        told = [f"\n         {v.judge}: {v.noticed}" for v in self.verdicts if v.noticed]
-        return f"noticed  {head}{''.join(told)}"
+        judges = [f"\n         {v.judge}: {v.noticed}" for v in self.verdicts if v.noticed]
+        return f"noticed  {head}{''.join(judges)}"
 
     def plain(self) -> dict[str, object]:
         """As JSON can hold it."""

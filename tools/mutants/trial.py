@@ -51,7 +51,7 @@ def first_failure(image: bytes) -> str | None:
 
 
 def quiet(image: bytes) -> Iterator[Statement]:
-    """Undisturbed: samples, times, values, what is said of them, loads."""
+    """Undisturbed: samples, times, values, what is reported of them, loads."""
     run = _watched(DueRun(image, noise=NOISE))
     # At once, for an image that never sleeps is slow to emulate.
     run.run_until(0.03)
@@ -114,9 +114,9 @@ def troubled(image: bytes) -> Iterator[Statement]:
         f"overruns are the losses but one on the wire ({status.overruns}, {lost})",
         status.overruns == lost - 1,
     )
-    told = {name for name, _ in run.faults}
+    reported = {name for name, _ in run.faults}
     needed = {"readback_mismatch", "bus_held", "sensor_lost"}
-    yield f"FAULTs name the faults ({told})", needed <= told <= needed | {"sensor_missing"}
+    yield f"FAULTs name the faults ({reported})", needed <= reported <= needed | {"sensor_missing"}
     yield f"FAULTs do not flood the line ({len(run.faults)})", len(run.faults) < 12
     sequences = [arrival.frame.sequence for arrival in run.of(wire.Fault)]
     yield f"FAULTs have their own sequence ({sequences})", sequences == list(range(len(sequences)))
@@ -130,8 +130,8 @@ def troubled(image: bytes) -> Iterator[Statement]:
     causes = [boot.cause.name.lower() for boot in run.boots]
     yield f"resets ({causes})", causes == ["power_up", "watchdog", "user", "power_up"]
     yield _sound(run)
-    said = list(dict.fromkeys(status.reset_cause for status in run.messages(wire.Status)))
-    yield f"STATUS gives their causes ({said})", said == [0, 2, 4]
+    causes = list(dict.fromkeys(status.reset_cause for status in run.messages(wire.Status)))
+    yield f"STATUS gives their causes ({causes})", causes == [0, 2, 4]
     boots = {hello.boot_id for hello in run.messages(wire.Hello)}
     yield f"each boot has its own id ({len(boots)})", len(boots) == 4
     identifiers = {hello.device_id for hello in run.hellos}
@@ -180,8 +180,8 @@ def _settings(run: DueRun) -> Iterator[Statement]:
     power = chip.read_block(reg.PWR_MGMT_1, 1)[0]
     yield f"awake, by its PLL ({power:#x})", power == 1
     hello = run.hellos[-1]
-    told = (hello.rate_hz, hello.gyro_range_dps, hello.gyro_lsb_per_dps, hello.accel_lsb_per_g)
-    yield f"HELLO tells of these ({told})", told == (100.0, 2000.0, 16.4, 16384.0)
+    stated = (hello.rate_hz, hello.gyro_range_dps, hello.gyro_lsb_per_dps, hello.accel_lsb_per_g)
+    yield f"HELLO states these ({stated})", stated == (100.0, 2000.0, 16.4, 16384.0)
     yield "and of the filter", hello.gyro_dlpf_hz == 184.0
     yield f"the sensor is an MPU-9250 ({hello.who_am_i:#x})", hello.who_am_i == 0x71
     uid = hashlib.sha256(f"due {run.board.seed}".encode()).hexdigest()[:32]
