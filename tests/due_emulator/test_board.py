@@ -46,7 +46,7 @@ def emulate(*arguments, code=0):
         try:
             ended = main([*map(str, arguments)])
         except SystemExit as ending:
-            ended = ending.code
+            ended = int(ending.code or 0)
     assert ended == code, out.getvalue() + err.getvalue()
     return subprocess.CompletedProcess(arguments, ended, out.getvalue(), err.getvalue())
 

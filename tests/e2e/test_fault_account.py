@@ -149,6 +149,12 @@ def test_every_sample_is_delivered_or_lost_or_of_the_first_message() -> None:
     assert "50 delivered twice" in outcome.more
 
 
+def test_a_sample_of_the_first_message_that_is_counted_as_lost_is_no_exception() -> None:
+    outcome = shared(Worker(missed(60, 40), *walked(*range(100, 300))))
+    assert list(outcome.where.values()) == [200, 40, 60]
+    assert outcome.is_right
+
+
 @pytest.mark.parametrize(
     ("records", "text"),
     [

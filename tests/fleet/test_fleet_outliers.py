@@ -86,3 +86,14 @@ def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
     value = rng.normal(0, std)
     value[7], std[7] = -0.35, 0.01
     assert judge(value, value - 1.96 * std, value + 1.96 * std, comparisons=200)[1] == []
+
+
+def test_a_distance_is_in_deviations_of_an_interval_of_95_percent() -> None:
+    """Where sensors do not differ by themselves."""
+    value = np.zeros(20)
+    value[7] = 100.0
+    half = 1.959963984540054 * 2
+    fleet, odd = judge(value, value - half, value + half, comparisons=1)
+    assert fleet is not None
+    assert fleet.spread == 0
+    assert [(one.place, one.distance) for one in odd] == [(7, pytest.approx(50.0))]

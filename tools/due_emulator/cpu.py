@@ -39,7 +39,6 @@ SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_contr
 """Where peripherals are, and how many bytes of them."""
 WFI, WFE = b"\x30\xbf", b"\x20\xbf"
 THUMB = 1
-NO_END = 0xFFFF_FFFE
 XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9
 STACKED = tuple(
     getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("R0", "R1", "R2", "R3", "R12", "LR", "PC", "XPSR")

@@ -130,8 +130,8 @@ def troubled(image: bytes) -> Iterator[Statement]:
     causes = [boot.cause.name.lower() for boot in run.boots]
     yield f"resets ({causes})", causes == ["power_up", "watchdog", "user", "power_up"]
     yield _sound(run)
-    causes = list(dict.fromkeys(status.reset_cause for status in run.messages(wire.Status)))
-    yield f"STATUS gives their causes ({causes})", causes == [0, 2, 4]
+    reset_causes = list(dict.fromkeys(status.reset_cause for status in run.messages(wire.Status)))
+    yield f"STATUS gives their causes ({reset_causes})", reset_causes == [0, 2, 4]
     boots = {hello.boot_id for hello in run.messages(wire.Hello)}
     yield f"each boot has its own id ({len(boots)})", len(boots) == 4
     identifiers = {hello.device_id for hello in run.hellos}

@@ -1,1 +1,1 @@
-"""What a fractional noise is: weights, spectra, simulation (pure)."""
+"""What a fractional noise is: weights, spectra, simulation; and the distributions that tests need (pure)."""
