@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pytest
 from due_support import DUE_CASES, ROOT, DueRun, Measured, image, with_fault
 from fltea.wire import layout as wire
+from tiers import slow
 
 from tools.faults.report import cells, line
 
@@ -72,7 +73,10 @@ EXPECTED = {
 }
 
 
-@pytest.fixture(params=[case.name for case in DUE_CASES])
+LONG = "host does not read for 10 s"
+
+
+@pytest.fixture(params=[slow(case.name) if case.name == LONG else case.name for case in DUE_CASES])
 def case(request: pytest.FixtureRequest) -> tuple[Expected, DueRun, Measured]:
     return EXPECTED[request.param], *with_fault(request.param)
 

@@ -282,6 +282,7 @@ def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(tmp
             process.kill()
 
 
+@pytest.mark.slow
 def test_numbers_for_a_script_and_no_broker(broker: Mosquitto, monkeypatch: pytest.MonkeyPatch) -> None:
     load(broker.port, sensors=30)
     command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", f"127.0.0.1:{broker.port}", "--json"]

@@ -22,13 +22,6 @@ def stage(tmp_path: Path):
         yield one
 
 
-@pytest.fixture
-def processes():
-    one = Processes()
-    yield one
-    one.kill()
-
-
 def publisher(port: int) -> Client:
     client = Client(CallbackAPIVersion.VERSION2, "boards", protocol=MQTTProtocolVersion.MQTTv5)
     client.connect("localhost", port)

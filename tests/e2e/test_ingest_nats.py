@@ -21,13 +21,6 @@ EVERY = 10
 
 
 @pytest.fixture
-def processes():
-    one = Processes()
-    yield one
-    one.kill()
-
-
-@pytest.fixture
 def servers():
     made: list[NatsServer] = []
     yield made

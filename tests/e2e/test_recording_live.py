@@ -43,6 +43,7 @@ def replay(path: Path) -> str:
     return result.stdout
 
 
+@pytest.mark.slow
 def test_a_replay_gives_what_the_live_run_published(processes: Processes, port: Path, tmp_path: Path) -> None:
     """Through the loss of the device and its return; files change in between."""
     folder = tmp_path / "rec"

@@ -79,6 +79,7 @@ def connect(
         dask_workers.DaskWorkers(address).close()
 
 
+@pytest.mark.slow
 def test_the_documented_settings_get_in(address: str, folder: Path, tmp_path: Path) -> None:
     assert address.startswith("tls://")
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"

@@ -89,6 +89,7 @@ def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
         report.prepare_folder(tmp_path / "file")
 
 
+@pytest.mark.slow
 def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> None:
     """On a phone nothing sticks out; light and dark differ; all pictures are shown; nothing is fetched."""
     if CHROMIUM is None:

@@ -15,7 +15,6 @@ from fltea.stream.place import Place
 from fltea.stream.time import Timebase
 from fltea.wire import layout as wire
 from fltea.wire.layout import SampleFlags
-from tiers import slow
 
 SETTLED_S = 12.0
 """From here on the sensor's clock is known well enough."""
@@ -111,7 +110,8 @@ def test_samples_come_soon() -> None:
     assert max(waits_ms) < 13
 
 
-@pytest.mark.parametrize(("ppm", "until_s"), [slow(9_000.0, 1_400), (-7_300.0, 300)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("ppm", "until_s"), [(9_000.0, 1_400), (-7_300.0, 300)])
 def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With fewer looks than usual, for the test's sake. The sequence wraps twice."""
     monkeypatch.setattr(i2c, "POLL_S", (0.15, 0.2))
