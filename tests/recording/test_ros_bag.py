@@ -1,33 +1,22 @@
 """Bags of ROS 1 and ROS 2, made by `rosbags`, as recordings."""
 
-import contextlib
 import re
-import sqlite3
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import KINDS, START_NS, Messages, even, gathered, serialised, write_bag
+from bag_support import KINDS, START_NS, Messages, even, gathered, serialised, told, write_bag
 from fltea.recording.bag_imu import read_imu
 from fltea.recording.kind import is_one_file
 from fltea.recording.ros_bag import open_bag
-from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
-from fltea.records.events import RawBlock, Trouble
 from fltea.settings.how import How
-from fltea.settings.limits import Limits
-from fltea.sources.replay import ReplaySource
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 N = 900
-
-
-def told(stored: Any) -> dict[str, str]:
-    return {note.kind: note.text for note in stored.notes}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -257,157 +246,3 @@ def test_accelerations_that_are_no_numbers(tmp_path: Path) -> None:
     assert stored.samples == 300
     assert stored.whole().accel_ms2 is None
     assert "the acceleration is left out" in told(stored)["bag_messages"]
-
-
-# --- limits and damage ---
-
-
-def test_more_than_the_limit_is_refused(tmp_path: Path) -> None:
-    path = write_bag(tmp_path / "a.bag", {"/imu": even(3000)})
-    with pytest.raises(UsageError, match=r"replay\.max_mb"):
-        open_bag(path, limits=Limits(max_mb=0.1))
-    with pytest.raises(UsageError, match=r"replay\.max_chunk_mb"):
-        open_bag(path, limits=Limits(max_chunk_mb=0.1))
-    packed = write_bag(tmp_path / "b.bag", {"/imu": even(3000)}, packed="bz2")
-    with pytest.raises(UsageError, match=r"replay\.max_chunk_mb"):
-        open_bag(packed, limits=Limits(max_chunk_mb=0.5))
-
-
-class Files(dict[str, bytes]):
-    """By kind; hypothesis prints what it was given, and these are long."""
-
-    def __repr__(self) -> str:
-        return "the files"
-
-
-def test_what_is_no_bag(tmp_path: Path) -> None:
-    path = tmp_path / "a.bag"
-    for data in (b"", b"hello", b"#ROSBAG V1.2\n"):
-        path.write_bytes(data)
-        with pytest.raises(UsageError, match=r"a\.bag: cannot be read as a bag \(it"):
-            open_bag(path)
-
-
-def test_other_files_of_sqlite(tmp_path: Path) -> None:
-    endless = (
-        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i FROM n) SELECT i AS id, 1 AS topic_id FROM n"
-    )
-    for name, schema in {
-        "empty": "CREATE TABLE words(id)",
-        "view": f"CREATE TABLE topics(id, name, type); CREATE VIEW messages AS {endless}",
-    }.items():
-        path = tmp_path / f"{name}.db3"
-        with contextlib.closing(sqlite3.connect(path)) as connection:
-            connection.executescript(schema)
-        with pytest.raises(UsageError, match=r"it has no table (topics|messages)"):
-            open_bag(path)
-    path = write_bag(tmp_path / "odd.db3", {"/imu": even(30)})
-    (file,) = path.glob("*.db3")
-    with contextlib.closing(sqlite3.connect(file)) as connection, connection:
-        connection.execute("UPDATE messages SET timestamp = 'soon' WHERE id = 3")
-        connection.execute("UPDATE messages SET data = 'words' WHERE id = 4")
-        connection.execute("UPDATE messages SET data = zeroblob(200000) WHERE id = 5")
-        connection.execute("INSERT INTO topics SELECT 9, name, type, 'json', '', '' FROM topics")
-    stored = open_bag(path)
-    assert stored.samples == 28
-    assert "2 messages have not the layout" in told(stored)["bag_messages"]
-    with pytest.raises(UsageError, match="no Imu messages of the topic '/other'"):
-        open_bag(path, How(topic="/other"))
-
-
-def test_a_full_disk_for_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_bag(tmp_path / "a.bag", {"/imu": even(30)})
-
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Spool, "append", full)
-    with pytest.raises(UsageError, match=r"a\.bag: its numbers cannot be kept in a temporary file.*No space"):
-        open_bag(path)
-
-
-@pytest.fixture(scope="module")
-def whole_files(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    folder = tmp_path_factory.mktemp("bags")
-    found = Files()
-    for kind in KINDS:
-        topics = {"/imu": even(N)}
-        path = write_bag(folder / f"rest.{kind}", topics, words=["/chatter"], chunk_bytes=60_000)
-        file = path if path.is_file() else next(path.glob(f"*.{kind}"))
-        found[kind] = file.read_bytes()
-    found["lz4"] = write_bag(folder / "packed.bag", {"/imu": even(N)}, packed="lz4").read_bytes()
-    return found
-
-
-def read_anything(path: Path, data: bytes) -> Any:
-    """What such a file gives: a recording, or None if it is refused in words."""
-    path.write_bytes(data)
-    try:
-        source = ReplaySource(path, limits=Limits(max_chunk_mb=1, max_mb=1))
-    except UsageError:
-        return None
-    return list(source.events())
-
-
-@pytest.mark.parametrize("kind", [*KINDS, "lz4"])
-@given(share=st.floats(0, 1))
-@settings(max_examples=25)
-def test_a_bag_that_is_cut_gives_what_it_holds(
-    kind: str, share: float, whole_files: Files, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    data = whole_files[kind]
-    path = tmp_path_factory.getbasetemp() / f"cut.{'bag' if kind == 'lz4' else kind}"
-    size = int(share * (len(data) - 1))
-    events = read_anything(path, data[:size])
-    if events is None:
-        assert share < 0.5 or kind in ("mcap", "lz4")  # whose only chunk is cut
-        return
-    troubles = [event for event in events if isinstance(event, Trouble)]
-    assert "cut_recording" in {event.kind for event in troubles}
-    blocks = [event for event in events if isinstance(event, RawBlock)]
-    rows = np.concatenate([block.gyro for block in blocks])
-    number = np.concatenate([block.sequence for block in blocks])  # of half a page the later rows are left
-    np.testing.assert_allclose(np.radians(rows), np.asarray(even(N).gyro_rads)[number], rtol=1e-14)
-    if kind == "bag":
-        assert len(rows) > 0.8 * share * N - 60
-
-
-def test_a_bag_without_its_index_was_not_closed(whole_files: Files, tmp_path: Path) -> None:
-    data = whole_files["bag"]
-    index = int.from_bytes(data[data.index(b"index_pos=") + 10 :][:8], "little")
-    for end in (index, data.rindex(b"chunk_pos=") - 20, len(data) - 1):
-        events = read_anything(tmp_path / "a.bag", data[:end])
-        assert sum(len(event.gyro) for event in events if isinstance(event, RawBlock)) == N
-        assert [event.kind for event in events if isinstance(event, Trouble)] == ["cut_recording"]
-    never_closed = data[:index].replace(b"index_pos=" + index.to_bytes(8, "little"), b"index_pos=" + bytes(8))
-    assert len(read_anything(tmp_path / "b.bag.active", never_closed)) > 1
-
-
-@pytest.mark.parametrize("kind", [*KINDS, "lz4"])
-@given(places=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=6))
-@settings(max_examples=25)
-def test_bags_that_were_changed_anywhere(
-    kind: str,
-    places: list[tuple[float, int]],
-    whole_files: Files,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    data = bytearray(whole_files[kind])
-    for share, value in places:
-        data[int(share * (len(data) - 1))] = value
-    path = tmp_path_factory.getbasetemp() / f"changed.{'bag' if kind == 'lz4' else kind}"
-    read_anything(path, bytes(data))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@given(data=st.binary(max_size=300), begin=st.integers(0, 200))
-@settings(max_examples=25)
-def test_any_bytes(
-    kind: str,
-    data: bytes,
-    begin: int,
-    whole_files: Files,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    path = tmp_path_factory.getbasetemp() / f"any.{kind}"
-    read_anything(path, whole_files[kind][:begin] + data)

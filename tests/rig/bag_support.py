@@ -128,3 +128,8 @@ def write_bag(
 def gathered(stored: Any) -> NDArray[np.float64]:
     """Rates of a recording in rad/s, (n, 3)."""
     return np.radians(stored.whole().gyro)
+
+
+def told(stored: Any) -> dict[str, str]:
+    """What a recording's notes say, by their kind."""
+    return {note.kind: note.text for note in stored.notes}
