@@ -9,7 +9,7 @@ from fltea.records.fit import VerdictKind
 from tools.validation.gallery import contrast
 from tools.validation.gallery.contrast import Bins, bins_of, shortfall
 from tools.validation.gallery.noises import NOISES
-from tools.validation.gallery.right import Right, right_verdicts, told
+from tools.validation.gallery.right import Right, distinguishable, right_verdicts
 
 
 def bins(name: str, rate_hz: float = 100.0, seconds: float = 600.0) -> Bins:
@@ -67,10 +67,10 @@ def test_longer_records_tell_more(family: object, name: str) -> None:
     assert (long < 1) == (name == "white, t4")
 
 
-def test_told() -> None:
-    assert not told(0.0, 0.0)
-    assert not told(20.0, 6.0)
-    assert told(100.0, 6.0)
+def test_distinguishable() -> None:
+    assert not distinguishable(0.0, 0.0)
+    assert not distinguishable(20.0, 6.0)
+    assert distinguishable(100.0, 6.0)
 
 
 @pytest.mark.parametrize("name", list(NOISES))

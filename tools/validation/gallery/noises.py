@@ -209,8 +209,12 @@ ODD = (
         treatment=step,
         changes=True,
     ),
-    Noise("every 10th repeated", "white; each tenth sample is read twice", "held", (Held(9, 10),)),
-    Noise("slow chip", "white; two values of the chip for five readings", "held", (Held(2, 5),)),
+    Noise(
+        "every 10th repeated", "white; each tenth sample is read twice", "held", (Held((*range(9), 8), 10),)
+    ),
+    Noise(
+        "slow chip", "white; two values of the chip for five readings", "held", (Held((0, 0, 0, 1, 1), 2),)
+    ),
     Noise(
         "jitter",
         "a relaxation at 5 Hz, read up to half a period late, in white",

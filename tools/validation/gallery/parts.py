@@ -322,23 +322,24 @@ class Through(NamedTuple):
 
 
 class Held(NamedTuple):
-    """White noise of a chip that has `numerator` new values for `denominator` readings."""
+    """White noise of a chip of whose `fresh` values in a round the readings have those of the pattern."""
 
-    numerator: int
-    denominator: int
+    pattern: tuple[int, ...]
+    fresh: int
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
-        fresh = rng.standard_normal(n * self.numerator // self.denominator + 2)
-        return np.asarray(fresh[self.numerator * np.arange(n) // self.denominator])
+        turn, reading = np.divmod(np.arange(n), len(self.pattern))
+        values = rng.standard_normal((n // len(self.pattern) + 1) * self.fresh)
+        return np.asarray(values[turn * self.fresh + np.array(self.pattern)[reading]])
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`; the mean over the readings of a round: 1 + 2 Σ (share that is repeated) cos(lag λ)."""
-        at = self.numerator * np.arange(2 * self.denominator) // self.denominator
+        count = len(self.pattern)
+        at = np.concatenate([self.pattern, np.array(self.pattern) + self.fresh])
         found = np.ones_like(lam)
-        for lag in range(1, self.denominator):
-            same = (at[: self.denominator] == at[lag : lag + self.denominator]).mean()
-            found += 2 * float(same) * np.cos(lag * lam)
+        for lag in range(1, count):
+            found += 2 * float((at[:count] == at[lag : lag + count]).mean()) * np.cos(lag * lam)
         return found
 
 

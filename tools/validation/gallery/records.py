@@ -125,7 +125,7 @@ def summary(rows: list[Row]) -> list[str]:
     claims = [row for row in rows if row["kind"] == "fractional"]
     true_claims = [row for row in claims if row["has_order"]]
     tellable = [row for row in with_order if row["right"] == ["fractional"]]
-    told = [row for row in tellable if row["kind"] == "fractional"]
+    called = [row for row in tellable if row["kind"] == "fractional"]
     close = [row for row in claims if row["ahead"] is None or row["ahead"] <= MARGIN]
     total, without, false = len(rows), len(rows) - len(with_order), len(claims) - len(true_claims)
     shares = {outcome: share(number, total) for outcome, number in count.items()}
@@ -136,7 +136,7 @@ def summary(rows: list[Row]) -> list[str]:
         f'Of {without} records of noises without an order {false} are called "fractional" '
         f"({share(false, without)}).",
         f'Of {len(with_order)} records of noises with an order {len(true_claims)} are called "fractional", '
-        f"{len(told)} of the {len(tellable)} whose length tells it from relaxations.",
+        f"{len(called)} of the {len(tellable)} whose length tells it from relaxations.",
         f'Of {len(claims)} claims of "fractional" {len(close)} have a sum of relaxations within '
         f"{MARGIN:g} in 2 log L.",
     ]

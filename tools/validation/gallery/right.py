@@ -63,11 +63,11 @@ class _Notes:
         """Accept a kind that is so much short of the truth, unless the record tells them apart."""
         if short < SAME:
             self.right.add(kind)
-        elif not told(short, SAME + more):
+        elif not distinguishable(short, SAME + more):
             self.accepted[kind] = f"{what} is only {short:.0f} behind in expected 2 log L"
 
 
-def told(short: float, needed: float) -> bool:
+def distinguishable(short: float, needed: float) -> bool:
     """Whether 2 log L is more than needed, chance or not."""
     return short - LUCK * 2 * math.sqrt(max(short, 0.0)) > needed
 
@@ -77,7 +77,7 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
     notes = _Notes()
     short = contrast.white(bins)
-    seen = told(short, 3 * math.log(bins.weight.sum()))
+    seen = distinguishable(short, 3 * math.log(bins.weight.sum()))
     if not seen:
         _nearly_white(notes, noise, bins, rate_hz, n, short)
     if noise.truth != "white" and short < UNSEEN:
@@ -185,7 +185,7 @@ def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -
         inside = contrast.white(_passed(noise, bins, rate_hz))
         if inside > UNSEEN:
             notes.right.add("drift")
-        if told(inside, 3 * math.log(bins.weight.sum())):
+        if distinguishable(inside, 3 * math.log(bins.weight.sum())):
             notes.right.discard("low-pass")
 
 
@@ -198,7 +198,7 @@ def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
 def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     passed = _passed(noise, bins, rate_hz)
     inside = contrast.white(passed)
-    if told(inside, 3 * math.log(passed.weight.sum())):
+    if distinguishable(inside, 3 * math.log(passed.weight.sum())):
         _order(notes, noise, passed, rate_hz, n)
         notes.right.discard("low-pass")
         notes.accepted.pop("low-pass", None)
@@ -271,7 +271,7 @@ def _changes(notes: _Notes, n: int) -> None:
     """The halves differ by a factor of two or more: each knows its variance to a part in √(n / 4)."""
     notes.right = {"not stationary"}
     expected = CHANGE**2 * n / 8
-    if told(expected, SAME + 2 * math.log(n)):
+    if distinguishable(expected, SAME + 2 * math.log(n)):
         notes.accepted.clear()
         return
     why = f"the variance changes by {math.sqrt(expected):.1f} standard deviations"
