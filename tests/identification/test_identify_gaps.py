@@ -11,7 +11,16 @@ from fltea.identification import findings
 from fltea.identification.allan import allan, allan_of_stretches, overlapping_stretches
 from fltea.identification.axis import IdentifyOptions, identify_axis
 from fltea.identification.fltea_fit import fltea_fit
-from fltea.identification.gaps import LONGEST_BRIDGE, Gaps, bridged, cut, longest_epoch, no_gaps, spread
+from fltea.identification.gaps import (
+    LONGEST_BRIDGE,
+    Gaps,
+    _nearest,
+    bridged,
+    cut,
+    longest_epoch,
+    no_gaps,
+    spread,
+)
 from fltea.identification.load import Request
 from fltea.identification.run import AxisReport, identify_all
 from fltea.identification.sums import examined, octaves_of_stretches
@@ -249,3 +258,8 @@ def test_unbroken_recordings_are_what_they_were(name: str, recordings: Path) -> 
         seen = examined(y[:, axis], h, gaps=no_gaps())
         assert seen.evidence.p_clean == pytest.approx(p, rel=1e-6)
         assert composite(seen.fits.data, h, len(y), seen.fits.sums).N.value == pytest.approx(N, rel=1e-6)
+
+
+def test_what_is_drawn_becomes_the_nearest_of_the_values() -> None:
+    found = _nearest(np.array([0.0, 1.0, 3.0]), np.array([-1.0, 0.4, 0.6, 1.9, 2.1, 5.0]))
+    assert found.tolist() == [0.0, 0.0, 1.0, 1.0, 3.0, 3.0]

@@ -214,7 +214,12 @@ def test_a_node_that_does_not_open(
 
 @pytest.mark.parametrize(
     ("number", "kind"),
-    [(errno.EACCES, "no_permission"), (errno.EBUSY, "port_busy"), (errno.EINVAL, "open_failed")],
+    [
+        (errno.EACCES, "no_permission"),
+        (errno.EBUSY, "port_busy"),
+        (errno.ENODEV, "unplugged"),
+        (errno.EINVAL, "open_failed"),
+    ],
 )
 def test_a_buffer_that_does_not_start_leaves_all_as_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, kind: str
