@@ -35,7 +35,7 @@ def plain(lines: list[bytes]) -> list[Row]:
     number = 0
     found: list[Row] = []
     for line in lines:
-        text = line.decode("utf-8", "cp1252" if False else "replace")
+        text = line.decode("utf-8", "replace")
         if not text.strip(" \r\n") or text.isspace() or text.lstrip().startswith(("#", "%", "//")):
             continue
         fields = [field.strip() for field in text.split(",")]

@@ -136,6 +136,19 @@ def test_another_name_for_the_same_unit_is_no_contradiction(tmp_path: Path) -> N
             assert isinstance(found, Found)
 
 
+@pytest.mark.parametrize("times", [["", "", "", ""], ["0,", "10,", "500,", "3,"]])
+def test_a_header_in_the_middle_begins_a_new_run_where_times_do_not_number(
+    times: list[str], tmp_path: Path
+) -> None:
+    header = "t_ms,gyro_x_dps\n" if times[0] else "gyro_x_dps\n"
+    rows = [f"{time}{k}\n" for k, time in enumerate(times)]
+    text = header + "".join(rows[:2]) + header + "".join(rows[2:])
+    from_file, from_pipe = both(tmp_path / "a.csv", text.encode(), How(rate_hz=100.0), [])
+    assert from_file == from_pipe
+    assert isinstance(from_file, Found)
+    assert from_file.seq == [0, 1, 0, 1]
+
+
 def test_a_counter_that_wraps_and_times_that_run_back_are_alike(tmp_path: Path) -> None:
     times = [(2**32 - 60 + 10 * k) % 2**32 for k in range(20)] + [5, 15, 25, 25, 45]
     text = "t_ms,gyro_x_dps\n" + "".join(f"{t},{k % 24}\n" for k, t in enumerate(times))

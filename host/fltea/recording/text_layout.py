@@ -258,7 +258,7 @@ def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> 
 
 
 def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Chosen, str]:
-    """Leave aside a column of times that nobody asked for, and that holds dates; and what to say of it."""
+    """Leave aside a column of times that holds dates and was not asked for; and a text for the user."""
     if (
         chosen.time is None
         or chosen.time >= len(fields)
@@ -269,8 +269,8 @@ def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Cho
     first = fields[chosen.time]
     if is_number(first) or not DATE.search(first):
         return chosen, ""
-    told = f"column {shown(chosen.time_name)}: {shown(first)} is no number, so it cannot tell which samples "
-    return chosen._replace(time=None), told + "are missing."
+    text = f"column {shown(chosen.time_name)}: {shown(first)} is no number, so it cannot tell which samples "
+    return chosen._replace(time=None), text + "are missing."
 
 
 def is_blank(line: str) -> bool:

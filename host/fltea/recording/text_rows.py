@@ -39,7 +39,7 @@ REASONS = {
     "too_large": "is beyond what a gyroscope measures; are the units right?",
     "time": "has a time that cannot be",
 }
-"""Why a line holds no sample: key of its count in `link.bad_frames`, and what a person is told.
+"""Why a line holds no sample: the key of its count in `link.bad_frames`, and words for the user.
 
 The last three are found where rows become samples (`fltea.recording.table`).
 """
