@@ -4,6 +4,9 @@ One core, one run of the program: every repetition measures all contenders one a
 change of the machine's clock hits all of them; medians of the repetitions. The time is the processor's (user
 and system) and not the wall clock's, so that other programs count less. Memories are full before the first
 measurement.
+
+It is a command of the product (`fltea bench estimator`): whoever chooses a machine asks there how many axes it
+can estimate, without a clone and its tools. `make bench` runs it too, beside what only the project measures.
 """
 
 import statistics
