@@ -6,7 +6,7 @@ from support import Processes
 
 
 def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
-    """At 200 Hz the start-up window of 500 samples takes seconds, and a busy machine keeps up with the port."""
+    """At 200 Hz the start-up window of 500 samples takes seconds; a busy machine keeps up with the port."""
     port = tmp_path / "device"
     processes.stand_in(port, "--estimate", "--noise", "rate_hz=200")
     daemon = processes.daemon("--source", f"serial:{port}", "--estimate-on", "both")
