@@ -5,8 +5,8 @@ change of the machine's clock hits all of them; medians of the repetitions. The 
 and system) and not the wall clock's, so that other programs count less. Memories are full before the first
 measurement.
 
-It is a command of the product (`fltea bench estimator`): whoever chooses a machine asks there how many axes it
-can estimate, without a clone and its tools. `make bench` runs it too, beside what only the project measures.
+It is a command of the product (`fltea bench estimator`): whoever chooses a machine asks there how many axes
+it can estimate, without a clone and its tools. `make bench` runs it too, with all others.
 """
 
 import statistics
