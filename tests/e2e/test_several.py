@@ -8,12 +8,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support import PATIENCE_S, QUICK, Processes, wait_until
 
 
-def of_device(records: list[dict[str, object]], name: str, kind: str) -> list[dict[str, object]]:
+def of_device(records: list[dict[str, Any]], name: str, kind: str) -> list[dict[str, Any]]:
     return [r for r in records if r["device"] == name and r["class"] == kind]
 
 
@@ -45,9 +46,9 @@ def test_two_devices_are_estimated_side_by_side_and_one_may_vanish(
         last = of_device(daemon.records, name, "stats")[-1]
         samples, epochs = last["samples"], of_device(daemon.records, name, "epoch")
         # On a machine that is too busy to read the port, the board loses samples; then they are counted.
-        assert samples["delivered"] == len(sequences) + 50 * len(epochs)  # type: ignore[index]
-        assert samples["delivered"] + samples["lost"] == sequences[-1] + 1  # type: ignore[index]
-        assert last["outputs"]["stdout"]["dropped"] == 0  # type: ignore[index]
+        assert samples["delivered"] == len(sequences) + 50 * len(epochs)
+        assert samples["delivered"] + samples["lost"] == sequences[-1] + 1
+        assert last["outputs"]["stdout"]["dropped"] == 0
 
 
 def test_accelerometer_axes_on_request(processes: Processes, tmp_path: Path) -> None:
