@@ -99,7 +99,7 @@ def record(
 def kill(sink: RecordSink) -> None:
     """What the end of a process leaves of a recorder: its file closed by the system, nothing written."""
     assert sink._part is not None
-    sink._part._file.close()
+    sink._part.writer._file.close()
 
 
 def replay(path: Path, **overrides: object) -> list[AnyRecord]:
