@@ -247,6 +247,7 @@ def test_the_sensors_clock_may_change_at_any_moment(by_edges):
     assert found["statuses"][0]["overruns"] == 0
 
 
+@pytest.mark.slow
 def test_an_image_in_build_says_what_it_is(by_edges):
     found = report("--virtual", 0.5, "--image", by_edges)
     assert found["hello"]["firmware_version"].endswith(found["build_id"])

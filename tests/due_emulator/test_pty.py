@@ -116,6 +116,7 @@ def end(process, number):
     return process.returncode, out, err
 
 
+@pytest.mark.slow
 def test_opening_resets_the_board_each_time_and_a_signal_ends_it_cleanly(emulator):
     process, link = emulator
     with opened(link) as port:  # the port keeps its settings; until they are made, bytes are lost

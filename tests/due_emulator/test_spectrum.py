@@ -24,6 +24,7 @@ def test_the_board_has_the_bits_of_a_pc(due):
     assert (due.alpha, due.alpha_std, due.bins) == (pc.alpha, pc.alpha_std, pc.bins)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", NOISES[1:])
 def test_the_board_has_the_bits_of_a_pc_of_any_noise(due, noise):
     board, pc = on_due(4000, noise), on_pc(4000, noise)

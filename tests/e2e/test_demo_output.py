@@ -82,7 +82,7 @@ def setup(tmp_path: Path) -> list[str]:
     """A copy of set-up, with a Python that installs nothing."""
     python = tmp_path / ".venv/bin/python"
     python.parent.mkdir(parents=True)
-    python.write_text("#!/bin/sh\necho Collecting something\ncase $* in *install*) sleep 1;; esac\n")
+    python.write_text("#!/bin/sh\necho Collecting something\ncase $* in *install*) sleep 0.7;; esac\n")
     python.chmod(0o755)
     (tmp_path / "tools").mkdir()
     shutil.copy(ROOT / "tools/setup.sh", tmp_path / "tools")

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from support import Processes
 
 
@@ -20,6 +21,7 @@ def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
     assert {record["seq"] for record in compared} <= {record["seq"] for record in daemon.of("estimate")}
 
 
+@pytest.mark.slow
 def test_with_once_a_device_that_does_not_estimate_is_a_failure(processes: Processes, tmp_path: Path) -> None:
     port = tmp_path / "device"
     processes.stand_in(port)

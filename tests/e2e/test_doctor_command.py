@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
 from support import PATIENCE_S, Processes
 
 
@@ -19,6 +20,7 @@ def findings(output: str) -> dict[str, dict[str, Any]]:
     return {found["check"]: found for found in map(json.loads, output.splitlines())}
 
 
+@pytest.mark.slow
 def test_a_device_is_examined_and_one_in_use_is_left_alone(processes: Processes, tmp_path: Path) -> None:
     port = tmp_path / "device"
     processes.stand_in(port)

@@ -195,6 +195,7 @@ def test_a_board_that_sags_in_mid_transfer_frees_the_bus() -> None:
     assert max(clocks) > 0
 
 
+@pytest.mark.slow
 def test_the_readme_shows_the_figures_of_the_committed_image() -> None:
     readme = (ROOT / "firmware/README.md").read_text(encoding="utf-8")
     for case in DUE_CASES:

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from bank_support import assert_published, fed_directly
 from due_support import ROOT
 from fltea.settings.config import load_config
@@ -73,6 +74,7 @@ def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
     assert_published(published, fed_directly(np.array(samples) / 16.4, config, 1 / 16.4))
 
 
+@pytest.mark.slow
 def test_make_run_passes_a_signal_on_and_leaves_nothing_behind(tmp_path: Path) -> None:
     demo = subprocess.Popen(
         [sys.executable, ROOT / "tools/demo.py", "--format", "ndjson", *QUICK],

@@ -57,6 +57,7 @@ def test_every_sample_arrives_and_every_estimate_is_finite(processes: Processes,
     assert times == sorted(set(times))
 
 
+@pytest.mark.slow
 def test_every_second_the_noise_of_every_axis_is_fitted(processes: Processes, port: Path) -> None:
     device = processes.stand_in(port, "--noise", "alpha=0.8&f=-1&seed=7")
     daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
@@ -218,6 +219,7 @@ def test_a_missing_port_is_named_with_those_that_exist(processes: Processes, tmp
     assert "Ports that exist" in stderr or "has no serial port" in stderr
 
 
+@pytest.mark.slow
 def test_a_busy_port_is_waited_for(processes: Processes, port: Path) -> None:
     device = processes.stand_in(port)
     first = processes.daemon("--source", f"serial:{port}", *QUICK)

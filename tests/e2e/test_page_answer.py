@@ -91,6 +91,7 @@ def test_curves_of_the_chosen_axis_are_drawn_with_the_coefficients(
     assert one.complaints == []
 
 
+@pytest.mark.slow
 def test_report_and_yaml_are_downloaded_and_the_report_shows_its_figures_by_itself(
     sink: DashboardSink, chromium: Browser
 ) -> None:
@@ -116,6 +117,7 @@ def test_report_and_yaml_are_downloaded_and_the_report_shows_its_figures_by_itse
     assert report.complaints == []
 
 
+@pytest.mark.slow
 def test_a_button_whose_daemon_is_gone_says_so(sink: DashboardSink, chromium: Browser) -> None:
     one = Watched(chromium, sink.url)
     one.wait("!document.querySelector('#report').disabled")

@@ -145,6 +145,7 @@ def test_without_a_reader_of_stdout_other_outputs_go_on(processes: Processes, tm
         daemon.stderr.close()
 
 
+@pytest.mark.slow
 def test_a_reader_that_stops_reading_costs_only_the_output(processes: Processes, tmp_path: Path) -> None:
     """A pipe that is full, for long: the walk goes on, what could not be written is counted."""
     port = tmp_path / "port"

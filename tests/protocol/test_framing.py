@@ -52,6 +52,7 @@ def test_chunks_do_not_matter(data: bytes, sizes: list[int]) -> None:
     assert whole.counts["partial"] <= 1
 
 
+@pytest.mark.slow
 @given(st.lists(streams, max_size=6))
 @fixed()
 def test_memory_is_bounded(parts: list[bytes]) -> None:

@@ -257,6 +257,7 @@ def test_positions_have_the_units_of_the_header_above(header: str, tmp_path: Pat
     assert "--units dps says otherwise" in refusal(tmp_path, text, columns=["2"], units="dps", rate_hz=9.0)
 
 
+@pytest.mark.slow
 def test_rows_may_begin_after_many_comments(tmp_path: Path) -> None:
     text = OURS + "# a remark\n" * 500 + "0,1,2,3\n1,4,5,6\n"
     assert stored(tmp_path, text).whole().gyro.tolist() == [[1, 2, 3], [4, 5, 6]]

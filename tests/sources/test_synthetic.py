@@ -67,6 +67,7 @@ def test_saturates_at_the_range() -> None:
     assert set(gyro("?n=20&offset_dps=-5000&range_dps=100&lsb_per_dps=10").ravel()) == {-1000}
 
 
+@pytest.mark.slow
 def test_wraps_like_a_device() -> None:
     *_, last = events("?n=65537&rate_hz=10&window=1&Q=0")
     assert last.sequence == 0

@@ -131,6 +131,7 @@ def test_tables_of_the_fits(tiny: Result) -> None:
     assert [(one.noise, one.series) for one in tiny.alarms[::4]] == [(name, 100) for name in alarms.MAKERS]
 
 
+@pytest.mark.slow
 def test_figures(drawn: dict[str, bytes]) -> None:
     assert set(drawn) == {"error", "coverage", "settings", "live"}
     assert all(data.startswith(b"\x89PNG") for data in drawn.values())

@@ -40,6 +40,7 @@ def test_three_time_constants_later_the_truth_is_back(
     assert "not stationary" not in score.verdicts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", SHIFTS, ids=lambda shift: shift.name)
 def test_without_forgetting_the_verdict_says_it(
     shift: Shift, found: dict[tuple[str, bool], ShiftScore]

@@ -235,6 +235,7 @@ def test_state_response_is_the_recursion_in_time(alpha: float, f: float) -> None
     np.testing.assert_allclose(power[at], spectra.fractional(2 * np.pi * at / (1 << 17), alpha, g), rtol=0.01)
 
 
+@pytest.mark.slow
 def test_what_is_drawn_is_stationary_from_its_first_sample_on() -> None:
     one, rng = FractionalState(0.6, -0.02, 64), np.random.default_rng(1)
     x = np.array([one.draw(rng) for _ in range(400)])
