@@ -38,6 +38,8 @@ from tools.validation.recursions import (
     state_response,
 )
 
+pytestmark = pytest.mark.slow  # they prove the referee of a proof: no part of the program
+
 GENERATORS = ("../recursions", "parts", "noise", "noises", "contrast")
 SAMPLES, SEGMENT = 1 << 16, 1 << 11
 RATE_HZ = 100.0

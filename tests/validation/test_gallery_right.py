@@ -11,6 +11,8 @@ from tools.validation.gallery.contrast import Bins, bins_of, shortfall
 from tools.validation.gallery.noises import NOISES
 from tools.validation.gallery.right import Right, distinguishable, right_verdicts
 
+pytestmark = pytest.mark.slow  # they prove the referee of a proof: no part of the program
+
 
 def bins(name: str, rate_hz: float = 100.0, seconds: float = 600.0) -> Bins:
     return bins_of(lambda lam: NOISES[name].spectrum(lam, rate_hz), round(rate_hz * seconds))
