@@ -54,9 +54,8 @@ def _option(one: Declared) -> Any:
 
 
 def _metavar(one: Declared) -> str:
-    kinds = one.kind.types if isinstance(one.kind, types.UnionType) else (one.kind,)
-    words = [str(word) for kind in kinds if isinstance(kind, types.LiteralType) for word in kind.values]
-    return one.setting.metavar or "|".join(words + ["NUMBERS"] * (types.FloatType in map(type, kinds)))
+    words = [str(word) for word in one.words]
+    return one.setting.metavar or "|".join(words + ["NUMBERS"] * (types.FloatType in map(type, one.kinds)))
 
 
 def _help(one: Declared) -> str:

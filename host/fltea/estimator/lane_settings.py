@@ -9,7 +9,7 @@ from msgspec.inspect import FloatType
 from numpy.typing import NDArray
 
 from fltea.settings.estimator import EstimatorConfig
-from fltea.settings.setting import Declared, Setting, declared, tables
+from fltea.settings.setting import Declared, Setting, all_declared
 
 Array = NDArray[np.float64]
 Numbers = float | Sequence[float] | Array
@@ -19,9 +19,7 @@ BOX_ORDER = (0.0, 2.0)
 
 NativeArguments = tuple[str, bool, int, bool, int, int, Array]
 
-_DECLARED = {
-    one.path: one for path, table in tables(EstimatorConfig()).items() for one in declared(table, path)
-}
+_DECLARED = all_declared(EstimatorConfig())
 _DECLARED |= {path: _DECLARED["R"]._replace(path=path) for path in ("order.R", "parameter.R", "joint.R")}
 _DECLARED["h"] = Declared(
     "h", FloatType(), None, Setting("Sampling period.", unit="s", least=1e-12, most=1e12)

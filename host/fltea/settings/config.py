@@ -25,7 +25,7 @@ from fltea.settings.outputs import (
     RecordConfig,
     StateConfig,
 )
-from fltea.settings.setting import Declared, Setting, Table, declared, joined, of_sensor, tables
+from fltea.settings.setting import Setting, Table, all_declared, joined, of_sensor, tables
 from fltea.wire import layout as wire
 
 MOST_MB = 1e9
@@ -179,9 +179,7 @@ class Config(Table, frozen=True):
 TABLES = tables(Config())
 """Every table by its path; the file itself has none."""
 
-SETTINGS: dict[str, Declared] = {
-    one.path: one for path, table in TABLES.items() for one in declared(table, path)
-}
+SETTINGS = all_declared(Config())
 """Every setting by its path."""
 
 OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")

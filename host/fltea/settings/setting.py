@@ -118,15 +118,24 @@ class Declared(NamedTuple):
         return of_sensor(self.path, self.setting.unit)
 
     @property
+    def kinds(self) -> tuple[types.Type, ...]:
+        """The types that it takes, one or several."""
+        return self.kind.types if isinstance(self.kind, types.UnionType) else (self.kind,)
+
+    @property
+    def words(self) -> list[Any]:
+        """The words, or whole numbers, of which it takes one as they are."""
+        return [word for one in self.kinds if isinstance(one, types.LiteralType) for word in one.values]
+
+    @property
     def takes(self) -> str:
         """What it takes, in words, with range and unit."""
         return of_sensor(self.path, _either(self.setting.words(self.kind)))
 
     def accepts(self, value: Any) -> bool:
         """Whether it takes a value of a right type."""
-        kinds = self.kind.types if isinstance(self.kind, types.UnionType) else (self.kind,)
-        words = [word for one in kinds if isinstance(one, types.LiteralType) for word in one.values]
-        if words and isinstance(value, str if types.FloatType in map(type, kinds) else str | int):
+        words, is_number = self.words, types.FloatType in map(type, self.kinds)
+        if words and isinstance(value, str if is_number else str | int):
             return value in words
         return self.setting.accepts(value)
 
@@ -136,9 +145,8 @@ class Declared(NamedTuple):
 
     def read(self, text: str) -> Any:
         """What the text of a flag means here: numbers and lists where they are taken, else the text."""
-        kinds = self.kind.types if isinstance(self.kind, types.UnionType) else (self.kind,)
-        lists = [one for one in kinds if isinstance(one, types.ListType | types.VarTupleType)]
-        scalars = tuple(type(one) for one in kinds)
+        lists = [one for one in self.kinds if isinstance(one, types.ListType | types.VarTupleType)]
+        scalars = tuple(map(type, self.kinds))
         if lists and ("," in text or not {types.IntType, types.FloatType} & {*scalars}):
             parts = [part.strip() for part in text.split(",")]
             return [_scalar(part, (type(lists[0].item_type),)) for part in parts if part]
@@ -169,6 +177,11 @@ def declared(table: Table, path: str = "") -> Iterator[Declared]:
     """The settings of a table that lies at `path`, without those of tables in it."""
     for name, kind, setting in _declared_in(type(table)):
         yield Declared(joined(path, name), kind, getattr(table, name), setting)
+
+
+def all_declared(table: Table) -> dict[str, Declared]:
+    """Every setting of a table and of those in it, by its path."""
+    return {one.path: one for path, part in tables(table).items() for one in declared(part, path)}
 
 
 @cache
