@@ -79,7 +79,7 @@ def test_pieces_of_other_scales_are_left_out(tmp_path: Path) -> None:
 
 def test_a_bad_piece_fails_its_file_once(tmp_path: Path) -> None:
     bad = np.array(SHORT)
-    bad[FEW // 4 :] = np.nan
+    bad[FEW // 4 :] = 1e9
     np.save(tmp_path / "bad.npy", bad)
     np.save(tmp_path / "good.npy", SHORT[:1000])
     out = tmp_path / "v.parquet"
@@ -89,6 +89,25 @@ def test_a_bad_piece_fails_its_file_once(tmp_path: Path) -> None:
     assert failure["error"].startswith("piece 3 of 8: ")
     assert "bad.npy from byte" in failure["error"]
     assert (failure["again"], good["error"]) == (False, None)
+
+
+def test_a_piece_without_a_number_is_a_gap(tmp_path: Path) -> None:
+    holed = np.array(SHORT)
+    holed[FEW // 4 : FEW // 2] = np.nan
+    np.save(tmp_path / "a.npy", holed)
+    np.save(tmp_path / "b.npy", holed * np.nan)
+    file, nothing = files_of([f"{tmp_path}/*.npy"])
+    (whole,) = identify_file(file, ask(1))
+    (row,) = fit_pieces(file, ask(4), [sum_piece(file, cut, ask(4)) for cut in cuts_of(file, ask(4))])
+    assert (row.error, row.parts, row.samples, row.lost) == (None, 3, FEW * 3 // 4, FEW // 4)
+    assert (row.lost, row.kind) == (whole.lost, whole.kind)
+    assert "missing_numbers" in (row.traps or [])
+    (row,) = fit_pieces(
+        nothing, ask(4), [sum_piece(nothing, cut, ask(4)) for cut in cuts_of(nothing, ask(4))]
+    )
+    assert "b.npy from byte" in (row.error or "")
+    assert "column 1 is empty" in (row.error or "")
+    assert (row.again, row.parts) == (False, 4)
 
 
 class Dying(Here):

@@ -121,7 +121,7 @@ def test_the_doctor_ends_with_0_if_there_are_only_warnings(
 def test_the_doctor_for_a_program(
     system: FakeSystem, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    doctor(source=["synthetic:"], record=tmp_path, json=True)
+    doctor(source=["synthetic:"], record_folder=str(tmp_path), json=True)
     found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert {entry["class"] for entry in found} == {"finding"}
     assert "disk" in [entry["check"] for entry in found]

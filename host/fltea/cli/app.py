@@ -10,28 +10,14 @@ from typing import Annotated
 
 import typer
 
-from fltea.cli import (
-    devices as cli_devices,
-)
-from fltea.cli import (
-    flash as cli_flash,
-)
-from fltea.cli import (
-    fleet as cli_fleet,
-)
-from fltea.cli import (
-    identify as cli_identify,
-)
-from fltea.cli import (
-    record as cli_record,
-)
-from fltea.cli import (
-    reproduce as cli_reproduce,
-)
-from fltea.cli import (
-    run as cli_run,
-)
+from fltea.cli.devices import devices, doctor
+from fltea.cli.flash import flash
+from fltea.cli.fleet import fleet
+from fltea.cli.identify import identify
 from fltea.cli.output import print_lines, say
+from fltea.cli.record import export, info, record, recover
+from fltea.cli.reproduce import bench, reproduce
+from fltea.cli.run import run
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.version import __version__
 from fltea.wire import layout as wire
@@ -249,20 +235,20 @@ def simulate(
 
 
 COMMANDS = (
-    cli_run.run,
-    cli_identify.identify,
-    cli_record.record,
-    cli_record.info,
-    cli_record.export,
-    cli_record.recover,
-    cli_devices.devices,
-    cli_devices.doctor,
-    cli_flash.flash,
-    cli_fleet.fleet,
+    run,
+    identify,
+    record,
+    info,
+    export,
+    recover,
+    devices,
+    doctor,
+    flash,
+    fleet,
     inspect,
     simulate,
-    cli_reproduce.reproduce,
-    cli_reproduce.bench,
+    reproduce,
+    bench,
 )
 for command in COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

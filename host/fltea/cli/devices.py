@@ -1,12 +1,12 @@
 """The commands `fltea devices` and `fltea doctor`."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import typer
 
 from fltea.cli.output import print_lines
+from fltea.cli.setting_flags import ConfigFile, takes_settings
 from fltea.records.visible import visible, visible_lines
 
 if TYPE_CHECKING:
@@ -113,22 +113,16 @@ def _iio_lines(sensor: "IioDevice") -> list[str]:
     return lines
 
 
+@takes_settings(["record.folder"])
 def doctor(
+    settings: dict[str, Any],
     source: Annotated[
         list[str] | None,
         typer.Option(
             "--source", "-s", metavar="URL", help="What to look at, as for `fltea run`; may be repeated."
         ),
     ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", "-c", metavar="FILE", help="The TOML file of `fltea run`.")
-    ] = None,
-    record: Annotated[
-        Path | None, typer.Option("--record", metavar="DIR", help="Folder that recordings will go to.")
-    ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Any setting, as for `fltea run`.")
-    ] = None,
+    config: ConfigFile = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
 ) -> None:
     """Look at all that lies between the sensor and the records, and say what to do about each problem.
@@ -146,12 +140,9 @@ def doctor(
     """
     from fltea.machine.doctor.diagnosis import examine
     from fltea.machine.host_system import System
-    from fltea.settings.config import load_configs, parse_setting
+    from fltea.settings.config import load_configs
 
-    overrides = dict(parse_setting(text) for text in set_ or [])
-    if record is not None:
-        overrides["record.folder"] = str(record)
-    configs = load_configs(config, overrides, source or ())
+    configs = load_configs(config, settings, source or ())
     problems = warnings = 0
     for finding in examine(configs, System()):
         problems += finding.level == "problem"

@@ -5,11 +5,12 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fltea.cli.output import say
+from fltea.cli.setting_flags import ConfigFile, takes_settings
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings import duration
 from fltea.settings.extras import load
@@ -28,7 +29,9 @@ FIRST_S = 10.0
 """Seconds that the broker is waited for with --json."""
 
 
+@takes_settings([], only=("mqtt.",))
 def fleet(
+    settings: dict[str, Any],
     mqtt: Annotated[
         str | None,
         typer.Option("--mqtt", metavar="BROKER", help="HOST, HOST:PORT, `mqtt://…` or `mqtts://…` (TLS)."),
@@ -97,12 +100,7 @@ def fleet(
             metavar="OUT.parquet", help="No broker: write the history of --history as a Parquet file."
         ),
     ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML file with the table [mqtt].")
-    ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="mqtt.NAME=VALUE", help="A setting of [mqtt].")
-    ] = None,
+    config: ConfigFile = None,
 ) -> None:
     """Show all sensors whose daemons publish to a broker: what their noise is, and who is unlike the others.
 
@@ -124,15 +122,11 @@ def fleet(
             )
         _export(history, postgres, export)
         return
-    from fltea.settings.config import load_config, parse_setting
+    from fltea.settings.config import load_config
 
-    overrides = dict(parse_setting(text) for text in set_ or [])
-    if any(not path.startswith("mqtt.") for path in overrides):
-        raise UsageError("--set: fltea fleet takes settings of [mqtt] only, such as mqtt.ca=ca.pem.")
-    if mqtt is not None:
-        overrides["mqtt.broker"] = mqtt
-    settings = load_config(config, overrides).mqtt
-    if settings.broker is None:
+    broker = {} if mqtt is None else {"mqtt.broker": mqtt}
+    chosen = load_config(config, settings | broker).mqtt
+    if chosen.broker is None:
         raise UsageError("which broker? Give --mqtt HOST, or broker in the table [mqtt] of --config.")
     load("paho.mqtt.client", "paho", "fleet", "fltea fleet needs")
     load("tornado.web", "tornado", "fleet", "fltea fleet needs")
@@ -142,7 +136,7 @@ def fleet(
     if most < 1:
         raise UsageError("--max-sensors: at least one.")
     plan = Plan(
-        settings,
+        chosen,
         history,
         postgres,
         _seconds("--history-every", history_every),

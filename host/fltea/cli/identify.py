@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fltea.cli import exports, how, many
+from fltea.cli import exports, many
 from fltea.cli.output import print_result, say
+from fltea.cli.setting_flags import FILTERS, RECORDING, ConfigFile, takes_settings
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible_lines
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
     from fltea.identification.workers import Workers
 
 
+@takes_settings(["channels", *FILTERS, *RECORDING])
 def identify(
+    settings: dict[str, Any],
     files: Annotated[
         list[str],
         typer.Argument(
@@ -41,37 +44,7 @@ def identify(
         Path | None,
         typer.Option(metavar="DIR", help="Write report.html, complete in itself, and its figures as PNG."),
     ] = None,
-    channels: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B,…",
-            help="Axes: gyro_x …, accel_x …; default: the gyroscope's, with --imu-yaml both sensors'.",
-        ),
-    ] = None,
-    variant: Annotated[
-        str | None,
-        typer.Option(help="FLTEA: `joint` (default) or `triple` (the paper's); the other is run too."),
-    ] = None,
-    guard: Annotated[
-        str | None, typer.Option(help="FLTEA: `off`, `faithful` or `consistent` (default).")
-    ] = None,
-    window: Annotated[
-        str | None,
-        typer.Option(
-            "--window", "-L", metavar="N|TIME", help="FLTEA: length L of the memory in samples, or as 30s."
-        ),
-    ] = None,
-    startup: Annotated[
-        str | None,
-        typer.Option(metavar="N|TIME", help="FLTEA: start-up window in samples, or as a time such as 5s."),
-    ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML file, as of `fltea run`.")
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Any setting of the estimator, as in `fltea run`."),
-    ] = None,
+    config: ConfigFile = None,
     shuffles: Annotated[
         int, typer.Option(metavar="N", min=0, help="Shuffled copies that are estimated beside the data.")
     ] = 200,
@@ -84,12 +57,6 @@ def identify(
     from_hz: Annotated[
         float, typer.Option("--from-hz", metavar="HZ", help="Leave out all below, such as drift.")
     ] = 0.0,
-    columns: how.Columns = None,
-    units: how.Units = None,
-    rate: how.Rate = None,
-    time_column: how.TimeColumn = None,
-    time_unit: how.TimeUnitOption = None,
-    topic: how.Topic = None,
     export_model: Annotated[
         Path | None,
         typer.Option(
@@ -98,7 +65,11 @@ def identify(
     ] = None,
     imu_yaml: Annotated[
         Path | None,
-        typer.Option("--imu-yaml", metavar="FILE", help="Write imu.yaml of one recording, as for Kalibr."),
+        typer.Option(
+            "--imu-yaml",
+            metavar="FILE",
+            help="Write imu.yaml of one recording, as for Kalibr; without --channels, of both its sensors.",
+        ),
     ] = None,
     inflate: Annotated[
         str | None,
@@ -163,38 +134,24 @@ def identify(
     from fltea.identification import findings, run
     from fltea.identification import load as reading
     from fltea.identification.axis import IdentifyOptions
+    from fltea.settings.config import load_configs
 
-    flags = {
-        "estimator.variant": variant,
-        "estimator.guard": guard,
-        "estimator.window": window,
-        "estimator.startup": startup,
-        "accel.variant": variant,
-        "accel.guard": guard,
-        "accel.window": window,
-        "accel.startup": startup,
-        "channels": channels,
-        "replay.columns": columns,
-        "replay.units": units,
-        "replay.rate_hz": rate,
-        "replay.time_column": time_column,
-        "replay.time_unit": time_unit,
-        "replay.topic": topic,
-    }
-    chosen = _config(config, flags, set_ or [])
+    of_both = {path.replace("estimator.", "accel."): settings[path] for path in FILTERS if path in settings}
+    configs = load_configs(config, of_both | settings)
+    if len(configs) > 1:
+        raise UsageError(f"{config}: sets up several devices; give one that sets up none, or --set.")
+    (chosen,) = configs
     try:
         options = IdentifyOptions(
             shuffles=shuffles, from_hz=from_hz, notch_hz=tuple(parse_notch(text) for text in notch or [])
         )
     except ValueError as error:
         raise UsageError(f"command line: {error}.") from error
-    replay = chosen.replay
+    replay, wanted = chosen.replay, tuple(chosen.channels) if chosen.channels else None
     if out is not None:
         from fltea.cluster.whole import Ask
 
-        settings = run.Settings(options, chosen.estimator, chosen.accel)
-        wanted = tuple(chosen.channels) if chosen.channels else None
-        ask = Ask(settings, wanted, replay.how, replay.limits)
+        ask = Ask(run.Settings(options, chosen.estimator, chosen.accel), wanted, replay.how, replay.limits)
         many.identify_many(files, out, ask, lambda: _workers(jobs, dask))
         return
     files_wanted = exports.Files(
@@ -210,7 +167,7 @@ def identify(
         if isinstance(one, reading.Unreadable)
         else reading.Request(
             one,
-            tuple(chosen.channels) if chosen.channels else None,
+            wanted,
             replay.how,
             replay.limits,
             # Its file has entries for both sensors; elsewhere three more axes would only take twice the time.
@@ -220,8 +177,8 @@ def identify(
     ]
     if len(requests) > 1 and files_wanted.any:
         raise UsageError("--export-model, --imu-yaml and --gauss-markov are for one recording.")
-    settings = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None)
-    reports = _run(requests, settings, jobs, dask)
+    by = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None)
+    reports = _run(requests, by, jobs, dask)
     # First of all, lest a file that cannot be written costs what took minutes to compute.
     if as_json:
         print_result(
@@ -255,17 +212,6 @@ def parse_notch(text: str) -> tuple[float, float]:
     if not low < high:
         raise UsageError(f"--notch {text}: has no width; give a band in Hz, such as 31.4±0.5 or 30.9-31.9.")
     return low, high
-
-
-def _config(file: Path | None, flags: dict[str, Any], settings: Sequence[str]) -> Any:
-    from fltea.settings.config import load_configs, of_flags, parse_setting
-
-    overrides = of_flags(flags)
-    overrides.update(parse_setting(text) for text in settings)
-    configs = load_configs(file, overrides)
-    if len(configs) > 1:
-        raise UsageError(f"{file}: sets up several devices; give one that sets up none, or --set.")
-    return configs[0]
 
 
 def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "list[FileReport]":

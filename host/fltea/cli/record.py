@@ -1,23 +1,15 @@
 """The commands `fltea record`, `info`, `export` and `recover`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
-from fltea.cli import how
 from fltea.cli.output import print_lines, say
+from fltea.cli.setting_flags import LIMITS, takes_settings
 from fltea.records.errors import FlteaError, UsageError
-from fltea.settings.config import LinkConfig
-from fltea.settings.duration import Duration
+from fltea.settings.config import load_config
 from fltea.settings.extras import load
-from fltea.settings.how import How
-from fltea.wire import layout as wire
-
-if TYPE_CHECKING:
-    from fltea.settings.limits import Limits
-
-MAX_GAP = str(LinkConfig().max_gap)
 
 Recordings = Annotated[
     list[Path],
@@ -28,49 +20,14 @@ Recordings = Annotated[
     ),
 ]
 
-ReplaySettings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="PATH=VALUE",
-        help="A limit on memory: replay.max_chunk_mb (of MCAP) or replay.max_mb (of other files).",
-    ),
-]
 
-
-MaxGap = Annotated[
-    str,
-    typer.Option(metavar="N|TIME", help="Longest gap within an epoch, in samples or as a time such as 1s."),
-]
-
-
-def _max_gap(text: str) -> Duration:
-    from fltea.settings.config import load_config, of_flags
-
-    return load_config(None, of_flags({"link.max_gap": text})).link.max_gap
-
-
-def _limits(texts: list[str] | None) -> "Limits":
-    from fltea.settings.config import load_config, parse_setting
-
-    settings = dict(parse_setting(text) for text in texts or ())
-    for path in settings:
-        if path not in ("replay.max_chunk_mb", "replay.max_mb"):
-            raise UsageError(f"--set {path}: here it takes replay.max_chunk_mb and replay.max_mb only.")
-    return load_config(None, settings).replay.limits
-
-
+@takes_settings(["record.rotate_mb", "record.rotate_s", "link.baud"])
 def record(
+    settings: dict[str, Any],
     folder: Annotated[str, typer.Argument(metavar="DIR", help="Where the files go.")] = "recordings",
     source: Annotated[
         str | None,
         typer.Option("--source", "-s", metavar="URL", help="As of `fltea run`; default: the Arduino Due."),
-    ] = None,
-    rotate_mb: Annotated[
-        float | None, typer.Option(metavar="MB", help="A new file beyond this size (default 256).")
-    ] = None,
-    rotate_s: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="A new file beyond this age (default 3600).")
     ] = None,
     for_: Annotated[
         float | None, typer.Option("--for", metavar="SECONDS", help="Stop after this time.")
@@ -78,7 +35,6 @@ def record(
     raw: Annotated[
         bool, typer.Option("--raw", help="The bytes from the wire only, no decoded samples: half the size.")
     ] = False,
-    baud: Annotated[int | None, typer.Option(help=f"Serial speed (default {wire.BAUD}).")] = None,
 ) -> None:
     """Record a device without estimating anything: raw bytes and samples, in MCAP files.
 
@@ -90,32 +46,23 @@ def record(
 
         fltea record -s serial:/dev/ttyACM0 night --rotate-s 600
     """
-    from fltea.settings.config import load_config
-
     if for_ is not None and not for_ > 0:
         raise UsageError("--for takes a positive number of seconds.")
     channels = () if raw else ("hello", "gap", "sample", "error")
-    flags = {
-        "source": source,
-        "record.folder": folder,
-        "record.rotate_mb": rotate_mb,
-        "record.rotate_s": rotate_s,
-        "record.channels": list(channels),
-        "link.baud": baud,
-    }
-    config = load_config(None, {path: value for path, value in flags.items() if value is not None})
+    config = load_config(
+        None, {"source": source, "record.folder": folder, "record.channels": list(channels)} | settings
+    )
     run = load("fltea.archive.record", "mcap", "record", "MCAP files need")
     say(run.record(config, for_))
 
 
+@takes_settings(["link.max_gap", "replay.topic"], only=LIMITS)
 def info(
     paths: Recordings,
+    settings: dict[str, Any],
     json: Annotated[
         bool, typer.Option("--json", help="One JSON object a recording, each on a line.")
     ] = False,
-    max_gap: MaxGap = MAX_GAP,
-    topic: how.Topic = None,
-    set_: ReplaySettings = None,
 ) -> None:
     """Sum recordings up: device, settings, duration, samples, gaps, resets, rate, and what is missing.
 
@@ -131,17 +78,19 @@ def info(
 
     from fltea.archive.info import as_text, sessions, summarise
 
-    limits = _limits(set_)
+    config = load_config(None, settings)
     for number, files in enumerate(sessions(paths)):
-        summary = summarise(files, _max_gap(max_gap), limits, How(topic=topic))
+        summary = summarise(files, config.link.max_gap, config.replay.limits, config.replay.how)
         if json:
             print(msgspec.json.encode(summary).decode())
         else:
             print_lines(("\n" if number else "") + as_text(summary))
 
 
+@takes_settings(["link.max_gap", "replay.topic"], only=LIMITS)
 def export(
     paths: Recordings,
+    settings: dict[str, Any],
     to: Annotated[Path, typer.Option("--to", metavar="OUT.csv|OUT.npz", help="What to write.")],
     what: Annotated[
         Literal["samples", "estimates", "device_estimates", "fits"],
@@ -150,10 +99,7 @@ def export(
             "that the device made beside the host's; `fits` of the maximum-likelihood fit."
         ),
     ] = "samples",
-    max_gap: MaxGap = MAX_GAP,
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists already.")] = False,
-    topic: how.Topic = None,
-    set_: ReplaySettings = None,
 ) -> None:
     """Write one recording as a table, with the units in the headers.
 
@@ -168,21 +114,23 @@ def export(
     """
     from fltea.archive.export import export as write_export
 
-    chosen = How(topic=topic)
-    rows = write_export(paths, to, what, _max_gap(max_gap), force=force, limits=_limits(set_), how=chosen)
+    config = load_config(None, settings)
+    limits, how = config.replay.limits, config.replay.how
+    rows = write_export(paths, to, what, config.link.max_gap, force=force, limits=limits, how=how)
     say(f"{to}: {rows} {what}")
 
 
+@takes_settings([], only=LIMITS)
 def recover(
     paths: Annotated[
         list[Path],
         typer.Argument(metavar="FILE…", help="MCAP files, or folders of them.", show_default=False),
     ],
+    settings: dict[str, Any],
     in_place: Annotated[
         bool,
         typer.Option("--in-place", help="Replace the file; else NAME.recovered.mcap is written beside it."),
     ] = False,
-    set_: ReplaySettings = None,
 ) -> None:
     """Make whole files of those that a killed program or a full disk left: with summary and indexes.
 
@@ -193,7 +141,7 @@ def recover(
         fltea recover recordings
     """
     recovery = load("fltea.recording.recovery", "mcap", "record", "MCAP files need")
-    limits = _limits(set_)
+    limits = load_config(None, settings).replay.limits
     failures = []
     for path in paths:
         files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]

@@ -1,15 +1,14 @@
 """The command `fltea run`: flags to a configuration."""
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from fltea.cli.setting_flags import takes_settings
-from fltea.settings.config import load_configs, parse_setting
+from fltea.cli.setting_flags import ConfigFile, takes_settings
+from fltea.settings.config import load_configs
 
 
-@takes_settings
+@takes_settings()
 def run(
     settings: dict[str, Any],
     source: Annotated[
@@ -27,13 +26,7 @@ def run(
             "waited for.",
         ),
     ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML file; flags override it.")
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Any setting, e.g. --set estimator.order.Q0=0.05."),
-    ] = None,
+    config: ConfigFile = None,
 ) -> None:
     """Estimate state, order α and parameter f of each gyroscope axis, sample by sample.
 
@@ -60,5 +53,4 @@ def run(
     """
     from fltea.service import daemon
 
-    overrides = {**settings, **dict(parse_setting(text) for text in set_ or [])}
-    daemon.run(load_configs(config, overrides, source or ()))
+    daemon.run(load_configs(config, settings, source or ()))

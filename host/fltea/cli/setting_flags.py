@@ -1,56 +1,82 @@
 """Flags of settings, made from their declarations: a new setting has its flag without a line here."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from msgspec import inspect as types
 
-from fltea.settings.config import SETTINGS, of_flags
+from fltea.records.errors import UsageError
+from fltea.settings.config import SETTINGS, of_flags, parse_setting
+from fltea.settings.how import How
 from fltea.settings.setting import Declared
 
+Command = Callable[..., None]
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option("--config", "-c", metavar="FILE", help="TOML file of settings; flags override it."),
+]
+LIMITS = ("replay.max_chunk_mb", "replay.max_mb")
+"""Settings that say how much memory a recording may take."""
 
-def takes_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command a flag for each setting that declares one.
+FILTERS = ("estimator.variant", "estimator.guard", "estimator.window", "estimator.startup")
+RECORDING = tuple(f"replay.{name}" for name in How.__struct_fields__)
+"""What is said of a recording that does not say it itself."""
 
-    Its parameter `settings` is filled with what these flags say, by the path of the setting. Values are texts
-    until the setting's own declaration reads and checks them, so that a wrong one has the same error as in a
-    file or with --set.
+
+def takes_settings(
+    paths: Sequence[str] | None = None, *, only: tuple[str, ...] = ("",)
+) -> Callable[[Command], Command]:
+    """Give a command the flags of some settings, or of all that declare one, and `--set`.
+
+    Its parameter `settings` is filled with what these say, by the path of the setting; `--set` wins. Values
+    are texts until the setting's own declaration reads and checks them, so that a wrong one has the same
+    error as in a file. only: beginnings of the paths that `--set` takes.
     """
-    own = inspect.signature(command, eval_str=True)
     flags = {
         path.replace(".", "_"): one
         for path, one in SETTINGS.items()
-        if one.setting.flags and not path.startswith("accel.")
+        if (one.setting.flags and not path.startswith("accel.") if paths is None else path in paths)
     }
 
-    @wraps(command)
-    def called(**given: Any) -> None:
-        texts = {one.path: given.pop(name) for name, one in flags.items()}
-        command(settings=of_flags(texts), **given)
+    def decorated(command: Command) -> Command:
+        @wraps(command)
+        def called(*arguments: Any, set_: Sequence[str] | None = None, **given: Any) -> None:
+            texts = {one.path: given.pop(name, None) for name, one in flags.items()}
+            settings = of_flags(texts) | dict(map(parse_setting, set_ or ()))
+            for path in settings.keys() - texts.keys():
+                if not path.startswith(only):
+                    raise UsageError(f"--set {path}: here it takes {' and '.join(only)} only.")
+            command(*arguments, settings=settings, **given)
 
-    parameters = [one for name, one in own.parameters.items() if name != "settings"]
-    parameters += [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_option(one))
-        for name, one in flags.items()
+        own = inspect.signature(command, eval_str=True)
+        parameters = [one for name, one in own.parameters.items() if name != "settings"]
+        annotations = {name: _option(one) for name, one in flags.items()} | {"set_": _set(only)}
+        parameters += [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+            for name, annotation in annotations.items()
+        ]
+        called.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+        called.__annotations__ = {one.name: one.annotation for one in parameters}
+        return called
+
+    return decorated
+
+
+def _set(only: tuple[str, ...]) -> Any:
+    which = " or ".join(only) if any(only) else "Any setting, such as estimator.order.Q0=0.05"
+    return Annotated[
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help=f"{which}; repeatable.")
     ]
-    called.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
-    called.__annotations__ = {one.name: one.annotation for one in parameters}
-    return called
-
-
-def option(path: str, help: str | None = None) -> Any:
-    """Return the flag of a setting, for the signature of another command; help: in place of its meaning."""
-    one = SETTINGS[path]
-    return typer.Option(*one.setting.flags, metavar=_metavar(one), help=help or _help(one))
 
 
 def _option(one: Declared) -> Any:
     if isinstance(one.kind, types.BoolType):
         return Annotated[bool | None, typer.Option(*one.setting.flags, help=one.setting.meaning)]
-    return Annotated[str | None, option(one.path)]
+    return Annotated[str | None, typer.Option(*one.setting.flags, metavar=_metavar(one), help=_help(one))]
 
 
 def _metavar(one: Declared) -> str:

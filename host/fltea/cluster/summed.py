@@ -25,7 +25,7 @@ from fltea.cluster.rows import (
 from fltea.cluster.whole import Ask
 from fltea.identification.allan import Allan, with_white_noise
 from fltea.identification.gaps import bridged
-from fltea.identification.load import Loaded, Series, load
+from fltea.identification.load import Series, load
 from fltea.identification.sums import (
     AT_ONCE,
     examined_sums,
@@ -35,7 +35,7 @@ from fltea.identification.sums import (
     parts_of,
 )
 from fltea.identification.work_folder import work_folder
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError, NoNumbers, UsageError
 from fltea.spectrum.allan_curve import live_allan
 from fltea.spectrum.composite import composite
 from fltea.spectrum.evidence import LEVEL
@@ -63,13 +63,14 @@ class AxisSums(msgspec.Struct, frozen=True):
 
 
 class PieceSums(msgspec.Struct, frozen=True):
-    """One piece. about: what a row says of the recording."""
+    """One piece. about: what a row says of the recording. empty: why it has no sample, "" if it has some."""
 
     rate_hz: float
     about: dict[str, object]
     traps: list[str]
     axes: dict[str, AxisSums]
     seconds: float
+    empty: str = ""
 
     @property
     def samples(self) -> int:
@@ -97,8 +98,13 @@ def sum_piece(file: File, cut: Cut, ask: Ask) -> PieceSums | str:
             found = load(ask.request(path), folder)
             axes = {name: _sums(series) for name, series in found.axes.items()}
         except (UsageError, ValueError) as error:
-            return str(error).replace(str(path), f"{file.url} from byte {cut.begin}")
-    return _piece(found, axes, time.monotonic() - begin)
+            reason = str(error).replace(str(path), f"{file.url} from byte {cut.begin}")
+            if not isinstance(error, NoNumbers):
+                return reason
+            seconds = time.monotonic() - begin
+            return PieceSums(0.0, {"lost": error.rows}, ["missing_numbers"], {}, seconds, reason)
+    about, traps = of_recording(found), trap_kinds(found.traps)
+    return PieceSums(found.hello.rate_hz, about, traps, axes, time.monotonic() - begin)
 
 
 def _sums(series: Series) -> AxisSums:
@@ -120,27 +126,27 @@ def _sums(series: Series) -> AxisSums:
     )
 
 
-def _piece(found: Loaded, axes: dict[str, AxisSums], seconds: float) -> PieceSums:
-    return PieceSums(found.hello.rate_hz, of_recording(found), trap_kinds(found.traps), axes, seconds)
-
-
 def fit_pieces(file: File, ask: Ask, pieces: Sequence[PieceSums]) -> list[Row]:
     """Return rows of all axes of a file whose pieces were summed, or one row that says why there are none.
 
-    As with samples of several rates, those pieces are taken that go with the one that has the most.
+    As with samples of several rates, those pieces are taken that go with the one that has the most. A piece
+    without a number in it is a gap.
     """
     begin = time.monotonic()
     key = Key(file, ask.digest())
     largest = max(pieces, key=lambda one: one.samples)
+    if largest.empty:
+        return failed(key, largest.empty, again=False, parts=len(pieces))
     used = [one for one in pieces if one.goes_with(largest)]
+    counted = [*used, *(one for one in pieces if one.empty)]
     samples = sum(one.samples for one in used)
     rate_hz = sum(one.rate_hz * one.samples for one in used) / max(samples, 1)
     about = {
         **largest.about,
-        "lost": sum(int(str(one.about["lost"])) for one in used),
+        "lost": sum(int(str(one.about["lost"])) for one in counted),
         "parts": len(used),
         "rate_hz": rate_hz,
-        "traps": sorted({trap for one in used for trap in one.traps}),
+        "traps": sorted({trap for one in counted for trap in one.traps}),
     }
     rows = []
     for name in largest.axes:

@@ -53,11 +53,10 @@ def open_csv(
     except OSError as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
     except UsageError as error:
-        if reader.chosen is None or reader.first is None or reader.first.why in str(error):
-            raise
-        raise UsageError(
-            f"{error} Lines were left out, the first is {reader.first.line}: {reader.first.why}"
-        ) from error
+        bad = reader.first
+        if reader.chosen is not None and bad is not None and bad.why not in str(error):
+            error.args = (f"{error} Lines were left out, the first is {bad.line}: {bad.why}",)
+        raise
     return found._replace(notes=(*_notes(path, reader), *found.notes))
 
 
@@ -81,11 +80,8 @@ def _joined(first: Rows, rest: Iterator[Rows]) -> Iterator[Rows]:
 
 def _notes(path: Path, reader: TextReader) -> list[Note]:
     """What a person has to know of the lines that hold no sample."""
-    notes = list(reader.notes)
-    left_out = sum(reader.counts.values()) - reader.counts["before_header"]
-    if left_out and reader.first is not None:
-        text = f"the first of {left_out} lines that hold no sample and are left out: {reader.first.why}"
-        notes.append(Note("bad_lines", f"{path}:{reader.first.line}: {text}"))
-    if reader.cut is not None:
-        notes.append(Note("cut_recording", f"{path}:{reader.cut}: the last line is cut off, and left out."))
-    return notes
+    notes, first = list(reader.notes), reader.first
+    if reader.left_out and first is not None:
+        text = f"the first of {reader.left_out} lines that hold no sample and are left out: {first.why}"
+        notes.append(Note("bad_lines", f"{path}:{first.line}: {text}"))
+    return notes if reader.cut is None else [*notes, reader.cut]

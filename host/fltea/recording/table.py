@@ -21,7 +21,7 @@ from fltea.recording.files import (
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, Numbering, Timing, clock_of, timing
 from fltea.recording.spool import Spool
-from fltea.records.errors import UsageError
+from fltea.records.errors import NoNumbers, UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
@@ -215,7 +215,7 @@ class _Table:
             return UsageError(f"{where}: column '{chosen.time_name}' has a time that cannot be.")
         empty = [name for name, some in zip(chosen.read, self._some, strict=False) if not some]
         what = f"column {listed(empty)} is empty" if empty else "no row has numbers in all columns"
-        return UsageError(f"{where}: {what} ({listed(chosen.read)} are read).")
+        return NoNumbers(f"{where}: {what} ({listed(chosen.read)} are read).", self._rows)
 
     def _note_left_out(self) -> None:
         for reason, (first, count) in self._left_out.items():

@@ -57,8 +57,8 @@ class TextReader:
     """Turns bytes into rows. where: for messages. how: what the user says of the columns.
 
     counts: lines without a sample by their reason, but for the last three of `REASONS`. first, newest: the
-    first and the newest of them. cut: the last line, if it has no end and is no row, and so is left out.
-    lines: how many there were so far. notes: what the user has to know of the columns.
+    first and the newest of them. cut: what the user has to know of the last line, if it has no end and is no
+    row, and so is left out. lines: how many there were so far. notes: the same of the columns.
 
     Raises:
         UsageError: `how` is wrong.
@@ -70,7 +70,7 @@ class TextReader:
         self.counts: Counter[str] = Counter()
         self.first: Bad | None = None
         self.newest: Bad | None = None
-        self.cut: int | None = None
+        self.cut: Note | None = None
         self.lines = 0
         self.notes: list[Note] = []
         self._where, self._how = where, how
@@ -85,6 +85,11 @@ class TextReader:
     def chosen(self) -> Chosen | None:
         """The columns that are read; None as long as no line has said it. They stay what they are."""
         return self._known
+
+    @property
+    def left_out(self) -> int:
+        """How many lines hold no sample, without those before the columns were known."""
+        return self.counts.total() - self.counts["before_header"]
 
     def resume(self, *, within_line: bool) -> None:
         """The sender was lost and is back; within_line: what comes first may be the end of a line."""
@@ -128,7 +133,9 @@ class TextReader:
         before, first, newest = self.counts.copy(), self.first, self.newest
         found = self._take(rest)
         if not found and self._known is not None and self.counts != before:
-            self.counts, self.first, self.newest, self.cut = before, first, newest, self.lines
+            self.counts, self.first, self.newest = before, first, newest
+            text = f"{self._where}:{self.lines}: the last line is cut off, and left out."
+            self.cut = Note("cut_recording", text)
         return found
 
     def _take(self, data: bytes) -> list[Rows]:

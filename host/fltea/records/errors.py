@@ -2,6 +2,7 @@
 
 FlteaError                     exit 1  something failed while running
 ├── UsageError                 exit 2  the command line, the configuration or an input file is wrong
+│   └── NoNumbers              exit 2  a recording, or a piece of one, has rows, and no number in any of them
 └── SourceFailed               exit 1  the source gave up, and `--once` says not to wait for it
 """
 
@@ -16,6 +17,14 @@ class UsageError(FlteaError):
     """The command line, the configuration or an input file is wrong."""
 
     exit_code = 2
+
+
+class NoNumbers(UsageError):
+    """No row of a recording, or of a piece of one, has all numbers of a sample. rows: how many there are."""
+
+    def __init__(self, text: str, rows: int) -> None:
+        super().__init__(text)
+        self.rows = rows
 
 
 class SourceFailed(FlteaError):

@@ -86,8 +86,18 @@ class RecordConfig(Table, frozen=True):
             example="recordings",
         ),
     ] = None
-    rotate_mb: Annotated[float, Setting("A new file begins beyond this size.", unit="MB", above=0)] = 256.0
-    rotate_s: Annotated[float, Setting("A new file begins beyond this age.", unit="s", above=0)] = 3600.0
+    rotate_mb: Annotated[
+        float,
+        Setting(
+            "A new file begins beyond this size.", unit="MB", above=0, flags=("--rotate-mb",), metavar="MB"
+        ),
+    ] = 256.0
+    rotate_s: Annotated[
+        float,
+        Setting(
+            "A new file begins beyond this age.", unit="s", above=0, flags=("--rotate-s",), metavar="SECONDS"
+        ),
+    ] = 3600.0
     resume_mb: Annotated[
         float,
         Setting(

@@ -110,8 +110,7 @@ class TextEvents:
             raise UsageError(f"{self.url}: the input has ended, and no sample was in it. {self._why_none()}")
         yield from self._tell_lines(now_ns)
         if self.reader.cut is not None:
-            text = f"{self._where}:{self.reader.cut}: the last line is cut off, and left out."
-            yield Trouble("cut_recording", text, now_ns, fatal=False)
+            yield Trouble(*self.reader.cut, now_ns, fatal=False)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
         """Count what arrived; a frame is a line with a sample, a bad one a line without."""
@@ -222,7 +221,7 @@ class TextEvents:
     def _tell_lines(self, now_ns: int) -> Iterator[Trouble]:
         """Tell of lines without a sample: those before the columns are known only where none follow."""
         early = self.reader.counts["before_header"]
-        total = self.reader.counts.total() + self._left_out.total() - early
+        total = self.reader.left_out + self._left_out.total()
         if total > self._lines_told and self._told.is_due("lines", now_ns):
             self._lines_told = total
             newest = self.reader.newest
