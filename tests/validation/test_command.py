@@ -66,6 +66,13 @@ def test_json_and_resumed(validate: Call, tmp_path: Path) -> None:
     assert again[1:] == lines[1:]
 
 
+def test_a_run_against_an_earlier_one(validate: Call, tmp_path: Path) -> None:
+    validate("--only", "outliers", "--no-figures", "--out", "before")
+    only = "--only", "outliers", "--no-figures", "--against", "before/gallery.ndjson"
+    assert "Of 1 cells of both runs: 0 better, 0 worse, 0 other, as good, 1 same." in validate(*only)[1]
+    assert "Of 0 cells" in validate(*only, "--first", "1")[1]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -74,6 +81,7 @@ def test_json_and_resumed(validate: Call, tmp_path: Path) -> None:
         (("--out", "taken"), "--out taken: cannot be written to"),
         (("--resume", "--only", "white", "--no-figures"), "is not of this program"),
         (("--nonsense",), "--nonsense"),
+        (("--against", "nowhere.ndjson"), "nowhere.ndjson: there is no such file"),
     ],
 )
 def test_mistakes(validate: Call, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:

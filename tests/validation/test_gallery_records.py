@@ -4,10 +4,11 @@ from typing import Any
 
 import pytest
 
-from tools.validation.gallery import records
+from tools.validation.gallery import against, records
 from tools.validation.gallery.noises import NOISES
 from tools.validation.gallery.records import duration, look, pictures, summary, tables, tasks
 from tools.validation.runner import Options, Row
+from tools.validation.tables import Table
 
 LOOKED_AT = (
     *("white", "white, t4", "rounded, 0.3 LSB", "outliers", "1 relaxation", "2 relaxations"),
@@ -33,7 +34,8 @@ def seen(name: str, kind: str, outcome: str, number: int = 0, ahead: float | Non
     reason = "too short" if outcome == "cannot be told" else ""
     judged = {"kind": kind, "text": "Text.", "outcome": outcome, "right": ["white"], "reason": reason}
     where = {"noise": name, "rate_hz": 100.0, "duration_s": 600.0, "record": number}
-    return where | judged | {"has_order": NOISES[name].has_order, "ahead": ahead}
+    known = {"has_order": NOISES[name].has_order, "true_alpha": NOISES[name].alpha, "alpha": [0.3, 0.2, 0.4]}
+    return where | judged | known | {"ahead": ahead}
 
 
 MADE = [
@@ -66,6 +68,40 @@ def test_tables() -> None:
     assert [duration(s) for s in (30, 600, 10_800)] == ["30 s", "10 min", "3 h"]
 
 
+def test_two_runs_cell_by_cell() -> None:
+    """A cell of only one run is not counted."""
+    after = [
+        seen("white", "white", "right"),
+        seen("white", "fractional", "wrong", 1),
+        seen("1 relaxation", "fractional or relaxations", "right"),
+        seen("1 relaxation", "fractional or relaxations", "right", 1),
+        seen("ARFIMA d .4", "fractional", "right") | {"alpha": [0.5, 0.45, None]},
+        seen("ramp", "drift", "right"),
+    ]
+    count, held, changed = against.tables(MADE, after)
+    assert count == "Of 5 cells of both runs: 1 better, 1 worse, 1 other, as good, 2 same."
+    assert held == "Intervals that hold the true α: 1 of 1 (100.0%) before, 0 of 0 (–) now."
+    assert isinstance(changed, Table)
+    assert [(row[0], row[1], row[4]) for row in changed.rows] == [
+        ("better", "1 relaxation", "0"),
+        ("worse", "white", "1"),
+        ("other, as good", "1 relaxation", "1"),
+    ]
+
+
+def test_true_orders() -> None:
+    found = {name: NOISES[name].alpha for name in ("ARFIMA d .4", "state 0.8, -1, 3", "1/f, 1 Hz", "ramp")}
+    assert list(found.values()) == [0.4, 0.8, 0.5, None]
+    assert NOISES["ARFIMA(1, .4, 1)"].alpha is None
+
+
+def test_what_is_said_of_a_line() -> None:
+    (row,) = look("line", 100.0, 30.0, 7)
+    assert row["record"] == 7
+    assert row["lines_hz"] == pytest.approx([23.01], abs=0.05)
+    assert row["alpha"][1] is None or row["alpha"][1] <= row["alpha"][0]
+
+
 def test_tasks() -> None:
     whole, quick = tasks(Options(1)), tasks(Options(3, quick=True, only=("relaxation", "1/f")))
     assert len(whole) == len({one.key for one in whole}) == 9 * len(NOISES)
@@ -73,12 +109,13 @@ def test_tasks() -> None:
     assert len(quick) == 3 * len(names)
     assert all("relaxation" in name or "1/f" in name for name in names)
     assert {one.arguments[1:3] for one in quick} == {(100.0, 600.0)}
+    assert {one.arguments[3] for one in tasks(Options(2, first=5))} == {5, 6}
 
 
 def test_constant_record() -> None:
     found = (look("rounded, 0.1 LSB", 5.0, 30.0, i)[0] for i in range(100))
     constant = next(row for row in found if row["kind"] == "constant")
-    assert (constant["outcome"], constant["ahead"]) == ("cannot be told", None)
+    assert (constant["outcome"], constant["ahead"], constant["alpha"]) == ("cannot be told", None, None)
 
 
 @pytest.mark.slow

@@ -2,7 +2,8 @@
 
   make validate ARGS='gallery --quick'                     half a minute
   make validate ARGS='gallery --only 1/f --seeds 5'        some noises, five records of each
-  make validate ARGS='evaluate coverage --seeds 100'
+  make validate ARGS='gallery --first 1 --against build/validation/gallery.ndjson --out build/now'
+  make validate ARGS='evaluate --seeds 100'
   make validate ARGS='all --resume'                        goes on where a run was stopped: hours
 
 The same arguments give the same files. Of each part DIR gets PART.ndjson (all figures, a line a task, as they
@@ -21,7 +22,7 @@ from fltea.lab.reproduce.request import prepare_folder
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.extras import need_matplotlib
 
-from tools.validation.runner import Options, run
+from tools.validation.runner import Options, read_rows, run
 from tools.validation.tables import Table
 
 PARTS = {
@@ -35,7 +36,8 @@ PARTS = {
 }
 """Modules of this folder, and what they are.
 
-Each has SEEDS and QUICK_SEEDS, `tasks` of options and `tables` of rows, and may have `pictures` of rows.
+Each has SEEDS and QUICK_SEEDS, `tasks` of options and `tables` of rows, and may have `pictures` of rows and
+`compared`, tables of the rows of two runs.
 """
 
 
@@ -59,9 +61,10 @@ def main() -> int:
 def _run(part: str, given: argparse.Namespace) -> None:
     module: Any = import_module(f"tools.validation.{PARTS[part][0]}")
     seeds = given.seeds or (module.QUICK_SEEDS if given.quick else module.SEEDS)
-    tasks = module.tasks(Options(seeds, given.quick, tuple(given.only)))
+    tasks = module.tasks(Options(seeds, given.quick, tuple(given.only), given.first))
     if not tasks:
         raise UsageError(f"{part}: nothing has a name with {' or '.join(given.only)} in it.")
+    before = read_rows(given.against) if given.against is not None else []
     workers = open_local(given.jobs)
     try:
         file = given.out / f"{part}.ndjson"
@@ -69,6 +72,8 @@ def _run(part: str, given: argparse.Namespace) -> None:
     finally:
         workers.close()
     tables: list[Table | str] = module.tables(rows)
+    if given.against is not None:
+        tables += module.compared(before, rows)
     texts = [one.markdown() if isinstance(one, Table) else one + "\n" for one in tables]
     contents = {f"{part}.md": "\n".join(texts).encode()}
     if not given.no_figures and hasattr(module, "pictures"):
@@ -99,12 +104,21 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--only", action="append", default=[], metavar="TEXT", help="names with this; repeatable"
     )
+    parser.add_argument(
+        "--first", type=int, default=0, metavar="K", help="gallery: number of the first record"
+    )
+    parser.add_argument(
+        "--against", type=Path, metavar="FILE", help="gallery: compare cell by cell with this gallery.ndjson"
+    )
     parser.add_argument("--resume", action="store_true", help="keep what an earlier run left in DIR")
     parser.add_argument("--jobs", type=_positive, metavar="N", help="processes; else one a processor")
     parser.add_argument("--out", type=Path, default=Path("build/validation"), metavar="DIR")
     parser.add_argument("--no-figures", action="store_true", help="then matplotlib is not needed")
     parser.add_argument("--json", action="store_true", help="print PART.ndjson in place of tables")
-    return parser.parse_args()
+    given = parser.parse_args()
+    if given.against is not None and given.part != ["gallery"]:
+        parser.error("--against is of the gallery alone")
+    return given
 
 
 def _positive(text: str) -> int:

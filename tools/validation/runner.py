@@ -28,6 +28,8 @@ class Options(NamedTuple):
     quick: bool = False
     only: tuple[str, ...] = ()
     """texts, of which the names of what is drawn have to hold one; none: all"""
+    first: int = 0
+    """number of the first record of the gallery: others are other draws of the same noises"""
 
     def wanted(self, name: str) -> bool:
         """Return whether a name holds one of the texts."""
@@ -89,7 +91,18 @@ def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = F
     whole = b"".join(_line(one.key, done[one.key]) for one in tasks)
     write_files(file.parent, {file.name: whole})
     # As a program that reads the file has them: tuples are lists, and what is not finite is None.
-    return [row for line in whole.splitlines() for row in msgspec.json.decode(line, type=_Kept).rows]
+    return read_rows(file)
+
+
+def read_rows(file: Path) -> list[Row]:
+    """Return all rows of the file of an earlier run.
+
+    Raises:
+        UsageError: there is none, or it is not of this program.
+    """
+    if not file.exists():
+        raise UsageError(f"{file}: there is no such file.")
+    return [row for rows in _known(file).values() for row in rows]
 
 
 def _line(key: str, rows: list[Row]) -> bytes:
@@ -107,6 +120,6 @@ def _known(file: Path) -> dict[str, list[Row]]:
         kept = [msgspec.json.decode(line, type=_Kept) for line in whole]
     except msgspec.MsgspecError as error:
         raise UsageError(
-            f"--resume: {file} is not of this program ({error}); without --resume it is made again."
+            f"{file} is not of this program ({error}); without --resume it is made again."
         ) from error
     return {one.task: one.rows for one in kept}

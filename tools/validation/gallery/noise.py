@@ -8,7 +8,7 @@ import numpy as np
 from fltea.records.fit import VerdictKind
 from numpy.typing import NDArray
 
-from tools.validation.gallery.parts import Part
+from tools.validation.gallery.parts import Arfima, Flicker, Fractional, Part
 
 Array = NDArray[np.float64]
 Treatment = Callable[[Array, np.random.Generator], Array]
@@ -129,6 +129,19 @@ class Noise(NamedTuple):
     def has_order(self) -> bool:
         """Whether "fractional" may be claimed of it."""
         return self.truth in ("order", "filtered order")
+
+    @property
+    def alpha(self) -> float | None:
+        """The order of its state D^α x = f x + ω; None: it is of another kind."""
+        for part in self.parts:
+            match part:
+                case Fractional():
+                    return part.alpha
+                case Flicker():
+                    return 0.5
+                case Arfima(ar=0, ma=0):
+                    return part.d
+        return None
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """Return one record of n samples."""

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from fltea.identification.sums import examined
-from fltea.records.fit import VerdictKind
+from fltea.spectrum.evidence import LEVEL
+from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.verdict import decide
 from numpy.typing import NDArray
 
+from tools.validation.gallery import against
 from tools.validation.gallery.noises import NOISES
 from tools.validation.gallery.right import Right, right_verdicts
 from tools.validation.pictures import new_figure, png
@@ -50,7 +52,7 @@ def tasks(options: Options) -> list[Task]:
         if options.wanted(name)
         for rate in rates
         for length in lengths
-        for number in range(options.seeds)
+        for number in range(options.first, options.first + options.seeds)
     ]
 
 
@@ -62,21 +64,37 @@ def draw(name: str, rate_hz: float, duration_s: float, number: int) -> Array:
 
 
 def look(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
-    """Draw one record and ask for the verdict on it."""
+    """Draw one record and ask for the verdict on it, the order with its 95 % interval, and the lines."""
     y = draw(name, rate_hz, duration_s, number)
-    kind: VerdictKind = "constant"
-    text, ahead = "All samples are the same.", None
-    if (y != y[0]).any():
-        evidence = examined(y, 1 / rate_hz).evidence
-        verdict = decide(evidence)
-        kind, text = verdict.kind, verdict.text
-        ahead = evidence.contest.order_gain - evidence.contest.sum_gain
-    truth = _right(name, rate_hz, len(y))
+    noise, truth = NOISES[name], _right(name, rate_hz, len(y))
+    seen = _seen(y, 1 / rate_hz)
+    outcome = truth.outcome(seen["kind"])
     cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
-    judged: Row = {"kind": kind, "text": text, "outcome": truth.outcome(kind), "right": sorted(truth.right)}
-    reason = truth.accepted.get(kind, "") if judged["outcome"] == "cannot be told" else ""
-    # ahead: 2 log L of the best fractional order over the best sum of relaxations; None: not compared
-    return [cell | judged | {"reason": reason, "has_order": NOISES[name].has_order, "ahead": ahead}]
+    known = {"truth": noise.truth, "has_order": noise.has_order, "true_alpha": noise.alpha}
+    reason = truth.accepted.get(seen["kind"], "") if outcome == "cannot be told" else ""
+    return [cell | known | seen | {"outcome": outcome, "right": sorted(truth.right), "reason": reason}]
+
+
+def _seen(y: Array, h: float) -> Row:
+    """Return all that the program says of y: the one place of the gallery that asks it.
+
+    alpha: value and ends. ahead: 2 log L of the best fractional order over the best sum of relaxations;
+    None: not compared.
+    """
+    if (y == y[0]).all():
+        text = "All samples are the same."
+        return {"kind": "constant", "text": text, "alpha": None, "lines_hz": [], "ahead": None}
+    spectral = examined(y, h)
+    evidence, fits = spectral.evidence, spectral.fits
+    verdict = decide(evidence)
+    alpha = fractional_fit(fits.data, fits.full, h, white=evidence.p_clean >= LEVEL).alpha
+    return {
+        "kind": verdict.kind,
+        "text": verdict.text,
+        "alpha": [alpha.value, alpha.low, alpha.high],
+        "lines_hz": [peak.frequency_hz for peak in evidence.peaks],
+        "ahead": evidence.contest.order_gain - evidence.contest.sum_gain,
+    }
 
 
 @cache
@@ -116,6 +134,11 @@ def tables(rows: list[Row]) -> list[Table | str]:
             brief=False,
         ),
     ]
+
+
+def compared(before: list[Row], after: list[Row]) -> list[Table | str]:
+    """Return what became of each cell since an earlier run."""
+    return against.tables(before, after)
 
 
 def summary(rows: list[Row]) -> list[str]:
