@@ -16,7 +16,8 @@ from fltea.settings.config import load_config
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
-from fltea.wire.messages import Frame, FrameReader
+from fltea.wire.block_reader import FrameReader
+from fltea.wire.messages import Frame
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.faults import parse_fault, schedule_faults

@@ -1,6 +1,6 @@
 // The host's receiver of the wire (protocol/README.md, "Framing"): bytes of one port in, frames out.
 //
-// It gives the same as fltea.wire.messages.FrameReader, which is its oracle
+// It gives the same as a decoder in plain Python, tests/rig/plain_decoder.py, which is its oracle
 // (tests/wire/test_block_reader.py), at a tenth of the cost or less. It parses whatever a line delivers:
 // nothing is read beyond what was given, and between calls it keeps at most one unfinished block.
 #pragma once
@@ -24,7 +24,7 @@ struct SampleRow {
 // In the order in which they are judged; the first that holds counts. Names: reason_name().
 enum class Reason : std::uint8_t { none, partial, oversize, cobs, short_, crc, unknown_type, length };
 
-// As in fltea.messages.REASONS; nullptr for none.
+// As in fltea.wire.messages.REASONS; nullptr for none.
 const char* reason_name(Reason reason);
 
 // A frame of another type, or a block that is no good frame.

@@ -22,8 +22,9 @@ from fltea.records.records import Error
 from fltea.sinks.log import LogSink
 from fltea.sinks.page import facts
 from fltea.sinks.table import TableSink
+from fltea.wire.block_reader import FrameReader
 from fltea.wire.inspection import inspect
-from fltea.wire.messages import FrameReader, encode
+from fltea.wire.messages import encode
 from host_support import WIRE_HELLO, hello
 from rich.console import Console
 

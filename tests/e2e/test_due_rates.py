@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from due_support import DueRun, build
 from fltea.wire import layout as wire
-from fltea.wire.messages import Frame, FrameReader
+from fltea.wire.block_reader import FrameReader
+from fltea.wire.messages import Frame
 from support import ROOT
 from toolchain import missing
 

@@ -14,8 +14,9 @@ from blocks import place_one
 from fltea.records.events import RawSample
 from fltea.stream.place import Place
 from fltea.wire import layout as wire
+from fltea.wire.block_reader import FrameReader
 from fltea.wire.message_events import hello_event
-from fltea.wire.messages import Frame, FrameReader
+from fltea.wire.messages import Frame
 from tiers import slow
 from toolchain import missing
 

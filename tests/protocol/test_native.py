@@ -6,8 +6,7 @@ import pytest
 from cobs import cobs
 from fltea import _native
 from fltea.wire import layout as wire
-from fltea.wire.framing import encode_frame
-from fltea.wire.messages import encode
+from fltea.wire.messages import encode, encode_frame
 from hypothesis import given
 from hypothesis import strategies as st
 from protocol_support import fixed, messages, sequences, times

@@ -17,6 +17,10 @@ TOOLS = ROOT / "tools"
 DEFINITION = (ROOT / "protocol/messages.toml").read_text()
 PROTOCOL = protocol_definition.load(DEFINITION)
 
+HELLO = wire.Hello(
+    1, 0, wire.SCHEMA_HASH, 7, bytes(16), "fltea 0.1.0", 0x71, 1, 100_000, 2000, 164, 2, 16384, 184, 3
+)
+
 
 def fixed(max_examples: int = 150) -> settings:
     """Hypothesis without chance: every run tries the same examples."""

@@ -10,7 +10,7 @@ from fltea.sources.as_wire import AsWire
 from fltea.sources.synthetic import SyntheticSource
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
-from fltea.wire.messages import FrameReader
+from fltea.wire.block_reader import FrameReader
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st

@@ -21,7 +21,7 @@ from fltea.sources.mcap import McapRecording, find_parts, read_entries
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.wire import layout as wire
-from fltea.wire.messages import FrameReader
+from fltea.wire.block_reader import FrameReader
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode

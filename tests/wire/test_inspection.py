@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 from fltea.wire import layout as wire
+from fltea.wire.block_reader import FrameReader
 from fltea.wire.inspection import HEX_BYTES_SHOWN, describe, inspect, summary
-from fltea.wire.messages import REASONS, Frame, FrameReader
+from fltea.wire.messages import REASONS, Frame
 from host_support import fltea
 from own_estimator import f32
 from protocol_support import records

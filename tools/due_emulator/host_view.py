@@ -5,8 +5,9 @@ from typing import Any
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, RawSample, block_of
 from fltea.stream.place import Place
 from fltea.wire import layout as wire
+from fltea.wire.block_reader import FrameReader
 from fltea.wire.message_events import hello_event
-from fltea.wire.messages import Frame, FrameReader, Refused
+from fltea.wire.messages import Frame, Refused
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.instants import Instants

@@ -86,9 +86,9 @@ def inspect(
 
         fltea inspect capture.bin
     """
+    from fltea.wire.block_reader import FrameReader
     from fltea.wire.inspection import inspect as inspect_frames
     from fltea.wire.inspection import summary
-    from fltea.wire.messages import FrameReader
 
     reader = FrameReader()
     signal.signal(signal.SIGTERM, signal.default_int_handler)

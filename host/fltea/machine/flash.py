@@ -24,7 +24,8 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk, Failed
 from fltea.records.visible import visible
 from fltea.wire import layout as wire
-from fltea.wire.messages import FrameReader, Refused
+from fltea.wire.block_reader import FrameReader
+from fltea.wire.messages import Refused
 from fltea.wire.transport import (
     DUE_NATIVE_PORT,
     DUE_PROGRAMMING_PORT,

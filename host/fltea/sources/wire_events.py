@@ -26,7 +26,6 @@ from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import BlockReader, SampleColumns
 from fltea.wire.faults import fault_text
-from fltea.wire.framing import BadFrame
 from fltea.wire.message_events import (
     axis_event,
     bins_event,
@@ -36,7 +35,7 @@ from fltea.wire.message_events import (
     name_of,
     status_event,
 )
-from fltea.wire.messages import Frame, Refused
+from fltea.wire.messages import BadFrame, Frame, Refused
 from fltea.wire.sensors import NO_SENSOR, RELATIVES, SENSORS, sensor_name
 
 SILENCE_S = 5.0

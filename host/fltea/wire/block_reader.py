@@ -1,18 +1,18 @@
-"""Blocks of samples out of the bytes of one port, by the native decoder.
+"""Blocks of samples, or single frames, out of the bytes of one port, by the native decoder.
 
-The rules are those of protocol/README.md. What comes out is what `fltea.wire.messages.FrameReader` gives,
-which stays as the oracle; only the samples come as columns instead of one object each.
+The rules are those of protocol/README.md.
 """
 
+from collections import Counter
+from collections.abc import Iterator
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fltea import _native
-from fltea.wire.framing import BadFrame
-from fltea.wire.layout import MESSAGES, Hello
-from fltea.wire.messages import Frame, Refused, VersionMismatch, check_version
+from fltea.wire.layout import MESSAGES, Hello, Sample
+from fltea.wire.messages import BadFrame, Frame, Refused, refusal
 
 
 class SampleColumns(NamedTuple):
@@ -33,12 +33,18 @@ class SampleColumns(NamedTuple):
     end: NDArray[np.int64]
     """Offset within the bytes of the call, just behind the frame's closing 0x00 [bytes]; shape (n,)."""
 
+    def frames(self) -> Iterator[Frame]:
+        """Yield the same, frame by frame."""
+        numbers = (column.tolist() for column in self[:-1])
+        for sequence, device_us, gyro, accel, temperature, flags in zip(*numbers, strict=True):
+            yield Frame(Sample.TYPE, sequence, device_us, Sample._make((*gyro, *accel, temperature, flags)))
+
 
 class Located(NamedTuple):
     """Anything that is not a sample, and where it ended."""
 
     item: Frame | Refused | BadFrame
-    """The item as `fltea.wire.messages.FrameReader` gives it; a `Frame` is never a SAMPLE here."""
+    """A frame that is no SAMPLE, or no good frame."""
     end: int
     """Offset within the bytes of the call, just behind the closing 0x00 [bytes].
 
@@ -95,9 +101,41 @@ class BlockReader:
 
 def _read(type: int, sequence: int, device_us: int, payload: bytes) -> Frame | Refused:
     """Return an intact frame, of whose type and length the decoder has made sure."""
-    if type == Hello.TYPE:
-        try:
-            check_version(payload)
-        except VersionMismatch as mismatch:
-            return mismatch.device
-    return Frame(type, sequence, device_us, MESSAGES[type].unpack(payload))
+    refused = refusal(payload) if type == Hello.TYPE else None
+    return refused or Frame(type, sequence, device_us, MESSAGES[type].unpack(payload))
+
+
+class FrameReader:
+    """Bytes of one port in, frames out, one by one.
+
+    `counts` counts "frames" (good ones) and the `REASONS`, and only what occurred; a `Refused` is left to the
+    caller, who has to count what follows it too.
+    """
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self._blocks = BlockReader()
+
+    @property
+    def bytes_in(self) -> int:
+        """The number of bytes fed."""
+        return self._blocks.bytes_in
+
+    def feed(self, data: bytes) -> list[Frame | Refused]:
+        """Return the good frames that end in `data`; the bad ones are only counted. Never raises.
+
+        A `Refused` stands where a HELLO of another version came. The caller must interpret nothing after it.
+        """
+        return [item for item in self.feed_all(data) if not isinstance(item, BadFrame)]
+
+    def feed_all(self, data: bytes) -> list[Frame | Refused | BadFrame]:
+        """Return the good frames and, in their places, the bad ones. Never raises."""
+        found: list[Frame | Refused | BadFrame] = []
+        for one in self._blocks.feed(data):
+            found += one.frames() if isinstance(one, SampleColumns) else [one.item]
+        self.counts.update(
+            "frames" if isinstance(item, Frame) else item.reason
+            for item in found
+            if not isinstance(item, Refused)
+        )
+        return found

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator
 from enum import IntFlag
 
 from fltea.wire import layout as wire
-from fltea.wire.framing import BadFrame
-from fltea.wire.messages import REASONS, Frame, FrameReader, Refused
+from fltea.wire.block_reader import FrameReader
+from fltea.wire.messages import REASONS, BadFrame, Frame, Refused
 
 HEX_BYTES_SHOWN = 24
 

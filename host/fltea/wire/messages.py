@@ -1,21 +1,17 @@
-"""Messages out of frames: CRC, version, length, fields (protocol/README.md, "Messages" and "Versions").
+"""Frames and their messages: what is read from the wire, and how one is written (protocol/README.md).
 
-Exceptions::
-
-    ProtocolError
-    ├── FrameError        a frame that is damaged or of no known kind; has a reason
-    └── VersionMismatch   an intact HELLO of a device that this program must not interpret
+The native decoder reads them (`fltea.wire.block_reader`).
 """
 
-from collections import Counter
-from struct import Struct, error
+from struct import Struct
 from typing import Final, NamedTuple
 from zlib import crc32
 
-from cobs import cobs  # the reason stands in fltea.wire.framing
+# COBS as a C extension: fast, and not ours, so a misreading of COBS in the device's encoder shows here
+# instead of being shared.
+from cobs import cobs
 
-from fltea.wire.framing import CRC_SIZE, BadFrame, Deframer, encode_frame
-from fltea.wire.layout import HEADER, MESSAGES, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, Hello, Message
+from fltea.wire.layout import HEADER, MAX_PAYLOAD, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, Message
 
 REASONS: Final = {
     "partial": "the end of a frame whose start was not heard: normal when attaching",
@@ -26,17 +22,11 @@ REASONS: Final = {
     "length": "CRC fits, but the payload is not as long as its type demands",
     "unknown_type": "intact, of a type that this version does not know",
 }
-"""Every reason that `FrameReader.counts` counts, in plain words; its further key is "frames" (good ones)."""
+"""Why a block is a `BadFrame`, in plain words."""
 
-# What the end of a frame can look like to a receiver that heard only that end.
-_CUT: Final = frozenset({"cobs", "oversize", "short", "crc"})
-
-# CRC-32 over anything followed by its own CRC-32 in little-endian gives this constant (CRC-32/ISO-HDLC in the
-# RevEng catalogue: residue 0xDEBB20E3 before the final inversion), which saves cutting the four bytes off.
-_CRC_RESIDUE: Final = 0x2144DF1C
-
-_SMALLEST: Final = HEADER.size + CRC_SIZE
-_VERSION: Final = Struct("<BBI")
+CRC_SIZE: Final = 4
+VERSION: Final = Struct("<BBI")
+"""Major and minor version and schema hash: the first bytes of a HELLO in every version."""
 
 
 class Frame(NamedTuple):
@@ -50,6 +40,15 @@ class Frame(NamedTuple):
     """Device time since boot, modulo 2**32 [us]."""
     message: Message
     """The payload in raw counts."""
+
+
+class BadFrame(NamedTuple):
+    """A block that is not a frame that this program understands."""
+
+    reason: str
+    """One of `REASONS`."""
+    data: bytes
+    """The block as it came, with COBS and without the 0x00; of an oversize run the first `MAX_ENCODED`."""
 
 
 class Refused(NamedTuple):
@@ -72,27 +71,11 @@ class Refused(NamedTuple):
         )
 
 
-class ProtocolError(Exception):
-    """Something came over the wire that this program cannot use."""
-
-
-class FrameError(ProtocolError):
-    """A frame that is damaged or of no known kind."""
-
-    def __init__(self, reason: str, detail: str) -> None:
-        super().__init__(f"{reason}: {detail}")
-        self.reason = reason
-        """One of `REASONS`."""
-        self.detail = detail
-        """What was found and what was expected."""
-
-
-class VersionMismatch(ProtocolError):
-    """The device speaks another protocol version; the text names both."""
-
-    def __init__(self, device: Refused) -> None:
-        super().__init__(device.message)
-        self.device = device
+def refusal(payload: bytes) -> Refused | None:
+    """Return what is refused: the payload of a HELLO with another major version or schema hash."""
+    device = Refused(*VERSION.unpack_from(payload))
+    known = device.protocol_major == PROTOCOL_MAJOR and device.schema_hash == SCHEMA_HASH
+    return None if known else device
 
 
 def encode(message: Message, sequence: int, device_us: int) -> bytes:
@@ -104,103 +87,15 @@ def encode(message: Message, sequence: int, device_us: int) -> bytes:
     return encode_frame(message.TYPE, sequence, device_us, message.pack())
 
 
-def decode(body: bytes) -> Frame:
-    """Return the frame in `body`: COBS removed, CRC still on.
+def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> bytes:
+    """Return one frame as it goes on the wire, closing 0x00 included.
 
-    Raises `FrameError` with reason "short", "crc", "unknown_type" or "length", and `VersionMismatch` for an
-    intact HELLO of another version, whatever its length.
+    The device has an encoder of its own; this one serves stand-ins, tests and benchmarks. `device_us` is in
+    microseconds since boot, modulo 2**32. It raises `ValueError` when the payload is longer than
+    `MAX_PAYLOAD` and `struct.error` when a number does not fit its place in the header.
     """
-    if len(body) < _SMALLEST:
-        raise FrameError("short", f"{len(body)} bytes; a frame has at least {_SMALLEST}")
-    if crc32(body) != _CRC_RESIDUE:
-        sent = int.from_bytes(body[-CRC_SIZE:], "little")
-        raise FrameError("crc", f"0x{crc32(body[:-CRC_SIZE]):08X}; the frame says 0x{sent:08X}")
-    type, sequence, device_us = HEADER.unpack_from(body)
-    payload = body[HEADER.size : -CRC_SIZE]
-    if type == Hello.TYPE:
-        check_version(payload)
-    kind = MESSAGES.get(type)
-    if kind is None:
-        raise FrameError("unknown_type", f"type {type} with {len(payload)} bytes of payload")
-    try:
-        return Frame(type, sequence, device_us, kind.unpack(payload))
-    except error:
-        raise FrameError(
-            "length", f"{kind.__name__} with {len(payload)} bytes of payload; it has {kind.SIZE}"
-        ) from None
-
-
-def check_version(payload: bytes) -> None:
-    """Raise `VersionMismatch` if the payload of a HELLO states another major version or schema hash.
-
-    Major, minor and hash are the first six bytes in every version; a payload without them raises
-    `FrameError("length", …)`. Another minor version alone passes.
-    """
-    if len(payload) < _VERSION.size:
-        raise FrameError("length", f"Hello with {len(payload)} bytes of payload; the version alone takes 6")
-    device = Refused(*_VERSION.unpack_from(payload))
-    if device.protocol_major != PROTOCOL_MAJOR or device.schema_hash != SCHEMA_HASH:
-        raise VersionMismatch(device)
-
-
-class FrameReader:
-    """Bytes of one port in, frames out; counts everything on the way.
-
-    `counts` holds "frames" (good ones) and the `REASONS`, and only what occurred; a `Refused` is left to the
-    caller, who has to count what follows it too. `bytes_in` counts the bytes fed. Both run on over `reset`.
-    What comes out depends on the bytes alone, never on their chunks.
-    """
-
-    def __init__(self) -> None:
-        self.counts: Counter[str] = Counter()
-        self.bytes_in = 0
-        self._deframer = Deframer()
-        self._attaching = True
-
-    def reset(self) -> None:
-        """Start again on a reopened port: drop the unfinished block; the next one may be partial again."""
-        self._deframer.reset()
-        self._attaching = True
-
-    def feed(self, data: bytes) -> list[Frame | Refused]:
-        """Return the good frames that end in `data`; the bad ones are only counted. Never raises.
-
-        A `Refused` stands where a HELLO of another version came. The caller must interpret nothing after it.
-        """
-        return [item for item in self.feed_all(data) if not isinstance(item, BadFrame)]
-
-    def feed_all(self, data: bytes) -> list[Frame | Refused | BadFrame]:
-        """Return the good frames and, in their places, the bad ones. Never raises."""
-        self.bytes_in += len(data)
-        found: list[Frame | Refused | BadFrame] = []
-        if self._attaching:
-            # A block counts as partial only before the first 0x00: after it, the start of each is known.
-            end = data.find(0) + 1
-            first, data = (data[:end], data[end:]) if end else (data, b"")
-            for item in map(self._read, self._deframer.feed(first)):
-                if isinstance(item, BadFrame) and item.reason in _CUT:
-                    item = BadFrame("partial", item.data)
-                found.append(item)
-            self._attaching = not end
-        found += map(self._read, self._deframer.feed(data))
-        good = 0
-        for item in found:
-            if isinstance(item, Frame):
-                good += 1
-            elif isinstance(item, BadFrame):
-                self.counts[item.reason] += 1
-        if good:
-            self.counts["frames"] += good
-        return found
-
-    @staticmethod
-    def _read(body: bytes | BadFrame) -> Frame | Refused | BadFrame:
-        if isinstance(body, BadFrame):
-            return body
-        try:
-            return decode(body)
-        except FrameError as bad:
-            # The block as it came: at this length only one COBS block decodes to a given body.
-            return BadFrame(bad.reason, cobs.encode(body))
-        except VersionMismatch as mismatch:
-            return mismatch.device
+    if len(payload) > MAX_PAYLOAD:
+        raise ValueError(f"payload of {len(payload)} bytes; at most {MAX_PAYLOAD} fit")
+    body = HEADER.pack(type, sequence, device_us) + payload
+    block: bytes = cobs.encode(body + crc32(body).to_bytes(CRC_SIZE, "little"))
+    return block + b"\0"

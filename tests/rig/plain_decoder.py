@@ -1,0 +1,87 @@
+"""What a stream of bytes holds, read as a whole with PyPI's cobs and zlib: the native decoder's oracle.
+
+It follows protocol/README.md word by word, and shares nothing with the program but the layout of messages.
+"""
+
+import struct
+from collections.abc import Iterable
+from typing import NamedTuple
+from zlib import crc32
+
+from cobs import cobs
+from fltea.wire import layout as wire
+from fltea.wire.block_reader import BlockReader, SampleColumns
+from fltea.wire.messages import BadFrame, Frame, Refused
+
+CUT = ("cobs", "oversize", "short", "crc")
+"""What the end of a frame can look like to a receiver that heard only that end."""
+
+
+class Found(NamedTuple):
+    """end: offset just behind it in all bytes."""
+
+    item: Frame | Refused | BadFrame
+    end: int
+
+
+def decoded(data: bytes) -> list[Found]:
+    """All that ends in the bytes that came since a port was opened."""
+    found: list[Found] = []
+    begin = 0
+    blocks = data.split(b"\0")
+    for number, block in enumerate(blocks):
+        end = begin + len(block) + 1
+        item: Frame | Refused | BadFrame | None = None
+        if len(block) > wire.MAX_ENCODED:  # given as soon as it is too long
+            item, end_of_item = BadFrame("oversize", block[: wire.MAX_ENCODED]), begin + wire.MAX_ENCODED + 1
+        elif block and number < len(blocks) - 1:
+            item, end_of_item = of_block(block), end
+        if number == 0 and isinstance(item, BadFrame) and item.reason in CUT:
+            item = BadFrame("partial", item.data)
+        if item is not None:
+            found.append(Found(item, end_of_item))
+        begin = end
+    return found
+
+
+def unfinished(data: bytes) -> int:
+    """Bytes that wait for the rest of their block."""
+    last = len(data.rpartition(b"\0")[2])
+    return 0 if last > wire.MAX_ENCODED else last
+
+
+def of_block(block: bytes) -> Frame | Refused | BadFrame:
+    """What stands between two 0x00."""
+    try:
+        body = cobs.decode(block)
+    except cobs.DecodeError:
+        return BadFrame("cobs", block)
+    if len(body) < wire.HEADER.size + 4:
+        return BadFrame("short", block)
+    if crc32(body[:-4]).to_bytes(4, "little") != body[-4:]:
+        return BadFrame("crc", block)
+    kind, sequence, device_us = wire.HEADER.unpack_from(body)
+    payload = body[wire.HEADER.size : -4]
+    if kind == wire.Hello.TYPE and len(payload) >= 6:
+        major, minor, schema = struct.unpack_from("<BBI", payload)
+        if (major, schema) != (wire.PROTOCOL_MAJOR, wire.SCHEMA_HASH):
+            return Refused(major, minor, schema)
+    if kind not in wire.MESSAGES:
+        return BadFrame("unknown_type", block)
+    try:
+        return Frame(kind, sequence, device_us, wire.MESSAGES[kind].unpack(payload))
+    except struct.error:
+        return BadFrame("length", block)
+
+
+def in_chunks(reader: BlockReader, chunks: Iterable[bytes]) -> list[Found]:
+    """What the native decoder gives, frame by frame, as above."""
+    found: list[Found] = []
+    for chunk in chunks:
+        before = reader.bytes_in
+        for one in reader.feed(chunk):
+            if isinstance(one, SampleColumns):
+                found += map(Found, one.frames(), (before + one.end).tolist())
+            else:
+                found.append(Found(one.item, before + one.end))
+    return found
