@@ -1,0 +1,223 @@
+"""Which field of a record is which metric, in Prometheus' naming: base units, `_total` for what only grows.
+
+What is not known or not valid has no sample: a gap in a graph, rather than a number that means nothing.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+
+DEVICE, AXIS = ("device",), ("device", "axis")
+
+Labelled = Sequence[tuple[tuple[str, ...], Any]]
+"""Values of the labels, and the record that they are of."""
+
+
+class Row(NamedTuple):
+    """A metric of a field of a record.
+
+    of: the field, where it has another name than the metric, or how the value follows from the record.
+    factor: of the field in the base unit. key: the label of the keys where the field is a mapping; a field
+    that is a word is taken for a mapping of it to 1.
+    """
+
+    make: type[CounterMetricFamily] | type[GaugeMetricFamily]
+    name: str
+    text: str
+    of: str | Callable[[Any], Any] = ""
+    factor: float = 1.0
+    key: str | None = None
+
+
+counter, gauge = partial(Row, CounterMetricFamily), partial(Row, GaugeMetricFamily)
+
+
+def families(
+    prefix: str, labels: tuple[str, ...], rows: Sequence[Row], records: Labelled
+) -> Iterator[Metric]:
+    """Yield the metrics of all records of a kind. prefix: of their names, behind `fltea_`."""
+    for row in rows:
+        names = labels if row.key is None else (*labels, row.key)
+        yield filled(row.make(f"fltea_{prefix}{row.name}", row.text, labels=names), _values(row, records))
+
+
+def filled(
+    family: CounterMetricFamily | GaugeMetricFamily, values: Sequence[tuple[tuple[str, ...], float]]
+) -> Metric:
+    """Return a family with the values of its labels."""
+    for names, value in values:
+        family.add_metric(names, value)
+    return family
+
+
+def _values(row: Row, records: Labelled) -> list[tuple[tuple[str, ...], float]]:
+    get = row.of if callable(row.of) else attrgetter(row.of or row.name)
+    found = []
+    for names, record in records:
+        value = get(record)
+        if isinstance(value, str):
+            value = {value: 1.0}
+        if isinstance(value, Mapping):
+            found += [((*names, key), one) for key, one in value.items()]
+        elif value is not None:
+            found.append((names, value * row.factor))
+    return found
+
+
+LINK = (
+    counter("received_bytes", "Bytes received.", "bytes"),
+    counter("frames", "Good frames."),
+    counter("bad_frames", "Damaged frames, by reason.", key="reason"),
+    counter("unknown_frames", "Intact frames of an unknown type.", "unknown_type"),
+    counter("refused_frames", "Frames of a device of another protocol version.", "refused"),
+    counter("overflow_bytes", "Bytes thrown away: the program was too slow."),
+    counter("reconnects", "Times that the port was opened again."),
+)
+
+STATS = (
+    counter("samples_delivered", "Samples that went on to the estimator.", "samples.delivered"),
+    counter("samples_lost", "Samples missing in gaps.", "samples.lost"),
+    counter("gaps", "Gaps.", "samples.gaps"),
+    counter("samples_duplicate", "Samples that came twice and were dropped.", "samples.duplicates"),
+    counter("samples_before_hello", "Samples that nobody had introduced.", "samples.before_hello"),
+    counter("epochs", "Epochs begun.", "epoch"),
+    gauge("sample_rate_hertz", "Sampling rate by the host's clock.", "rate_hz"),
+    gauge("clock_drift_ratio", "How much faster than the host's the device's clock runs.", "clock_ppm", 1e-6),
+    gauge("startup_remaining_samples", "Samples until the start-up window is full.", "startup_remaining"),
+    gauge("stats_timestamp_seconds", "Unix time of the newest statistics.", "host_ns", 1e-9),
+)
+
+INTERVENTIONS = "Samples since the axis's last start in which the guard stepped in, by cause."
+LAG1 = "Correlation of an innovation with the one before; near 0 if the model fits."
+NIS = "Mean square of the innovations over their predicted variance; near 1 if the model fits."
+DESCRIBES = "1: the innovations are about white; 0: alpha and f of the filter do not describe the noise."
+
+AXIS_STATS = (
+    counter("restarts", "Times that the axis began again in this epoch."),
+    counter("interventions", INTERVENTIONS, key="reason"),
+    gauge("innovation_lag1", LAG1),
+    gauge("innovation_nis", NIS),
+    gauge("describes_noise", DESCRIBES),
+)
+
+BOARD = (
+    counter("i2c_errors", "I2C transfers that failed, since the device's boot."),
+    counter("bus_recoveries", "Times that a held bus was freed, since the device's boot."),
+    counter("sensor_reinits", "Times that the sensor was set up again, since the device's boot."),
+    counter("overruns", "Sampling instants without a sample, since the device's boot."),
+    counter("dropped_frames", "Frames that the device could not send, since its boot."),
+    gauge(
+        "cpu_ratio",
+        "Share of the last second that the device's main loop worked.",
+        "cpu_share_percent",
+        1e-2,
+    ),
+    gauge(
+        "longest_step_seconds",
+        "Longest turn of the device's main loop within the last second.",
+        "longest_step_us",
+        1e-6,
+    ),
+)
+
+DEVICE_ESTIMATOR = (
+    counter("begun", "Times that the device began to estimate, since its boot."),
+    counter(
+        "skipped_samples",
+        "Samples that the device's estimator could not take, since its boot.",
+        "skipped",
+    ),
+    counter("estimates", "Estimates of an axis that came from the device."),
+    counter("estimates_lost", "Estimates of an axis that the device sent and that did not come.", "lost"),
+    counter("estimates_unplaced", "Estimates of an axis that came and fit no sample.", "unplaced"),
+    counter("fits", "Fits of an axis that came from the device."),
+    counter("fits_refused", "Fits of an axis that came with numbers that no fit can have."),
+    gauge("queue_samples", "Samples that wait for the device's estimator.", "queue"),
+    gauge(
+        "longest_axis_seconds",
+        "Longest step of one axis on the device, since its boot.",
+        "longest_axis_us",
+        1e-6,
+    ),
+)
+
+SAMPLE = (
+    gauge("temperature_celsius", "Die temperature of the sensor.", "temperature_c"),
+    gauge("sample_timestamp_seconds", "Unix time of the newest sample.", "host_ns", 1e-9),
+)
+
+NOT_WHITE = (
+    "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, no order."
+)
+
+ESTIMATE = (
+    gauge("valid", "1: the estimate holds; 0: it ran away, or was held."),
+    gauge("alpha", "Order of the noise."),
+    gauge("alpha_std", "The order filter's own standard deviation."),
+    gauge("f", "Parameter f of the noise, in s^-alpha."),
+    gauge("f_std", "The parameter filter's own standard deviation, in s^-alpha."),
+    gauge("null_p", "How often white noise would look at least as unlike white as the samples."),
+    gauge("not_white", NOT_WHITE, lambda axis: axis.whiteness and axis.whiteness == "rejected"),
+)
+
+DEVICE_ESTIMATE = (
+    gauge("valid", "1: the device's own estimate holds; 0: it does not."),
+    gauge("alpha", "Order of the noise, as the device itself estimates it."),
+    gauge("f", "Parameter f of the noise, as the device itself estimates it, in s^-alpha."),
+    gauge("alpha_difference", "Order: the device's estimate minus the host's after the same sample."),
+    gauge("f_difference", "Parameter f: the device's estimate minus the host's, in s^-alpha."),
+)
+
+DEVICE_FIT = (
+    gauge("verdict", "What the device's own maximum-likelihood fit of the noise.", key="verdict"),
+    gauge("alpha", "Order by the device's own maximum-likelihood fit.", "alpha.value"),
+    gauge("alpha_low", "Lower end of its 95 % interval.", "alpha.low"),
+    gauge("alpha_high", "Upper end of its 95 % interval.", "alpha.high"),
+    gauge("alpha_difference", "Order: the device's fit minus this computer's newest one."),
+)
+
+PARAMETERS = (
+    ("alpha", "Order of the noise, by maximum likelihood"),
+    ("f", "Parameter f by maximum likelihood, in s^-alpha"),
+    ("F", "F = h^alpha f + alpha by maximum likelihood"),
+    ("s2", "Variance of the noise's source by maximum likelihood, in the axis's unit squared"),
+    ("R", "Variance of the white part by maximum likelihood, in the axis's unit squared"),
+)
+ENDS = (
+    ("value", "", ""),
+    ("low", "_low", ": lower end of its 95 % interval"),
+    ("high", "_high", ": upper end"),
+)
+UNTIL = "Seconds until the order is known as well as live.target asks; none if nobody knows."
+
+AXIS_FIT = (
+    *(
+        gauge(f"{parameter}{ending}", f"{text}{which}.", f"{parameter}.{end}")
+        for parameter, text in PARAMETERS
+        for end, ending, which in ENDS
+    ),
+    gauge("null_p", "How often white noise would look at least as unlike white."),
+    gauge("until_seconds", UNTIL, lambda axis: axis.until_s and axis.until_s.seconds),
+    gauge("verdict", "1: what the noise is.", key="verdict"),
+    gauge(
+        "left_out_samples",
+        "Samples that are not in the fit, and bridged ones, by cause.",
+        "left_out",
+        key="reason",
+    ),
+    gauge("breaks", "How often its samples were broken, by cause.", key="reason"),
+)
+
+FIT = (
+    gauge("samples", "Samples that the newest fit is of."),
+    gauge("timestamp_seconds", "Unix time of its last sample.", "host_ns", 1e-9),
+)
+
+OUTPUTS = (
+    counter("written", "Records that an output took."),
+    counter("dropped", "Records that an output lost: too slow, or broken."),
+    gauge("queue_records", "Records that wait for an output.", "queued"),
+)
