@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from engine_cases import driven, saw_tooth
 from fltea.lab.reference.filters import (
     Array,
     Fltea,
@@ -13,7 +14,6 @@ from fltea.lab.reference.filters import (
     Step,
     System,
 )
-from fltea.noise.simulation import fractional_system
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -33,8 +33,8 @@ def example_1(window: int) -> Fltea:
 
 def data(n: int, seed: int = 3) -> tuple[Array, Array]:
     """Input and output of a system of order 0.6 under a saw-tooth of ±1 and 5 Hz."""
-    u = 2 * np.modf(5 * 0.001 * np.arange(n) + 0.5)[0] - 1
-    return u, fractional_system(0.6, -0.3, u, 1e-5, 1e-3, 0.001, n, seed)[1]
+    u = saw_tooth(n, 5)
+    return u, driven(0.6, u, seed)[1]
 
 
 def same(a: Step, b: Step) -> bool:

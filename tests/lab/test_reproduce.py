@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from engine_cases import driven
 from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce import gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.figures import median_seed
@@ -13,7 +14,6 @@ from fltea.lab.reproduce.gyroscope import RecordingFile
 from fltea.lab.reproduce.runs import Options, Outcome, estimate, has_diverged, outcomes
 from fltea.lab.reproduce.scenarios import Data, SawTooth, Scenario, example, unknown_input
 from fltea.lab.reproduce.simulate import fractional_states, noises
-from fltea.noise.simulation import fractional_system
 from fltea.noise.weights import weights
 from fltea.records.errors import UsageError
 
@@ -44,8 +44,7 @@ def test_all_seeds_at_once_give_the_samples_of_the_plain_simulator(number: int) 
     assert data.u is not None
     assert data.x is not None
     for column, seed in enumerate(SEEDS):
-        u, n = data.u[:, column], scenario.samples
-        x, y = fractional_system(scenario.alpha, paper.PARAMETER, u, 1e-5, 1e-3, paper.H, n + 1, seed)
+        x, y = driven(scenario.alpha, data.u[:, column], seed)
         assert data.x[:, column] == pytest.approx(x, rel=1e-11, abs=1e-13)
         assert data.y[:, column] == pytest.approx(y, rel=1e-11, abs=1e-13)
 

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from fltea.noise.simulation import FractionalNoise, fractional_system, is_stationary, quantise
+from fltea.noise.simulation import FractionalNoise, is_stationary, quantise
 
 H = 0.01
 
@@ -61,11 +61,11 @@ def test_a_driven_system_of_changing_order_worked_by_hand() -> None:
     # h = 1, f = 0, no noise: x_1 = 1; order 2 (c = 1, -2, 1): x_2 = 1 + 2 x_1; order 1/2 (c = 1, -1/2, -1/8):
     # x_3 = 1 + x_2/2 + x_1/8, and with a window of one sample x_3 = 1 + x_2/2.
     for window, last in ((10, 1 + 1.5 + 0.125), (1, 1 + 1.5)):
-        x, y = fractional_system([1, 2, 0.5], 0, [1, 1, 1], 0, 0, 1.0, window, 0)
-        assert x.tolist() == [1, 3, last]
-        assert np.array_equal(x, y)
+        system = FractionalNoise([1, 2, 0.5], 0, 0, 0, 1.0, window)
+        assert [system.step(1) for _ in range(3)] == [(x, x) for x in (1, 3, last)]
     # h = 1/4, order 1/2, f = -1: x_1 = (0 + 4)/2 = 2; x_2 = (-2 + 2)/2 + 2/2 = 1.
-    assert fractional_system(0.5, -1, [4, 2], 0, 0, 0.25, 10, 0)[0].tolist() == [2, 1]
+    system = FractionalNoise(0.5, -1, 0, 0, 0.25, 10)
+    assert [system.step(u)[1] for u in (4, 2)] == [2, 1]
 
 
 def test_an_order_may_be_a_number_a_list_or_a_function() -> None:
@@ -143,7 +143,8 @@ def test_the_rule_of_stationarity_agrees_with_the_recursion() -> None:
     for factor, stable in ((0.97, True), (1.03, False)):
         f = -factor * 2**alpha / H**alpha
         assert is_stationary(alpha, f, H) is stable
-        x, _ = fractional_system(alpha, f, [1.0] + [0.0] * 999, 0, 0, H, 1000, 0)
+        system = FractionalNoise(alpha, f, 0, 0, H, 1000)
+        x = [system.step(u)[1] for u in [1.0] + [0.0] * 999]
         assert bool(abs(x[-1]) < abs(x[0])) is stable
 
 
@@ -175,8 +176,6 @@ def test_wrong_arguments_are_named(change: dict, text: str) -> None:
 
 
 def test_wrong_inputs_of_the_helpers_are_named() -> None:
-    with pytest.raises(ValueError, match="u must be"):
-        fractional_system(0.3, -1, [math.nan], 0, 0, H, 10, 0)
     with pytest.raises(ValueError, match="NaN"):
         quantise([math.nan], 16.4, 2000)
     with pytest.raises(ValueError, match="lsb_per_dps"):

@@ -9,7 +9,7 @@ import numpy as np
 from fltea.estimator.engine import Engine, Estimates
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reference import filters as reference
-from fltea.noise.simulation import fractional_system
+from fltea.noise.simulation import FractionalNoise
 from fltea.settings.estimator import EstimatorConfig, OrderSettings, ParameterSettings, StateSettings
 from numpy.typing import NDArray
 
@@ -55,7 +55,14 @@ def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
     rng = np.random.default_rng(seed)
     u = saw_tooth(n) if number < 3 else rng.normal(0, 0.1**0.5, n)
     alpha = 0.6 if number == 1 else 0.2 + 0.1 * 0.001 * np.arange(1, n + 1)
-    return fractional_system(alpha, -0.3, u, 1e-5, 1e-3, 0.001, n, rng)[1], u
+    return driven(alpha, u, rng)[1], u
+
+
+def driven(alpha: Any, u: Array, seed: int | np.random.Generator) -> tuple[Array, Array]:
+    """States and measurements, each (n,), of a system of section 6.1 that the input u (n,) drives."""
+    system = FractionalNoise(alpha, -0.3, 1e-5, 1e-3, 0.001, len(u) + 1, seed)
+    y, x = np.array([system.step(one) for one in u.tolist()]).T
+    return x, y
 
 
 def reference_run(

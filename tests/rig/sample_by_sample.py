@@ -125,7 +125,7 @@ class Startup(BaselineRule):
 class NativeGyroscope:
     """FLTEA for named axes on the native engine; `step` takes one sample of all of them.
 
-    Arguments as for `GyroscopeEstimator`; `config` names memory, variant and guard too.
+    `config` names memory, variant and guard too.
     `lost` holds, after a step, the axes that have just become invalid and why.
     Raises ValueError for settings that no filter can work with.
     """

@@ -35,9 +35,9 @@ constexpr int kLeastDigits = 3;
 constexpr int kMostDigits = 11;
 
 // `digits`, 3 to 11 (0: the default, 6), is the accuracy: each weight c_j that a mode stands for has a
-// relative error below about 10^-digits for orders up to 1 (tables in host/README.md); the first 15 weights
-// and those of integer orders are exact. `window` is L in samples, 0 for no limit. Numbers out of range count
-// as the nearest.
+// relative error below about 10^-digits for orders up to 1 (tables in host/docs/theory/filters.md); the first
+// 15 weights and those of integer orders are exact. `window` is L in samples, 0 for no limit. Numbers out of
+// range count as the nearest.
 inline CompressedConfig compressed_config(std::size_t window, int digits = kDefaultDigits) {
     if (digits == 0) digits = kDefaultDigits;
     if (digits < kLeastDigits) digits = kLeastDigits;

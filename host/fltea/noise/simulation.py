@@ -108,29 +108,6 @@ class FractionalNoise:
             self._history.push(self._x)
 
 
-def fractional_system(
-    alpha_k: Order,
-    f: float,
-    u: ArrayLike,
-    Q: float,
-    R: float,
-    h: float,
-    window: int,
-    rng: int | np.random.Generator,
-) -> tuple[Array, Array]:
-    """Return x_1 .. x_n and y_1 .. y_n, each (n,), of a system driven by u_0 .. u_{n-1} (x_0 = 0).
-
-    `alpha_k` as in FractionalNoise; as a sequence it holds α_1 .. α_n. Raises ValueError as FractionalNoise
-    does.
-    """
-    inputs = np.asarray(u, dtype=np.float64)
-    if inputs.ndim != 1 or not np.isfinite(inputs).all():
-        raise ValueError("u must be one sequence of finite numbers")
-    system = FractionalNoise(alpha_k, f, Q, R, h, window, rng)
-    pairs = np.array([system.step(float(value)) for value in inputs]).reshape(-1, 2)
-    return pairs[:, 1], pairs[:, 0]
-
-
 def quantise(y_dps: ArrayLike, lsb_per_dps: float, full_scale_dps: float) -> NDArray[np.int16]:
     """Return the counts that a sensor of `lsb_per_dps` and range ±`full_scale_dps` reads, saturated.
 

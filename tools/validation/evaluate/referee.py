@@ -4,11 +4,11 @@ import math
 
 import msgspec
 import numpy as np
-from fltea.lab.reference.exact_fit import ExactSeries
 from numpy.typing import NDArray
 
 from tools.validation.evaluate import cases, fits
 from tools.validation.evaluate.cases import Case, H
+from tools.validation.evaluate.exact_fit import ExactSeries
 from tools.validation.runner import Row, as_row
 
 Array = NDArray[np.float64]
