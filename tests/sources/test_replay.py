@@ -109,6 +109,28 @@ def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
     assert reasons == ["start", "gap"]
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "times_s"),
+    [
+        (8000.0, np.round(np.arange(8000) / 8000, 4)),  # in whole tenths of a ms: steps of 0.1 and 0.2
+        (100.0, np.delete(np.arange(400) / 100, [50, 51, 52])),
+        (100.0, np.arange(400) / 100 + 100 * (np.arange(400) >= 300)),  # a pause: nobody knows what it was
+    ],
+    ids=["rounded times", "a gap", "a pause"],
+)
+def test_times_number_the_samples_of_an_npz_file_as_those_of_a_csv_file(
+    rate_hz: float, times_s: np.ndarray, tmp_path: Path
+) -> None:
+    values = np.arange(len(times_s)) % 7
+    npz = npz_file(tmp_path, gyro_raw=None, gyro_dps=values[:, np.newaxis], fs_hz=rate_hz, time_s=times_s)
+    csv = csv_file(tmp_path, times_s.tolist())
+    (first, *one), (_, *other) = (in_samples(ReplaySource(path).events()) for path in (npz, csv))
+    assert first.rate_hz == pytest.approx(rate_hz)
+    assert [event[:2] if isinstance(event, RawSample) else event for event in one] == [
+        event[:2] if isinstance(event, RawSample) else event for event in other
+    ]
+
+
 def test_an_empty_field_is_a_gap_that_is_told(tmp_path: Path) -> None:
     path = tmp_path / "rest.csv"
     path.write_text("gyro_x_dps\n" + "".join("NaN\n" if k in (7, 8) else f"{k}\n" for k in range(20)))

@@ -3,10 +3,9 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.recording.bag_files import bags_in
 from fltea.recording.csv_file import open_csv
@@ -15,6 +14,7 @@ from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
 from fltea.recording.npy_file import open_npy
 from fltea.recording.npz_file import open_npz
+from fltea.recording.sample_times import Numbering
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import (
@@ -215,11 +215,13 @@ def _count_samples(recording: "McapRecording", limit: int) -> int:
 
 def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterator[Event]:
     blocks = recording.blocks() if shuffle is None else _shuffled(recording, shuffle)
+    numbering = Numbering(1 / recording.rate_hz, recording.rate_hz)
     first: Recording | None = None
-    last: _Last | None = None
+    epoch = 0
     for block in blocks:
         if first is None:
             first = block
+            epoch = 0 if block.epoch is None else int(block.epoch[0])
             yield Hello(
                 source=name,
                 host_ns=0,
@@ -234,29 +236,22 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
         host_ns = device_us * 1000
         if block.host_s is not None and first.host_s is not None:
             host_ns = np.round((block.host_s - first.host_s[0]) * 1e9).astype(np.int64)
-        sequence = _sequence(block, last)
+        breaks = np.zeros(len(device_us), dtype=np.bool_)
+        sequence = block.seq
+        if sequence is None:  # an .npz of somebody else's, whose times are those of a sensor's clock
+            _, sequence, breaks, _ = numbering.add(block.device_s, breaks)
+        if block.epoch is not None:
+            breaks |= np.diff(block.epoch, prepend=epoch) != 0
+            epoch = int(block.epoch[-1])
         # Counts without a scale are of no use, and a HELLO without one says that these are m/s².
         accel = block.accel if recording.accel_lsb_per_g else block.accel_ms2
         raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
-        begins = [0]
-        if block.epoch is not None:
-            before = block.epoch[0] if last is None else last.epoch
-            begins += np.flatnonzero(np.diff(block.epoch, prepend=before)).tolist()
+        begins = [0, *np.flatnonzero(breaks).tolist()]
         for begin, end in zip(begins, [*begins[1:], len(sequence)], strict=True):
             if begin or end == 0:  # the second: an epoch begins with the block
                 yield Break("restart", int(host_ns[begin]))
             if end > begin:
                 yield raw.rows(begin, end)
-        epoch = 0 if block.epoch is None else int(block.epoch[-1])
-        last = _Last(int(sequence[-1]), float(block.device_s[-1]), epoch)
-
-
-class _Last(NamedTuple):
-    """The sample before a block."""
-
-    sequence: int
-    device_s: float
-    epoch: int
 
 
 def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
@@ -265,15 +260,6 @@ def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
     order = np.random.default_rng(seed).permutation(len(whole.gyro))
     accel, accel_ms2 = (None if one is None else one[order] for one in (whole.accel, whole.accel_ms2))
     yield whole._replace(gyro=whole.gyro[order], accel=accel, accel_ms2=accel_ms2)
-
-
-def _sequence(block: Recording, last: _Last | None) -> NDArray[np.int64]:
-    """Number the samples as a device does: where time runs ahead of the rate, samples are missing."""
-    if block.seq is not None:
-        return block.seq
-    before_s = block.device_s[0] - 1 / block.rate_hz if last is None else last.device_s
-    steps = np.maximum(1, np.round(np.diff(block.device_s, prepend=before_s) * block.rate_hz))
-    return np.cumsum(steps).astype(np.int64) + (-1 if last is None else last.sequence)
 
 
 def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
