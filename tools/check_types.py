@@ -24,6 +24,7 @@ BY_PACKAGE = (
     "tools.frames_load",
     "tools.nats_users",
     "tools.ndjson_summary",
+    "tools.pty_port",
 )
 """Modules of `tools` that are imported with its name, since they need its packages."""
 

@@ -6,7 +6,6 @@ counts can be held against what was really there.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar
 
 from fltea.records.block import Block
@@ -16,15 +15,14 @@ from fltea.settings.config import load_config
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
-from fltea.wire.block_reader import FrameReader
 from fltea.wire.messages import Frame
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.faults import parse_fault, schedule_faults
-from tools.due_emulator.instants import PERIOD_PS, Burst, BusWatch, due_between
+from tools.due_emulator.host_view import HostView
+from tools.due_emulator.instants import PERIOD_PS, Burst
 from tools.due_emulator.machine import PS_PER_S, EmulationFault
 from tools.due_emulator.noise import World, fractional_world
-from tools.due_emulator.reset_controller import ResetType
 
 M = TypeVar("M")
 
@@ -32,23 +30,7 @@ DATA_BYTES = 14
 QUIET_PS = PERIOD_PS * 8 // 10
 """From this phase of a period on, all that an instant led to has arrived."""
 NEAR_PS = PS_PER_S // 1000
-CHUNK_BYTES = 64
-NO_ESTIMATES = {"estimator.startup": 1_000_000}
-
-
-@dataclass
-class Boot:
-    """One life of the program, as the emulator knows it. ended_ps: of the reset, or of the run."""
-
-    cause: ResetType
-    began_ps: int
-    bursts: list[Burst] = field(default_factory=list)
-    ended_ps: int = 0
-
-    @property
-    def due(self) -> int:
-        """Instants from the first reading of the sensor on: one each 10 ms, whatever became of them."""
-        return due_between(self.bursts[0].at_ps if self.bursts else None, self.ended_ps)
+NO_ESTIMATES = {"estimator.startup": 1_000_000, "live.on": False}
 
 
 class Arrival(NamedTuple):
@@ -81,7 +63,7 @@ class _FedSource:
     def close(self) -> None: ...
 
 
-class DueRun:
+class DueRun(HostView):
     """A board with its host. `run_until` may be called again and again.
 
     faults: as on the command line of tools.due_emulator. baud: what the host listens at. settings: the
@@ -100,40 +82,31 @@ class DueRun:
         strict_baud: bool = True,
         settings: Mapping[str, Any] = NO_ESTIMATES,
     ) -> None:
+        board = Board(image, seed=seed, world=world or fractional_world(noise))
+        board.bridge.deliver = self.take
+        board.bridge.host_baud = baud
+        board.bridge.strict_baud = strict_baud
+        super().__init__(board)
         self.wire = bytearray()
         self.arrivals: list[Arrival] = []
         self.records: list[AnyRecord] = []
         self.error: str | None = None
         self._source = _FedSource()
         self._pipeline = Pipeline(self._source, load_config(None, settings))
-        self._reader = FrameReader()
-        self._unsent = bytearray()
         self._feed(Opened(0))
-        self.board = Board(image, seed=seed, world=world or fractional_world(noise))
-        self.board.bridge.deliver = self._deliver
-        self.board.bridge.host_baud = baud
-        self.board.bridge.strict_baud = strict_baud
-        self.boots = [Boot(ResetType.POWER_UP, 0)]
-        self.board.on_reset = self._on_reset
-        BusWatch(self.board, lambda burst: self.boots[-1].bursts.append(burst))
         schedule_faults(self.board, [parse_fault(text) for text in faults])
 
     def run_until(self, at_s: float) -> "DueRun":
         """Run, and on to a moment between two instants; `error` says if it ended before."""
         try:
             self.board.run_until(at_s)
-            if bursts := self.boots[-1].bursts:
-                phase_ps = (self.now_ps - bursts[0].at_ps) % PERIOD_PS
+            if (first_ps := self.boots[-1].first_ps) is not None:
+                phase_ps = (self.now_ps - first_ps) % PERIOD_PS
                 self.board.run_until(at_s + (QUIET_PS - phase_ps) % PERIOD_PS / PS_PER_S)
         except EmulationFault as fault:
             self.error = fault.reason
-        self.boots[-1].ended_ps = self.now_ps
+        self.stop()
         return self
-
-    @property
-    def now_ps(self) -> int:
-        """Virtual time [ps]."""
-        return self.board.machine.now_ps
 
     # What the host has
 
@@ -172,18 +145,9 @@ class DueRun:
         return [record for record in self.records if isinstance(record, Hello)]
 
     @property
-    def faults(self) -> list[tuple[str, int]]:
-        """FAULTs: name of the code, detail."""
-        return [
-            (wire.FaultCode(fault.code).name.lower(), fault.detail) for fault in self.messages(wire.Fault)
-        ]
-
-    @property
     def status(self) -> wire.Status:
         """The last STATUS."""
-        message = self.of(wire.Status)[-1].frame.message
-        assert isinstance(message, wire.Status)
-        return message
+        return self.statuses[-1]
 
     @property
     def stats(self) -> Stats:
@@ -194,10 +158,7 @@ class DueRun:
 
     def unheard(self) -> list[int]:
         """Of each boot that read the sensor: instants at its end of which the host heard nothing any more."""
-        heard = [0] * len(self.boots)
-        for boot, last in self._last_of_boots():
-            heard[boot] = last
-        return [b.due - h for b, h in zip(self.boots, heard, strict=True) if b.bursts]
+        return [boot.due - (boot.heard[1] + 1 if boot.heard else 0) for boot in self.boots if boot.bursts]
 
     def check(self) -> str | None:
         """What does not add up; None if each instant is delivered, lost or unheard, and each value true."""
@@ -239,37 +200,26 @@ class DueRun:
 
     # The wires
 
-    def _deliver(self, byte: int) -> bool:
-        self._unsent.append(byte)
-        if not byte or len(self._unsent) >= CHUNK_BYTES:
-            data = bytes(self._unsent)
-            self._unsent.clear()
-            self.wire += data
-            self.arrivals += [
-                Arrival(f, self.now_ps) for f in self._reader.feed(data) if isinstance(f, Frame)
-            ]
-            self._feed(Chunk(data, self.now_ps // 1000))
-        return True
+    def on_data(self, data: bytes) -> None:
+        """Keep the bytes, and let the modules of `fltea run` have them."""
+        super().on_data(data)
+        self.wire += data
+        self._feed(Chunk(data, self.now_ps // 1000))
+
+    def on_frame(self, frame: Frame) -> None:
+        """Keep the frame."""
+        super().on_frame(frame)
+        self.arrivals.append(Arrival(frame, self.now_ps))
+
+    def on_burst(self, burst: Burst) -> None:
+        """Keep what the sensor gives."""
+        super().on_burst(burst)
+        self.boots[-1].bursts.append(burst)
 
     def _feed(self, item: Opened | Chunk) -> None:
         for event in self._source.wire.feed(item, item.host_ns):
             for found in self._pipeline.feed(event):
                 self.records += found.records() if isinstance(found, Block) else [found]
-
-    def _on_reset(self, cause: ResetType) -> None:
-        self.boots[-1].ended_ps = self.now_ps
-        self.boots.append(Boot(cause, self.now_ps))
-
-    def _last_of_boots(self) -> Iterator[tuple[int, int]]:
-        """For each boot that was heard: its place in `boots`, and its last sample's number plus one."""
-        ids: list[int] = []
-        for frame, at_ps in self.arrivals:
-            match frame.message:
-                case wire.Hello() as hello if hello.boot_id not in ids:
-                    ids.append(hello.boot_id)
-                    boot = max(n for n, b in enumerate(self.boots) if b.began_ps <= at_ps)
-                case wire.Sample() if ids:
-                    yield boot, frame.sequence + 1
 
 
 def chip_bytes(sample: wire.Sample) -> bytes:

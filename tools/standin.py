@@ -6,15 +6,11 @@ line on stdout names the port.
 """
 
 import argparse
-import contextlib
-import os
 import secrets
-import select
 import signal
 import struct
 import sys
 import time
-import tty
 from pathlib import Path
 
 from fltea.records.errors import UsageError
@@ -26,6 +22,7 @@ from own_estimator import JOINT, OwnEstimator
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where it runs as a file
 
 from tools.board_voice import HELLO, Voice
+from tools.pty_port import PtyPort
 
 POLL_S = 0.02
 ACCEL_1G = 16384
@@ -112,91 +109,42 @@ def main() -> int:
         signal.signal(number, signal.default_int_handler)
     try:
         settings = parse_noise(arguments.noise)
+        if settings.lsb_per_dps < 0.1 or settings.rate_hz < 1:
+            raise UsageError("a device sends counts (lsb_per_dps ≥ 0.1), at 1 Hz or more.")
+        Device(settings, boot_id=0).boot()
+        port = PtyPort(arguments.link)
     except UsageError as error:
         print(f"standin: error: {error}", file=sys.stderr)
         return 2
-    if settings.lsb_per_dps < 0.1 or settings.rate_hz < 1:
-        print("standin: error: a device sends counts (lsb_per_dps ≥ 0.1), at 1 Hz or more.", file=sys.stderr)
-        return 2
-    try:
-        Device(settings, boot_id=0).boot()
     except struct.error as error:
         print(f"standin: error: HELLO cannot state these settings ({error}).", file=sys.stderr)
         return 2
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    port = os.ttyname(slave)
-    os.close(slave)
-    os.set_blocking(master, False)
-    if arguments.link:
-        if arguments.link.exists() and not arguments.link.is_symlink():
-            print(f"standin: error: {arguments.link} exists and is no link; choose another.", file=sys.stderr)
-            return 2
-        arguments.link.unlink(missing_ok=True)
-        arguments.link.symlink_to(port)
-    print(
-        f"{arguments.link or port}: α {settings.alpha:g}, f {settings.f:g}, {settings.rate_hz:g} Hz",
-        flush=True,
-    )
+    name = arguments.link or port.name
+    print(f"{name}: α {settings.alpha:g}, f {settings.f:g}, {settings.rate_hz:g} Hz", flush=True)
     try:
         while True:
-            wait_for_client(master)
-            device = Device(settings, boot_id=secrets.randbits(32), estimate=arguments.estimate)
-            serve(master, device, arguments.samples)
+            while not port.is_open:
+                time.sleep(POLL_S)
+            serve(
+                port, Device(settings, secrets.randbits(32), estimate=arguments.estimate), arguments.samples
+            )
     except KeyboardInterrupt:
         return 0
     finally:
-        if arguments.link and arguments.link.is_symlink() and str(arguments.link.readlink()) == port:
-            arguments.link.unlink()
+        port.close()
 
 
-def wait_for_client(master: int) -> None:
-    """Return when a program has the port open: until then the master's poll says POLLHUP."""
-    while hung_up(master):
-        time.sleep(POLL_S)
-
-
-def hung_up(master: int) -> bool:
-    """Whether no program has the port open."""
-    poll = select.poll()
-    poll.register(master, 0)
-    return any(flags & select.POLLHUP for _, flags in poll.poll(0))
-
-
-class Link:
-    """The line to the client: whole frames or none, as in the firmware."""
-
-    def __init__(self, master: int) -> None:
-        self._master = master
-        self._unsent = b""
-
-    def send(self, frames: bytes) -> bool:
-        """Send, or say that there was no room; a frame once begun is always finished."""
-        if not self._flush():
-            return False
-        self._unsent = frames
-        self._flush()
-        return True
-
-    def _flush(self) -> bool:
-        with contextlib.suppress(OSError):  # no room, or the client just left
-            while self._unsent:
-                self._unsent = self._unsent[os.write(self._master, self._unsent) :]
-        return not self._unsent
-
-
-def serve(master: int, device: Device, limit: int) -> None:
+def serve(port: PtyPort, device: Device, limit: int) -> None:
     """Send at the pace of the device's clock until the client leaves."""
     begin_s = time.monotonic()
-    link = Link(master)
-    link.send(device.boot())
-    while not hung_up(master):
+    port.send(device.boot())
+    while port.is_open:
         if limit and device.samples >= limit:
             time.sleep(POLL_S)
             continue
         time.sleep(max(0.0, begin_s + device.device_us * 1e-6 - time.monotonic()))
         frames = device.tick()
-        if not link.send(frames):
+        if not port.send(frames):
             device.dropped_frames += frames.count(0)
 
 

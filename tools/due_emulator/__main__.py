@@ -37,8 +37,9 @@ from tools.due_emulator.host_view import HostView
 from tools.due_emulator.image import Image, read_image
 from tools.due_emulator.machine import EmulationFault, Machine
 from tools.due_emulator.noise import World, fractional_world, recorded_world
-from tools.due_emulator.pty_front import Front, Port
+from tools.due_emulator.pty_front import Front
 from tools.due_emulator.report import describe, make_report
+from tools.pty_port import PtyPort
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 IMAGE = Path(__file__).resolve().parents[2] / "firmware/due/image/fltea_due.bin"
@@ -138,7 +139,7 @@ def _on_pty(options: argparse.Namespace, image: Image, world: World) -> int:
     board.bridge.strict_baud = False
     host = HostView(board)
     error = None
-    port = Port(options.link)
+    port = PtyPort(options.link)
     try:
         front = Front(board, port)
         name = options.link or port.name

@@ -10,58 +10,63 @@ from fltea.wire.message_events import hello_event
 from fltea.wire.messages import Frame, Refused
 
 from tools.due_emulator.board import Board
-from tools.due_emulator.instants import Instants
+from tools.due_emulator.instants import Boot, Burst, BusWatch
 from tools.due_emulator.machine import PS_PER_S, PS_PER_US
+from tools.due_emulator.reset_controller import ResetType
 
-CHUNK_BYTES = 512
+CHUNK_BYTES = 64
 """So many bytes without an end of frame are handed on as they are."""
 MAX_GAP = 1 << 30
 """No gap is too long to be counted as one."""
 
 
 class HostView:
-    """Takes bytes as they arrive and keeps counts."""
+    """Takes bytes as they arrive and keeps counts, which do not grow with the length of the run."""
 
     def __init__(self, board: Board) -> None:
-        self._machine = board.machine
-        self._instants = Instants(board)
-        self._spans: dict[int, tuple[int, int]] = {}
-        """Of each boot that was heard, by its place: numbers of the first and of the last sample."""
-        self._boot = 0
+        self.board = board
+        self.boots = [Boot(ResetType.POWER_UP, 0)]
+        self._heard_boot = self.boots[0]
         self.reader = FrameReader()
         self.place = Place(MAX_GAP)
         self.hello: wire.Hello | None = None
-        self.hellos = 0
-        self.boots: list[int] = []
-        """boot_id of each boot that was heard."""
+        self.hello_count = self.boot_count = 0
+        """HELLOs, and boots, that were heard."""
         self.statuses: list[wire.Status] = []
         """The last one of each boot that gave one."""
-        self.faults: list[str] = []
+        self.faults: list[tuple[str, int]] = []
+        """FAULTs: name of the code, detail."""
+        self.fault_texts: list[str] = []
         self.refused: str | None = None
         self.flags: dict[str, int] = {}
         """How many samples had each flag."""
         self.min_step_us: int | None = None
         self.max_step_us: int | None = None
-        self._steps = 0
-        self._steps_us = 0
+        self._steps = self._steps_us = 0
         self._last: tuple[int, int] | None = None
         """Number and time of the last sample, unwrapped."""
         self._block = bytearray()
         self._new_boot = True
+        BusWatch(board, self.on_burst)
+        board.on_reset = self._on_reset
+
+    @property
+    def now_ps(self) -> int:
+        """Virtual time [ps]."""
+        return self.board.machine.now_ps
 
     def take(self, byte: int) -> bool:
         """Take one byte; the answer is always that it was taken."""
         # What a frame is, its last byte decides, and no other byte is 0.
         self._block.append(byte)
-        if byte and len(self._block) < CHUNK_BYTES:
-            return True
-        block, self._block = bytes(self._block), bytearray()
-        for item in self.reader.feed(block):
-            if isinstance(item, Refused):
-                self.refused = item.message
-            else:
-                self._on_frame(item)
+        if not byte or len(self._block) >= CHUNK_BYTES:
+            data, self._block = bytes(self._block), bytearray()
+            self.on_data(data)
         return True
+
+    def stop(self) -> None:
+        """Let the boot that runs have ended now, until it goes on."""
+        self.boots[-1].ended_ps = self.now_ps
 
     @property
     def bytes_in(self) -> int:
@@ -73,15 +78,24 @@ class HostView:
         """Samples per second of the device's own clock, lost ones included; None before two samples."""
         return self._steps / self._steps_us * 1e6 if self._steps_us else None
 
-    def _on_frame(self, frame: Frame) -> None:
-        host_ns = self._machine.now_ps // 1000
+    def on_data(self, data: bytes) -> None:
+        """Take what arrived together."""
+        for item in self.reader.feed(data):
+            if isinstance(item, Refused):
+                self.refused = item.message
+            else:
+                self.on_frame(item)
+
+    def on_frame(self, frame: Frame) -> None:
+        """Take a good frame."""
+        host_ns = self.now_ps // 1000
         match frame.message:
             case wire.Hello() as hello:
-                self.hellos += 1
+                self.hello_count += 1
                 if self.hello is None or hello.boot_id != self.hello.boot_id:
-                    self.boots.append(hello.boot_id)
+                    self.boot_count += 1
                     self._new_boot = True
-                    self._boot = self._instants.boot
+                    self._heard_boot = self.boots[-1]
                 self.hello = hello
                 self.place.on_hello(hello_event(hello, "emulator", host_ns))
             case wire.Sample() as sample:
@@ -94,7 +108,18 @@ class HostView:
             case wire.Fault(code, detail):
                 known = code in wire.FaultCode._value2member_map_
                 name = wire.FaultCode(code).name.lower() if known else str(code)
-                self.faults.append(f"{name} (detail {detail}) at {frame.device_us / 1e6:.3f} s since boot")
+                self.faults.append((name, detail))
+                text = f"{name} (detail {detail}) at {frame.device_us / 1e6:.3f} s since boot"
+                self.fault_texts.append(text)
+
+    def on_burst(self, burst: Burst) -> None:
+        """Note that the board begins to read the sensor's data."""
+        boot = self.boots[-1]
+        boot.first_ps = burst.at_ps if boot.first_ps is None else boot.first_ps
+
+    def _on_reset(self, cause: ResetType) -> None:
+        self.stop()
+        self.boots.append(Boot(cause, self.now_ps))
 
     def _on_sample(self, sample: wire.Sample, frame: Frame, host_ns: int) -> None:
         for flag in wire.SampleFlags:
@@ -113,20 +138,14 @@ class HostView:
                     self.min_step_us = min(step_us, self.min_step_us or step_us)
                     self.max_step_us = max(step_us, self.max_step_us or step_us)
             self._last = seq, device_us
-            first = self._spans.get(self._boot, (seq, 0))[0]
-            self._spans[self._boot] = (first, seq)
+            boot = self._heard_boot
+            boot.heard = (boot.heard[0] if boot.heard else seq, seq)
 
     @property
     def due(self) -> int | None:
         """Instants that were due, by the timer; None where the sensor's clock or another program decides."""
         timer = self.hello is not None and self.hello.sampling_mode == wire.SamplingMode.TIMER
-        return sum(self._instants.due) if timer else None
-
-    @property
-    def unheard(self) -> int | None:
-        """Those before the first and after the last sample that was heard of each boot; None as for `due`."""
-        heard = sum(last - first + 1 for first, last in self._spans.values())
-        return None if self.due is None else self.due - heard
+        return sum(boot.due for boot in self.boots) if timer else None
 
 
 def plain(message: wire.Message | None) -> dict[str, Any] | None:

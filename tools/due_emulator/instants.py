@@ -1,6 +1,7 @@
 """Which sampling instants were due, as the board itself knows it: the sensor's bus and resets are watched."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
@@ -18,6 +19,27 @@ class Burst(NamedTuple):
 
     at_ps: int
     data: bytearray
+
+
+@dataclass
+class Boot:
+    """One life of the program, as the emulator knows it.
+
+    ended_ps: of the reset, or of the run. first_ps: of the first reading of the sensor. heard: numbers of the
+    first and of the last sample that the host could use. bursts: empty where nobody keeps them.
+    """
+
+    cause: ResetType
+    began_ps: int
+    ended_ps: int = 0
+    first_ps: int | None = None
+    heard: tuple[int, int] | None = None
+    bursts: list[Burst] = field(default_factory=list)
+
+    @property
+    def due(self) -> int:
+        """Instants from the first reading of the sensor on: one each 10 ms, whatever became of them."""
+        return 0 if self.first_ps is None else (self.ended_ps - self.first_ps) // PERIOD_PS + 1
 
 
 class BusWatch:
@@ -53,37 +75,3 @@ class BusWatch:
         if self._burst is not None:
             self._burst.data.append(byte)
         return byte
-
-
-class Instants:
-    """Counts the instants of each boot: one each 10 ms from its first reading of the sensor on."""
-
-    def __init__(self, board: Board) -> None:
-        self._board = board
-        self._first_ps: int | None = None
-        self._ended: list[int] = []
-        BusWatch(board, self._on_burst)
-        board.on_reset = self._on_reset
-
-    @property
-    def boot(self) -> int:
-        """Which boot it is, counted from 0."""
-        return len(self._ended)
-
-    @property
-    def due(self) -> list[int]:
-        """Of each boot, up to now."""
-        return [*self._ended, due_between(self._first_ps, self._board.machine.now_ps)]
-
-    def _on_burst(self, burst: Burst) -> None:
-        if self._first_ps is None:
-            self._first_ps = burst.at_ps
-
-    def _on_reset(self, _: ResetType) -> None:
-        self._ended = self.due
-        self._first_ps = None
-
-
-def due_between(first_ps: int | None, end_ps: int) -> int:
-    """Instants from the first reading of the sensor to an end, both included; 0 if there was no reading."""
-    return 0 if first_ps is None else (end_ps - first_ps) // PERIOD_PS + 1

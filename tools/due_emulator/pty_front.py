@@ -4,93 +4,16 @@ The kernel tells whether the port is open, not that it was opened: closing and o
 look, some 5 to 20 ms, goes unseen and resets nothing.
 """
 
-import fcntl
-import os
-import select
-import struct
 import sys
-import termios
 import time
-import tty
-from pathlib import Path
 from typing import NoReturn
-
-from fltea.records.errors import UsageError
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.pace import BEHIND_S, Pace
+from tools.pty_port import PtyPort
 
 CHUNK_S = 0.005
-PACKET_BYTES = 64
-"""What the bridge hands to the host in one piece of USB."""
 ERASE_BAUD = 1200
-TCGETS2 = 0x802C542A
-TERMIOS2 = struct.Struct("4I20s2I")
-
-
-class Port:
-    """Master side of a pseudo-terminal in raw mode."""
-
-    def __init__(self, link: Path | None) -> None:
-        if link is not None and link.exists() and not link.is_symlink():
-            raise UsageError(f"--link {link}: exists and is no link; choose another.")
-        self.master, slave = os.openpty()
-        tty.setraw(slave)
-        self.name = os.ttyname(slave)
-        os.close(slave)
-        os.set_blocking(self.master, False)
-        self.link = link
-        if link is not None:
-            try:
-                link.unlink(missing_ok=True)
-                link.symlink_to(self.name)
-            except OSError as error:
-                raise UsageError(f"--link {link}: cannot be made ({error.strerror}).") from error
-        self._unsent = bytearray()
-
-    def close(self) -> None:
-        """Remove the link, if it is still ours."""
-        if self.link is not None and self.link.is_symlink() and str(self.link.readlink()) == self.name:
-            self.link.unlink()
-        os.close(self.master)
-
-    @property
-    def is_open(self) -> bool:
-        """Whether a program has the port open."""
-        poll = select.poll()
-        poll.register(self.master, 0)
-        return not any(flags & select.POLLHUP for _, flags in poll.poll(0))
-
-    @property
-    def baud(self) -> int:
-        """Baud rate that the program has set."""
-        answer = fcntl.ioctl(self.master, TCGETS2, bytes(TERMIOS2.size))
-        return int(TERMIOS2.unpack(answer)[-1])
-
-    def put(self, byte: int) -> bool:
-        """Take a byte for the host; False while it does not read."""
-        if len(self._unsent) >= PACKET_BYTES and not self.flush():
-            return False
-        self._unsent.append(byte)
-        return True
-
-    def flush(self) -> bool:
-        """Hand over what waits; False if some is left."""
-        try:
-            while self._unsent:
-                del self._unsent[: os.write(self.master, self._unsent)]
-        except BlockingIOError:
-            return False
-        except OSError:  # the client has just gone, and its bytes with it
-            self._unsent.clear()
-        return True
-
-    def forget(self) -> None:
-        """Throw away what the last program did not fetch, as a real port does when it is closed."""
-        self._unsent.clear()
-        port = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        termios.tcflush(port, termios.TCIOFLUSH)
-        os.close(port)
 
 
 class Front:
@@ -99,7 +22,7 @@ class Front:
     Warnings go to standard error.
     """
 
-    def __init__(self, board: Board, port: Port) -> None:
+    def __init__(self, board: Board, port: PtyPort) -> None:
         self._board = board
         self._port = port
         self.worst_lag_s = 0.0

@@ -21,7 +21,9 @@ def make_report(
 
     wall_s: how long it took; None if it was paced. error: why the run ended early; None if it did not.
     """
-    machine, counts, bridge = board.machine, host.place, board.bridge
+    host.stop()
+    machine, counts, bridge, due = board.machine, host.place, board.bridge, host.due
+    heard = sum(last - first + 1 for first, last in (boot.heard for boot in host.boots if boot.heard))
     elapsed_ps = machine.now_ps or 1
     touched = board.memory.ram_touched_bytes()
     bad_frames = {reason: n for reason, n in sorted(host.reader.counts.items()) if reason != "frames"}
@@ -30,7 +32,7 @@ def make_report(
         "wall_s": None if wall_s is None else round(wall_s, 3),
         "speed": None if wall_s is None else round(machine.now_ps / 1e12 / wall_s, 2),
         "error": error,
-        "faults": [*board.events, *host.faults],
+        "faults": [*board.events, *host.fault_texts],
         "notes": list(notes),
         "image": str(image.path),
         "build_id": image.build_id,
@@ -40,15 +42,15 @@ def make_report(
         "samples": counts.delivered,
         "gaps": counts.gaps,
         "lost": counts.lost,
-        "due": host.due,
-        "unheard": host.unheard,
+        "due": due,
+        "unheard": None if due is None else due - heard,
         "duplicates": counts.duplicates,
         "before_hello": counts.before_hello,
         "rate_hz": None if host.rate_hz is None else round(host.rate_hz, 6),
         "step_us": {"min": host.min_step_us, "max": host.max_step_us},
         "flags": host.flags,
-        "boots": len(host.boots),
-        "hellos": host.hellos,
+        "boots": host.boot_count,
+        "hellos": host.hello_count,
         "resets": board.resets,
         "hello": plain(host.hello),
         "refused": host.refused,

@@ -4,7 +4,6 @@ import contextlib
 import os
 import random
 import time
-import tty
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 from fltea.wire import layout as wire
 
 from tools.board_voice import HELLO, Voice
+from tools.pty_port import PtyPort
 
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ
@@ -59,8 +59,7 @@ class Board:
         self._random = random.Random(seed)
         self._blocks: dict[bytes, tuple[int, int]] = {}
         self._begin_ns = 0
-        self._terminal = os.openpty()
-        self._unsent = b""
+        self._port = PtyPort(held=True)
         self._voice = Voice()
         self.plug()
 
@@ -68,31 +67,22 @@ class Board:
 
     def plug(self) -> None:
         """Appear as a new port, to which `link` points."""
-        self._master, self._slave = self._terminal
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.link.unlink(missing_ok=True)
-        self.link.symlink_to(self.port)
+        self._port.show_as(self.link)
         self.streams.append(bytearray())
-        self._unsent = b""
 
     @property
     def port(self) -> str:
         """Name under which the system knows the port."""
-        return os.ttyname(self._slave)
+        return self._port.name
 
     def unplug(self) -> None:
         """Vanish, with the link; the next port will have another name."""
-        before, self._terminal = self._terminal, os.openpty()
-        self.link.unlink(missing_ok=True)
-        for fd in before:
-            os.close(fd)
+        before, self._port = self._port, PtyPort(held=True)
+        before.close()
 
     def close(self) -> None:
         """Vanish for ever."""
-        self.unplug()
-        for fd in self._terminal:
-            os.close(fd)
+        self._port.close()
 
     # --- what it says ---
 
@@ -104,7 +94,7 @@ class Board:
             if time.monotonic() > deadline_s:
                 raise TimeoutError("nobody heard the board's HELLO")
             with contextlib.suppress(BlockingIOError):  # nobody has the port open
-                os.write(self._master, b"\0" + self._frame(self._hello()))
+                os.write(self._port.master, b"\0" + self._frame(self._hello()))
             until_s = time.monotonic() + INTRODUCTION_S
             while not heard() and time.monotonic() < until_s:
                 time.sleep(0.01)
@@ -160,18 +150,12 @@ class Board:
     def fill_the_line(self) -> None:
         """Idle bytes, which mean nothing, until there is no room: nobody reads."""
         for _ in range(5):  # the system moves what it has from one buffer to the next
-            with contextlib.suppress(BlockingIOError):
-                while True:
-                    os.write(self._master, bytes(1024))
+            self._port.fill()
             time.sleep(0.05)
 
     def heard(self) -> bytes:
         """What others sent to the board, which does not listen."""
-        found = b""
-        with contextlib.suppress(BlockingIOError):
-            while chunk := os.read(self._master, 4096):
-                found += chunk
-        return found
+        return self._port.heard()
 
     def arrived(self) -> Instants:
         """Samples whose frames are whole on the line."""
@@ -223,19 +207,8 @@ class Board:
         )
 
     def _write(self, data: bytes) -> None:
-        """Put bytes on the line, or drop them if what was begun before has not gone yet."""
-        if not self._flush():
-            self.dropped += data.count(0)
-            return
-        self._unsent = data
-        if self._flush() or len(self._unsent) < len(data):  # what is begun will be finished
+        """Put bytes on the line, or drop them if there is no room."""
+        if self._port.send(data):
             self.streams[-1] += data
         else:
-            self._unsent = b""
             self.dropped += data.count(0)
-
-    def _flush(self) -> bool:
-        with contextlib.suppress(BlockingIOError):
-            while self._unsent:
-                self._unsent = self._unsent[os.write(self._master, self._unsent) :]
-        return not self._unsent
