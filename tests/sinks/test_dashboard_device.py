@@ -21,7 +21,7 @@ from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
-from fltea.sinks.page.row_layout import Table
+from fltea.sinks.page.tables import Table
 from fltea.sinks.page.tiers import Cursor
 from fltea.sinks.page.words import apart
 

@@ -8,7 +8,7 @@ from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves, wi
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Gap, Sample, Stats
 from fltea.settings.estimator import EstimatorConfig
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.row_layout import Table
+from fltea.sinks.page.tables import Table
 from fltea.sinks.page.tiers import Cursor
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"

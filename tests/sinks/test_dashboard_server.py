@@ -22,7 +22,7 @@ from fltea.records.errors import FlteaError
 from fltea.records.records import Estimate
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks import page
-from fltea.sinks.own_names import own_names
+from fltea.sinks.listening import own_names
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
 from fltea.sinks.page.server import PageServer

@@ -12,7 +12,6 @@ from collections.abc import Callable, Collection
 from concurrent.futures import Future
 from importlib import resources
 from typing import Any
-from urllib.parse import urlsplit
 
 import msgspec
 from tornado.httpserver import HTTPServer
@@ -24,8 +23,7 @@ from fltea.fleet.figures import QUANTITIES
 from fltea.fleet.metrics import text_of
 from fltea.fleet.program import TURN_S, Fleet
 from fltea.fleet.summary import COLUMNS, distribution, groups, rows, table
-from fltea.records.errors import FlteaError
-from fltea.sinks.own_names import is_own, own_names
+from fltea.sinks.listening import cannot_listen, is_from_here, is_own, own_names
 
 ASSETS = {"": "page.html", "page.css": "page.css", "page.js": "page.js"}
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
@@ -77,10 +75,9 @@ class _Handler(RequestHandler):
         self.clear_header("Server")
 
     async def prepare(self) -> None:
-        origin = self.request.headers.get("Origin")
         if not is_own(self.request.host, self.shown.names):
             raise HTTPError(421)
-        if origin is not None and urlsplit(origin).netloc.lower() != self.request.host.lower():
+        if not is_from_here(self.request.host, self.request.headers.get("Origin")):
             raise HTTPError(403)
         if self.shown.password is not None and not self._knows_password(self.shown.password):
             await asyncio.sleep(WRONG_PASSWORD_S)
@@ -255,10 +252,7 @@ def serve(
     try:
         sockets = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
-        raise FlteaError(
-            f"--listen {host}:{port}: cannot listen there ({error}). Is another program there already? "
-            "Another port may be free: --listen 5008."
-        ) from error
+        raise cannot_listen("--listen", host, port, error) from error
     server = HTTPServer(application(Shown(fleet, own_names(host, names), password)), max_body_size=0)
     server.add_sockets(sockets)
     loop = IOLoop.current()

@@ -1,6 +1,5 @@
 """An HTTP endpoint that Prometheus scrapes for the newest records (host/docs/guide/outputs.md)."""
 
-import errno
 import socket
 import socketserver
 import threading
@@ -13,13 +12,12 @@ from prometheus_client import CollectorRegistry, MetricsHandler, ProcessCollecto
 
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
-from fltea.records.errors import FlteaError, UsageError
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Departed, Item, OutputView, Report, Sink
 from fltea.records.records import DeviceEstimates, DeviceFits, Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.settings.outputs import MetricsConfig, listen_address
+from fltea.sinks.listening import cannot_listen, is_own, own_names, url_of
 from fltea.sinks.metrics.families import Families, Newest
-from fltea.sinks.own_names import is_own, own_names
 
 POLL_S = 0.1
 NOT_OURS = (
@@ -58,7 +56,7 @@ class MetricsSink(Sink):
         host, port = listen_address(str(settings.address))
         handler = _handler(registry, own_names(host, settings.names))
         self._server = _listen(host, port, handler)
-        self.url = f"http://{f'[{host}]' if ':' in host else host}:{self._server.server_port}/metrics"
+        self.url = f"{url_of(host, self._server.server_port)}metrics"
         self._thread = threading.Thread(
             target=self._server.serve_forever, args=(POLL_S,), name="metrics server", daemon=True
         )
@@ -66,32 +64,29 @@ class MetricsSink(Sink):
 
     def write(self, item: Item) -> None:
         """Remember a record in place of the one before it."""
-        if isinstance(item, Block):
-            self._of(item.device).take(item)
-        elif isinstance(item, Estimate):
-            newest = self._of(item.device)
-            newest.estimate, newest.estimate_ns = item, host_ns()
-        elif isinstance(item, DeviceEstimates):
-            newest = self._of(item.device)
-            newest.device_estimate, newest.device_estimate_ns = item, host_ns()
-        elif isinstance(item, DeviceFits):
-            newest = self._of(item.device)
-            newest.device_fits = newest.device_fits | item.axes
-        elif isinstance(item, Stats):
-            self._of(item.device).stats = item
-        elif isinstance(item, Fit):
-            self._of(item.device).fit = item
-        elif isinstance(item, Hello):
-            self._of(item.device).hello = self._introduced(item)
-        elif isinstance(item, Epoch):
-            newest = self._of(item.device)
-            newest.estimate = newest.device_estimate = newest.fit = (
-                None  # what the epoch before it gave is no longer so
-            )
-            newest.device_fits = {}
-        elif isinstance(item, Error):
+        if isinstance(item, Error):
             key = item.device or "", item.kind
             self._errors[key] = self._errors.get(key, 0) + 1
+            return
+        newest = self._newest.setdefault(getattr(item, "device", None) or "", Newest())
+        match item:
+            case Block():
+                newest.take(item)
+            case Estimate():
+                newest.estimate, newest.estimate_ns = item, host_ns()
+            case DeviceEstimates():
+                newest.device_estimate, newest.device_estimate_ns = item, host_ns()
+            case DeviceFits():
+                newest.device_fits = newest.device_fits | item.axes
+            case Stats():
+                newest.stats = item
+            case Fit():
+                newest.fit = item
+            case Hello():
+                newest.hello = self._introduced(item)
+            case Epoch():  # what the one before it gave is no longer so
+                newest.estimate = newest.device_estimate = newest.fit = None
+                newest.device_fits = {}
 
     def depart(self, departed: Departed) -> None:
         """Show nothing of a device any more."""
@@ -122,9 +117,6 @@ class MetricsSink(Sink):
         return msgspec.structs.replace(
             hello, device_id=None, sensor=None, firmware_version=None, sampling_mode="unknown"
         )
-
-    def _of(self, device: str | None) -> Newest:
-        return self._newest.setdefault(device or "", Newest())
 
 
 class _Handler(MetricsHandler):
@@ -168,15 +160,7 @@ class _Server6(_Server):
 
 def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
     handler.timeout = 10.0  # of a client that sends nothing
-    where = f"[metrics] address {host}, port {port}"
     try:
         return (_Server6 if ":" in host else _Server)((host, port), handler)
-    except PermissionError as error:
-        raise UsageError(f"{where}: ports below 1024 belong to the administrator; take another.") from error
-    except socket.gaierror as error:
-        raise UsageError(f"{where}: there is no such host ({error.strerror}).") from error
-    except OSError as error:
-        if error.errno == errno.EADDRINUSE:
-            hint = "another program has the port, perhaps another fltea: take another, or end that program."
-            raise FlteaError(f"{where}: {hint}") from error
-        raise UsageError(f"{where}: not an address of this machine ({error.strerror}).") from error
+    except (OSError, UnicodeError) as error:
+        raise cannot_listen("[metrics] address", host, port, error) from error

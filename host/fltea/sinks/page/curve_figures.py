@@ -4,13 +4,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from bokeh.models import ColumnDataSource, CustomJSTickFormatter, FixedTicker, HoverTool, Range1d
+from bokeh.models import CustomJSTickFormatter, FixedTicker, HoverTool, Range1d
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from fltea.records.device_fit import DeviceSpectrum
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum
-from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, MARK, SAMPLE, STATE
+from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, MARK, SAMPLE, STATE, source
 
 Array = NDArray[np.float64]
 
@@ -29,11 +29,11 @@ class CurveFigures:
     """Both figures and their sources; `show` fills them."""
 
     def __init__(self) -> None:
-        self.density = _source("hz", "density", "model")
-        self.of_board = _source("hz", "density")
-        self.left_out = _source("low", "high")
-        self.deviation = _source("tau", "low", "adev", "high", "model")
-        self.marks = _source("xs", "ys", "at", "level", "name", "colour")
+        self.density = source("hz", "density", "model")
+        self.of_board = source("hz", "density")
+        self.left_out = source("low", "high")
+        self.deviation = source("tau_s", "low", "adev", "high", "model")
+        self.marks = source("xs", "ys", "at", "level", "name", "colour")
         self._hz, self._densities, self._tau, self._deviations = _Frame(), _Frame(), _Frame(), _Frame()
         self.spectrum = self._spectrum()
         self.allan = self._allan()
@@ -49,13 +49,14 @@ class CurveFigures:
         board: the bins that the device itself fitted.
         """
         spectrum, allan = (fit.spectrum, fit.allan) if fit else (None, None)
-        self.density.data, self.left_out.data = _density(spectrum), _left_out(fit, spectrum)
-        hz, density = (board.hz, board.density) if board else ([], [])
-        self.of_board.data = {"hz": _positive(hz, len(hz)), "density": _positive(density, len(hz))}
+        self.density.data = _columns(spectrum, "hz", "density", "model")
+        self.left_out.data = _left_out(fit, spectrum)
+        self.of_board.data = _columns(board, "hz", "density")
         if spectrum is not None:
             self._hz.show(spectrum.hz, NARROW)
             self._densities.show([*spectrum.density, *spectrum.model], ROOM)
-        self.deviation.data, self.marks.data = _deviation(allan), _marks(allan)
+        self.deviation.data = _columns(allan, "tau_s", "low", "adev", "high", "model")
+        self.marks.data = _marks(allan)
         if allan is not None:
             self._tau.show(allan.tau_s, NARROW)
             self._deviations.show([*allan.low, *allan.adev, *allan.high], ROOM)
@@ -78,17 +79,17 @@ class CurveFigures:
 
     def _allan(self) -> figure:
         plot = _log_log("allan", "averaging time τ [s]", self._tau, self._deviations)
-        plot.varea("tau", "low", "high", source=self.deviation, color=ESTIMATE, alpha=0.25)
+        plot.varea("tau_s", "low", "high", source=self.deviation, color=ESTIMATE, alpha=0.25)
         plot.multi_line("xs", "ys", source=self.marks, color="colour", line_width=1.5, line_dash="dashed")
-        plot.line("tau", "adev", source=self.deviation, color=ESTIMATE, line_width=1.5)
-        points = plot.scatter("tau", "adev", source=self.deviation, color=ESTIMATE, size=5)
-        plot.line("tau", "model", source=self.deviation, color=FIT, line_width=2.5)
+        plot.line("tau_s", "adev", source=self.deviation, color=ESTIMATE, line_width=1.5)
+        points = plot.scatter("tau_s", "adev", source=self.deviation, color=ESTIMATE, size=5)
+        plot.line("tau_s", "model", source=self.deviation, color=FIT, line_width=2.5)
         plot.text(
             "at", "level", text="name", source=self.marks, text_color="colour", text_font_style="bold",
             text_baseline="bottom", text_align="center", text_font_size="15px", y_offset=-2,
         )  # fmt: skip
         tips = [
-            ("τ", "@tau{0.000} s"),
+            ("τ", "@tau_s{0.000} s"),
             ("deviation", "@adev{0.000e+0}"),
             ("95 %", "@low{0.000e+0} … @high{0.000e+0}"),
         ]
@@ -111,10 +112,6 @@ def _log_log(name: str, label: str, x: "_Frame", y: "_Frame") -> figure:
     plot.yaxis.ticker = plot.ygrid.ticker = y.ticker
     plot.axis.formatter = CustomJSTickFormatter(code="return Number(tick.toPrecision(1)).toString()")
     return plot
-
-
-def _source(*columns: str) -> ColumnDataSource:
-    return ColumnDataSource({name: [] for name in columns})
 
 
 def _positive(values: Sequence[float], length: int) -> Array:
@@ -155,11 +152,10 @@ def _ticks(start: float, end: float) -> list[float]:
     return [float(f"{step}e{power}") for power in powers for step in steps]
 
 
-def _density(s: FitSpectrum | None) -> dict[str, Array]:
-    if s is None:
-        return {name: np.empty(0) for name in ("hz", "density", "model")}
-    n = len(s.hz)
-    return {"hz": _positive(s.hz, n), "density": _positive(s.density, n), "model": _positive(s.model, n)}
+def _columns(curve: FitSpectrum | FitAllan | DeviceSpectrum | None, *names: str) -> dict[str, Array]:
+    """Return some columns of a curve, as long as the first of them; empty ones without a curve."""
+    found = [getattr(curve, name, ()) for name in names]
+    return {name: _positive(values, len(found[0])) for name, values in zip(names, found, strict=True)}
 
 
 def _left_out(fit: AxisFit | None, s: FitSpectrum | None) -> dict[str, list[float]]:
@@ -167,14 +163,6 @@ def _left_out(fit: AxisFit | None, s: FitSpectrum | None) -> dict[str, list[floa
     bands = fit.rate_left_out if fit and s and s.hz else []
     least = s.hz[0] / 10 if s and s.hz else 1.0
     return {"low": [max(low, least) for low, _ in bands], "high": [max(high, least) for _, high in bands]}
-
-
-def _deviation(a: FitAllan | None) -> dict[str, Array]:
-    if a is None:
-        return {name: np.empty(0) for name in ("tau", "low", "adev", "high", "model")}
-    n = len(a.tau_s)
-    columns = {"tau": a.tau_s, "low": a.low, "adev": a.adev, "high": a.high, "model": a.model}
-    return {name: _positive(values, n) for name, values in columns.items()}
 
 
 def _marks(a: FitAllan | None) -> dict[str, list[object]]:

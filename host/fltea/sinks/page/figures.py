@@ -9,7 +9,7 @@ from bokeh.models.annotations import BoxAnnotation, Span
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, INKED, SAMPLE, STATE
+from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, INKED, SAMPLE, STATE, source
 
 CHECKED = 1000
 """Innovations over which `stats` judges their whiteness."""
@@ -42,9 +42,9 @@ class Figures:
     """Figures by name, over five sources; `moment` is the time that all of them show, in ms."""
 
     def __init__(self) -> None:
-        self.rows, self.estimates = _source(ROWS), _source(ESTIMATES)
-        self.fits, self.checks = _source(FITS), _source(("time", "lag1", "nis"))
-        self.compared = _source(COMPARED)
+        self.rows, self.estimates = source(*ROWS), source(*ESTIMATES)
+        self.fits, self.checks = source(*FITS), source("time", "lag1", "nis")
+        self.compared = source(*COMPARED)
         self.moment = Range1d(start=0, end=1)
         self._heights: list[_Height] = []
         self.noise = self._noise()
@@ -145,10 +145,6 @@ def _finite(source: ColumnDataSource, names: Sequence[str]) -> NDArray[np.float6
     columns = [np.asarray(source.data[name], dtype=np.float64) for name in names]
     values: NDArray[np.float64] = np.concatenate(columns)
     return values[np.isfinite(values)]
-
-
-def _source(columns: Sequence[str]) -> ColumnDataSource:
-    return ColumnDataSource({name: [] for name in columns})
 
 
 class _Height:

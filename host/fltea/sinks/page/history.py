@@ -25,7 +25,6 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.settings.estimator import EstimateOn
-from fltea.sinks.page import row_layout
 from fltea.sinks.page.fits import Fits
 from fltea.sinks.page.happenings import EPOCH_WORDS, Happening, Happenings
 from fltea.sinks.page.tables import Tables
@@ -80,12 +79,12 @@ class DeviceHistory:
                     self._on_estimate(record)
                 case DeviceEstimates():
                     self.compared |= record.axes
-                    self.tables.add("compared", record.host_ns, record.axes, row_layout.compared)
+                    self.tables.add("compared", record.host_ns, record.axes)
                 case DeviceFits():
                     self.fits.take_device(record)
                 case Fit():
                     self.fits.take(record)
-                    self.tables.add("fits", record.host_ns, record.axes, row_layout.fit)
+                    self.tables.add("fits", record.host_ns, record.axes)
                 case Stats():
                     self._on_stats(record)
                 case Hello():
@@ -160,7 +159,7 @@ class DeviceHistory:
         self.newest.update(found)
         if self.tables.estimate_on == "device" and any(axis in AXES for axis in found):
             # The device's own estimates come at a pace of their own.
-            self.tables.add("own", record.host_ns, found, row_layout.estimate, record.seq)
+            self.tables.add("own", record.host_ns, found, record.seq)
         else:
             self._commit(record)
 
@@ -172,7 +171,7 @@ class DeviceHistory:
             self.tables.set_axes(tuple(record.axes))
             self._written_seq = self.sample.seq if self.sample else None  # its offset is not known
         if self.sample is not None:
-            self.tables.add("checks", self.sample.host_ns, record.axes, row_layout.checks)
+            self.tables.add("checks", self.sample.host_ns, record.axes)
 
     def _commit(self, estimate: Estimate | None) -> None:
         """Write the row of the last sample, with its estimate once there is one."""
@@ -183,7 +182,7 @@ class DeviceHistory:
         estimates = estimate.axes if estimate is not None and estimate.seq == sample.seq else {}
         found = {axis: (_value(sample, axis) - self.offset(axis), estimates.get(axis)) for axis in self.axes}
         self.tables.follow(sample.host_ns)
-        self.tables.add("rows", sample.host_ns, found, row_layout.sample, sample.seq, sample.temperature_c)
+        self.tables.add("rows", sample.host_ns, found, sample.seq, sample.temperature_c)
 
 
 def _value(sample: Sample, axis: str) -> float:

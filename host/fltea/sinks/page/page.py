@@ -21,7 +21,7 @@ from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
 from fltea.sinks.page.fits import Curves
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.row_layout import Table
+from fltea.sinks.page.tables import Table
 from fltea.sinks.page.tiers import WINDOWS, Cursor
 
 Array = NDArray[np.float64]

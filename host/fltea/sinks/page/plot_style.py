@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from bokeh.models import ColumnDataSource
+
 SAMPLE, STATE, ESTIMATE, FIT, MARK = "#8796ab", "#e07b00", "#2f7de1", "#10996b", "#a05fd0"
 """Colours that stand out on a light ground and on a dark one."""
 
@@ -21,3 +23,8 @@ COMMON: dict[str, Any] = {
     "output_backend": "canvas",
     "min_border_left": 64,
 }
+
+
+def source(*columns: str) -> ColumnDataSource:
+    """Return a source whose columns are empty."""
+    return ColumnDataSource({name: [] for name in columns})

@@ -1,12 +1,9 @@
 """Serves the page from a thread of its own, to browsers that came by a name of this machine."""
 
 import asyncio
-import errno
 import gc
-import socket
 import threading
 from collections.abc import Callable, Collection, Sequence
-from urllib.parse import urlsplit
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
@@ -20,9 +17,8 @@ from tornado.netutil import bind_sockets
 from tornado.routing import AnyMatches, Matcher, Rule, RuleRouter
 from tornado.web import Application as WebApplication
 
-from fltea.records.errors import FlteaError
 from fltea.records.ports import Report
-from fltea.sinks.own_names import is_own, own_names
+from fltea.sinks.listening import cannot_listen, is_from_here, is_own, own_names
 from fltea.sinks.page.visitors import Full, OneTooMany
 
 UNUSED_SESSION_MS = 5_000
@@ -44,14 +40,8 @@ class OwnName(Matcher):
 
     def match(self, request: HTTPServerRequest) -> dict[str, object] | None:
         """An empty match, or None for "not here"."""
-        host = request.host.lower()
-        origin = request.headers.get("Origin")
-        try:
-            if origin is not None and urlsplit(origin).netloc.lower() != host:
-                return None
-        except ValueError:  # no URL at all
-            return None
-        return {} if is_own(host, self._names) else None
+        is_from_us = is_from_here(request.host, request.headers.get("Origin"))
+        return {} if is_from_us and is_own(request.host, self._names) else None
 
 
 class PageServer:
@@ -77,7 +67,7 @@ class PageServer:
         try:
             sockets = bind_sockets(port, host)
         except (OSError, UnicodeError) as error:
-            raise FlteaError(_explain(host, port, error)) from error
+            raise cannot_listen("--dashboard", host, port, error) from error
         self.port: int = sockets[0].getsockname()[1]
         self._sockets = sockets
         self._names = own_names(host, names)
@@ -140,20 +130,3 @@ class PageServer:
         self._server.stop(wait=False)
         self._server.unlisten()
         self._loop.add_callback(self._loop.stop)
-
-
-def _explain(host: str, port: int, error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    if number == errno.EADDRINUSE:
-        return (
-            f"--dashboard: port {port} of {host} is taken by another program (another fltea?): give another "
-            f"port, or end that program; `ss -ltnp 'sport = :{port}'` names it."
-        )
-    if number == errno.EACCES:
-        return f"--dashboard: ports below 1024 need the rights of root: give a port above, not {port}."
-    if isinstance(error, socket.gaierror | UnicodeError) or number == errno.EADDRNOTAVAIL:
-        return (
-            f"--dashboard: {host} is no address of this machine: leave it out for the loopback, or give "
-            "0.0.0.0 to be reached from the network."
-        )
-    return f"--dashboard: cannot listen on {host}:{port}: {error}."

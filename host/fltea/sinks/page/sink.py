@@ -12,6 +12,7 @@ from fltea.records.records import Record
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.estimator import EstimateOn
 from fltea.settings.outputs import DashboardConfig
+from fltea.sinks.listening import url_of
 from fltea.sinks.page.actions import Actions
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
@@ -52,8 +53,7 @@ class DashboardSink(Sink):
     @property
     def url(self) -> str:
         """The address of the page."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        return f"http://{host}:{self._server.port}/"
+        return url_of(self._host, self._server.port)
 
     def write(self, item: Item) -> None:
         """Remember a record."""

@@ -1,20 +1,84 @@
 """The past of a device in rows, which the figures draw: one table for each pace at which rows come."""
 
-from collections.abc import Callable, Mapping
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
+from typing import Any, Literal
 
 import numpy as np
 
-from fltea.records.records import AXES
+from fltea.records.fit import AxisFit
+from fltea.records.records import AXES, AxisEstimate, DeviceAxisEstimate
 from fltea.settings.estimator import EstimateOn
-from fltea.sinks.page import row_layout
-from fltea.sinks.page.row_layout import Table
-from fltea.sinks.page.tiers import WINDOWS, Cursor, Rows, Tiers
+from fltea.sinks.page.answer import order
+from fltea.sinks.page.tiers import WINDOWS, Cursor, Kind, Rows, Tiers
 
 SILENCE_MS = 1000.0
 """After a pause of this length a line is interrupted."""
 
-Of = TypeVar("Of")
+Table = Literal["rows", "fits", "checks", "own", "compared"]
+"""fits: α and f of the fit with their intervals, NaN where undefined; own: estimates of the device in place
+of the host's; compared: those of the device that are compared with the host's, at its own pace."""
+
+ESTIMATE: dict[str, Kind] = dict.fromkeys(("state", "alpha", "alpha_std", "f", "f_std"), "mean")
+
+COMMON: dict[Table, dict[str, Kind]] = {
+    "rows": {"time": "mean", "seq": "max", "temperature": "mean"},
+    "fits": {"time": "mean"},
+    "checks": {"time": "mean"},
+    "own": {"time": "mean", "seq": "max"},
+    "compared": {"time": "mean"},
+}
+OF_AXIS: dict[Table, dict[str, Kind]] = {
+    "rows": {"y_low": "min", "y": "mean", "y_high": "max", **ESTIMATE},
+    "fits": dict.fromkeys(("alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high"), "mean"),
+    "checks": dict.fromkeys(("lag1", "nis"), "mean"),
+    "own": ESTIMATE,
+    "compared": {
+        "alpha": "mean",
+        "f": "mean",
+        "apart_low": "min",
+        "apart": "mean",
+        "apart_high": "max",
+        "f_apart": "max",
+    },
+}
+"""Columns of each axis. y: the sample without its offset; apart: α of the device minus that of the host;
+f_apart: how far its f is from the host's."""
+
+
+Numbers = Sequence[float | None]
+
+_of_estimate = attrgetter(*ESTIMATE)
+
+
+def _of_sample(found: tuple[float, AxisEstimate | None]) -> Numbers:
+    """A sample without its offset, and its estimate."""
+    y, e = found
+    return [y, y, y, *(_of_estimate(e) if e else [None] * len(ESTIMATE))]
+
+
+def _of_fit(found: AxisFit) -> Numbers:
+    """α and f with their intervals."""
+    row: list[float | None] = []
+    for p in order(found):
+        row += [p.low, p.value, p.high] if p else [None] * 3
+    return row
+
+
+def _of_compared(e: DeviceAxisEstimate) -> Numbers:
+    """What a device's own estimate says, and how far it is from the host's."""
+    apart, f_apart = e.alpha_difference, e.f_difference
+    return [e.alpha, e.f, apart, apart, apart, None if f_apart is None else abs(f_apart)]
+
+
+NUMBERS: dict[Table, Callable[[Any], Numbers]] = {
+    "rows": _of_sample,
+    "fits": _of_fit,
+    "checks": attrgetter("innovation_lag1", "innovation_nis"),
+    "own": _of_estimate,
+    "compared": _of_compared,
+}
+"""What a record's axis says, in the order of the columns."""
 
 
 class Tables:
@@ -69,20 +133,13 @@ class Tables:
             self._cut(self._last_ms if np.isfinite(self._last_ms) else time_ms)
         self._last_ms = time_ms
 
-    def add(
-        self,
-        table: Table,
-        host_ns: int,
-        found: Mapping[str, Of],
-        columns: Callable[[Of | None], list[float | None]],
-        *common: float | None,
-    ) -> None:
+    def add(self, table: Table, host_ns: int, found: Mapping[str, Any], *common: float | None) -> None:
         """Append a row: the time, what is common to all axes, and the columns of each axis."""
         if not self.axes:
             return
         row: list[float | None] = [host_ns * 1e-6, *common]
         for axis in self.axes:
-            row += columns(found.get(axis))
+            row += NUMBERS[table](found[axis]) if axis in found else [None] * len(OF_AXIS[table])
         self._tables[table].append(np.array(row, dtype=np.float64))
 
     def read(self, table: Table, window: int, cursor: Cursor) -> Rows:
@@ -91,7 +148,9 @@ class Tables:
 
     def columns(self, table: Table, axis: str) -> dict[str, int]:
         """Return where the columns that concern an axis stand in the table's rows."""
-        return row_layout.places(table, self.axes, axis)
+        common, names = COMMON[table], OF_AXIS[table]
+        first = len(common) + self.axes.index(axis) * len(names)
+        return {name: i for i, name in enumerate(common)} | {name: first + i for i, name in enumerate(names)}
 
     def farthest(self, window: int, end_ms: float) -> dict[str, tuple[float, float]]:
         """Return how far device and host are apart at most in a window, in α and in f; NaN: unknown."""
@@ -110,16 +169,17 @@ class Tables:
             table.cut(time_ms)
 
     def _make(self) -> None:
-        axes = len(self.axes)
-        self._tables: dict[Table, Tiers] = {
-            "rows": row_layout.make("rows", axes, self._rate_hz),
-            "fits": row_layout.make("fits", axes, 1.0),
-            "checks": row_layout.make("checks", axes, 1.0),
-        }
+        self._tables: dict[Table, Tiers] = {}
+        self._add_table("rows", self._rate_hz)
+        self._add_table("fits", 1.0)
+        self._add_table("checks", 1.0)
         self._make_of_device()
 
     def _make_of_device(self) -> None:
         tables: dict[EstimateOn, Table] = {"device": "own", "both": "compared"}
-        table = tables.get(self.estimate_on)
-        if table is not None:
-            self._tables[table] = row_layout.make(table, len(self.axes), self._rate_hz / self._every)
+        if self.estimate_on in tables:
+            self._add_table(tables[self.estimate_on], self._rate_hz / self._every)
+
+    def _add_table(self, table: Table, rate_hz: float) -> None:
+        kinds = [*COMMON[table].values(), *[*OF_AXIS[table].values()] * len(self.axes)]
+        self._tables[table] = Tiers(kinds, rate_hz)

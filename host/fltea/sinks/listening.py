@@ -1,0 +1,71 @@
+"""Where servers here listen, and who may ask: those who name this machine, and whose page came from here.
+
+A page of somebody else's site could let its own name resolve to this machine (DNS rebinding) and then read
+what we serve as its own; its requests still name that site as their `Host`. Bare addresses are no names, so
+they pass.
+"""
+
+import errno
+import ipaddress
+import socket
+from collections.abc import Collection
+from urllib.parse import urlsplit
+
+from fltea.records.errors import FlteaError, UsageError
+
+
+def own_names(host: str, others: Collection[str]) -> set[str]:
+    """Names under which what listens at `host` may be asked for, in lower case."""
+    machine = socket.gethostname()
+    names = {"localhost", host, machine, machine.partition(".")[0] + ".local", *others}
+    return {name.lower() for name in names}
+
+
+def is_own(host: str, names: Collection[str]) -> bool:
+    """Whether a request's `Host`, with or without a port, is one of `names` or a bare address."""
+    try:
+        name = (urlsplit(f"//{host.lower()}").hostname or "").rstrip(".")
+    except ValueError:  # no URL at all
+        return False
+    return name in names or _is_address(name)
+
+
+def is_from_here(host: str, origin: str | None) -> bool:
+    """Whether the page that asks `host`, if it is a page that asks, came from there too."""
+    try:
+        return origin is None or urlsplit(origin).netloc.lower() == host.lower()
+    except ValueError:  # no URL at all
+        return False
+
+
+def url_of(host: str, port: int) -> str:
+    """Return the address of what listens."""
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+
+
+def cannot_listen(option: str, host: str, port: int, error: Exception) -> FlteaError:
+    """Return the error to be raised, which states what to do. option: where the address was given."""
+    if isinstance(error, PermissionError):
+        return UsageError(
+            f"{option}: ports below 1024 need the rights of root: give a port above, not {port}."
+        )
+    number = getattr(error, "errno", None)
+    if number == errno.EADDRINUSE:
+        return FlteaError(
+            f"{option}: port {port} of {host} is taken by another program (another fltea?): give another "
+            f"port, or end that program; `ss -ltnp 'sport = :{port}'` names it."
+        )
+    if isinstance(error, socket.gaierror | UnicodeError) or number == errno.EADDRNOTAVAIL:
+        return UsageError(
+            f"{option}: {host} is no address of this machine: leave it out for the loopback, or give "
+            "0.0.0.0 to be reached from the network."
+        )
+    return UsageError(f"{option}: cannot listen on {host}:{port}: {error}.")
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
