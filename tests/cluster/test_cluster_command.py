@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cluster_support import rows_in
-from fltea.cli import app as cli
+from cluster_support import command, rows_in
 from fltea.cli import many
 from fltea.cluster.listing import JOURNAL
 from fltea.cluster.run import Progress
@@ -42,12 +41,8 @@ def test_a_summary() -> None:
     )
 
 
-def here(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    """The command in this process, which has loaded everything; its exit code."""
-    monkeypatch.setattr("sys.argv", ["fltea", "identify", *QUICK, *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0)
+def here(monkeypatch: pytest.MonkeyPatch, *arguments: object, jobs: int = 1) -> int:
+    return command(monkeypatch, *arguments, "--jobs", jobs)
 
 
 def journal_rows(journal: Path) -> list[dict[str, Any]]:
@@ -63,8 +58,8 @@ def test_a_client_that_is_killed_and_called_again(
     for i in range(8):
         npz(tmp_path / "in" / f"{i}.npz", counts(2000, 1, seed=i))
     out = tmp_path / "v.parquet"
-    command = [sys.executable, "-m", "fltea", "identify", str(tmp_path / "in"), "--out", str(out), *QUICK]
-    client = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    line = [sys.executable, "-m", "fltea", "identify", str(tmp_path / "in"), "--out", str(out), *QUICK]
+    client = subprocess.Popen(line, stderr=subprocess.DEVNULL)
     journal = out / JOURNAL
     wait_until(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 2, "two files")
     client.send_signal(signal.SIGKILL)
@@ -132,7 +127,7 @@ def test_ctrl_c_says_how_to_go_on(
 def test_a_file_that_is_named_twice_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also while it is under way."""
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
-    assert here(monkeypatch, path, f"{tmp_path}/*.npz", "--out", out, "--jobs", "2") == 0
+    assert here(monkeypatch, path, f"{tmp_path}/*.npz", "--out", out, jobs=2) == 0
     assert [row["axis"] for row in rows_in(out)] == ["gyro_x"]
 
 

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from cluster_support import ASK, identified, rows_in, values
-from fltea.cluster.listing import files_of
+from fltea.cluster.listing import File, files_of
 from fltea.cluster.pieces import cuts_of
 from fltea.cluster.summed import PieceSums, fit_pieces, sum_piece
 from fltea.cluster.whole import Ask, identify_file
@@ -32,15 +32,21 @@ def ask(pieces: int, samples: int = FEW) -> Ask:
     return msgspec.structs.replace(ASK, how=HOW, block_bytes=8 * samples // pieces + 256)
 
 
+def saved(folder: Path, y: np.ndarray) -> File:
+    np.save(folder / "a.npy", y)
+    (file,) = files_of([str(folder / "a.npy")])
+    return file
+
+
+def summed(file: File, pieces: int = 4, samples: int = FEW) -> list[PieceSums | str]:
+    how = ask(pieces, samples)
+    return [sum_piece(file, cut, how) for cut in cuts_of(file, how)]
+
+
 def test_the_answer_of_the_whole(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", NOISE)
-    (file,) = files_of([str(tmp_path / "a.npy")])
+    file = saved(tmp_path, NOISE)
     (whole,) = identify_file(file, ask(1, N))
-    how = ask(4, N)
-    cuts = cuts_of(file, how)
-    assert len(cuts) == 4
-    sums = [sum_piece(file, cut, how) for cut in cuts]
-    (row,) = fit_pieces(file, how, sums)
+    (row,) = fit_pieces(file, ask(4, N), summed(file, 4, N))
     assert (row.kind, row.parts, row.unit, row.samples) == (whole.kind, 4, whole.unit, whole.samples)
     assert (row.lost, row.rate_hz, row.lsb) == (whole.lost, pytest.approx(whole.rate_hz), whole.lsb)
     assert (row.mean, row.std) == (pytest.approx(whole.mean), pytest.approx(whole.std, rel=1e-9))
@@ -58,19 +64,16 @@ def test_the_answer_of_the_whole(tmp_path: Path) -> None:
 def test_a_change_is_seen_across_pieces(tmp_path: Path) -> None:
     """No piece shows it by itself; and the Allan deviation is of all of them."""
     louder = np.repeat([1.0, 1.0, 2.0, 2.0], FEW // 4)
-    np.save(tmp_path / "a.npy", louder * (SHORT - 1.5))
-    (file,) = files_of([str(tmp_path / "a.npy")])
+    file = saved(tmp_path, louder * (SHORT - 1.5))
     (whole,) = identify_file(file, ask(1))
-    sums = [sum_piece(file, cut, ask(4)) for cut in cuts_of(file, ask(4))]
-    (row,) = fit_pieces(file, ask(4), sums)
+    (row,) = fit_pieces(file, ask(4), summed(file))
     assert row.kind == whole.kind == "not stationary"
     assert pytest.approx(whole.N, rel=0.02) == row.N
 
 
 def test_pieces_of_other_scales_are_left_out(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", SHORT)
-    (file,) = files_of([str(tmp_path / "a.npy")])
-    sums = [sum_piece(file, cut, ask(4)) for cut in cuts_of(file, ask(4))]
+    file = saved(tmp_path, SHORT)
+    sums = summed(file)
     assert isinstance(sums[1], PieceSums)
     sums[1] = msgspec.structs.replace(sums[1], rate_hz=200.0)
     (row,) = fit_pieces(file, ask(4), sums)
@@ -94,18 +97,15 @@ def test_a_bad_piece_fails_its_file_once(tmp_path: Path) -> None:
 def test_a_piece_without_a_number_is_a_gap(tmp_path: Path) -> None:
     holed = np.array(SHORT)
     holed[FEW // 4 : FEW // 2] = np.nan
-    np.save(tmp_path / "a.npy", holed)
-    np.save(tmp_path / "b.npy", holed * np.nan)
-    file, nothing = files_of([f"{tmp_path}/*.npy"])
+    file = saved(tmp_path, holed)
     (whole,) = identify_file(file, ask(1))
-    (row,) = fit_pieces(file, ask(4), [sum_piece(file, cut, ask(4)) for cut in cuts_of(file, ask(4))])
+    (row,) = fit_pieces(file, ask(4), summed(file))
     assert (row.error, row.parts, row.samples, row.lost) == (None, 3, FEW * 3 // 4, FEW // 4)
     assert (row.lost, row.kind) == (whole.lost, whole.kind)
     assert "missing_numbers" in (row.traps or [])
-    (row,) = fit_pieces(
-        nothing, ask(4), [sum_piece(nothing, cut, ask(4)) for cut in cuts_of(nothing, ask(4))]
-    )
-    assert "b.npy from byte" in (row.error or "")
+    nothing = saved(tmp_path, holed * np.nan)
+    (row,) = fit_pieces(nothing, ask(4), summed(nothing))
+    assert "a.npy from byte" in (row.error or "")
     assert "column 1 is empty" in (row.error or "")
     assert (row.again, row.parts) == (False, 4)
 

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cluster_support import ASK, identified, open_table, rows_in
-from fltea.cli import app as cli
+from cluster_support import ASK, command, identified, open_table, rows_in
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.identification.run import identify_all
 from fltea.identification.workers import Here
@@ -19,15 +18,6 @@ from toolchain import missing
 from tools.faults.cluster import Cluster
 
 FILES, DONE = 8, 3
-QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100")
-
-
-def identify(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    """The command in this process; its exit code."""
-    monkeypatch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *QUICK])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0)
 
 
 @pytest.mark.slow
@@ -53,7 +43,7 @@ def test_killed_and_another_one(
                 cluster.kill()
 
         patch.setattr(VerdictTable, "add", add_and_kill)
-        assert identify(patch, tmp_path / "in", "--dask", cluster.address, "--out", out) == 1
+        assert command(patch, tmp_path / "in", "--dask", cluster.address, "--out", out) == 1
     said = capsys.readouterr().err
     assert f"--dask {cluster.address}: the scheduler is gone" in said
     assert "Traceback" not in said
@@ -61,7 +51,7 @@ def test_killed_and_another_one(
     assert DONE <= len(first) < FILES
 
     with closing(Cluster()) as cluster:
-        assert identify(monkeypatch, tmp_path / "in", "--dask", cluster.address, "--out", out) == 0
+        assert command(monkeypatch, tmp_path / "in", "--dask", cluster.address, "--out", out) == 0
     assert f"{FILES - len(first)} files done, {len(first)} were done before" in capsys.readouterr().err
     found = rows_in(out)
     assert len(found) == FILES

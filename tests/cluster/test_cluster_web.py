@@ -4,7 +4,6 @@ import os
 import ssl
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -13,7 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import ASK, identified, rows_in
+from cluster_support import ASK, identified, rows_in, web_server
 from fltea.cluster import listing
 from fltea.cluster.listing import files_of
 from fltea.identification.workers import Here
@@ -44,12 +43,8 @@ def files(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def server(files: Path) -> Iterator[ThreadingHTTPServer]:
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(files))) as one:
-        thread = threading.Thread(target=one.serve_forever, args=(0.02,))
-        thread.start()
+    with web_server(partial(Quiet, directory=str(files))) as one:
         yield one
-        one.shutdown()
-        thread.join()
 
 
 def test_https_with_a_certificate_of_ones_own(

@@ -1,6 +1,5 @@
 """Arrays in .npy files and tables in Parquet: the same columns, times and gaps as text."""
 
-import contextlib
 import sys
 from pathlib import Path
 
@@ -15,8 +14,6 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pyarrow import parquet
 
 N = 300
@@ -177,32 +174,3 @@ def test_parquet_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(UsageError, match=r"Parquet files need the package pyarrow.*\[tables\]"):
         ReplaySource(tmp_path / "rest.parquet", how=How(rate_hz=100.0))
-
-
-@given(
-    st.lists(
-        st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=8), st.integers(0, 8)),
-        min_size=1,
-        max_size=3,
-    ),
-    st.sampled_from(["rest.npy", "rest.parquet"]),
-)
-@settings(max_examples=100)
-def test_files_that_were_changed_anywhere(
-    tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[float, bytes, int]], name: str
-) -> None:
-    folder = tmp_path_factory.getbasetemp()
-    if name == "rest.npy":
-        npy(folder, GYRO[:20], rate_hz=100.0, units="dps")
-    else:
-        table(folder, {"time_s": TIMES_S[:20], "gyro_x_dps": GYRO[:20, 0]})
-    data = (folder / name).read_bytes()
-    for place, put, gone in changes:
-        at = int(place * len(data))
-        data = data[:at] + put + data[at + gone :]
-    (folder / name).write_bytes(data)
-    how = How(rate_hz=100.0, units="dps")
-    with contextlib.suppress(UsageError):
-        read = open_npy if name == "rest.npy" else open_parquet
-        found = read(folder / name, how, Limits(max_mb=1)).whole()
-        assert np.isfinite(found.gyro).all()

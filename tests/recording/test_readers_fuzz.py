@@ -9,20 +9,26 @@ from pathlib import Path
 from typing import Any
 
 import hostile_files
+import msgspec
 import numpy as np
+import pyarrow as pa
 import pytest
 from fltea.archive.export import export
 from fltea.archive.info import as_text, summarise
-from fltea.identification.load import Request, load
+from fltea.identification.load import Loaded, Request, load
+from fltea.recording.npz_file import NPZ_ARRAYS
 from fltea.recording.recovery import recover
 from fltea.recording.session import SESSION
 from fltea.records.errors import FlteaError
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import Limits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Message, Metadata
 from mcap_support import record, transport
+from pyarrow import parquet
+from tiers import slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
 MOST_BYTES = 40_000_000
@@ -36,23 +42,8 @@ changes = st.lists(
 )
 """Where, what is put there, and how much goes for it."""
 
-NUMBERS = [
-    0,
-    -1,
-    1,
-    2**31,
-    2**32,
-    2**63 - 1,
-    2**63,
-    2**64 - 1,
-    10**30,
-    1e-320,
-    1e-9,
-    1e308,
-    1e999,
-    True,
-    None,
-]
+WHOLE = [0, -1, 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 10**30]
+NUMBERS = [*WHOLE, 1e-320, 1e-9, 1e308, 1e999, True, None]
 ODD = [*NUMBERS, "", "x", "1", [], [0.0] * 4, ["x"], {}, {"a": 1}, "\x1b[31m"]
 odd = st.sampled_from(ODD)
 
@@ -66,11 +57,12 @@ def changed(data: bytes, how: list[Change]) -> bytes:
 
 def walk(path: Path) -> None:
     """All that reads recordings, to its end."""
+    how = How(rate_hz=100.0, units="dps") if path.suffix == ".npy" else AS_IT_SAYS
     out = path.with_name("out.npz")
     for what in (
-        lambda: as_text(summarise([path], 100, LIMITS)),
-        lambda: load(Request((path,), limits=LIMITS)),
-        lambda: export([path], out, "samples", 100, force=True, limits=LIMITS),
+        lambda: as_text(summarise([path], 100, LIMITS, how)),
+        lambda: check_finite(load(Request((path,), None, how, LIMITS))),
+        lambda: export([path], out, "samples", 100, force=True, limits=LIMITS, how=how),
         lambda: export([path], out.with_suffix(".csv"), "estimates", 100, force=True, limits=LIMITS),
     ):
         with contextlib.suppress(FlteaError):
@@ -78,6 +70,10 @@ def walk(path: Path) -> None:
     if path.suffix == ".mcap":
         with contextlib.suppress(FlteaError):
             recover(path, in_place=True, limits=LIMITS)
+
+
+def check_finite(found: Loaded) -> None:
+    assert all(np.isfinite(one.y).all() for one in found.axes.values())
 
 
 def check(folder: Path, name: str, data: bytes) -> None:
@@ -113,25 +109,27 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Files:
     for name in ("rest.npz", "rest.csv"):
         export([mcap], folder / name, "samples", 100)
         found[name] = (folder / name).read_bytes()
-    import msgspec
-
     found["run.ndjson"] = b"\n".join(msgspec.json.encode(line) for line in lines) + b"\n"
-    return found
+    gyro = np.random.default_rng(1).normal(size=(120, 1))
+    np.save(folder / "rest.npy", gyro)
+    table = pa.table({"time_s": np.arange(120) / 100, "gyro_x_dps": gyro[:, 0]})
+    parquet.write_table(table, folder / "rest.parquet")
+    return Files(found | {name: (folder / name).read_bytes() for name in ("rest.npy", "rest.parquet")})
 
 
-KINDS = ["due.mcap", "rest.npz", "rest.csv", "run.ndjson"]
+KINDS = ["due.mcap", "rest.npz", "rest.csv", "run.ndjson", "rest.npy", "rest.parquet"]
 
 
 @pytest.mark.parametrize("name", KINDS)
 def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
     (folder / name).write_bytes(real[name])
-    assert summarise([folder / name], 100, LIMITS).samples > 100
+    how = How(rate_hz=100.0, units="dps") if name == "rest.npy" else AS_IT_SAYS
+    assert summarise([folder / name], 100, LIMITS, how).samples > 100
 
 
-@pytest.mark.slow
 @given(how=changes)
-@settings(max_examples=30)
-@pytest.mark.parametrize("name", KINDS)
+@settings(max_examples=50)
+@pytest.mark.parametrize("name", slow_but(["rest.npy", "rest.parquet"], KINDS))
 def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path, how: list[Change]) -> None:
     check(folder, name, changed(real[name], how))
 
@@ -155,17 +153,8 @@ def test_ndjson_with_odd_values(real: Files, folder: Path, line: int, key: int, 
     check(folder, "run.ndjson", text.encode())
 
 
-ARRAYS = (
-    "gyro_raw",
-    "accel_raw",
-    "fs_hz",
-    "lsb_per_dps",
-    "accel_lsb_per_g",
-    "t_host_s",
-    "time_s",
-    "seq",
-    "epoch",
-)
+ARRAYS = [name for name in NPZ_ARRAYS if name not in ("gyro_dps", "accel_ms2")]
+"""Those of counts."""
 
 
 @pytest.mark.slow

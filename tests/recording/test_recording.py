@@ -1,154 +1,39 @@
-"""Recording files: what is in them comes out; what is wrong is named by file, line and reason."""
+"""Units of rates, and .npz files: what is in them comes out; what is wrong is named by file and reason."""
 
-import contextlib
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.recording.csv_file import open_csv, read_csv
 from fltea.recording.files import parse_units
 from fltea.recording.npz_file import read_npz
 from fltea.records.errors import UsageError
 from fltea.records.records import Estimate
-from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from host_support import QUICK, fltea, strict_records
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-HEADER = "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n"
+from text_files import refusal as refused_text
+from text_files import stored
 
 
-def csv_file(tmp_path: Path, text: str | bytes) -> Path:
-    path = tmp_path / "rest.csv"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return path
-
-
-def refusal(reader, path: Path, *arguments: object) -> str:
-    """The reason, which stands behind the file's name and, where there is one, the line."""
+def refusal(path: Path) -> str:
+    """The reason, which stands behind the file's name."""
     with pytest.raises(UsageError) as caught:
-        reader(path, *arguments)
+        read_npz(path)
     text = str(caught.value)
     assert text.startswith(f"{path}:"), text
     return text.removeprefix(str(path))
 
 
-# --- CSV ---
-
-
-def test_csv_with_our_own_column_names(tmp_path: Path) -> None:
-    found = read_csv(csv_file(tmp_path, HEADER + "0,1,2,3\n0.02,4,5,6\n0.04,7,8,9.5\n"))
-    assert found.gyro.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9.5]]
-    assert found.device_s.tolist() == [0, 0.02, 0.04]
-    assert found.rate_hz == pytest.approx(50)
-    assert (found.lsb_per_dps, found.host_s, found.accel) == (None, None, None)
-
-
-def test_csv_with_named_columns_in_their_order(tmp_path: Path) -> None:
-    path = csv_file(tmp_path, "t,gx,gy,note\n0,1,2,a\n1,3,4,b\n")
-    found = read_csv(path, ["gy", "gx"], "dps", 1.0)
-    assert found.gyro.tolist() == [[2, 1], [4, 3]]
-    assert found.device_s.tolist() == [0, 1]
-
-
-def test_csv_takes_the_axes_that_are_there(tmp_path: Path) -> None:
-    found = read_csv(csv_file(tmp_path, "gyro_z_dps,gyro_x_dps\n3,1\n"), rate_hz=10)
-    assert found.gyro.tolist() == [[1, 3]]
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"\xef\xbb\xbf" + HEADER.encode() + b"0,1,2,3\n1,4,5,6\n",
-        (HEADER + "0,1,2,3\n1,4,5,6\n").replace("\n", "\r\n").encode(),
-        (HEADER + "0,1,2,3\n1,4,5,6").encode(),
-        (HEADER + "\n0,1,2,3\n\n1,4,5,6\n\n").encode(),
-        (HEADER.replace(",", " , ") + " 0 , 1 , 2 , 3 \n1,4,5,6\n").encode(),
-        (HEADER + '"0","1","2","3"\n1,4,5,6,surplus\n').encode(),
-    ],
-    ids=["BOM", "CRLF", "no last newline", "blank lines", "blanks", "quotes and a surplus field"],
-)
-def test_csv_in_the_forms_that_programs_write(data: bytes, tmp_path: Path) -> None:
-    found = read_csv(csv_file(tmp_path, data))
-    assert found.gyro.tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert found.rate_hz == 1.0
-
-
-BAD_CSV = {
-    "empty file": ("", ":1: no columns", "no header"),
-    "other names": ("p,q\n1,2\n", ":1: no columns", "p, q", "--columns"),
-    "header only": (HEADER, "no rows"),
-    "header and blanks only": (HEADER + "\n\n", "no rows"),
-    "text": (HEADER + "0,1,2,3\n1,4,five,6\n", "the first is 3: ", "'gyro_y_dps'", "'five' is not a number"),
-    "an empty column": (HEADER + "0,1,,3\n1,1,,3\n", ":2: ", "column gyro_y_dps is empty"),
-    "decimal comma": (HEADER + '0,"1,5",2,3\n', ":2: ", "'1,5' is not a number"),
-    "infinity": (HEADER + "0,-inf,2,3\n", ":2: ", "column gyro_x_dps is empty"),
-    "too large": (HEADER + "0,1e99,2,3\n", ":2: ", "more than 1e+06 deg/s"),
-    "NaN as every time": (HEADER + "nan,1,2,3\n", ":2: ", "column time_s is empty"),
-    "short row": (HEADER + "0,1,2,3\n1,4\n", "the first is 3: ", "has 2 fields", "'gyro_y_dps' is number 3"),
-    "text after blank lines": (HEADER + "\n\n0,1,2,3\n\n1,x,5,6\n", "the first is 6: ", "'x'"),
-    "time stands": (HEADER + "0,1,2,3\n1,4,5,6\n1,4,5,7\n", "'time_s': the steps are too uneven"),
-    "time runs backwards": (HEADER + "0,1,2,3\n2,4,5,6\n\n1,4,5,6\n3,1,1,1\n", "too uneven"),
-    "no time and no rate": ("gyro_x_dps\n1\n2\n", "no column 'time_s'", "--rate"),
-    "one row and no rate": ("time_s,gyro_x_dps\n0,1\n", "--rate"),
-    "not UTF-8": (HEADER.encode() + b"0,1,\xff,2\n", ":2: ", "'gyro_y_dps': 'ÿ' is not a number"),
-    "UTF-16": (HEADER.encode("utf-16"), "cannot be read as CSV (it is UTF-16; save it as UTF-8)"),
-}
-
-
-@pytest.mark.parametrize("name", BAD_CSV)
-def test_bad_csv(name: str, tmp_path: Path) -> None:
-    data, place, *words = BAD_CSV[name]
-    reason = refusal(read_csv, csv_file(tmp_path, data))
-    assert place in reason
-    for word in words:
-        assert any(choice in reason for choice in word.split("|")), reason
-
-
-def test_a_given_rate_wins_over_the_times(tmp_path: Path) -> None:
-    path = csv_file(tmp_path, "time_s,gyro_x_dps\n0,1\n1,1\n0.5,1\n")
-    assert "too uneven" in refusal(read_csv, path)
-    assert read_csv(path, rate_hz=10.0).device_s.tolist() == [0, 0.1, 0.2]
-
-
-def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path: Path) -> None:
-    """Rounding each step by itself would make gaps of jitter, and a wrong rate of bursts."""
-    random = np.random.default_rng(1)
-    for jitter_s, works in ((0.0005, True), (0.004, False)):
-        times_s = np.arange(2000) * 0.01 + random.uniform(-jitter_s, jitter_s, 2000)
-        path = csv_file(tmp_path, "time_s,gyro_x_dps\n" + "".join(f"{t!r},1\n" for t in times_s.tolist()))
-        if works:
-            assert read_csv(path).rate_hz == pytest.approx(100, rel=1e-3)
-        else:
-            assert "too uneven" in refusal(read_csv, path)
-            assert "--rate" in refusal(read_csv, path)
+# --- units ---
 
 
 @pytest.mark.parametrize(("value", "units"), [("1e200", "dps"), ("-2e6", "dps"), ("1e300", "rad/s")])
 def test_rates_that_no_gyroscope_has_are_left_out(value: str, units: str, tmp_path: Path) -> None:
-    found = open_csv(csv_file(tmp_path, f"gx\n1\n{value}\n2\n"), How(units=units, rate_hz=100.0))
+    found = stored(tmp_path, f"gx\n1\n{value}\n2\n", units=units, rate_hz=100.0)
     assert found.whole().seq.tolist() == [0, 2]  # type: ignore[union-attr]
     assert ":3: the first of 1 rows (of 3) with more than 1e+06 deg/s" in found.notes[0].text
-    path = csv_file(tmp_path, f"gx\n{value}\n{value}\n")
-    assert refusal(read_csv, path, ["gx"], units, 100.0).startswith(":2: more than 1e+06 deg/s")
-
-
-def test_an_underscore_makes_no_number(tmp_path: Path) -> None:
-    assert "'1_0' is not a number" in refusal(
-        read_csv, csv_file(tmp_path, "gyro_x_dps\n1_0\n"), None, "dps", 100.0
-    )
-
-
-def test_missing_columns_are_all_named(tmp_path: Path) -> None:
-    reason = refusal(read_csv, csv_file(tmp_path, "gx,gy\n1,2\n"), ["gx", "wy", "wz"])
-    assert reason.startswith(":1: no column wy, wz (it has: gx, gy)")
-
-
-def test_four_columns_are_too_many(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="4 columns"):
-        read_csv(csv_file(tmp_path, "a,b,c,d\n1,2,3,4\n"), ["a", "b", "c", "d"])
+    reason = refused_text(tmp_path, f"gx\n{value}\n{value}\n", columns=["gx"], units=units, rate_hz=100.0)
+    assert reason.startswith(":2: more than 1e+06 deg/s")
 
 
 @pytest.mark.parametrize(
@@ -163,7 +48,7 @@ def test_four_columns_are_too_many(tmp_path: Path) -> None:
     ],
 )
 def test_units(units: str, value: float, dps: float, tmp_path: Path) -> None:
-    found = read_csv(csv_file(tmp_path, f"gx\n{value}\n"), ["gx"], units, 100.0)
+    found = stored(tmp_path, f"gx\n{value}\n", columns=["gx"], units=units, rate_hz=100.0).whole()
     assert found.gyro[0, 0] == pytest.approx(dps)  # counts stay counts, and their scale stands beside
     assert found.lsb_per_dps == (16.4 if units == "lsb:16.4" else None)
 
@@ -172,28 +57,6 @@ def test_units(units: str, value: float, dps: float, tmp_path: Path) -> None:
 def test_unknown_unit_tells_the_known_ones(units: str) -> None:
     with pytest.raises(UsageError, match=r"deg/s, °/s, dps, mdps, rad/s, or lsb:N"):
         parse_units(units)
-
-
-table = st.lists(st.tuples(*[st.floats(-2000, 2000)] * 2), min_size=1, max_size=20)
-
-
-@given(table)
-@settings(max_examples=50)
-def test_csv_gives_back_every_bit(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]]):
-    path = tmp_path_factory.getbasetemp() / "bits.csv"
-    path.write_text("b,a\n" + "".join(f"{b!r},{a!r}\n" for b, a in rows))
-    assert read_csv(path, ["b", "a"], "dps", 1.0).gyro.tolist() == [list(row) for row in rows]
-
-
-@given(st.binary(max_size=200), st.sampled_from([b"", b"gyro_x_dps\n", HEADER.encode()]))
-@settings(max_examples=300)
-def test_any_bytes_give_a_recording_or_a_usage_error(
-    tmp_path_factory: pytest.TempPathFactory, data: bytes, header: bytes
-) -> None:
-    path = tmp_path_factory.getbasetemp() / "any.csv"
-    path.write_bytes(header + data)
-    with contextlib.suppress(UsageError):
-        assert np.isfinite(read_csv(path, rate_hz=100.0).gyro).all()
 
 
 # --- npz ---
@@ -269,7 +132,7 @@ BAD_NPZ = {
 @pytest.mark.parametrize("name", BAD_NPZ)
 def test_bad_npz(name: str, tmp_path: Path) -> None:
     changes, *words = BAD_NPZ[name]
-    reason = refusal(read_npz, npz_file(tmp_path, **changes))
+    reason = refusal(npz_file(tmp_path, **changes))
     for word in words:
         assert word in reason
 
@@ -281,17 +144,12 @@ def test_what_is_not_needed_is_not_read(tmp_path: Path) -> None:
     assert read_npz(path, Limits(max_mb=0.001)).gyro.tolist() == GOOD["gyro_raw"].tolist()
 
 
-@pytest.mark.parametrize("data", [b"", b"hello", b"\x93NUMPY", b"PK\x03\x04" + bytes(50)])
-def test_other_files_are_no_npz(data: bytes, tmp_path: Path) -> None:
+@pytest.mark.parametrize("data", [b"", b"hello", b"\x93NUMPY", b"PK\x03\x04" + bytes(50), None])
+def test_other_files_are_no_npz(data: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "rest.npz"
-    path.write_bytes(data)
-    assert "cannot be read as .npz (it is no zip archive" in refusal(read_npz, path)
-
-
-def test_bare_array_is_no_npz(tmp_path: Path) -> None:
-    with (tmp_path / "rest.npz").open("wb") as file:
-        np.save(file, GOOD["gyro_raw"])
-    assert "no zip archive" in refusal(read_npz, tmp_path / "rest.npz")
+    with path.open("wb") as file:
+        np.save(file, GOOD["gyro_raw"]) if data is None else file.write(data)
+    assert "cannot be read as .npz (it is no zip archive" in refusal(path)
 
 
 def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
@@ -312,7 +170,7 @@ def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
     assert refused > len(whole) / 2
     for end in range(0, len(whole) - 1, 17):
         path.write_bytes(whole[:end])
-        assert "cannot be read" in refusal(read_npz, path)
+        assert "cannot be read" in refusal(path)
 
 
 def test_real_recordings(recordings: Path) -> None:

@@ -1,5 +1,6 @@
 """Lines of text as rows: any bytes, cut anywhere, against a plain decoder of one line after the other."""
 
+import contextlib
 import json
 import math
 from itertools import pairwise
@@ -9,9 +10,11 @@ import pytest
 from fltea.recording.lines import LONGEST_LINE
 from fltea.recording.table import Rows
 from fltea.recording.text_rows import MANY, TextReader
+from fltea.records.errors import UsageError
 from fltea.settings.how import How
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from text_files import stored
 
 NAMES = ["gx", "gy"]
 TIMED = How(columns=NAMES, time_column="t")
@@ -183,3 +186,68 @@ def test_many_lines_are_read_by_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
         b"t,gx,gy\n" + b"".join(b"%d,%d,%d\n" % (k, k, -k) for k in range(999))
     )
     assert np.array_equal(rows.values[:, 2], np.arange(999))
+
+
+# --- whole files ---
+
+cell = st.one_of(
+    st.floats(-2000, 2000).map(repr),
+    st.sampled_from(["", "nan", "1e5", '"2"', " 3 ", "x", "1_0", "1,5", "#"]),
+)
+
+
+@given(
+    rows=st.lists(st.lists(cell, min_size=1, max_size=5), max_size=12),
+    separator=st.sampled_from([",", ";", "\t", " "]),
+    header=st.sampled_from(
+        ["", "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n", "# t,gx,gy [dps]\n", "a b c\n", "t;gx\ns;rad/s\n"]
+    ),
+    how=st.sampled_from(
+        [{}, {"rate_hz": 100.0}, {"columns": ["1", "2"], "rate_hz": 9.0}, {"units": "rad/s"}]
+    ),
+    end=st.sampled_from(["", "\n"]),
+)
+@example([["1", "2"]], ",", "", {"columns": ["1", "2"], "rate_hz": 9.0}, "")
+@settings(max_examples=150)
+def test_any_table_gives_finite_numbers_or_a_usage_error(
+    tmp_path_factory: pytest.TempPathFactory,
+    rows: list[list[str]],
+    separator: str,
+    header: str,
+    how: dict[str, object],
+    end: str,
+) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    text = header.replace(",", separator) + "\n".join(separator.join(row) for row in rows) + end
+    with contextlib.suppress(UsageError):
+        found = stored(folder, text, **how).whole()
+        assert np.isfinite(found.gyro).all()
+        assert len(found.gyro) == len(found.device_s) <= len(rows)
+        assert (np.diff(found.device_s) > 0).all()
+
+
+@given(
+    rows=st.lists(
+        st.lists(st.floats(-2000, 2000) | st.just(np.nan), min_size=3, max_size=3), min_size=1, max_size=30
+    ),
+    separator=st.sampled_from([",", ";", "\t", " "]),
+    comma=st.booleans(),
+    empty=st.sampled_from(["", "NA", "nan"]),
+)
+@settings(max_examples=100)
+def test_every_bit_and_every_gap_comes_back(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[list[float]], separator: str, comma: bool, empty: str
+) -> None:
+    empty = empty if separator != " " else "nan"
+    comma = comma and separator in ";\t"
+
+    def written(value: float) -> str:
+        return empty if np.isnan(value) else repr(value).replace(".", "," if comma else ".")
+
+    lines = [separator.join(map(written, row)) for row in [[0.5, -0.25, 1e-7], *rows]]
+    text = "gx gy gz\n".replace(" ", separator) + "\n".join(lines) + "\n"
+    found = stored(tmp_path_factory.getbasetemp(), text, rate_hz=10.0, units="dps").whole()
+    kept = {k: row for k, row in enumerate(rows, 1) if not np.isnan(row).any()}
+    assert found.seq is not None
+    assert found.seq.tolist() == [0, *kept]
+    assert found.gyro.tolist()[1:] == list(kept.values())

@@ -123,7 +123,18 @@ def test_times_that_number_nothing_are_told(tmp_path: Path) -> None:
     for times in ([0, 1, 0.5, 2], [0, 0.001, 0.1, 0.101, 0.2, 0.201]):
         found = stored(tmp_path, timed(times), rate_hz=10.0)
         assert found.whole().seq.tolist() == list(range(len(times)))  # type: ignore[union-attr]
+        assert found.whole().device_s == pytest.approx(np.arange(len(times)) / 10)
         assert [note.kind for note in found.notes] == ["row_times"]
+
+
+def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path: Path) -> None:
+    """Rounding each step by itself would make gaps of jitter, and a wrong rate of bursts."""
+    random = np.random.default_rng(1)
+    small, large = (np.arange(2000) * 0.01 + random.uniform(-s, s, 2000) for s in (0.0005, 0.004))
+    assert stored(tmp_path, timed(small.tolist(), "time_s")).rate_hz == pytest.approx(100, rel=1e-3)
+    reason = refusal(tmp_path, timed(large.tolist(), "time_s"))
+    assert "too uneven" in reason
+    assert "--rate" in reason
 
 
 def test_dates_number_nothing(tmp_path: Path) -> None:

@@ -2,11 +2,15 @@
 
 import contextlib
 import os
+import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import pytest
+from fltea.cli import app as cli
 from fltea.cluster.listing import File, files_of
 from fltea.cluster.run import Progress, run
 from fltea.cluster.verdict_table import VerdictTable
@@ -18,6 +22,29 @@ from toolchain import missing
 
 ASK = Ask(settings(shuffles=0))
 """Quick."""
+
+
+def command(patch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """`fltea identify`, quickly, in this process, which has loaded everything; its exit code."""
+    quick = "--shuffles", "0", "--window", "100", "--startup", "100"
+    patch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *quick])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return int(ended.value.code or 0)
+
+
+@contextlib.contextmanager
+def web_server(handler: Callable[..., BaseHTTPRequestHandler]) -> Iterator[ThreadingHTTPServer]:
+    """A server on the loopback, as long as it is used."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        server.daemon_threads = True
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 def file(number: int, *, size: int = 10, stamp: str = "1") -> File:
