@@ -50,8 +50,8 @@ def test_help_tells_exit_codes_and_every_flag(command: str | None, width: int) -
 
 
 def test_short_help_and_no_arguments() -> None:
-    assert fltea("run", "-h").stdout == fltea("run", "--help").stdout
-    result = fltea()
+    assert fltea_here("run", "-h").stdout == fltea_here("run", "--help").stdout
+    result = fltea_here()
     assert result.returncode == 2
     assert "fltea [OPTIONS] COMMAND" in plain(result.stdout + result.stderr)
 
@@ -135,7 +135,7 @@ def test_mistake_is_named_and_ends_with_2(name: str, tmp_path: Path, monkeypatch
     [("--bias", "estimator: bias needs"), ("--r", "estimator: R needs one value, or 3")],
 )
 def test_wrong_count_of_axes_shows_with_the_first_sample(flag: str, reason: str) -> None:
-    result = fltea(*FAST, "--once", flag, "1,2")
+    result = fltea_here(*FAST, "--once", flag, "1,2")
     assert result.returncode == 2
     assert result.stderr.startswith(f"fltea: error: {reason}")
     assert len(strict_records(result.stdout)) == 1
@@ -144,13 +144,13 @@ def test_wrong_count_of_axes_shows_with_the_first_sample(flag: str, reason: str)
 def test_bad_recording_gives_no_half_of_an_output(tmp_path: Path) -> None:
     (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n2\n" * 400)
     flags = ["--rate", "100", "--columns", "nowhere", "--once"]
-    result = fltea("run", "-s", f"replay:{tmp_path}/rest.csv", *flags, *QUICK)
+    result = fltea_here("run", "-s", f"replay:{tmp_path}/rest.csv", *flags, *QUICK)
     assert (result.returncode, result.stdout) == (2, "")
     assert f"fltea: error: {tmp_path}/rest.csv:1: no column nowhere" in result.stderr
 
 
 def test_failure_while_running_ends_with_1() -> None:
-    result = fltea("run", "-s", "synthetic:?f=1000&n=900", "--pace", "fast", "--once", *QUICK)
+    result = fltea_here("run", "-s", "synthetic:?f=1000&n=900", "--pace", "fast", "--once", *QUICK)
     assert result.returncode == 1
     assert "fltea: error: α = 0.3, f = 1000 is not stationary" in result.stderr
     assert "Traceback" not in result.stderr
@@ -172,7 +172,7 @@ def test_a_process_ends_as_within_this_one(arguments: tuple[str, ...]) -> None:
 
 
 def test_run_to_the_end() -> None:
-    result = fltea(*FAST, "--once", "--set", "estimator.window=200")
+    result = fltea_here(*FAST, "--once", "--set", "estimator.window=200")
     assert (result.returncode, result.stderr) == (0, "")
     records = strict_records(result.stdout)
     assert [record.seq for record in records if isinstance(record, Estimate)] == list(range(500, 700))
@@ -181,14 +181,14 @@ def test_run_to_the_end() -> None:
 
 
 def test_same_command_same_output() -> None:
-    first, again = (fltea(*FAST, "--once", "--samples", *QUICK).stdout for _ in range(2))
+    first, again = (run(*FAST, "--once", "--samples", *QUICK).stdout for run in (fltea, fltea_here))
     assert first == again
 
 
 def test_flags_reach_the_estimator(tmp_path: Path) -> None:
     (tmp_path / "fltea.toml").write_text("[estimator]\nwindow = 99\nstartup = 77\n[link]\nmax_gap = 5\n")
     flags = ["--config", tmp_path / "fltea.toml", "-L", "40", "--bias", "-0.1,0,0.2", "--r", "0.02,0.03,0.04"]
-    result = fltea(*FAST, "--once", *flags, "--set", "estimator.order.alpha0=0.5")
+    result = fltea_here(*FAST, "--once", *flags, "--set", "estimator.order.alpha0=0.5")
     assert (result.returncode, result.stderr) == (0, "")
     records = strict_records(result.stdout)
     info = next(record.estimator for record in records if isinstance(record, Epoch))
@@ -203,14 +203,14 @@ def test_columns_of_csv_may_have_blanks_after_their_commas(tmp_path: Path) -> No
     rows = "".join(f"{k % 5},{k % 7}\n" for k in range(200))
     (tmp_path / "rest.csv").write_text("gx, gy\n" + rows)
     flags = ["--columns", "gx, gy", "--rate", "100", "--units", "mdps"]
-    result = fltea("run", "-s", f"{tmp_path}/rest.csv", "--once", *flags, *QUICK)
+    result = fltea_here("run", "-s", f"{tmp_path}/rest.csv", "--once", *flags, *QUICK)
     assert (result.returncode, result.stderr) == (0, "")
     assert strict_records(result.stdout)[-1].axes["gyro_x"].bias == pytest.approx(0.002)
 
 
 def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:
     (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n" * 200)
-    result = fltea("run", "-s", f"replay:{tmp_path}/rest.csv", "--rate", "100", "--once", *QUICK)
+    result = fltea_here("run", "-s", f"replay:{tmp_path}/rest.csv", "--rate", "100", "--once", *QUICK)
     assert result.returncode == 0
     errors = [record for record in strict_records(result.stdout) if isinstance(record, Error)]
     assert [error.kind for error in errors] == ["constant_axis"]
@@ -219,7 +219,7 @@ def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("width", [80, 140])
 def test_table_off_a_terminal_is_printed_once_at_the_end(width: int) -> None:
-    result = fltea(*FAST, "--once", "--format", "table", *QUICK, columns=width)
+    result = fltea_here(*FAST, "--once", "--format", "table", *QUICK, columns=width)
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.count("synthetic:?n=700") == 1
     assert "\x1b" not in result.stdout
@@ -235,9 +235,9 @@ def test_table_off_a_terminal_is_printed_once_at_the_end(width: int) -> None:
 # --- ends ---
 
 
-def started(*arguments: str | Path, **options: Any) -> subprocess.Popen[bytes]:
+def started(*arguments: str | Path, stdout: Any = subprocess.PIPE, **options: Any) -> Any:
     command = [sys.executable, "-m", "fltea", *arguments]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
+    return subprocess.Popen(command, stdout=stdout, stderr=subprocess.PIPE, **options)
 
 
 def capture(tmp_path: Path, frames: int) -> Path:
@@ -246,26 +246,27 @@ def capture(tmp_path: Path, frames: int) -> Path:
     return path
 
 
+def ended_by(number: int, process: subprocess.Popen[bytes]) -> bytes:
+    """The rest of what a command writes after a signal; it ends with 0, and says nothing on stderr."""
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (0, b"")
+    return output
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_run_with_0_and_a_whole_line(number: signal.Signals) -> None:
     with started("run", "-s", "synthetic:", "--samples", "--format", "ndjson", *QUICK) as process:
-        assert process.stdout is not None
         first = process.stdout.readline()
-        process.send_signal(number)
-        output, errors = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, errors) == (0, b"")
-    assert isinstance(strict_records(first + output)[-1], Stats)
+        records = strict_records(first + ended_by(number, process))
+    assert isinstance(records[-1], Stats)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None:
     with started("run", "-s", "synthetic:?rate_hz=0.001", *QUICK) as process:
-        assert process.stdout is not None
-        records = [process.stdout.readline() for _ in range(2)]  # hello and epoch: it waits now, for 1000 s
-        process.send_signal(number)
-        output, errors = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, errors) == (0, b"")
-    assert len(strict_records(b"".join(records) + output)) == 3
+        lines = [process.stdout.readline() for _ in range(2)]  # hello and epoch: it waits now, for 1000 s
+        assert len(strict_records(b"".join(lines) + ended_by(number, process))) == 3
 
 
 @pytest.mark.parametrize("form", ["ndjson", "table"])
@@ -273,12 +274,9 @@ def test_without_once_a_recording_stays_until_a_signal(form: str, tmp_path: Path
     (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n2\n" * 100)
     flags = ["--rate", "100", "--format", form, *QUICK]
     with started("run", "-s", f"{tmp_path}/rest.csv", *flags) as process:
-        assert process.stderr is not None
         assert b"the recording is at its end" in process.stderr.readline()
         assert process.poll() is None
-        process.send_signal(signal.SIGTERM)
-        output, errors = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, errors) == (0, b"")
+        output = ended_by(signal.SIGTERM, process)
     if form == "ndjson":
         assert strict_records(output)[-1].samples.delivered == 200
     else:
@@ -288,69 +286,48 @@ def test_without_once_a_recording_stays_until_a_signal(form: str, tmp_path: Path
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_an_inspection_with_its_sum(number: signal.Signals) -> None:
     with started("inspect", "-", stdin=subprocess.PIPE) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
         process.stdin.write(b"\0" + encode(SAMPLE, 1, 2))
         process.stdin.flush()
         assert process.stdout.readline().startswith(b"SAMPLE")
-        process.send_signal(number)
-        output, errors = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, errors) == (0, b"")
-    assert output == b"29 bytes, 1 good frames\n"
+        assert ended_by(number, process) == b"29 bytes, 1 good frames\n"
 
 
-ENDS = {
-    "ndjson": [*FAST, "--once", "--samples", *QUICK],
-    "ndjson at its own pace": ["run", "-s", "synthetic:", "--samples", *QUICK],
-    "inspect": ["inspect"],
-}
+def written(command: str, folder: Path, frames: int = 9000) -> list[str | Path]:
+    """A command that writes to stdout, and ends by itself but for the one at its own pace."""
+    match command:
+        case "inspect":
+            return ["inspect", capture(folder, frames)]
+        case "at its own pace":
+            return ["run", "-s", "synthetic:", "--samples", *QUICK]
+    return [*FAST, "--once", "--samples", "--format", command, *QUICK]
 
 
-@pytest.mark.parametrize("name", ENDS)
-def test_closed_pipe_ends_quietly(name: str, tmp_path: Path) -> None:
-    arguments = [*ENDS[name], *([capture(tmp_path, 9000)] if name == "inspect" else [])]
-    with started(*arguments) as process:
-        assert process.stdout is not None
+@pytest.mark.parametrize("command", ["ndjson", "at its own pace", "inspect"])
+def test_closed_pipe_ends_quietly(command: str, tmp_path: Path) -> None:
+    with started(*written(command, tmp_path)) as process:
         assert process.stdout.readline()
         process.stdout.close()
         assert process.wait(PATIENCE_S) == 0
-        assert process.stderr is not None
         assert process.stderr.read() == b""
 
 
 @pytest.mark.parametrize("command", ["table", "inspect", "ndjson"])
 def test_pipe_closed_from_the_start_ends_quietly(command: str, tmp_path: Path) -> None:
     """What is written only at the end meets the closed pipe there."""
-    arguments: list[str | Path] = [*FAST, "--once", "--format", command, *QUICK]
-    if command == "inspect":
-        arguments = ["inspect", capture(tmp_path, 1)]
     reader, writer = os.pipe()
     os.close(reader)
-    try:
-        result = subprocess.run(
-            [sys.executable, "-m", "fltea", *arguments],
-            stdout=writer,
-            stderr=subprocess.PIPE,
-            timeout=PATIENCE_S,
-        )
-    finally:
-        os.close(writer)
-    assert (result.returncode, result.stderr) == (0, b"")
+    with open(writer, "wb") as closed:
+        process = started(*written(command, tmp_path, 1), stdout=closed)
+        assert process.communicate(timeout=PATIENCE_S)[1] == b""
+    assert process.returncode == 0
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this machine has no /dev/full")
 @pytest.mark.parametrize("command", ["ndjson", "table", "inspect"])
 def test_full_disk_is_an_error(command: str, tmp_path: Path) -> None:
-    arguments: list[str | Path] = [*FAST, "--once", "--format", command, *QUICK]
-    if command == "inspect":
-        arguments = ["inspect", capture(tmp_path, 9)]
     with open("/dev/full", "wb") as full:
-        result = subprocess.run(
-            [sys.executable, "-m", "fltea", *arguments],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            timeout=PATIENCE_S,
-        )
-    assert result.returncode == 1
-    assert b"fltea: error: cannot write the output: [Errno 28]" in result.stderr
-    assert b"Traceback" not in result.stderr
+        process = started(*written(command, tmp_path, 9), stdout=full)
+        errors = process.communicate(timeout=PATIENCE_S)[1]
+    assert process.returncode == 1
+    assert b"fltea: error: cannot write the output: [Errno 28]" in errors
+    assert b"Traceback" not in errors

@@ -10,7 +10,7 @@ from fltea.recording.npz_file import read_npz
 from fltea.records.errors import UsageError
 from fltea.records.records import Estimate
 from fltea.settings.limits import Limits
-from host_support import QUICK, fltea, strict_records
+from host_support import QUICK, fltea_here, strict_records
 from text_files import refusal as refused_text
 from text_files import stored
 
@@ -190,7 +190,7 @@ def test_scale_of_the_accelerometer_makes_its_axes_usable(tmp_path: Path) -> Non
     path = tmp_path / "rest.npz"
     counts = {"gyro_raw": rng.integers(-9, 9, (90, 3)), "accel_raw": rng.integers(-99, 99, (90, 3))}
     np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0, accel_lsb_per_g=16384.0)
-    found = fltea(
+    found = fltea_here(
         "run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y", "--set", "accel.startup=50"
     )
     assert found.returncode == 0
@@ -199,10 +199,10 @@ def test_scale_of_the_accelerometer_makes_its_axes_usable(tmp_path: Path) -> Non
     assert last.axes["accel_y"].valid
     assert last.axes["accel_y"].unit == "m/s^2"
     np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0)
-    told = fltea("run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y,gyro_x")
+    told = fltea_here("run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y,gyro_x")
     assert "no_axis: channels names accel_y, which" in told.stderr
     np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0, accel_lsb_per_g=0.0)
     assert (
         "accel_lsb_per_g has to be one positive number"
-        in fltea("run", "-s", f"replay:{path}", "--once").stderr
+        in fltea_here("run", "-s", f"replay:{path}", "--once").stderr
     )

@@ -20,7 +20,7 @@ from fltea.records.records import (
 )
 from fltea.wire import layout as wire
 from fltea.wire.messages import REASONS
-from host_support import QUICK, ROOT, fltea, strict_records
+from host_support import QUICK, ROOT, fltea_here, strict_records
 
 REFERENCE = ROOT / "host/docs/reference"
 KINDS = {kind.__struct_config__.tag: kind for kind in typing.get_args(AnyRecord)}
@@ -160,8 +160,8 @@ CONSTANT = "time_s,gyro_x_dps,gyro_y_dps\n" + "".join(f"{k / 100},{k % 7},1\n" f
 def test_real_run_emits_only_what_its_structs_say(tmp_path: Path) -> None:
     (tmp_path / "rest.csv").write_text(CONSTANT)
     runs = [
-        fltea("run", "-s", "synthetic:?n=300", "--pace", "fast", "--once", "--samples", *QUICK),
-        fltea("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", "--samples", *QUICK),
+        fltea_here("run", "-s", "synthetic:?n=300", "--pace", "fast", "--once", "--samples", *QUICK),
+        fltea_here("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", "--samples", *QUICK),
     ]
     found = [record for run in runs for record in strict_records(run.stdout)]
     # What a device makes by itself is in runs of test_device_estimates_outputs.py and test_device_fits.py.
@@ -173,7 +173,7 @@ def test_real_run_emits_only_what_its_structs_say(tmp_path: Path) -> None:
 
 def test_invalid_axis_is_null_and_the_others_go_on(tmp_path: Path) -> None:
     (tmp_path / "rest.csv").write_text(CONSTANT)
-    run = fltea("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", *QUICK)
+    run = fltea_here("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", *QUICK)
     found = strict_records(run.stdout)
     assert isinstance(found[0], Hello)
     assert not any(isinstance(record, Sample) for record in found)

@@ -1,11 +1,11 @@
 """What the tests of the host share: the command as a process, and its output read strictly."""
 
 import contextlib
-import io
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from unittest import mock
 
@@ -40,28 +40,30 @@ def fltea(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedPro
 def fltea_here(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedProcess[str]:
     """The same within this process, without the start of Python and the imports.
 
-    For what ends before it works: the command's output is the interest, not the process.
+    For what ends by itself: the command's output is the interest, not the process.
     """
     command = ["__main__.py", *map(str, arguments)]
-    output, errors = io.StringIO(), io.StringIO()
     kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     code: object = 0
-    try:
-        with (
-            mock.patch.object(sys, "argv", command),
-            mock.patch.object(sys.modules["__main__"], "__package__", "fltea", create=True),
-            mock.patch.dict(os.environ, {"COLUMNS": str(columns), "TERM": "dumb"}),
-            contextlib.redirect_stdout(output),
-            contextlib.redirect_stderr(errors),
-        ):
-            main()
-    except SystemExit as end:
-        code = end.code or 0
-    finally:
-        for number, handler in kept.items():
-            signal.signal(number, handler)
-    assert isinstance(code, int), code
-    return subprocess.CompletedProcess(command, code, output.getvalue(), errors.getvalue())
+    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
+        try:
+            with (
+                mock.patch.object(sys, "argv", command),
+                mock.patch.object(sys.modules["__main__"], "__package__", "fltea", create=True),
+                mock.patch.dict(os.environ, {"COLUMNS": str(columns), "TERM": "dumb"}),
+                contextlib.redirect_stdout(output),
+                contextlib.redirect_stderr(errors),
+            ):
+                main()
+        except SystemExit as end:
+            code = end.code or 0
+        finally:
+            for number, handler in kept.items():
+                signal.signal(number, handler)
+        assert isinstance(code, int), code
+        for file in (output, errors):
+            file.seek(0)
+        return subprocess.CompletedProcess(command, code, output.read(), errors.read())
 
 
 def strict_records(output: str | bytes) -> list[AnyRecord]:
