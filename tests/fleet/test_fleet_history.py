@@ -202,17 +202,6 @@ def test_files_that_are_no_history(tmp_path: Path) -> None:
         opened(tmp_path / "no/folder", 1.0)
 
 
-def test_a_history_of_before_the_mark_is_still_ours(tmp_path: Path) -> None:
-    opened(tmp_path / "h.db", 1.0).close()
-    old = sqlite3.connect(tmp_path / "h.db")
-    old.execute("PRAGMA application_id = 0")
-    old.close()
-    opened(tmp_path / "h.db", 1.0).close()
-    now = sqlite3.connect(tmp_path / "h.db")
-    assert now.execute("PRAGMA application_id").fetchone() == (databases.APPLICATION_ID,)
-    now.close()
-
-
 def test_export(tmp_path: Path) -> None:
     history = opened(tmp_path / "h.db", 0.0)
     for number in range(10):

@@ -121,7 +121,15 @@ def test_everything_is_json_without_nan() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(0.12345, "0.123"), (-2.5, "-2.500"), (1.5e139, "1.500e+139"), (-0.0004, "-0.000")]
+    ("value", "text"),
+    [
+        (0.12345, "0.123"),
+        (-2.5, "-2.500"),
+        (999999.0, "999999.000"),
+        (-1.25e6, "-1.250e+06"),
+        (1.5e139, "1.500e+139"),
+        (-0.0004, "-0.000"),
+    ],
 )
 def test_figure(value: float, text: str) -> None:
     assert figure(value, 3) == text

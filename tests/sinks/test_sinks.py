@@ -32,7 +32,7 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.sinks.ndjson import BUFFER, NdjsonSink
-from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, number, sparkline
+from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, sparkline
 from host_support import hello, strict_records
 from hypothesis import given
 from hypothesis import strategies as st
@@ -408,11 +408,3 @@ def test_trend_takes_one_a_second_and_forgets_the_oldest() -> None:
         trend.add(float(k), k * 10_000_000)
     assert str(trend) == sparkline([100.0 * k for k in range(5, TREND_WIDTH + 5)])
     assert len(str(trend)) == TREND_WIDTH
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.0, "0.000"), (-2.1254, "-2.125"), (999999.0, "999999.000"), (-1.25e6, "-1.250e+06")],
-)
-def test_number(value: float, text: str) -> None:
-    assert number(value, 3) == text

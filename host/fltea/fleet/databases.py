@@ -100,9 +100,8 @@ class Sqlite:
             self.connection.execute(f"PRAGMA {name}").fetchone()[0]
             for name in ("user_version", "application_id")
         )
-        tables = {row[0] for row in self.connection.execute("SELECT name FROM sqlite_master")}
-        # Histories of earlier versions of this program have no application_id.
-        if (tables and not {"fit", "alert"} <= tables) or owner not in (0, APPLICATION_ID):
+        tables = self.connection.execute("SELECT name FROM sqlite_master").fetchall()
+        if owner != APPLICATION_ID and (tables or owner):
             raise UsageError(
                 f"{self.name}: is a database of another program, and is left as it is. Is the name right? "
                 "A file that does not exist is made."

@@ -30,7 +30,7 @@ from fltea.records.records import (
 from fltea.records.visible import visible
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import WITH_ORDER, answer
-from fltea.sinks.page.words import duration
+from fltea.sinks.page.words import duration, figure, quantity, with_std
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -57,11 +57,6 @@ def sparkline(values: list[float]) -> str:
     low, high = min(values), max(values)
     span = (high / 2 - low / 2) or 1.0  # halves: the difference of two huge numbers is not finite
     return "".join(BARS[min(len(BARS) - 1, int((v / 2 - low / 2) / span * len(BARS)))] for v in values)
-
-
-def number(value: float, digits: int) -> str:
-    """Fixed point, or powers of ten for what a diverging filter can give."""
-    return f"{value:.{digits}f}" if abs(value) < 1e6 else f"{value:.{digits}e}"
 
 
 class PipedConsole(Console):
@@ -243,8 +238,8 @@ class DeviceView:
                 continue
             table.add_row(
                 name,
-                _with_std(axis.alpha, axis.alpha_std) + self._mark(name),
-                _with_std(axis.f, axis.f_std) + self._mark(name),
+                with_std(axis.alpha, axis.alpha_std) + self._mark(name),
+                with_std(axis.f, axis.f_std) + self._mark(name),
                 _rate(axis.state),
                 _rate(axis.innovation),
                 *bars,
@@ -318,7 +313,7 @@ def _device_rows(record: DeviceEstimates) -> Table:
             rows.add_row(name, "not valid")
             continue
         alpha, f = (_difference(d) for d in (axis.alpha_difference, axis.f_difference))
-        rows.add_row(name, _number(axis.alpha), alpha, _number(axis.f), f)
+        rows.add_row(name, quantity(axis.alpha, "", 3), alpha, quantity(axis.f, "", 3), f)
     return rows
 
 
@@ -345,19 +340,9 @@ def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
     return [Text(f"{', '.join(names)}: {not_comparable(why)}") for why, names in axes.items()]
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else number(value, 3)
-
-
 def _difference(value: float | None) -> str:
     return "" if value is None else f"{value:+.1e}"
 
 
-def _with_std(value: float | None, std: float | None) -> str:
-    if value is None:
-        return ""
-    return number(value, 3) + ("" if std is None else f" ± {number(std, 3)}")
-
-
 def _rate(value: float | None) -> str:
-    return "" if value is None else f"{'+' if value >= 0 else ''}{number(value, 4)}"
+    return "" if value is None else f"{'+' if value >= 0 else ''}{figure(value, 4)}"

@@ -6,6 +6,7 @@ after the sink's newest status.
 """
 
 import sys
+import time
 from collections import deque
 from typing import NamedTuple
 
@@ -14,6 +15,8 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from fltea.sinks.mqtt.broker import KEEPALIVE_S, Broker
+
+POLL_S = 0.002
 
 
 class Up(NamedTuple):
@@ -74,6 +77,15 @@ class Connection:
         """End the connection after all that was published, without waiting; the will is not published."""
         self._shared.closed = True
         self._client.disconnect()
+
+
+def await_end(events: deque[Up | Acknowledged | Down], deadline_s: float) -> None:
+    """Wait for the end of a connection that was closed, until `time.monotonic()`.
+
+    A broker that is hung up on sooner would publish the will.
+    """
+    while time.monotonic() < deadline_s and not any(isinstance(event, Down) for event in events):
+        time.sleep(POLL_S)
 
 
 def _on_connect(

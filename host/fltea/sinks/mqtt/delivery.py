@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from fltea.records.ports import Report
-from fltea.sinks.mqtt.connection import Acknowledged, Up
+from fltea.sinks.mqtt.connection import POLL_S, Acknowledged, Up
 from fltea.sinks.mqtt.link import Link
 
 BACKLOG = 1000
@@ -17,8 +17,6 @@ BACKLOG = 1000
 
 IN_FLIGHT = 2000
 """Messages that the broker has not yet acknowledged; beyond it new ones are lost: the network is too slow."""
-
-POLL_S = 0.002
 
 
 class Message(NamedTuple):

@@ -1,12 +1,11 @@
 """Keeps a sink connected to its broker: opens the connection, and after an outage opens it again."""
 
-import time
 from collections.abc import Iterator
 
 from fltea.records import clock
 from fltea.records.ports import Report
 from fltea.sinks.mqtt.broker import Broker
-from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up
+from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up, await_end
 from fltea.sinks.mqtt.shared import SharedConnection, View
 
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
@@ -82,9 +81,8 @@ class Link:
         if connection is None:
             return False
         connection.close()
-        while self.up and time.monotonic() < deadline_s:
-            time.sleep(0.002)
-            self.up = not any(isinstance(event, Down) for event in connection.events)
+        if self.up:
+            await_end(connection.events, deadline_s)
         self.up = False
         return True
 

@@ -18,7 +18,7 @@ from fltea.records.records import Record
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
-from fltea.sinks.mqtt.connection import Down, Up
+from fltea.sinks.mqtt.connection import POLL_S, Down, Up
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.sink import MqttSink
 from fltea.sinks.mqtt.status import Status
@@ -110,7 +110,7 @@ class ManyMqttSink(Sink):
             self._own.publish(self._status_topic, self._status("offline", "ended"), 1, True)
         deadline_s = time.monotonic() + FAREWELL_S
         while self._shared.waiting and self._shared.up and time.monotonic() < deadline_s:
-            time.sleep(0.002)
+            time.sleep(POLL_S)
             self._shared.pump()
         for sink in self._sinks.values():
             sink.leave()

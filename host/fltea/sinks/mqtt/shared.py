@@ -4,11 +4,10 @@ Hundreds of connections would cost a thread each. What is lost by sharing is the
 connection has one, so the program has a status of its own instead.
 """
 
-import time
 from collections import deque
 
 from fltea.sinks.mqtt.broker import Broker
-from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up
+from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up, await_end
 
 
 class View:
@@ -43,16 +42,12 @@ class SharedConnection:
 
     def connect(self) -> View:
         """Return a new view; it gets `Up` when the broker accepts the connection."""
-        view = View(self)
-        self._views[view] = None
         if self._connection is None:
             self._connection = Connection(self.broker, self._client_id, self._will)
-        elif self.up:
-            view.events.append(Up())
-        return view
+        return self.rejoin()
 
     def rejoin(self) -> View:
-        """A view that waits for a connection that somebody else opens."""
+        """Return a new view that waits for a connection that somebody else opens."""
         view = View(self)
         self._views[view] = None
         if self.up:
@@ -102,9 +97,7 @@ class SharedConnection:
         """End the connection, and wait for its end: else the broker would publish the will."""
         connection, self._connection, up = self._connection, None, self.up
         self.up = False
-        if connection is None:
-            return
-        connection.close()
-        while up and time.monotonic() < deadline_s:
-            up = not any(isinstance(event, Down) for event in connection.events)
-            time.sleep(0.002)
+        if connection is not None:
+            connection.close()
+            if up:
+                await_end(connection.events, deadline_s)

@@ -127,7 +127,7 @@ class MqttSink(Sink):
     def close(self) -> None:
         """Publish that the device is offline, and end the connection; what is not delivered then is lost."""
         self.end()
-        self._leave(FAREWELL_S)
+        self.leave(FAREWELL_S)
 
     def end(self) -> None:
         """Publish that the device is offline."""
@@ -136,11 +136,8 @@ class MqttSink(Sink):
             self._status.change("offline", self._hello, clock.host_ns())
             self._publish_status()
 
-    def leave(self) -> None:
-        """Leave a shared connection; its owner waits for it."""
-        self._leave(0.0)
-
-    def _leave(self, farewell_s: float) -> None:
+    def leave(self, farewell_s: float = 0.0) -> None:
+        """Leave the connection; the owner of a shared one waits for it."""
         self._delivery.leave(farewell_s)
         self._delivery.give_up()
         self._delivery.lost += len(self._early)

@@ -22,7 +22,7 @@ def figure(value: float, digits: int, *, significant: bool = False) -> str:
     """Fixed point, or powers of ten for what a diverging filter can give."""
     if significant:
         return f"{value:.{digits}g}"
-    return f"{value:.{digits}f}" if abs(value) < 1e5 else f"{value:.{digits}e}"
+    return f"{value:.{digits}f}" if abs(value) < 1e6 else f"{value:.{digits}e}"
 
 
 def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
