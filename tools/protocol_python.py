@@ -23,7 +23,7 @@ Enums and flags stay plain integers in the tuples, so that a value unknown to th
 # ruff: noqa: D102 - the module docstring says what pack and unpack do
 from enum import IntEnum, IntFlag
 from struct import Struct
-from typing import ClassVar, Final, NamedTuple, Self, TypeAlias
+from typing import Any, ClassVar, Final, NamedTuple, Self, TypeAlias
 
 '''
 
@@ -46,6 +46,19 @@ def _bytes_in(data: bytes, length: int, name: str) -> bytes:
     if len(data) != length:
         raise ValueError(f"{name}: {len(data)} bytes; must be {length}")
     return data
+
+
+class _Packed(tuple[Any, ...]):
+    __slots__ = ()
+    SCALE: ClassVar[dict[str, float]] = {}
+    _STRUCT: ClassVar[Struct]
+
+    def pack(self) -> bytes:
+        return self._STRUCT.pack(*self)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        return tuple.__new__(cls, cls._STRUCT.unpack(payload))
 """
 
 
@@ -123,7 +136,7 @@ def _message(message: Message) -> str:
     lines += [
         "",
         "",
-        f"class {name}(_{name}Fields):",
+        f"class {name}(_{name}Fields, _Packed):",
         f'    """Message {message.name}: type {message.id}, {message.size} bytes of payload.',
         "",
         *textwrap.wrap(message.doc, WIDTH, initial_indent="    ", subsequent_indent="    "),
@@ -135,36 +148,30 @@ def _message(message: Message) -> str:
     ]
     if scales:
         lines += ["    SCALE: ClassVar[dict[str, float]] = {", *scales, "    }"]
-    else:
-        lines += ["    SCALE: ClassVar[dict[str, float]] = {}"]
-    lines += [f'    _STRUCT: ClassVar[Struct] = Struct("<{codes}")', "", *_pack(name, message), ""]
-    lines += _unpack(message)
+    lines += [f'    _STRUCT: ClassVar[Struct] = Struct("<{codes}")', *_own_packing(name, message)]
     return "\n".join(lines) + "\n"
 
 
-def _pack(name: str, message: Message) -> list[str]:
-    lines = ["    def pack(self) -> bytes:"]
-    if not any(field.length for field in message.fields):
-        return [*lines, "        return self._STRUCT.pack(*self)"]
-    lines.append("        return self._STRUCT.pack(")
-    for field in message.fields:
-        value = f"self.{field.name}"
+def _own_packing(name: str, message: Message) -> list[str]:
+    """Return the methods of a message with text or bytes in it; none of another one."""
+    packed, unpacked = [], []
+    for index, field in enumerate(message.fields):
         if field.length:
             call = "_text_in" if field.is_text else "_bytes_in"
-            value = f'{call}({value}, {field.length}, "{name}.{field.name}")'
-        lines.append(f"            {value},")
-    return [*lines, "        )"]
-
-
-def _unpack(message: Message) -> list[str]:
-    lines = ["    @classmethod", "    def unpack(cls, payload: bytes) -> Self:"]
-    texts = [(index, field.name) for index, field in enumerate(message.fields) if field.is_text]
-    if not texts:
-        return [*lines, "        return cls._make(cls._STRUCT.unpack(payload))"]
-    lines.append("        values = list(cls._STRUCT.unpack(payload))")
-    for index, name in texts:
-        lines.append(f"        values[{index}] = _text_out(values[{index}])  # {name}")
-    return [*lines, "        return cls._make(values)"]
+            packed.append(
+                f'        values[{index}] = {call}(values[{index}], {field.length}, "{name}.{field.name}")'
+            )
+        if field.is_text:
+            unpacked.append(f"        values[{index}] = _text_out(values[{index}])  # {field.name}")
+    if not packed:
+        return []
+    lines = ["", "    def pack(self) -> bytes:", "        values: list[Any] = list(self)", *packed]
+    lines += ["        return self._STRUCT.pack(*values)"]
+    if unpacked:
+        lines += ["", "    @classmethod", "    def unpack(cls, payload: bytes) -> Self:"]
+        lines += ["        values = list(cls._STRUCT.unpack(payload))", *unpacked]
+        lines += ["        return cls._make(values)"]
+    return lines
 
 
 def _meaning(field: Field) -> str:

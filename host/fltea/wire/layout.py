@@ -13,7 +13,7 @@ Enums and flags stay plain integers in the tuples, so that a value unknown to th
 # ruff: noqa: D102 - the module docstring says what pack and unpack do
 from enum import IntEnum, IntFlag
 from struct import Struct
-from typing import ClassVar, Final, NamedTuple, Self, TypeAlias
+from typing import Any, ClassVar, Final, NamedTuple, Self, TypeAlias
 
 PROTOCOL_MAJOR: Final = 1
 PROTOCOL_MINOR: Final = 4
@@ -47,6 +47,19 @@ def _bytes_in(data: bytes, length: int, name: str) -> bytes:
     if len(data) != length:
         raise ValueError(f"{name}: {len(data)} bytes; must be {length}")
     return data
+
+
+class _Packed(tuple[Any, ...]):
+    __slots__ = ()
+    SCALE: ClassVar[dict[str, float]] = {}
+    _STRUCT: ClassVar[Struct]
+
+    def pack(self) -> bytes:
+        return self._STRUCT.pack(*self)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        return tuple.__new__(cls, cls._STRUCT.unpack(payload))
 
 
 class SamplingMode(IntEnum):
@@ -218,7 +231,7 @@ class _HelloFields(NamedTuple):
     """What starts a sample; a SamplingMode."""
 
 
-class Hello(_HelloFields):
+class Hello(_HelloFields, _Packed):
     """Message HELLO: type 1, 68 bytes of payload.
 
     Who is speaking, and what its samples mean. At boot, before any sample, and every second.
@@ -238,23 +251,10 @@ class Hello(_HelloFields):
     _STRUCT: ClassVar[Struct] = Struct("<BBII16s24sBHIHHHHHB")
 
     def pack(self) -> bytes:
-        return self._STRUCT.pack(
-            self.protocol_major,
-            self.protocol_minor,
-            self.schema_hash,
-            self.boot_id,
-            _bytes_in(self.device_id, 16, "Hello.device_id"),
-            _text_in(self.firmware_version, 24, "Hello.firmware_version"),
-            self.who_am_i,
-            self.sensor_starts,
-            self.sample_rate,
-            self.gyro_range,
-            self.gyro_lsb,
-            self.accel_range,
-            self.accel_lsb,
-            self.gyro_dlpf,
-            self.sampling_mode,
-        )
+        values: list[Any] = list(self)
+        values[4] = _bytes_in(values[4], 16, "Hello.device_id")
+        values[5] = _text_in(values[5], 24, "Hello.firmware_version")
+        return self._STRUCT.pack(*values)
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
@@ -282,7 +282,7 @@ class _SampleFields(NamedTuple):
     """What is doubtful about this sample; a SampleFlags."""
 
 
-class Sample(_SampleFields):
+class Sample(_SampleFields, _Packed):
     """Message SAMPLE: type 2, 15 bytes of payload.
 
     One burst read of the sensor; device_us is the moment its read began (timer) or that of the edge
@@ -292,15 +292,7 @@ class Sample(_SampleFields):
     __slots__ = ()
     TYPE: ClassVar[int] = 2
     SIZE: ClassVar[int] = 15
-    SCALE: ClassVar[dict[str, float]] = {}
     _STRUCT: ClassVar[Struct] = Struct("<hhhhhhhB")
-
-    def pack(self) -> bytes:
-        return self._STRUCT.pack(*self)
-
-    @classmethod
-    def unpack(cls, payload: bytes) -> Self:
-        return cls._make(cls._STRUCT.unpack(payload))
 
 
 class _StatusFields(NamedTuple):
@@ -323,7 +315,7 @@ class _StatusFields(NamedTuple):
     """Longest turn of the main loop since the STATUS before [us]."""
 
 
-class Status(_StatusFields):
+class Status(_StatusFields, _Packed):
     """Message STATUS: type 3, 27 bytes of payload.
 
     Health of the device, every second. Counters run from boot and do not wrap in practice.
@@ -337,13 +329,6 @@ class Status(_StatusFields):
     }
     _STRUCT: ClassVar[Struct] = Struct("<IIIIIBHI")
 
-    def pack(self) -> bytes:
-        return self._STRUCT.pack(*self)
-
-    @classmethod
-    def unpack(cls, payload: bytes) -> Self:
-        return cls._make(cls._STRUCT.unpack(payload))
-
 
 class _FaultFields(NamedTuple):
     code: int
@@ -352,7 +337,7 @@ class _FaultFields(NamedTuple):
     """See the code."""
 
 
-class Fault(_FaultFields):
+class Fault(_FaultFields, _Packed):
     """Message FAULT: type 4, 5 bytes of payload.
 
     Something that a person should know, sent when it happens.
@@ -361,15 +346,7 @@ class Fault(_FaultFields):
     __slots__ = ()
     TYPE: ClassVar[int] = 4
     SIZE: ClassVar[int] = 5
-    SCALE: ClassVar[dict[str, float]] = {}
     _STRUCT: ClassVar[Struct] = Struct("<BI")
-
-    def pack(self) -> bytes:
-        return self._STRUCT.pack(*self)
-
-    @classmethod
-    def unpack(cls, payload: bytes) -> Self:
-        return cls._make(cls._STRUCT.unpack(payload))
 
 
 class _EstimateFields(NamedTuple):
@@ -413,7 +390,7 @@ class _EstimateFields(NamedTuple):
     """The memory was asked for an order out of its range."""
 
 
-class Estimate(_EstimateFields):
+class Estimate(_EstimateFields, _Packed):
     """Message ESTIMATE: type 5, 68 bytes of payload.
 
     What the device itself makes of one axis after one sample. Counts of the guard run since the axis last
@@ -423,15 +400,7 @@ class Estimate(_EstimateFields):
     __slots__ = ()
     TYPE: ClassVar[int] = 5
     SIZE: ClassVar[int] = 68
-    SCALE: ClassVar[dict[str, float]] = {}
     _STRUCT: ClassVar[Struct] = Struct("<BBHIffffffIIIIIIIII")
-
-    def pack(self) -> bytes:
-        return self._STRUCT.pack(*self)
-
-    @classmethod
-    def unpack(cls, payload: bytes) -> Self:
-        return cls._make(cls._STRUCT.unpack(payload))
 
 
 class _EstimatorFields(NamedTuple):
@@ -506,7 +475,7 @@ class _EstimatorFields(NamedTuple):
     """Standard deviations from which on the guard softens an innovation."""
 
 
-class Estimator(_EstimatorFields):
+class Estimator(_EstimatorFields, _Packed):
     """Message ESTIMATOR: type 6, 106 bytes of payload.
 
     With what the device estimates, and how it gets on; before the first sample, when the start-up window is
@@ -516,15 +485,7 @@ class Estimator(_EstimatorFields):
     __slots__ = ()
     TYPE: ClassVar[int] = 6
     SIZE: ClassVar[int] = 106
-    SCALE: ClassVar[dict[str, float]] = {}
     _STRUCT: ClassVar[Struct] = Struct("<BBHHHHHHHIIIHHHffffffffffffffffff")
-
-    def pack(self) -> bytes:
-        return self._STRUCT.pack(*self)
-
-    @classmethod
-    def unpack(cls, payload: bytes) -> Self:
-        return cls._make(cls._STRUCT.unpack(payload))
 
 
 class _FitFields(NamedTuple):
@@ -561,7 +522,7 @@ class _FitFields(NamedTuple):
     """2 log L of the fractional model above a relaxation, AR(1)."""
 
 
-class Fit(_FitFields):
+class Fit(_FitFields, _Packed):
     """Message FIT: type 7, 47 bytes of payload.
 
     The maximum-likelihood fit of the fractional model in white noise to the running spectrum of one axis,
@@ -572,15 +533,7 @@ class Fit(_FitFields):
     __slots__ = ()
     TYPE: ClassVar[int] = 7
     SIZE: ClassVar[int] = 47
-    SCALE: ClassVar[dict[str, float]] = {}
     _STRUCT: ClassVar[Struct] = Struct("<BBBHIIHffffffff")
-
-    def pack(self) -> bytes:
-        return self._STRUCT.pack(*self)
-
-    @classmethod
-    def unpack(cls, payload: bytes) -> Self:
-        return cls._make(cls._STRUCT.unpack(payload))
 
 
 class _SpectrumFields(NamedTuple):
@@ -624,7 +577,7 @@ class _SpectrumFields(NamedTuple):
     """Power density there, one-sided [(deg/s)^2/Hz]."""
 
 
-class Spectrum(_SpectrumFields):
+class Spectrum(_SpectrumFields, _Packed):
     """Message SPECTRUM: type 8, 65 bytes of payload.
 
     Some bins of the spectrum that a FIT is of, after it; with every tenth fit of an axis, in order.
@@ -633,15 +586,7 @@ class Spectrum(_SpectrumFields):
     __slots__ = ()
     TYPE: ClassVar[int] = 8
     SIZE: ClassVar[int] = 65
-    SCALE: ClassVar[dict[str, float]] = {}
     _STRUCT: ClassVar[Struct] = Struct("<BHBBfffffffffffffff")
-
-    def pack(self) -> bytes:
-        return self._STRUCT.pack(*self)
-
-    @classmethod
-    def unpack(cls, payload: bytes) -> Self:
-        return cls._make(cls._STRUCT.unpack(payload))
 
 
 Message: TypeAlias = Hello | Sample | Status | Fault | Estimate | Estimator | Fit | Spectrum
