@@ -10,8 +10,8 @@ from fltea.cli.devices import devices, doctor
 from fltea.machine import host_system
 from fltea.machine.doctor import hearing
 from fltea.machine.doctor.hearing import Heard
-from fltea.machine.host_system import Group
 from fltea.records.events import Trouble
+from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_NATIVE_PORT
 from host_support import hello
 

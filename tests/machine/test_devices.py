@@ -8,7 +8,8 @@ import pytest
 from fake_system import FakeSystem
 from fltea.machine import host_system
 from fltea.machine.devices import NATIVE, PROGRAMMING, find_buses, find_ports, is_raspberry_pi, stable_name
-from fltea.machine.host_system import Group, Holder, System, permission_remedy
+from fltea.machine.host_system import Holder, System, permission_remedy
+from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_NATIVE_PORT
 
 
@@ -117,8 +118,9 @@ def test_the_group_of_a_real_file(tmp_path: Path) -> None:
     group = system.group_of("/device")
     assert group is not None
     assert (group.gid, group.joinable) == (status.st_gid, status.st_gid != 0)
-    file.chmod(0o640)
-    assert system.group_of("/device") == group._replace(joinable=False)
+    for mode in (0o600, 0o640):
+        file.chmod(mode)
+        assert system.group_of("/device") == group._replace(joinable=False)
     assert system.group_of("/none") is None
 
 

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from fltea.machine.doctor.finding import Finding
-from fltea.machine.host_system import Group, System
+from fltea.machine.host_system import System
+from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_PROGRAMMING_PORT
 
 

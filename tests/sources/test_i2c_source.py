@@ -14,6 +14,7 @@ from fltea.sources.i2c.source import I2cSource, SystemClock, parse_url
 from fltea.stream.place import Place
 from fltea.stream.time import Timebase
 from fltea.wire import layout as wire
+from fltea.wire import permission
 from fltea.wire.layout import SampleFlags
 
 SETTLED_S = 12.0
@@ -273,7 +274,7 @@ def test_a_bus_that_cannot_be_opened(
     number: int, kind: str, words: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("fltea.sources.i2c.bus.glob.glob", lambda pattern: ["/dev/i2c-0"])
-    monkeypatch.setattr("fltea.sources.i2c.bus._group_of", lambda path: "i2c")
+    monkeypatch.setattr(permission, "group_of", lambda path: permission.Group(998, "i2c", True))
     pi = Pi()
     Buses(pi, *[OSError(number, "as the kernel says it")] * 3)
     pi.run_until(4)
@@ -284,7 +285,7 @@ def test_a_bus_that_cannot_be_opened(
 
 
 def test_a_bus_of_root_needs_a_rule(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fltea.sources.i2c.bus._group_of", lambda path: "root")
+    monkeypatch.setattr(permission, "group_of", lambda path: permission.Group(0, "root", False))
     pi = Pi()
     Buses(pi, PermissionError(errno.EACCES, "Permission denied"))
     pi.run_until(2)

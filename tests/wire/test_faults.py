@@ -8,7 +8,10 @@ from host_support import ROOT
 WORDS = {
     FaultCode.SENSOR_MISSING: (0x69, ["address 0x69", "3.3 V", "AD0", "pin 20", "pin 21"]),
     FaultCode.SENSOR_UNKNOWN: (0x12, ["WHO_AM_I is 0x12"]),
-    FaultCode.READBACK_MISMATCH: (0x1B1800, ["register 0x1B holds 0x00 in place of 0x18", "3.3 V"]),
+    FaultCode.READBACK_MISMATCH: (
+        0x1B1800,
+        ["register 0x1B of the sensor holds 0x00 in place of 0x18", "3.3 V"],
+    ),
     FaultCode.BUS_HELD: (2, ["SCL stays low", "short"]),
     FaultCode.SENSOR_LOST: (3, ["3 errors in a row"]),
     FaultCode.SENSOR_FROZEN: (10, ["10 equal samples in a row", "3.3 V", "another one"]),

@@ -9,20 +9,15 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 import serial
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
-from fltea.wire import transport
+from fltea.wire import permission, transport
+from fltea.wire.permission import Group
 from fltea.wire.transport import Port, Reader, explain_open_failure
 from support import PATIENCE_S, wait_until
-
-
-class FakeStatus(NamedTuple):
-    st_mode: int
-    st_gid: int
 
 
 @pytest.fixture
@@ -239,24 +234,20 @@ def test_what_the_operating_system_says_is_explained(number: int, kind: str, wor
     assert words in text
 
 
-def test_no_permission_names_the_group_that_owns_the_port(tmp_path, monkeypatch) -> None:
-    port = tmp_path / "port"
-    port.touch()
-    import grp
-
-    group = grp.getgrgid(20).gr_name
-    port.chmod(0o660)
-    monkeypatch.setattr(transport.os, "stat", lambda path: FakeStatus(0o20660, 20))
-    text = explain_open_failure(str(port), PermissionError(errno.EACCES, "denied"))[1]
-    assert f"join it with 'sudo usermod -aG {group}" in text
-
-
-@pytest.mark.parametrize(("mode", "gid"), [(0o20600, 20), (0o20660, 0), (0o20640, 20)])
-def test_no_group_is_advised_that_would_not_help(mode: int, gid: int, monkeypatch) -> None:
-    monkeypatch.setattr(transport.os, "stat", lambda path: FakeStatus(mode, gid))
+@pytest.mark.parametrize(
+    ("group", "says"),
+    [
+        (Group(20, "dialout", True), "join it with 'sudo usermod -aG dialout $USER'"),
+        (Group(986, "uucp", True), "join it with 'sudo usermod -aG uucp $USER'"),
+        (Group(0, "root", False), "(its group is 'root'): let a udev rule give it to the group 'dialout'"),
+        (None, "usually belong to the group 'dialout': sudo usermod -aG dialout $USER"),
+    ],
+)
+def test_no_group_is_advised_that_would_not_help(group: Group | None, says: str, monkeypatch) -> None:
+    monkeypatch.setattr(permission, "group_of", lambda path: group)
     text = explain_open_failure("/dev/ttyX", PermissionError(errno.EACCES, "denied"))[1]
-    assert "usermod" not in text
-    assert "udev" in text
+    assert says in text
+    assert ("usermod" in text) == (group is None or group.joinable)
 
 
 @pytest.mark.parametrize("url", ["carrier-pigeon://home", "hwgrep://[", "socket://localhost"])

@@ -2,19 +2,19 @@
 
 import contextlib
 import ctypes
-import grp
 import importlib.util
 import os
 import pwd
 import shutil
-import stat
 import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import msgspec
 from serial.tools import list_ports
+
+from fltea.wire.permission import Group, group_of
 
 COMMAND_S = 5.0
 TIME_ERROR = 5
@@ -31,14 +31,6 @@ class SerialPort(Protocol):
     vid: int | None
     pid: int | None
     serial_number: str | None
-
-
-class Group(NamedTuple):
-    """The group of a file; joinable: its members may read and write, and it is not root's."""
-
-    gid: int
-    name: str
-    joinable: bool
 
 
 class Holder(msgspec.Struct, frozen=True):
@@ -126,16 +118,7 @@ class System:
 
     def group_of(self, name: str) -> Group | None:
         """Return the group of a file; None if there is no such file."""
-        try:
-            status = self.path(name).stat()
-        except OSError:
-            return None
-        both = stat.S_IRGRP | stat.S_IWGRP
-        try:
-            group = grp.getgrgid(status.st_gid).gr_name
-        except KeyError:
-            group = str(status.st_gid)
-        return Group(status.st_gid, group, status.st_mode & both == both and status.st_gid != 0)
+        return group_of(self.path(name))
 
     def holders(self, name: str) -> list[Holder]:
         """Return the other programs that have a file open.

@@ -5,8 +5,8 @@ from fltea.wire.layout import FaultCode
 _LINES = {1: "SDA stays", 2: "SCL stays", 3: "SDA and SCL stay"}
 
 
-def fault_text(code: int, detail: int) -> str:
-    """Return what happened, the likely cause, and what to do."""
+def fault_text(code: int, detail: int, sensor: str = "the sensor") -> str:
+    """Return what happened, the likely cause, and what to do; sensor: what the texts call it."""
     match code:
         case FaultCode.SENSOR_MISSING:
             return (
@@ -20,11 +20,13 @@ def fault_text(code: int, detail: int) -> str:
                 "relatives. Is it another kind of sensor? 0x00 or 0xFF mean a bad contact on SDA."
             )
         case FaultCode.READBACK_MISMATCH:
-            register, written, read = detail >> 16 & 0xFF, detail >> 8 & 0xFF, detail & 0xFF
+            register, written, read = detail >> 16, detail >> 8 & 0xFF, detail & 0xFF
+            bank = f" of bank {register >> 8}" if register >> 8 else ""
             return (
-                f"the sensor's register 0x{register:02X} holds 0x{read:02X} in place of 0x{written:02X}, so "
-                "it is set up again. Once: its 3.3 V supply dipped, or a wire is loose. Again and again: a "
-                "clone, or wires too long for 400 kHz (keep them below 30 cm)."
+                f"register 0x{register & 0xFF:02X}{bank} of {sensor} holds 0x{read:02X} in place of "
+                f"0x{written:02X}, so it is set up again. Once: its 3.3 V supply dipped, it was plugged in "
+                "again, or a wire is loose. Again and again: a clone, another program that uses the sensor, "
+                "or wires too long for the bus's speed (keep them below 30 cm)."
             )
         case FaultCode.BUS_HELD:
             return (
@@ -33,7 +35,7 @@ def fault_text(code: int, detail: int) -> str:
             )
         case FaultCode.SENSOR_LOST:
             return (
-                f"the sensor stopped answering ({detail} errors in a row) and is set up again. A loose wire, "
+                f"{sensor} stopped answering ({detail} errors in a row) and is set up again. A loose wire, "
                 "or a dip of its 3.3 V supply."
             )
         case FaultCode.DATA_READY_MISSING:
@@ -42,10 +44,11 @@ def fault_text(code: int, detail: int) -> str:
                 "sensor's INT to pin 2? Without it, build the firmware in timer mode (settings.h)."
             )
         case FaultCode.SENSOR_FROZEN:
+            equal = f" ({detail} equal samples in a row)" if detail else ""
             return (
-                f"the sensor answers, but all its values stood still ({detail} equal samples in a row), so "
-                "it is set up again. Once: it fell asleep after a dip of its 3.3 V supply. Again and again: "
-                "its clock stands, so the chip is broken or a bad copy; try another one."
+                f"{sensor} answers, but gives no new samples{equal}, so it is set up again. Once: it fell "
+                "asleep after a dip of its 3.3 V supply. Again and again: its clock stands, so the chip is "
+                "broken or a bad copy; try another one."
             )
         case _:
             return f"a code that this fltea does not know (detail 0x{detail:X}); update it."

@@ -6,12 +6,10 @@ OSError); here any exception closes the port, says why and tries again with back
 
 import contextlib
 import errno
-import grp
 import os
 import queue
 import re
 import select
-import stat
 import threading
 import time
 from collections.abc import Iterator
@@ -23,6 +21,7 @@ from serial.tools import list_ports
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
+from fltea.wire.permission import join_remedy
 
 FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
@@ -32,6 +31,8 @@ DUE_NATIVE_PORT = 0x003E
 
 ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
 """The programming port of any Arduino Due."""
+
+RULE = "sudo make install-udev, in a clone of fltea"
 
 READ_TIMEOUT_S = 0.1
 SOCKET = "socket://"
@@ -85,7 +86,7 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
     if number in (errno.EACCES, errno.EPERM):
         return (
             "no_permission",
-            f"no permission to open {url}. {_permission_remedy(url)} 'fltea doctor' looks further.",
+            f"no permission to open {url}. {join_remedy(url, 'dialout', RULE)} 'fltea doctor' looks further.",
         )
     if number in (errno.EBUSY, errno.EAGAIN):
         return "port_busy", (
@@ -103,25 +104,6 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
             )
         return "no_port", f"there is no port {url}. Check the cable and the name. {list_ports_text()}"
     return "open_failed", f"cannot open {url}: {error}. {list_ports_text()}"
-
-
-def _permission_remedy(path: str) -> str:
-    """Return what opens this port to its user: a group, if there is one that may and is not root's."""
-    try:
-        status = os.stat(path)
-        group = grp.getgrgid(status.st_gid).gr_name
-    except (OSError, KeyError):
-        return "Serial ports usually belong to the group 'dialout': sudo usermod -aG dialout $USER."
-    open_to_group = status.st_mode & (stat.S_IRGRP | stat.S_IWGRP) == stat.S_IRGRP | stat.S_IWGRP
-    if open_to_group and status.st_gid != 0:
-        return (
-            f"It belongs to the group '{group}': join it with 'sudo usermod -aG {group} $USER', then log out "
-            "and in again."
-        )
-    return (
-        f"Its mode ({stat.filemode(status.st_mode)}, group '{group}') admits no group that you could join: "
-        "let a udev rule give it to the group 'dialout'."
-    )
 
 
 class Port:

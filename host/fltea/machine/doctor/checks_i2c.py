@@ -2,19 +2,15 @@
 
 import errno
 from collections.abc import Iterator
-from urllib.parse import parse_qs, urlsplit
 
 from fltea.machine.devices import find_buses, is_raspberry_pi
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.host_system import System, permission_remedy
+from fltea.records.errors import UsageError
+from fltea.sources.i2c import icm20948, mpu9250_registers
+from fltea.sources.i2c.bus import detect_command
+from fltea.sources.i2c.source import ADDRESSES, parse_url
 from fltea.wire.sensors import ICM20948, MPU_FAMILY, RELATIVES, SENSORS, sensor_name
-
-DEFAULT_BUS = "/dev/i2c-1"
-ADDRESSES = (0x68, 0x69)
-"""The chip's addresses with its pin AD0 at GND, and at 3.3 V."""
-
-WHO_AM_I, WHO_AM_I_OF_ICM = 0x75, 0x00
-"""The WHO_AM_I registers of the MPU-9250 and its relatives, and of the ICM-20948."""
 
 FASTEST_HZ = 400_000
 ENABLE = "sudo raspi-config nonint do_i2c 0, then reboot (elsewhere: dtparam=i2c_arm=on in config.txt)."
@@ -30,12 +26,10 @@ def check_i2c(system: System, url: str | None) -> Iterator[Finding]:
             )
         return
     try:
-        parts = urlsplit(url)
-        addresses = [int(text, 0) for text in parse_qs(parts.query).get("addr", [])]
-    except ValueError:
-        yield problem("i2c", f"{url} is no address of a chip.", "--source 'i2c:///dev/i2c-1?addr=0x68'")
+        bus, address, _ = parse_url(url.removeprefix("i2c:"))
+    except UsageError as error:
+        yield problem("i2c", str(error))
         return
-    bus = parts.path or DEFAULT_BUS
     if not system.exists(bus):
         others = ", ".join(found.path for found in find_buses(system))
         other = f" There is {others}." if others else ""
@@ -46,7 +40,7 @@ def check_i2c(system: System, url: str | None) -> Iterator[Finding]:
         yield problem("i2c", f"{system.user()} may not open {bus}.", remedy)
         return
     yield from _speed(system, bus)
-    yield from _chip(system, bus, addresses[0] if addresses else ADDRESSES[0])
+    yield from _chip(system, bus, address)
 
 
 def _speed(system: System, bus: str) -> Iterator[Finding]:
@@ -65,8 +59,8 @@ def _speed(system: System, bus: str) -> Iterator[Finding]:
 
 
 def _who_am_i(system: System, bus: str, address: int) -> int:
-    who = system.read_i2c_register(bus, address, WHO_AM_I)
-    if who not in MPU_FAMILY and system.read_i2c_register(bus, address, WHO_AM_I_OF_ICM) == ICM20948:
+    who = system.read_i2c_register(bus, address, mpu9250_registers.WHO_AM_I)
+    if who not in MPU_FAMILY and system.read_i2c_register(bus, address, icm20948.WHO_AM_I) == ICM20948:
         return ICM20948
     return who
 
@@ -82,7 +76,7 @@ def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
                     "sensor", f"a driver of the kernel has the chip at 0x{candidate:02X}; it was not asked"
                 )
                 return
-    where, number = f"{bus}, address 0x{address:02X}", bus.rsplit("-", 1)[-1]
+    where = f"{bus}, address 0x{address:02X}"
     if address not in answers:
         elsewhere = next((other for other, who in answers.items() if who in SENSORS), None)
         if elsewhere is not None:
@@ -96,7 +90,7 @@ def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
                 "sensor",
                 f"no chip answers at {where}.",
                 "VCC to 3.3 V (pin 1), SDA to GPIO 2 (pin 3), SCL to GPIO 3 (pin 5), GND (pin 6); "
-                f"'i2cdetect -y {number}' shows what answers.",
+                f"'{detect_command(bus)}' shows what answers.",
             )
         return
     who = answers[address]

@@ -3,13 +3,17 @@
 import errno
 import fcntl
 import glob
-import grp
 import os
 import re
 import struct
 from typing import Any, Protocol
 
 from smbus2 import SMBus
+
+from fltea.wire.permission import join_remedy
+
+RULE = 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"'
+"""The rule of udev that gives all buses to the group i2c."""
 
 I2C_TIMEOUT = 0x0702
 """ioctl of i2c-dev; in units of 10 ms, and for the whole adapter."""
@@ -67,7 +71,7 @@ def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, 
                 f"its samples. End it; 'fltea devices' names it."
             )
         case errno.EACCES | errno.EPERM:
-            return "no_permission", f"no permission to open {path}. {_permission_remedy(path)}"
+            return "no_permission", f"no permission to open {path}. {join_remedy(path, 'i2c', RULE)}"
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
             return "no_port", (
                 f"there is no I²C bus {path}. {_buses_text()} On a Raspberry Pi switch it on with "
@@ -88,24 +92,3 @@ def detect_command(path: str) -> str:
 def _buses_text() -> str:
     buses = sorted(glob.glob("/dev/i2c-*"))
     return f"Buses that exist: {', '.join(buses)}." if buses else "This machine has none at the moment."
-
-
-def _permission_remedy(path: str) -> str:
-    group = _group_of(path)
-    if group == "root":
-        return (
-            "It belongs to root alone: let a udev rule give it to the group 'i2c' "
-            '(KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"), and join that group.'
-        )
-    return (
-        f"It belongs to the group '{group}': join it with 'sudo usermod -aG {group} $USER', then log out and "
-        "in again."
-    )
-
-
-def _group_of(path: str) -> str:
-    """Name of the group that a file belongs to."""
-    try:
-        return grp.getgrgid(os.stat(path).st_gid).gr_name
-    except (OSError, KeyError):
-        return "root"

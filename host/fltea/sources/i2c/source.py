@@ -42,6 +42,7 @@ from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import NO_SENSOR, RELATIVES, sensor_name
 
 ADDRESSES = (0x68, 0x69)
+"""The chip's addresses with its pin AD0 at GND, and at 3.3 V."""
 POLL_S = (0.02, 0.03)
 FRESH_POLL_S = 0.001
 SLICE_S = 0.05
@@ -98,26 +99,23 @@ def parse_url(rest: str) -> Place:
     parts = urlsplit(rest)
     if parts.netloc or not parts.path.startswith("/dev/") or parts.fragment:
         raise UsageError(f"i2c:{rest}: no path of a bus such as /dev/i2c-1. {usual}.")
-    address, chip = ADDRESSES[0], ""
-    for key, value in parse_qsl(parts.query, keep_blank_values=True):
-        if key == "chip":
-            chip = value
-            if chip not in CHIPS:
-                raise UsageError(
-                    f"i2c:{rest}: chip is {' or '.join(CHIPS)}, not '{value}'. Without it the chip is asked."
-                )
-            continue
-        if key != "addr":
-            raise UsageError(f"i2c:{rest}: there is no key '{key}'; it takes addr and chip. {usual}.")
-        try:
-            address = int(value, 0)
-        except ValueError:
-            address = 0
-        if address not in ADDRESSES:
-            raise UsageError(
-                f"i2c:{rest}: addr is 0x68 (AD0 at GND) or 0x69 (AD0 at 3.3 V), not '{value}'. {usual}."
-            )
-    return Place(parts.path, address, chip)
+    keys = dict(parse_qsl(parts.query, keep_blank_values=True))
+    if unknown := sorted(keys.keys() - {"addr", "chip"}):
+        raise UsageError(f"i2c:{rest}: there is no key '{unknown[0]}'; it takes addr and chip. {usual}.")
+    chip, text = keys.get("chip"), keys.get("addr", "0x68")
+    if chip not in (None, *CHIPS):
+        raise UsageError(
+            f"i2c:{rest}: chip is {' or '.join(CHIPS)}, not '{chip}'. Without it the chip is asked."
+        )
+    try:
+        address = int(text, 0)
+    except ValueError:
+        address = 0
+    if address not in ADDRESSES:
+        raise UsageError(
+            f"i2c:{rest}: addr is 0x68 (AD0 at GND) or 0x69 (AD0 at 3.3 V), not '{text}'. {usual}."
+        )
+    return Place(parts.path, address, chip or "")
 
 
 def device_id(path: str, address: int) -> str:

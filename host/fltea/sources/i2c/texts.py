@@ -1,6 +1,7 @@
 """What went wrong on a Linux I²C bus, for the person who has to mend it: what, why, what to do."""
 
 from fltea.sources.i2c.bus import detect_command
+from fltea.wire import faults
 from fltea.wire.layout import FaultCode
 
 _WIRES = (
@@ -24,31 +25,14 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
                 "or 0xFF mean a bad contact on SDA, or an ICM-20948 that another program left with another "
                 "bank of registers selected: then add '&chip=icm20948' to the source."
             )
-        case FaultCode.READBACK_MISMATCH:
-            register, written, read = detail >> 16, detail >> 8 & 0xFF, detail & 0xFF
-            bank = f" of bank {register >> 8}" if register >> 8 else ""
-            return (
-                f"register 0x{register & 0xFF:02X}{bank} of the sensor at 0x{address:02X} on {path} holds "
-                f"0x{read:02X} in place of 0x{written:02X}, so it is set up again. Once: its 3.3 V supply "
-                "dipped, or it was plugged in again. If it keeps happening: a clone, another program that "
-                "uses the sensor, or wires too long for the bus's baud rate (keep them below 30 cm)."
-            )
         case FaultCode.BUS_HELD:
             return (
                 f"transfers on {path} break off: SDA or SCL stays low, or is disturbed. Check for a short to "
                 f"GND, SDA and SCL swapped, and a sensor without 3.3 V. {_WIRES}. "
                 f"'{detect_command(path)}' that takes minutes says the same."
             )
-        case FaultCode.SENSOR_FROZEN:
-            return (
-                f"the sensor at 0x{address:02X} on {path} answers, but gives no new samples, so it is set up "
-                "again. Once: it fell asleep after a dip of its 3.3 V supply. Again and again: its clock "
-                "stands, so the chip is broken or a bad copy; try another one."
-            )
-    return (
-        f"the sensor at 0x{address:02X} on {path} stopped answering ({detail} errors in a row) and is set up "
-        f"again. A loose wire, or a dip of its 3.3 V supply. {_WIRES}."
-    )
+    text = faults.fault_text(code, detail, f"the sensor at 0x{address:02X} on {path}")
+    return f"{text} {_WIRES}." if code == FaultCode.SENSOR_LOST else text
 
 
 def bus_lost_text(path: str, error: OSError) -> str:
