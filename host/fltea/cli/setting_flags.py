@@ -36,6 +36,7 @@ def takes_settings(
     are texts until the setting's own declaration reads and checks them, so that a wrong one has the same
     error as in a file. only: beginnings of the paths that `--set` takes.
     """
+    taken = [f"settings of [{one[:-1]}]" if one.endswith(".") else one for one in only]
     flags = {
         path.replace(".", "_"): one
         for path, one in SETTINGS.items()
@@ -49,12 +50,12 @@ def takes_settings(
             settings = of_flags(texts) | dict(map(parse_setting, set_ or ()))
             for path in settings.keys() - texts.keys():
                 if not path.startswith(only):
-                    raise UsageError(f"--set {path}: here it takes {' and '.join(only)} only.")
+                    raise UsageError(f"--set {path}: here it takes {' and '.join(taken)} only.")
             command(*arguments, settings=settings, **given)
 
         own = inspect.signature(command, eval_str=True)
         parameters = [one for name, one in own.parameters.items() if name != "settings"]
-        annotations = {name: _option(one) for name, one in flags.items()} | {"set_": _set(only)}
+        annotations = {name: _option(one) for name, one in flags.items()} | {"set_": _set(taken)}
         parameters += [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
             for name, annotation in annotations.items()
@@ -66,8 +67,8 @@ def takes_settings(
     return decorated
 
 
-def _set(only: tuple[str, ...]) -> Any:
-    which = " or ".join(only) if any(only) else "Any setting, such as estimator.order.Q0=0.05"
+def _set(taken: Sequence[str]) -> Any:
+    which = "Takes " + " and ".join(taken) if any(taken) else "Any setting, such as estimator.order.Q0=0.05"
     return Annotated[
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help=f"{which}; repeatable.")
     ]
