@@ -14,16 +14,15 @@ STRONG = Case(0.8, -1.0, 30.0)
 TINY = Plan(
     seeds=3,
     fit_seeds=4,
+    coverage_series=100,
     grid=(Case(), STRONG),
     lengths=(1_000, 1_500),
     changed_on=(Case(), STRONG),
     changed_lengths=(2_100,),
     fitted_samples=1_000,
     refereed=(),
-    alarm_series=100,
     shifts=(),
     coverage=(),
-    coverage_series=100,
 )
 
 

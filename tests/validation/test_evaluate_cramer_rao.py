@@ -8,8 +8,7 @@ from fltea.noise import spectra as spectrum
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tools.validation.evaluate.cramer_rao import bound, fisher
-from tools.validation.evaluate.frequencies import LAM, mean
+from tools.validation.evaluate.cramer_rao import LAM, bound, fisher, mean
 
 N, H = 3000, 0.01
 CASES = [(0.3, -0.4, 2.0, 0.5), (0.6, -0.19, 1.0, 3.0), (0.8, -0.025, 0.03, 1.0), (1.4, -1.1, 1.0, 0.2)]

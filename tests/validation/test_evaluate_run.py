@@ -1,41 +1,70 @@
-"""Plans, their order, and what is made of the result."""
+"""Plans, their order, and what is made of the rows."""
 
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
-from validation_support import STRONG
+from fltea.identification.workers import Here
+from validation_support import STRONG, TINY
 
-from tools.validation.evaluate import alarms, figures, fit_summaries, fits, run, summaries
-from tools.validation.evaluate.cases import POWER, samples
+from tools.validation.evaluate import figures, fits, run, summaries
+from tools.validation.evaluate.cases import POWER, Case, samples
 from tools.validation.evaluate.online import Reading
-from tools.validation.evaluate.run import LIVE, WHITTLE, Result, changed_case, full_plan, quick_plan
-from tools.validation.evaluate.score import Score, score
+from tools.validation.evaluate.run import LIVE, WHITTLE, changed_case, plan_of, plan_tasks
+from tools.validation.evaluate.score import score
 from tools.validation.evaluate.settings import CHANGES, MAIN, TUNED
+from tools.validation.evaluate.summaries import frame
+from tools.validation.runner import Row
+from tools.validation.runner import run as run_tasks
+from tools.validation.tables import Table
+
+FILTERS = [*(one.name for one in MAIN), *TUNED]
 
 
-def test_rows(tiny: Result) -> None:
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
+    """A tiny evaluation, made once, with one row of each of the parts that it leaves out."""
+    rows = run_tasks(plan_tasks(TINY), Here(), tmp_path_factory.mktemp("tiny") / "evaluate.ndjson")
+    of_others: dict[str, Row] = {
+        "coverage": {"samples": 3_000, "series": 600, "held": 560, "undefined": 30},
+        "referee": {
+            f"{fit}_{what}": 0.5 for fit in ("exact", "whole", "live") for what in ("rmse", "coverage")
+        },
+        "shifts": {"change": "none", "memory_s": None, "holds": 5, "median_error": 0.01},
+    }
+    both = {"series": 6, "noise": "any", "verdicts": {"white": 4, "drift": 2}, "left_out": {}}
+    others = [both | {"kind": kind} | row for kind, row in of_others.items() if kind != "coverage"]
+    one = {"kind": "coverage", "noise": "any"} | of_others["coverage"]
+    parts = (one, one | {"series": 400, "held": 390, "undefined": 10})
+    return rows + others + [part | {"quantity": name} for part in parts for name in fits.QUANTITIES]
+
+
+def cell(tables: dict[str, Table], title: str, *names: str) -> list[str]:
+    """The cells of one row of a table, behind its names."""
+    (found,) = (row for row in tables[title].rows if tuple(row[: len(names)]) == names)
+    return list(found[len(names) :])
+
+
+def test_rows(tiny: list[Row]) -> None:
     """Every estimator on every noise after every length: filters for α and f, fits for all they have."""
-    filters = [one.name for one in MAIN] + list(TUNED)
-    keys = {(r.case, r.samples, r.estimator, r.quantity) for r in tiny.rows}
-    assert len(keys) == len(tiny.rows) == 2 * 2 * (2 * len(filters) + 2 * len(fits.QUANTITIES))
-    assert len(tiny.changes) == 2 * 1 * len(CHANGES) * 2
-    assert {r.score.seeds for r in tiny.rows + tiny.changes if r.estimator not in (LIVE, WHITTLE)} == {3}
-    assert {r.score.seeds for r in tiny.rows if r.estimator in (LIVE, WHITTLE)} == {4}
-    for row in tiny.rows:
-        of_an_order = row.case.alpha is not None
-        assert (row.score.cramer_rao_sd is not None) == of_an_order
-        assert (row.score.bias is not None) == (of_an_order and row.score.without < 3)
-        if of_an_order and row.score.mean is not None:
-            truth = fits.truths(row.case)[row.quantity]
-            assert row.score.mean - row.score.bias == pytest.approx(truth, abs=1e-4)
-            if row.estimator in (LIVE, WHITTLE):
-                assert row.score.mean < 0 if row.quantity == "f" else 0 < row.score.mean < 1.5
-    strong = [
-        r.score for r in tiny.rows if r.case == STRONG and (r.estimator, r.quantity) == ("joint", "alpha")
-    ]
-    assert all(abs(one.bias) < 0.35 for one in strong)
+    scores = [row for row in tiny if row["kind"] == "rows"]
+    keys = {tuple(row[name] for name in ("noise", "samples", "estimator", "quantity")) for row in scores}
+    assert len(keys) == len(scores) == 2 * 2 * (2 * len(FILTERS) + 2 * len(fits.QUANTITIES))
+    changed = [row for row in tiny if row["kind"] == "changes"]
+    assert len(changed) == 2 * 1 * len(CHANGES) * 2
+    for row in scores + changed:
+        of_a_fit = row["estimator"] in (LIVE, WHITTLE)
+        assert row["seeds"] == (4 if of_a_fit else 3)
+        of_an_order = row["alpha"] is not None
+        assert (row["cramer_rao_sd"] is not None) == of_an_order
+        assert (row["bias"] is not None) == (of_an_order and row["without"] < 3)
+        if of_an_order and row["mean"] is not None:
+            truth = fits.truths(STRONG)[row["quantity"]]
+            assert row["mean"] - row["bias"] == pytest.approx(truth, abs=1e-4)
+            if of_a_fit:
+                assert row["mean"] < 0 if row["quantity"] == "f" else 0 < row["mean"] < 1.5
+            elif (row["estimator"], row["quantity"]) == ("joint", "alpha"):
+                assert abs(row["bias"]) < 0.35
 
 
 def test_where_Q_and_R_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,86 +98,81 @@ def test_where_Q_and_R_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_plans() -> None:
-    full, quick = full_plan(7), quick_plan(5)
+    full, quick = plan_of(7), plan_of(5, quick=True)
     assert (len(full.grid), full.seeds, full.lengths) == (53, 7, (3_000, 20_000, 60_000))
     assert (len(quick.grid), quick.seeds) == (5, 5)
     for plan in (full, quick):
         assert all(case.noise.R > 0 for case in plan.grid + plan.changed_on)
 
 
-def scored(error: float, coverage: float, without: int = 0) -> Score:
+def scored(error: float, coverage: float, without: int = 0) -> Row:
     """Twenty estimates at ± the error, of which so many are lost."""
     estimate = np.tile([0.5 - error, 0.5 + error], 10)
     covered = np.arange(20) < round(20 * coverage)
-    return score(estimate, np.arange(20) >= without, truth=0.5, covered=covered)
+    found = score(estimate, np.arange(20) >= without, truth=0.5, covered=covered)
+    return {"kind": "rows", **Case(0.5, -1.0, 1.0).columns, "quantity": "alpha", **found}
 
 
 def test_what_is_right() -> None:
-    assert summaries.right(scored(0.09, 0.9))
-    assert not summaries.right(scored(0.11, 1.0))
-    assert not summaries.right(scored(0.09, 0.85))
-    assert summaries.right(scored(0.05, 1.0, without=2))
-    assert not summaries.right(scored(0.05, 1.0, without=3))
-    assert not summaries.right(scored(0.05, 1.0, without=20))
+    given = [
+        *(scored(0.09, 0.9), scored(0.11, 1.0), scored(0.09, 0.85)),
+        *(scored(0.05, 1.0, without=lost) for lost in (2, 3, 20)),
+    ]
+    assert frame(given, "rows").right.tolist() == [True, False, False, True, False, False]
 
 
-def test_tables_and_conclusion(tiny: Result) -> None:
-    summary, white, changes = summaries.summary(tiny), summaries.white(tiny), summaries.changes(tiny)
-    assert len(summary) == len(white) == (len(MAIN) + len(TUNED) + 2) * 2
-    assert len(changes) == len(CHANGES)
-    for headings, rows in (
-        (summaries.SUMMARY_HEADINGS, summary),
-        (summaries.WHITE_HEADINGS, white),
-        (summaries.CHANGE_HEADINGS, changes),
-    ):
-        assert {len(row) for row in rows} == {len(headings)}
-        assert all(cell for row in rows for cell in row)
-    joint = next(r.score for r in tiny.changes if r.case == STRONG and r.estimator == "joint, as it is")
-    assert changes[0][1:3] == (f"{int(summaries.right(joint))} of 1", f"{joint.rmse:.2f}")
-    claims = {(name, n): claim for name, n, _, _, claim, _ in white}
-    alpha = next(r.score for r in tiny.rows if r.case.alpha is None and r.estimator == "triple")
-    assert claims["triple", "1,000"] == f"{alpha.beyond_zero:.0%}"
-    words = summaries.conclusion(tiny)
+def test_tables_and_conclusion(tiny: list[Row]) -> None:
+    *found, words = summaries.tables(tiny)
+    tables = {one.title: one for one in found if isinstance(one, Table)}
+    assert len(tables) == len(found) == 9
+    for one in tables.values():
+        assert one.rows
+        assert {len(row) for row in one.rows} == {len(one.headings)}
+        assert all(text for row in one.rows for text in row)
+    estimators = [*FILTERS, LIVE, WHITTLE]
+    assert [row[0] for row in tables["Error of α"].rows[::2]] == [*estimators, "bound"]
+    for title in ("Right figures", "White noise"):
+        assert [row[0] for row in tables[title].rows[::2]] == estimators
+    assert [row[0] for row in tables["Changed settings"].rows] == [one.name for one in CHANGES]
+    (joint,) = (
+        row
+        for row in tiny
+        if row["kind"] == "changes"
+        and (row["noise"], row["estimator"], row["quantity"]) == (STRONG.name, "joint, as it is", "alpha")
+    )
+    is_right = int(joint["rmse"] <= 0.1 and joint["coverage"] >= 0.9 and not joint["without"])
+    assert cell(tables, "Changed settings", "joint, as it is")[:2] == [
+        f"{is_right} of 1",
+        f"{joint['rmse']:.2f}",
+    ]
+    triple = next(row for row in tiny if row["alpha"] is None and row["estimator"] == "triple")
+    assert cell(tables, "White noise", "triple", "1,000")[2] == f"{triple['beyond_zero']:.0%}"
+    # Four series are too few for a ratio.
+    assert cell(tables, "Live over the whole record", "30", "1,000")[:2] == ["0 of 1", "–"]
+    # Two parts of a count are one: 95 % of 1,000, of which 40 are undefined.
+    (held,) = tables["Intervals, noise by noise"].rows
+    assert held[:3] == ("any", "3,000", "1,000")
+    assert held[3] == f"95.0% (93…96), 4% undefined, else {910 / 960:.1%}"
+    assert tables["Noises that change"].rows == [("none", "all", "5 of 6", "0.010", "4 white, 2 drift", "–")]
+    assert tables["The exact likelihood"].rows[0][2:5] == ("0.500", "1.00", "1.00")
+    assert isinstance(words, str)
     assert words.startswith("After 1,500 samples")
     assert "Where x has at least 90% of the power joint is right in" in words
     assert "less than" not in words  # there is no such noise in the plan
 
 
-def test_tables_of_the_fits(tiny: Result) -> None:
-    headings, errors = fit_summaries.errors(tiny)
-    tables = {
-        fit_summaries.RATIO_HEADINGS: fit_summaries.ratios(tiny),
-        fit_summaries.COVERAGE_HEADINGS: fit_summaries.coverages(tiny),
-        fit_summaries.ALARM_HEADINGS: fit_summaries.alarms(tiny),
-        headings: errors,
-    }
-    for names, rows in tables.items():
-        assert rows
-        assert {len(row) for row in rows} == {len(names)}
-        assert all(cell for row in rows for cell in row)
-    assert [row[0] for row in errors[::2]] == [one.name for one in MAIN] + [*TUNED, LIVE, WHITTLE, "bound"]
-    assert fit_summaries.ratios(tiny)[0][2] == "0 of 1"  # four series are too few for a ratio
-    assert [(one.noise, one.series) for one in tiny.alarms[::4]] == [(name, 100) for name in alarms.MAKERS]
-
-
 @pytest.mark.slow
-def test_figures(drawn: dict[str, bytes]) -> None:
+def test_figures(tiny: list[Row], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two of the maps and the settings: a map takes most of a second."""
+    monkeypatch.setattr(figures, "MAPS", {name: figures.MAPS[name] for name in ("error", "coverage")})
+    drawn = figures.draw(tiny)
     assert set(drawn) == {"error", "coverage", "settings", "live"}
     assert all(data.startswith(b"\x89PNG") for data in drawn.values())
     assert len(set(drawn.values())) == len(drawn)
 
 
-def test_a_cell_is_empty_where_half_have_no_value(tiny: Result) -> None:
-    row = next(r for r in tiny.rows if r.case == STRONG and r.quantity == "alpha")
-    error = figures.MAPS["error"]
-    s = row.score
-    shown = {name: figures._shown(row, one) for name, one in figures.MAPS.items()}
-    assert shown == {
-        "error": s.rmse,
-        "bias": s.bias,
-        "coverage": s.coverage,
-        "spread": s.sd_over_bound,
-        "f": s.median_error / abs(STRONG.f),
-    }
-    half = msgspec.structs.replace(row, score=scored(0.1, 1.0, without=10))
-    assert np.isnan(figures._shown(half, error))
+def test_a_cell_is_empty_where_half_have_no_value() -> None:
+    made = [scored(0.1, 1.0, without=lost) for lost in (9, 10)] + [{**scored(0.1, 1.0), "alpha": None}]
+    some, half = figures.shown(frame(made, "rows")).itertuples()  # and none of white noise
+    assert (some.rmse, some.coverage, some.error_of_f) == pytest.approx((0.1, 1.0, 0.1))
+    assert np.isnan([half.rmse, half.bias, half.coverage, half.error_of_f]).all()

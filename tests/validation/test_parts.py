@@ -28,15 +28,39 @@ def test_tasks_differ() -> None:
     assert set(program.PARTS) == {"gallery", "evaluate", "power", "anytime", "bound", "device", "fleet"}
 
 
-def test_strong_noise_is_found_and_white_is_not() -> None:
-    rows = power.count("Gaussian", "30 s", 20) + power.count("α 0.6, f -0.3, 100% of the power", "30 s", 5)
-    white, strong = rows
-    assert white["at 1 %"] <= white["at 5 %"] <= 4
-    assert white["peaks"] <= 2
-    assert (strong["at 5 %"], strong["peaks"]) == (5, 0)
-    alarms = power.tables([white])
-    assert [one.title for one in alarms if isinstance(one, Table)] == ["False alarms on white noise"]
-    assert len(cells(alarms)) == 1
+@pytest.mark.parametrize("noise", list(power.WHITE))
+def test_about_five_white_series_in_a_hundred_are_rejected(
+    noise: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 200 short series; 3 or fewer and 19 or more have a chance of 1 % together."""
+    monkeypatch.setitem(power.LENGTHS, "30 s", 1_000)
+    rows = power.count(noise, "30 s", 200)
+    assert [row["spectrum"] for row in rows] == ["live", "whole"]
+    for row in rows:
+        assert 4 <= row["at 5 %"] <= 18
+        assert row["at 1 %"] <= row["at 5 %"]
+        assert row["peaks"] <= 2
+    (alarms,) = power.tables(rows)
+    assert len(cells([alarms])) == 2
+
+
+@pytest.mark.parametrize("noise", list(power.WHITE))
+def test_the_noises_are_white_and_what_they_are_called(noise: str) -> None:
+    rng = np.random.default_rng(1)
+    y, other = power.WHITE[noise](50_000, rng), power.WHITE[noise](50_000, rng)
+    assert float(np.corrcoef(y[1:], y[:-1])[0, 1]) == pytest.approx(0, abs=0.02)
+    assert float(np.corrcoef(y, other)[0, 1]) == pytest.approx(0, abs=0.02)
+    assert ("LSB" in noise) == bool((y == np.rint(y)).all())
+    fourth = float(((y - y.mean()) ** 4).mean() / y.var() ** 2)
+    assert (fourth > 5) == (noise == "t4 tails")
+
+
+def test_strong_noise_is_found() -> None:
+    (row,) = power.count("α 0.6, f -0.3, 100% of the power", "30 s", 5)
+    assert (row["spectrum"], row["at 5 %"], row["peaks"]) == ("live", 5, 0)
+    (found,) = power.tables([row])
+    assert isinstance(found, Table)
+    assert found.rows[0][1].startswith("100.0%")
 
 
 @pytest.mark.parametrize(

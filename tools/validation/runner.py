@@ -15,11 +15,6 @@ Row = dict[str, Any]
 """One line of a table of figures: name to text, number, truth value or None."""
 
 
-def as_row(kind: str, found: msgspec.Struct) -> Row:
-    """Return what was found as a row of a kind, for parts that have several."""
-    return {"kind": kind, "found": msgspec.to_builtins(found)}
-
-
 class Options(NamedTuple):
     """What of a part is asked for."""
 

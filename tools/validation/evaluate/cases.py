@@ -13,7 +13,8 @@ from fltea.identification import noise_model
 from fltea.noise import spectra as spectrum
 from numpy.typing import NDArray
 
-from tools.validation.evaluate.frequencies import LAM, mean
+from tools.validation.evaluate.cramer_rao import LAM, mean
+from tools.validation.runner import Row
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,12 @@ class Case(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.alpha is None:
             return "white noise"
         return f"α = {self.alpha:g}, f = {self.f:g}, s2/R = {self.step_ratio:g}"
+
+    @property
+    def columns(self) -> Row:
+        """What the rows of a table have of it; nothing stands for its truth if it is white."""
+        share = {"x_share": self.noise.x_share}
+        return {"noise": self.name, **msgspec.structs.asdict(self), **share}
 
     @property
     def noise(self) -> "Noise":

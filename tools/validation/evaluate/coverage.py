@@ -1,8 +1,8 @@
 """How often the 95 % intervals of each parameter hold the truth: many series of a few noises."""
 
 import math
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from fltea.noise import spectra as spectrum
 from fltea.spectrum.models import FULL
@@ -13,14 +13,14 @@ from fltea.spectrum.whittle import fit
 from tools.validation.evaluate.cases import POWER, H
 from tools.validation.evaluate.fits import LEVEL, QUANTITIES, rejects
 from tools.validation.recursions import FractionalState
-from tools.validation.runner import Row, as_row
+from tools.validation.runner import Row
 
 LENGTHS = (3_000, 60_000)
 AT_ONCE = 100
 """Series of one task."""
 
 
-class Point(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Point(NamedTuple):
     """A noise."""
 
     alpha: float
@@ -48,36 +48,16 @@ POINTS = (
 )
 
 
-class Coverage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Of one parameter of one noise, in series of so many samples."""
-
-    point: Point
-    samples: int
-    quantity: str
-    series: int
-    held: int
-    """that hold the truth; one without ends holds everything"""
-    undefined: int
-    """that have no ends: white noise is not rejected, or the data do not define the parameter"""
-
-    @property
-    def share(self) -> float:
-        """Of the intervals that hold the truth."""
-        return self.held / self.series
-
-    @property
-    def share_of_defined(self) -> float | None:
-        """The same of those that have ends; None: none has."""
-        defined = self.series - self.undefined
-        return (self.held - self.undefined) / defined if defined else None
-
-
 def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[Row]:
-    """Fit the whole records of some series; seed: another one is another set of series."""
-    noise = FractionalState(point.alpha, spectrum.g_of(point.alpha, point.f, H), samples)
+    """Fit the whole records of some series; seed: another one is another set of series.
+
+    held: how many intervals hold the truth; one without ends holds everything. undefined: how many have no
+    ends, since white noise is not rejected or the data do not define the parameter.
+    """
+    g = spectrum.g_of(point.alpha, point.f, H)
+    noise = FractionalState(point.alpha, g, samples)
     s2 = POWER / (noise.power + point.white)
     R = s2 * point.white
-    g = spectrum.g_of(point.alpha, point.f, H)
     truth = dict(zip(QUANTITIES, (point.alpha, point.f, point.alpha + g, s2, R), strict=True))
     held, undefined = dict.fromkeys(QUANTITIES, 0), dict.fromkeys(QUANTITIES, 0)
     rng = np.random.default_rng([seed, samples, *point.name.encode()])
@@ -89,7 +69,7 @@ def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[R
             interval = getattr(found, name)
             undefined[name] += not interval.defined
             held[name] += not interval.defined or interval.low <= value <= interval.high
+    case: Row = {"kind": "coverage", "noise": point.name, "samples": samples, "series": series}
     return [
-        as_row("coverage", Coverage(point, samples, name, series, held[name], undefined[name]))
-        for name in QUANTITIES
+        case | {"quantity": name, "held": held[name], "undefined": undefined[name]} for name in QUANTITIES
     ]

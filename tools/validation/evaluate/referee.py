@@ -2,14 +2,13 @@
 
 import math
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tools.validation.evaluate import cases, fits
 from tools.validation.evaluate.cases import Case, H
 from tools.validation.evaluate.exact_fit import ExactSeries
-from tools.validation.runner import Row, as_row
+from tools.validation.runner import Row
 
 Array = NDArray[np.float64]
 
@@ -25,23 +24,11 @@ CASES: tuple[Case, ...] = (
 """Of the grid, where 3,000 samples say something of α."""
 
 
-class Referee(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Root mean square errors of α on the series of one noise in which both fits reject white noise."""
-
-    case: Case
-    samples: int
-    series: int
-    exact_rmse: float | None
-    whole_rmse: float | None
-    live_rmse: float | None
-    exact_coverage: float | None
-    """of 95 % intervals"""
-    whole_coverage: float | None
-    live_coverage: float | None
-
-
 def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
-    """Fit every series three times."""
+    """Fit every series three times.
+
+    Errors of α and shares of its intervals that hold it are of series in which both fits reject white noise.
+    """
     y, truth = cases.samples(case, seeds, samples), fits.truths(case)
     whole = fits.whole_reading(y, H, truth)
     (live,) = fits.live_readings(y, H, (samples,), truth)
@@ -51,17 +38,14 @@ def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
         covered[i], found = series.covers(truth["alpha"], series.fit())
         exact[i] = found.alpha
     both = whole.rejected & live.rejected
-    judged = Referee(
-        case,
-        samples,
-        int(both.sum()),
-        *(
-            rms(one[both] - truth["alpha"])
-            for one in (exact, whole.estimates["alpha"], live.estimates["alpha"])
-        ),
-        *(share(one[both]) for one in (covered, whole.covered["alpha"], live.covered["alpha"])),
-    )
-    return [as_row("referee", judged)]
+    row = {"kind": "referee", **case.columns, "samples": samples, "series": int(both.sum())}
+    for name, alpha, holds in (
+        ("exact", exact, covered),
+        ("whole", whole.estimates["alpha"], whole.covered["alpha"]),
+        ("live", live.estimates["alpha"], live.covered["alpha"]),
+    ):
+        row |= {f"{name}_rmse": rms(alpha[both] - truth["alpha"]), f"{name}_coverage": share(holds[both])}
+    return [row]
 
 
 def rms(error: Array) -> float | None:

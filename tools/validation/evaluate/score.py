@@ -1,40 +1,12 @@
 """What estimates are worth against the truth (pure)."""
 
-import math
-
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tools.validation.runner import Row
 from tools.validation.tables import Z
 
 Array = NDArray[np.float64]
-
-
-class Score(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Of one quantity over the seeds that have a value; None where there is none, or no truth."""
-
-    seeds: int
-    without: int
-    """seeds without a value: the lane was lost, or white noise is not rejected, so that it is undefined"""
-    mean: float | None
-    sd: float | None
-    """spread over the seeds"""
-    q05: float | None
-    q95: float | None
-    bias: float | None
-    rmse: float | None
-    median_error: float | None
-    """half of the seeds are nearer to the truth"""
-    reported_sd: float | None
-    """median of the estimator's own"""
-    coverage: float | None
-    """share of the 95 % intervals that hold the truth"""
-    beyond_zero: float | None
-    """share of the estimates that are more than Z of their own σ from 0"""
-    cramer_rao_sd: float | None
-    sd_over_bound: float | None
-    """spread over the Cramér–Rao bound; below 1 only with a bias"""
 
 
 def score(
@@ -45,37 +17,44 @@ def score(
     reported: Array | None = None,
     covered: NDArray[np.bool_] | None = None,
     bound: float | None = None,
-) -> Score:
-    """Score estimates (seeds,), those that are `valid`.
+) -> Row:
+    """Score estimates (seeds,) of one quantity, those that are `valid`.
 
     covered: whether the interval of each holds the truth; if not given, that is ±Z `reported`.
+
+    Columns, None where there is no value or no truth: `seeds`; `without`, seeds without a value, since the
+    lane was lost, or white noise is not rejected, so that it is undefined; `mean`; `sd`, the spread over the
+    seeds; `q05` and `q95`; `bias`; `rmse`; `median_error`, than which half of the seeds are nearer to the
+    truth; `reported_sd`, the median of the estimator's own; `coverage`, the share of the 95 % intervals that
+    hold the truth; `beyond_zero`, the share of the estimates that are more than Z of their own σ from 0;
+    `cramer_rao_sd`; `sd_over_bound`, which is below 1 only with a bias.
     """
     good = valid & np.isfinite(estimate)
-    values = estimate[good]
-    number = len(values)
-    if covered is None and reported is not None and truth is not None:
-        covered = np.abs(estimate - truth) <= Z * reported
-    claims = np.abs(estimate) > Z * reported if reported is not None and number else None
-    sd = float(values.std(ddof=1)) if number > 1 else None
-    error = values - truth if truth is not None and number else None
-    return Score(
-        seeds=len(estimate),
-        without=len(estimate) - number,
-        mean=_round(values.mean()) if number else None,
-        sd=_round(sd),
-        q05=_round(np.quantile(values, 0.05)) if number else None,
-        q95=_round(np.quantile(values, 0.95)) if number else None,
-        bias=None if error is None else _round(error.mean()),
-        rmse=None if error is None else _round(math.sqrt((error**2).mean())),
-        median_error=None if error is None else _round(np.median(np.abs(error))),
-        reported_sd=_round(np.median(reported[good])) if reported is not None and number else None,
-        coverage=_round(covered[good].mean()) if covered is not None and number else None,
-        beyond_zero=None if claims is None else _round(claims[good].mean()),
-        cramer_rao_sd=_round(bound),
-        sd_over_bound=_round(sd / bound) if sd is not None and bound else None,
+    values, number = estimate[good], int(good.sum())
+    found: Row = {"seeds": len(estimate), "without": len(estimate) - number}
+    figures: dict[str, float | None] = dict.fromkeys(
+        (
+            *("mean", "sd", "q05", "q95", "bias", "rmse", "median_error", "reported_sd", "coverage"),
+            *("beyond_zero", "cramer_rao_sd", "sd_over_bound"),
+        )
     )
-
-
-def _round(value: float | np.floating | None) -> float | None:
-    """Six digits: the seventh is the rounding of whatever library did the sums."""
-    return None if value is None else float(f"{value:.6g}")
+    figures["cramer_rao_sd"] = bound
+    if number > 1:
+        figures["sd"] = sd = float(values.std(ddof=1))
+        figures["sd_over_bound"] = sd / bound if bound else None
+    if number:
+        figures |= {"mean": values.mean(), "q05": np.quantile(values, 0.05), "q95": np.quantile(values, 0.95)}
+        if truth is not None:
+            error = values - truth
+            figures |= {"bias": error.mean(), "rmse": np.sqrt((error**2).mean())}
+            figures["median_error"] = np.median(np.abs(error))
+        if reported is not None:
+            figures["reported_sd"] = np.median(reported[good])
+            figures["beyond_zero"] = (np.abs(estimate) > Z * reported)[good].mean()
+            if covered is None and truth is not None:
+                covered = np.abs(estimate - truth) <= Z * reported
+        if covered is not None:
+            figures["coverage"] = covered[good].mean()
+    # Six digits: the seventh is the rounding of whatever library did the sums.
+    rounded = {name: None if one is None else float(f"{one:.6g}") for name, one in figures.items()}
+    return found | rounded

@@ -1,6 +1,5 @@
 """The online filters that are judged: the daemon's defaults, and one change of them at a time."""
 
-from collections.abc import Sequence
 from typing import Any, Literal
 
 import msgspec
@@ -89,7 +88,7 @@ CHANGES: tuple[Setting, ...] = (
 )
 """On a few noises."""
 
-CHANGED_ON: Sequence[Case] = (
+CHANGED_ON: tuple[Case, ...] = (
     Case(),
     Case(0.4, -1.0, 3.0),
     Case(0.6, -3.0, 0.3),

@@ -6,8 +6,8 @@ drift of the offset to change nothing.
 """
 
 from collections import Counter
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tools.validation.evaluate import cases
 from tools.validation.evaluate.cases import POWER, Case, H
-from tools.validation.runner import Row, as_row
+from tools.validation.runner import Row
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ DRIFT_SIGMAS, DRIFT_S = 20.0, 200.0
 """The offset comes up by so much, exponentially with this time constant."""
 
 
-class Shift(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Shift(NamedTuple):
     """A noise, and what happens to it in mid-run."""
 
     name: str
@@ -42,21 +42,6 @@ class Shift(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     drift: bool = False
     stationary: bool = False
     """nothing of it is a change of the noise"""
-
-
-class ShiftScore(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the live fit says at the end."""
-
-    shift: str
-    memory_s: float | None
-    series: int
-    holds: int
-    """95 % intervals that hold the α after the change"""
-    median_error: float
-    """of α, against that after the change"""
-    verdicts: dict[str, int]
-    left_out: dict[str, int]
-    """series in which samples were left out, by cause"""
 
 
 SHIFTS: tuple[Shift, ...] = (
@@ -87,12 +72,12 @@ def samples(shift: Shift, seeds: int) -> Array:
 
 
 def score_shift(shift: Shift, seeds: int) -> list[Row]:
-    """Without forgetting, and with it."""
+    """Return what the live fit says at the end, without forgetting and with it."""
     y = samples(shift, seeds)
-    return [as_row("shifts", _score(shift, y, memory)) for memory in (None, CONSTANT * H)]
+    return [_score(shift, y, memory) for memory in (None, CONSTANT * H)]
 
 
-def _score(shift: Shift, y: Array, memory_s: float | None) -> ShiftScore:
+def _score(shift: Shift, y: Array, memory_s: float | None) -> Row:
     axes = tuple(f"series {i}" for i in range(y.shape[1]))
     settings = LiveConfig(memory=None if memory_s is None else f"{memory_s:g}s")
     live = LiveAxes(axes, H, settings, "deg/s")
@@ -101,17 +86,17 @@ def _score(shift: Shift, y: Array, memory_s: float | None) -> ShiftScore:
     found = list(live.fit(curves=False).values())
     truth = shift.after.alpha or 0.0
     errors = [abs(one.alpha.value - truth) for one in found if one.alpha.value is not None]
-    holds = sum(
-        one.alpha.low is not None and one.alpha.high is not None and one.alpha.low <= truth <= one.alpha.high
-        for one in found
-    )
+    ends = [(one.alpha.low, one.alpha.high) for one in found]
     causes = Counter(cause for one in found for cause, count in one.left_out.items() if count)
-    return ShiftScore(
-        shift.name,
-        memory_s,
-        len(found),
-        holds,
-        round(float(np.median(errors)), 6) if errors else float("nan"),
-        dict(sorted(Counter(str(one.verdict) for one in found).items())),
-        dict(sorted(causes.items())),
-    )
+    return {
+        "kind": "shifts",
+        "change": shift.name,
+        "memory_s": memory_s,
+        "series": len(found),
+        # 95 % intervals that hold the α after the change, and its error against that
+        "holds": sum(low is not None and high is not None and low <= truth <= high for low, high in ends),
+        "median_error": round(float(np.median(errors)), 6) if errors else None,
+        "verdicts": dict(sorted(Counter(str(one.verdict) for one in found).items())),
+        # series in which samples were left out, by cause
+        "left_out": dict(sorted(causes.items())),
+    }

@@ -1,149 +1,253 @@
-"""What the evaluation says, as rows for people and for programs (pure)."""
+"""What the evaluation says, as tables and in words (pure)."""
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from pandas import Categorical, DataFrame, concat
 
-from tools.validation.evaluate.run import LIVE, WHITTLE, Result, Row
-from tools.validation.evaluate.score import Score
+from tools.validation.evaluate.fits import QUANTITIES
+from tools.validation.evaluate.run import LIVE, WHITTLE
+from tools.validation.runner import Row
+from tools.validation.tables import NONE, Table, number, share_within
 
 ERROR = 0.1
 """Largest root mean square error of α of a figure that is called right."""
 COVERAGE = 0.9
 """Least share of its 95 % intervals that hold the truth."""
-
-SUMMARY_HEADINGS = ("estimator", "samples", "right", "error α", "worst bias", "σ honest", "no value")
-WHITE_HEADINGS = ("on white noise", "samples", "α, 5 to 95 %", "σ", "claims α", "f, 5 to 95 %")
-CHANGE_HEADINGS = ("setting", "right", "error α", "worst", "σ", "honest", "error f")
-
-
-def right(score: Score) -> bool:
-    """A figure to rely on: α within ERROR, an interval that holds it, and hardly ever none."""
-    if score.rmse is None or score.coverage is None:
-        return False
-    return score.rmse <= ERROR and score.coverage >= COVERAGE and score.without <= 0.1 * score.seeds
+STRONG = 0.9
+"""Share of the power from which on x is nearly all there is."""
+FEWEST = 10
+"""Series in which white noise is rejected by both fits, for a ratio to be shown."""
 
 
-def summary(result: Result) -> list[tuple[str, ...]]:
+def frame(rows: list[Row], kind: str) -> DataFrame:
+    """Return the rows of a kind; what has a name is sorted as it first appears, and no value is NaN.
+
+    right: α within ERROR, an interval that holds it, and hardly ever no value: a figure to rely on.
+    """
+    found = DataFrame([row for row in rows if row["kind"] == kind])
+    gaps = found.columns[found.isna().any()]
+    found[gaps] = found[gaps].astype(float)
+    for name in {"estimator", "noise", "change"} & {*found.columns}:
+        found[name] = Categorical(found[name], found[name].unique())
+    if "rmse" in found:
+        good = (found.rmse <= ERROR) & (found.coverage >= COVERAGE)
+        found["right"] = good & (found.without <= 0.1 * found.seeds)
+    return found
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return all tables, and the conclusion."""
+    scores = frame(rows, "rows")
+    return [
+        errors(scores),
+        ratios(frame(rows, "pairs"), scores),
+        coverages(scores),
+        held(frame(rows, "coverage")),
+        referee(frame(rows, "referee")),
+        shifts(frame(rows, "shifts")),
+        summary(scores),
+        white(scores),
+        changes(frame(rows, "changes")),
+        conclusion(scores),
+    ]
+
+
+def medians(scores: DataFrame) -> DataFrame:
+    """Return the median over the noises of α's error, by s2/R, and of its bound, by estimator and length."""
+    alpha = _of_order(scores)
+    bound = alpha[alpha.estimator == WHITTLE].assign(estimator="bound", rmse=lambda some: some.cramer_rao_sd)
+    both = concat([alpha, bound])
+    both["estimator"] = Categorical(both.estimator, [*alpha.estimator.cat.categories, "bound"])
+    return both.pivot_table(
+        "rmse", ["estimator", "samples"], "step_ratio", "median", observed=True, dropna=False
+    )
+
+
+def errors(scores: DataFrame) -> Table:
+    """Errors of α before and after the live fit, and the bound."""
+    found = medians(scores)
+    cells = [(*_names(at), *(number(one, ".3f") for one in row)) for at, *row in found.itertuples()]
+    return Table("Error of α", ("error of α at s2/R", "samples", *(f"{one:g}" for one in found)), cells)
+
+
+def ratios(pairs: DataFrame, scores: DataFrame) -> Table:
+    """Errors of the live fit over the whole record's, by s2/R and length.
+
+    median and worst are of noises; all are all series of all noises, those of each noise in units of the
+    whole record's error.
+    """
+    live = _of_order(scores)[lambda some: some.estimator == LIVE]
+    over_bound = (live.rmse / live.cramer_rao_sd).groupby([live.step_ratio, live.samples]).median()
+    cells = []
+    for (ratio, n), some in pairs.groupby(["step_ratio", "samples"]):
+        kept = some[(some.series >= FEWEST) & (some.live_rmse > 0) & (some.whole_rmse > 0)]
+        each = kept.live_rmse / kept.whole_rmse
+        pooled = np.sqrt((each**2 * kept.series).sum() / kept.series.sum()) if len(kept) else None
+        figures = pooled, each.median(), each.max(), over_bound[ratio, n]
+        shown = (number(one, ".2f") for one in figures)
+        cells.append((f"{ratio:g}", f"{n:,}", f"{len(kept)} of {len(some)}", *shown))
+    headings = ("s2/R", "samples", "noises", "live / whole: all", "median", "worst", "of bound")
+    return Table("Live over the whole record", headings, cells)
+
+
+def coverages(scores: DataFrame) -> Table:
+    """Shares of all 95 % intervals of all noises that hold the truth."""
+    fits = scores[scores.estimator.isin([LIVE, WHITTLE]) & scores.coverage.notna()]
+    known = fits.seeds - fits.without
+    cells = []
+    for at, some in fits.assign(known=known, held=fits.coverage * known).groupby(
+        ["estimator", "samples"], observed=True
+    ):
+        sums = some.groupby("quantity")[["held", "known"]].sum().reindex(QUANTITIES)
+        shares = (number(one, ".1%") for one in sums.held / sums.known)
+        cells.append((*_names(at), f"{sums.known.iloc[-1]:,.0f}", *shares))
+    return Table("Intervals, all noises", ("fit", "samples", "series", *QUANTITIES), cells)
+
+
+def held(counts: DataFrame) -> Table:
+    """The same of a few noises each by itself, with the interval of the share.
+
+    Where there are undefined ones, which hold everything, their share comes after, and how many of the others
+    hold the truth.
+    """
+    cells = []
+    for at, some in counts.groupby(["noise", "samples"], observed=True):
+        sums = some.groupby("quantity")[["series", "held", "undefined"]].sum().loc[[*QUANTITIES]]
+        shares = (_held(*one) for one in sums.itertuples(index=False))
+        cells.append((*_names(at), f"{sums.series.iloc[0]:,}", *shares))
+    headings = ("held by intervals", "samples", "series", *QUANTITIES)
+    return Table("Intervals, noise by noise", headings, cells)
+
+
+def _held(series: int, held: int, undefined: int) -> str:
+    share = share_within(held, series)
+    if not undefined:
+        return share
+    others = f", else {(held - undefined) / (series - undefined):.1%}" if undefined < series else ""
+    return f"{share}, {undefined / series:.0%} undefined{others}"
+
+
+def referee(judged: DataFrame) -> Table:
+    """The exact likelihood beside Whittle's."""
+    cells = [
+        (
+            one.noise,
+            str(one.series),
+            number(one.exact_rmse, ".3f"),
+            *(number(rmse / one.exact_rmse, ".2f") for rmse in (one.whole_rmse, one.live_rmse)),
+            *(number(s, ".0%") for s in (one.exact_coverage, one.whole_coverage, one.live_coverage)),
+        )
+        for one in judged.itertuples()
+    ]
+    ratios = ("exact", "whole / exact", "live / exact")
+    return Table(
+        "The exact likelihood", ("noise", "series", *ratios, "hold α: exact", "whole", "live"), cells
+    )
+
+
+def shifts(scored: DataFrame) -> Table:
+    """Noises that change."""
+    cells = [
+        (
+            one.change,
+            "all" if np.isnan(one.memory_s) else f"{one.memory_s:g} s",
+            f"{one.holds} of {one.series}",
+            number(one.median_error, ".3f"),
+            *(
+                ", ".join(f"{n} {what}" for what, n in counts.items()) or NONE
+                for counts in (one.verdicts, one.left_out)
+            ),
+        )
+        for one in scored.itertuples()
+    ]
+    return Table(
+        "Noises that change", ("change", "memory", "holds α", "error α", "verdicts", "left out"), cells
+    )
+
+
+def summary(scores: DataFrame) -> Table:
     """A row for each estimator and length, over the noises that have an order."""
-    rows: list[tuple[str, ...]] = []
-    for estimator in _names(result.rows):
-        for n in result.plan.lengths:
-            scores = [row.score for row in _of(result.rows, estimator, "alpha", n) if row.case.alpha]
-            rows.append(
-                (
-                    estimator,
-                    f"{n:,}",
-                    f"{sum(map(right, scores))} of {len(scores)}",
-                    _median([s.rmse for s in scores], ".2f"),
-                    _worst([s.bias for s in scores]),
-                    f"{sum((s.coverage or 0) >= COVERAGE for s in scores)} of {len(scores)}",
-                    _percent(sum(s.without for s in scores) / sum(s.seeds for s in scores)),
-                )
-            )
-    return rows
+    cells = [
+        (
+            *_names(at),
+            _of_all(some.right),
+            number(some.rmse.median(), ".2f"),
+            _worst(some.bias),
+            _of_all(some.coverage >= COVERAGE),
+            number(some.without.sum() / some.seeds.sum(), ".0%"),
+        )
+        for at, some in _of_order(scores).groupby(["estimator", "samples"], observed=True)
+    ]
+    headings = ("estimator", "samples", "right", "error α", "worst bias", "σ honest", "no value")
+    return Table("Right figures", headings, cells)
 
 
-def white(result: Result) -> list[tuple[str, ...]]:
+def white(scores: DataFrame) -> Table:
     """What each estimator gives for white noise, where there is no order."""
-    rows: list[tuple[str, ...]] = []
-    for estimator in _names(result.rows):
-        for n in result.plan.lengths:
-            alphas, fs = (
-                [row.score for row in _of(result.rows, estimator, quantity, n) if row.case.alpha is None]
-                for quantity in ("alpha", "f")
-            )
-            for alpha, f in zip(alphas, fs, strict=True):
-                claims = (
-                    _percent(1 - alpha.without / alpha.seeds)
-                    if estimator in (LIVE, WHITTLE)
-                    else _percent(alpha.beyond_zero)
-                )
-                rows.append(
-                    (estimator, f"{n:,}", _range(alpha), _number(alpha.reported_sd), claims, _range(f))
-                )
-    return rows
+    cells = []
+    for at, some in scores[scores.alpha.isna()].groupby(["estimator", "samples"], observed=True):
+        by_quantity = {one.quantity: one for one in some.itertuples()}
+        alpha, f = by_quantity["alpha"], by_quantity["f"]
+        claims = 1 - alpha.without / alpha.seeds if at[0] in (LIVE, WHITTLE) else alpha.beyond_zero
+        shown = _range(alpha), number(alpha.reported_sd, ".3f"), number(claims, ".0%"), _range(f)
+        cells.append((*_names(at), *shown))
+    headings = ("on white noise", "samples", "α, 5 to 95 %", "σ", "claims α", "f, 5 to 95 %")
+    return Table("White noise", headings, cells)
 
 
-def changes(result: Result) -> list[tuple[str, ...]]:
+def changes(scores: DataFrame) -> Table:
     """A row for each setting, over the noises with an order, after the longest length."""
-    n = result.plan.changed_lengths[-1]
-    rows: list[tuple[str, ...]] = []
-    for estimator in _names(result.changes):
-        alphas, fs = (
-            [row for row in _of(result.changes, estimator, quantity, n) if row.case.alpha]
-            for quantity in ("alpha", "f")
+    last = scores[(scores.samples == scores.samples.max()) & scores.alpha.notna()]
+    relative = last[last.quantity == "f"].assign(error=lambda some: some.median_error / some.f.abs())
+    errors_of_f = relative.groupby("estimator", observed=True).error.median()
+    cells = [
+        (
+            name,
+            _of_all(some.right),
+            number(some.rmse.median(), ".2f"),
+            _worst(some.bias),
+            number(some.reported_sd.median(), ".3f"),
+            _of_all(some.coverage >= COVERAGE),
+            number(errors_of_f[name], ".0%"),
         )
-        scores = [row.score for row in alphas]
-        relative = [
-            None if row.score.median_error is None else row.score.median_error / abs(row.case.f or 1)
-            for row in fs
-        ]
-        rows.append(
-            (
-                estimator,
-                f"{sum(map(right, scores))} of {len(scores)}",
-                _median([s.rmse for s in scores], ".2f"),
-                _worst([s.bias for s in scores]),
-                _median([s.reported_sd for s in scores], ".3f"),
-                f"{sum((s.coverage or 0) >= COVERAGE for s in scores)} of {len(scores)}",
-                _median(relative, ".0%"),
-            )
-        )
-    return rows
+        for name, some in _of_order(last).groupby("estimator", observed=True)
+    ]
+    headings = ("setting", "right", "error α", "worst", "σ", "honest", "error f")
+    return Table("Changed settings", headings, cells)
 
 
-def conclusion(result: Result) -> str:
+def conclusion(scores: DataFrame) -> str:
     """In plain words."""
-    n = result.plan.lengths[-1]
-    sentences = []
-    for estimator in ("triple", "joint", LIVE, WHITTLE):
-        good = [r for r in _of(result.rows, estimator, "alpha", n) if r.case.alpha]
-        count = sum(right(row.score) for row in good)
-        sentences.append(f"{estimator} in {count} of {len(good)}")
+    n = scores.samples.max()
+    alpha = _of_order(scores)[lambda some: some.samples == n]
+    of = dict(iter(alpha.groupby("estimator", observed=True)))
+    counts = (f"{name} in {_of_all(of[name].right)}" for name in ("triple", "joint", LIVE, WHITTLE))
     text = f"After {n:,} samples α is right to {ERROR:g}, with an interval that holds it, by "
-    text += ", ".join(sentences) + " noises. "
-    joint = [r for r in _of(result.rows, "joint", "alpha", n) if r.case.alpha]
-    strong = [r for r in joint if r.case.noise.x_share >= STRONG]
-    weak = [r for r in joint if r.case.noise.x_share < STRONG]
-    for rows, what in ((strong, "at least"), (weak, "less than")):
-        if rows:
-            count = sum(right(r.score) for r in rows)
-            text += f"Where x has {what} {STRONG:.0%} of the power joint is right in {count} of {len(rows)}. "
+    text += ", ".join(counts) + " noises. "
+    strong = of["joint"].x_share >= STRONG
+    for some, what in ((of["joint"][strong], "at least"), (of["joint"][~strong], "less than")):
+        if len(some):
+            text += f"Where x has {what} {STRONG:.0%} of the power joint is right in {_of_all(some.right)}. "
     return text + "No filter knows white noise from noise with an order: the live fit's null test does."
 
 
-STRONG = 0.9
-"""Share of the power from which on x is nearly all there is."""
+def _of_order(scores: DataFrame) -> DataFrame:
+    """What is said of α where there is one."""
+    return scores[(scores.quantity == "alpha") & scores.alpha.notna()]
 
 
-def _names(rows: Sequence[Row]) -> list[str]:
-    return list(dict.fromkeys(row.estimator for row in rows))
+def _names(at: tuple[Any, int]) -> tuple[str, str]:
+    return str(at[0]), f"{at[1]:,}"
 
 
-def _of(rows: Sequence[Row], estimator: str, quantity: str, n: int) -> list[Row]:
-    return [r for r in rows if (r.estimator, r.quantity, r.samples) == (estimator, quantity, n)]
+def _of_all(flags: Any) -> str:
+    return f"{flags.sum()} of {len(flags)}"
 
 
-def _median(values: Sequence[float | None], form: str) -> str:
-    known = [value for value in values if value is not None]
-    return format(float(np.median(known)), form) if known else "–"
+def _worst(values: Any) -> str:
+    return NONE if values.isna().all() else f"{values[values.abs().idxmax()]:+.2f}"
 
 
-def _worst(values: Sequence[float | None]) -> str:
-    known = [value for value in values if value is not None]
-    return f"{max(known, key=abs):+.2f}" if known else "–"
-
-
-def _percent(share: float | None) -> str:
-    return "–" if share is None else f"{share:.0%}"
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
-
-
-def _range(score: Score) -> str:
-    if score.q05 is None or score.q95 is None:
-        return "–"
-    return f"{score.q05:.2f} … {score.q95:.2f}"
+def _range(score: Any) -> str:
+    return NONE if np.isnan(score.q05) else f"{score.q05:.2f} … {score.q95:.2f}"
