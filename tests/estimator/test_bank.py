@@ -1,11 +1,14 @@
 """The bank against the oracle that takes one sample at a time, and against itself in other blocks."""
 
+from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, Array, Gaps, H, assert_close, assert_same, by_bank, by_sample
 from fltea.estimator.bank import Bank
+from fltea.estimator.baseline import Baseline
 from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -118,18 +121,60 @@ def test_the_start_up_window_takes_no_more_than_it_needs() -> None:
     assert bank.save() is None
     with pytest.raises(ValueError, match="101 samples, but the start-up window takes 100 more"):
         bank.run(y[:101])
-    first = bank.run(y[:40])
-    assert not first.estimated
+    bank.run(y[:40])
     assert bank.baseline is None
     assert (bank.startup_remaining, bank.restarts["gyro_x"], bank.interventions["gyro_x"]) == (60, 0, {})
     last = bank.run(y[40:100])
-    assert not last.estimated
     assert np.isnan(last.alpha).all()
     assert not last.valid.any()
     assert bank.baseline is not None
     np.testing.assert_allclose(bank.baseline.bias_dps, y[:100].mean(axis=0), rtol=1e-14)
     np.testing.assert_allclose(bank.baseline.R, y[:100].var(axis=0, ddof=1), rtol=1e-13)
-    assert bank.run(y[100:101]).estimated
+    assert bank.run(y[100:101]).valid.all()
+
+
+CLIMBING = [[1.0, 10.0], [2.0, 10.0], [3.0, 16.0]]
+BASELINES: list[tuple[Any, Any, float | None, list[list[float]], Baseline]] = [
+    # x: mean 2, variance (1 + 0 + 1)/2; y: mean 12, variance (4 + 4 + 16)/2.
+    ("startup", "auto", None, CLIMBING, Baseline((2, 12), (1, 12), ())),
+    ([0.5, -1], [0.02, 0.03], None, [], Baseline((0.5, -1), (0.02, 0.03), ())),
+    ("none", 0.02, None, [], Baseline((0, 0), (0.02, 0.02), ())),
+    (0.5, 0.02, None, [], Baseline((0.5, 0.5), (0.02, 0.02), ())),
+    ([0.5, -1], "auto", None, [[1, 1], [3, 2]], Baseline((0.5, -1), (2, 0.5), ())),
+    ("startup", 0.1, None, [[1, 1], [1, 2]], Baseline((1, 1.5), (0.1, 0.1), ())),  # constant, with a given R
+    # The resolution is the floor of R: x hardly ever changes, y always.
+    (
+        "startup",
+        "auto",
+        0.6,
+        [[0.6 * (k == 0), 0.6 * (k % 2)] for k in range(100)],
+        Baseline((0.006, 0.3), (0.03, 1 / 11), ()),
+    ),
+    ("startup", "auto", 0.6, [[0.6, 0], [0.6, 0.6], [0.6, 1.2]], Baseline((0.6, 0.6), (nan, 0.36), ("x",))),
+    # The mean of many 0.1 is not 0.1, so that the computed variance is not zero.
+    (
+        "startup",
+        "auto",
+        None,
+        [[0.1, k % 2] for k in range(1000)],
+        Baseline((0.1, 0.5), (nan, 250 / 999), ("x",)),
+    ),
+]
+
+
+@pytest.mark.parametrize(("bias", "R", "resolution", "window", "expected"), BASELINES)
+def test_bias_and_r_by_hand(
+    bias: Any, R: Any, resolution: float | None, window: list[list[float]], expected: Baseline
+) -> None:
+    settings = EstimatorConfig(startup=max(2, len(window)), bias=bias, R=R)
+    bank = Bank(("x", "y"), settings, H, resolution)
+    assert bank.startup_remaining == len(window)
+    if window:
+        bank.run(window)
+    assert bank.baseline is not None
+    assert bank.baseline.bias_dps == pytest.approx(expected.bias_dps)
+    assert pytest.approx(expected.R, nan_ok=True) == bank.baseline.R
+    assert bank.baseline.constant_axes == expected.constant_axes
 
 
 def test_what_cannot_be_a_sample_is_refused_and_changes_nothing() -> None:
@@ -161,6 +206,8 @@ def test_what_cannot_be_a_sample_is_refused_and_changes_nothing() -> None:
 def test_settings_that_no_bank_can_work_with(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Bank(AXES, config(**changes), H, LSB)
+    with pytest.raises(ValueError, match="the resolution is the size of one count"):
+        Bank(AXES, config(), H, 0.0)
 
 
 def test_samples_that_vary_beyond_measure_or_below_it() -> None:

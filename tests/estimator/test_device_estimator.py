@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
+from fltea.estimator.bank import Bank
 from fltea.estimator.engine import CAUSES, Estimates
 from fltea.recording.npz_file import read_npz
 from fltea.settings.estimator import EstimatorConfig
@@ -18,7 +19,7 @@ from fltea.wire.layout import EstimateFlags
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from sample_by_sample import OnlineEstimator, Supervisor
+from sample_by_sample import Supervisor
 
 # The first test compiles the probes.
 pytestmark = pytest.mark.timeout(300)
@@ -203,9 +204,9 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     assert valid.tolist() == expected
     assert device.baseline.restarts == restarts == 1
 
-    host = OnlineEstimator(("x",), EstimatorConfig(window=0, variant=variant), 0.01, 1 / LSB_PER_DPS)
-    estimates = [host.on_sample((count / LSB_PER_DPS,)) for count in counts.tolist()]
-    theirs = np.array([estimate["x"].valid for estimate in estimates if estimate is not None])
+    host = Bank(("x",), EstimatorConfig(window=0, variant=variant), 0.01, 1 / LSB_PER_DPS)
+    host.run(counts[:STARTUP, np.newaxis] / LSB_PER_DPS)
+    theirs = host.run(counts[STARTUP:, np.newaxis] / LSB_PER_DPS).valid[:, 0]
     assert host.restarts == {"x": 1}
     assert 100 < np.sum(~theirs) < 1_000
     assert np.sum(valid != theirs) <= 10  # they need not part with R at the very same sample

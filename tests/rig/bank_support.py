@@ -6,16 +6,18 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from fltea.estimator.bank import Bank, BankBlock
-from fltea.estimator.lanes import Lost
+from fltea.estimator.bank import Bank
+from fltea.estimator.engine import CAUSES
+from fltea.estimator.lane_settings import LaneSettings
+from fltea.estimator.lanes import LaneBlock, Lost
 from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
-from sample_by_sample import OnlineEstimator, Whiteness
+from sample_by_sample import LanesBySample, baseline, whiteness
 
 Array = NDArray[np.float64]
 H = 0.01
 AXES = ("gyro_x", "gyro_y", "gyro_z")
-COLUMNS = BankBlock._fields[1:-1]
+COLUMNS = LaneBlock._fields[:-1]
 """All of the columns."""
 
 
@@ -43,37 +45,38 @@ def by_sample(
     y: Array, config: EstimatorConfig, lsb: float | None = None, gaps: Gaps | None = None
 ) -> Walked:
     """The oracle's way."""
-    axes = AXES[: y.shape[1]]
-    live = OnlineEstimator(axes, config, H, lsb)
-    white = {axis: Whiteness() for axis in axes}
-    rows, lost = [], []
-    for k, row in enumerate(y.tolist()):
+    (n, width), first = y.shape, config.startup_needed
+    axes = AXES[:width]
+    bias, R, constant = baseline(y[:first], config, lsb)
+    live = np.flatnonzero(~constant)
+    lanes = LanesBySample(len(live), LaneSettings(config, H, R[live])) if len(live) else None
+    columns, valid = np.full((n, 7, width), np.nan), np.zeros((n, width), dtype=bool)
+    innovations: list[list[tuple[float, float] | None]] = [[] for _ in axes]
+    lost = []
+    for k in range(first, n if lanes else 0):
         missing = (gaps or {}).get(k, 0)
-        live.on_missing(missing)
-        if missing:
-            for one in white.values():
-                one.skip()
-        found = live.on_sample(tuple(row))
-        for axis, e in (found or {}).items():
-            if e.valid:
-                white[axis].add(e.innovation_dps, e.innovation_std_dps)
-            else:
-                white[axis].skip()
-        lost += [Lost(k, axes.index(axis), why) for axis, why in live.lost.items()]
-        seven = [tuple(e[:7]) for e in found.values()] if found else [(math.nan,) * 7] * len(axes)
-        valid = [e.valid for e in found.values()] if found else [False] * len(axes)
-        rows.append([*np.array(seven).T, valid])
-    columns = {name: np.array([row[i] for row in rows]) for i, name in enumerate(COLUMNS)}
-    assert live.baseline is not None
+        for _ in range(missing):
+            lanes.step(np.zeros(len(live)), missing=True)
+        columns[k][:, live], valid[k, live], news = lanes.step(y[k, live] - bias[live])
+        lost += [Lost(k, int(live[lane]), why) for lane, why in news.items()]
+        for axis, of_axis in enumerate(innovations):
+            of_axis += [None] * min(missing, 1)
+            of_axis.append((columns[k, 5, axis], columns[k, 6, axis]) if valid[k, axis] else None)
+    counts = iter(zip(lanes.restarts, lanes.engine.interventions().tolist(), strict=True) if lanes else ())
+    restarts, interventions = dict.fromkeys(axes, 0), {axis: {} for axis in axes}
+    for axis, (again, causes) in zip(live, counts, strict=True):
+        restarts[axes[axis]] = again
+        interventions[axes[axis]] = {cause: n for cause, n in zip(CAUSES, causes, strict=True) if n}
+    white = dict(zip(axes, map(whiteness, innovations), strict=True))
     return Walked(
-        columns,
+        dict(zip(COLUMNS, (*columns.transpose(1, 0, 2), valid), strict=True)),
         lost,
-        live.restarts,
-        {axis: live.interventions.get(axis, {}) for axis in axes},
-        {axis: one.lag1 for axis, one in white.items()},
-        {axis: one.nis for axis, one in white.items()},
-        {axis: one.describes_noise for axis, one in white.items()},
-        *live.baseline,
+        restarts,
+        interventions,
+        *({axis: one[i] for axis, one in white.items()} for i in range(3)),
+        tuple(bias.tolist()),
+        tuple(np.where(constant, np.nan, R).tolist()),
+        tuple(axis for axis, still in zip(axes, constant, strict=True) if still),
     )
 
 
@@ -98,7 +101,7 @@ def by_bank(
     for block in blocks(len(y), [*cuts, *(gaps or {}), bank.startup_remaining]):
         bank.on_missing((gaps or {}).get(block.start, 0))
         found = bank.run(y[block.start : block.stop])
-        assert found.estimated == (block.start >= config.startup_needed)
+        assert block.start >= config.startup_needed or np.isnan(found[:7]).all()
         lost += [one._replace(row=one.row + block.start) for one in found.lost]
         parts.append(found)
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}

@@ -85,6 +85,32 @@ def instruction_sets() -> list[str]:
     return _native.instruction_sets()
 
 
+def as_rows(
+    lanes: int, y: ArrayLike, u: ArrayLike | None, missing: ArrayLike | None
+) -> tuple[Array, Array | None, NDArray[np.uint8] | None]:
+    """Return samples, inputs and marks of missing ones, all (n, lanes), as the native side takes them.
+
+    Raises:
+        ValueError: an array of another shape.
+    """
+    measured = np.ascontiguousarray(y, dtype=np.float64)
+    if measured.ndim != 2 or measured.shape[1] != lanes:
+        raise ValueError(f"y must have {lanes} lanes in its last axis, got shape {np.shape(y)}")
+    drive = None if u is None else np.ascontiguousarray(u, dtype=np.float64)
+    gone = None if missing is None else np.ascontiguousarray(missing, dtype=bool).view(np.uint8)
+    for name, array in (("u", drive), ("missing", gone)):
+        if array is not None and array.shape != measured.shape:
+            raise ValueError(f"{name} must have y's shape {measured.shape}, got {array.shape}")
+    return measured, drive, gone
+
+
+def interventions_of(native: _native.Engine | _native.Lanes | _native.Bank, lanes: int) -> NDArray[np.int32]:
+    """Return how often the guard stepped in, (lanes, len(CAUSES)), since the last start of each lane."""
+    counts = np.empty((lanes, len(CAUSES)), dtype=np.int32)
+    native.counts(counts)
+    return counts
+
+
 class Engine:
     """Any number of lanes of the estimator, all of one variant, guard and memory.
 
@@ -116,23 +142,14 @@ class Engine:
 
     def run(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
         """Take n samples of every lane, all (n, lanes): the same, to the bit, as n calls of `step`."""
-        measured = np.ascontiguousarray(y, dtype=np.float64)
-        if measured.ndim != 2 or measured.shape[1] != self.lanes:
-            raise ValueError(f"y must have {self.lanes} lanes in its last axis, got shape {np.shape(y)}")
-        drive = None if u is None else np.ascontiguousarray(u, dtype=np.float64)
-        gone = None if missing is None else np.ascontiguousarray(missing, dtype=bool).view(np.uint8)
-        for name, array in (("u", drive), ("missing", gone)):
-            if array is not None and array.shape != measured.shape:
-                raise ValueError(f"{name} must have y's shape {measured.shape}, got {array.shape}")
+        measured, drive, gone = as_rows(self.lanes, y, u, missing)
         out = np.empty((8, *measured.shape))
         self._native.run(measured, drive, gone, out)
         return Estimates._make((*out, self.interventions()))
 
     def interventions(self) -> NDArray[np.int32]:
         """How often the guard stepped in, (lanes, len(CAUSES)), since the start of each lane."""
-        counts = np.empty((self.lanes, len(CAUSES)), dtype=np.int32)
-        self._native.counts(counts)
-        return counts
+        return interventions_of(self._native, self.lanes)
 
     def retune(self, settings: LaneSettings) -> None:
         """Go on with other numbers from the next sample on, and where a lane begins again.

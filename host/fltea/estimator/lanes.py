@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
-from fltea.estimator.engine import CAUSES, instruction_sets
+from fltea.estimator.engine import as_rows, instruction_sets, interventions_of
 from fltea.estimator.lane_settings import LaneSettings
 
 Array = NDArray[np.float64]
@@ -72,12 +72,7 @@ class Lanes:
         their y is ignored. Raises ValueError, and changes nothing, for wrong shapes and for numbers that are
         not finite or beyond ±LARGEST_INPUT.
         """
-        measured = np.ascontiguousarray(y, dtype=np.float64)
-        if measured.ndim != 2 or measured.shape[1] != self.lanes:
-            raise ValueError(f"y must have {self.lanes} lanes in its last axis, got shape {np.shape(y)}")
-        gone = None if missing is None else np.ascontiguousarray(missing, dtype=bool).view(np.uint8)
-        if gone is not None and gone.shape != measured.shape:
-            raise ValueError(f"missing must have y's shape {measured.shape}, got {gone.shape}")
+        measured, _, gone = as_rows(self.lanes, y, None, missing)
         out = np.empty((7, *measured.shape))
         valid = np.empty(measured.shape, dtype=bool)
         lost = self._native.run(measured, gone, out, valid.view(np.uint8))
@@ -90,6 +85,4 @@ class Lanes:
 
     def interventions(self) -> NDArray[np.int32]:
         """How often the guard stepped in, (lanes, len(CAUSES)), since the last start of each lane."""
-        counts = np.empty((self.lanes, len(CAUSES)), dtype=np.int32)
-        self._native.counts(counts)
-        return counts
+        return interventions_of(self._native, self.lanes)

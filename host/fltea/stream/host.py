@@ -71,8 +71,9 @@ class Channels:
         """Take samples (n, axes of the sensor); no more than `startup_remaining` while the window fills."""
         self._tune()
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
+        fills = self.startup_remaining > 0
         found = self._bank.run(own)
-        if not found.estimated:
+        if fills:
             return Estimated(None, [])
         columns = AxisColumns(
             self._names,
