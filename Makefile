@@ -71,28 +71,10 @@ lint-cppcheck:
 		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea
 
 lint-generated:
-	@$(PY) tools/gen_protocol.py --check
-	@$(PY) tools/gen_registers.py --check
-	@$(PY) tools/gen_settings.py --check
-	@$(PY) tools/gen_error_kinds.py --check
-	@$(PY) tools/build_id.py --check
-	@$(PY) tools/make_vectors.py --check
-	@$(PY) tools/gen_memory_constants.py --check
-	@$(PY) tools/gen_fixed_nodes.py --check
-	@$(PY) tools/gen_octave_tables.py --check
-	@$(PY) tools/make_golden.py --check
+	@$(PY) tools/generated.py --check
 
 gen: .venv/.dev
-	@$(PY) tools/gen_settings.py
-	@$(PY) tools/gen_error_kinds.py
-	@$(PY) tools/gen_protocol.py
-	@$(PY) tools/gen_registers.py
-	@$(PY) tools/make_vectors.py
-	@$(PY) tools/gen_memory_constants.py
-	@$(PY) tools/gen_fixed_nodes.py
-	@$(PY) tools/gen_octave_tables.py
-	@$(PY) tools/make_golden.py
-	@$(PY) tools/build_id.py
+	@$(PY) tools/generated.py
 
 # Both ports: the bare-metal image (committed), and the Arduino sketch against the stub of its libraries.
 firmware: .venv/.dev

@@ -12,9 +12,9 @@ import sys
 import tomllib
 from pathlib import Path
 
-from generated import arguments, update
+from generated import run
 
-HEADER = "firmware/core/build_id.h"
+SOURCE, HEADER = "the sources of firmware/", "firmware/core/build_id.h"
 SUFFIXES = {".h", ".hpp", ".cpp", ".ino", ".ld"}
 
 TEXT = """\
@@ -61,13 +61,10 @@ def sources(root: Path) -> list[Path]:
     )
 
 
-def main() -> int:
-    """Run the command line; returns the exit code."""
-    given = arguments(__doc__.splitlines()[0])
-    root = given.root
-    text = TEXT.format(version=version(root), build_id=build_id(root))
-    return update(root, {HEADER: text}, check=given.check, source="the sources of firmware/")
+def outputs(root: Path) -> dict[str, str]:
+    """Return the header."""
+    return {HEADER: TEXT.format(version=version(root), build_id=build_id(root))}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run((SOURCE, outputs)))

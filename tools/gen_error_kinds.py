@@ -4,11 +4,12 @@ With `--check` nothing is written; exit code 1 tells of a difference.
 """
 
 import sys
+from pathlib import Path
 
 from fltea.records.kinds import ERROR_KINDS
-from generated import arguments, update
+from generated import run
 
-README = "host/docs/reference/errors.md"
+SOURCE, README = "host/fltea/records/kinds.py", "host/docs/reference/errors.md"
 HEAD = "| kind | what happened | what to do |\n|---|---|---|\n"
 
 
@@ -17,21 +18,15 @@ def table() -> str:
     return "".join(f"| `{kind.name}` | {kind.meaning} | {kind.remedy} |\n" for kind in ERROR_KINDS)
 
 
-def render(page: str) -> str:
+def outputs(root: Path) -> dict[str, str]:
     """Return the page with the table in place of the one that it has."""
+    page = (root / README).read_text(encoding="utf-8")
     before, found, after = page.partition(HEAD)
     if not found:
         raise ValueError(f"{README} has no table that begins with {HEAD.splitlines()[0]!r}")
     rows = after[: after.index("\n\n") + 1]
-    return before + HEAD + table() + after[len(rows) :]
-
-
-def main() -> int:
-    """Write the page, or compare it; return the exit status."""
-    asked = arguments(__doc__.splitlines()[0])
-    page = (asked.root / README).read_text(encoding="utf-8")
-    return update(asked.root, {README: render(page)}, check=asked.check, source="host/fltea/records/kinds.py")
+    return {README: before + HEAD + table() + after[len(rows) :]}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run((SOURCE, outputs)))

@@ -12,16 +12,17 @@ from pathlib import Path
 import protocol_cpp
 import protocol_markdown
 import protocol_python
-from generated import arguments, update
-from protocol_definition import DefinitionError, Protocol, load
+from generated import run
+from protocol_definition import DefinitionError, load
 
-DEFINITION = "protocol/messages.toml"
+SOURCE = "protocol/messages.toml"
 BEGIN = "<!-- generated: tables -->"
 END = "<!-- end of generated -->"
 
 
-def outputs(protocol: Protocol, root: Path) -> dict[str, str]:
+def outputs(root: Path) -> dict[str, str]:
     """Path below the root -> the contents that belong there."""
+    protocol = load((root / SOURCE).read_text())
     readme = (root / "protocol/README.md").read_text()
     before, begin, rest = readme.partition(BEGIN)
     _, end, after = rest.partition(END)
@@ -35,17 +36,5 @@ def outputs(protocol: Protocol, root: Path) -> dict[str, str]:
     }
 
 
-def main() -> int:
-    """Run the command line; returns the exit code."""
-    given = arguments(__doc__.splitlines()[0])
-    try:
-        protocol = load((given.root / DEFINITION).read_text())
-        wanted = outputs(protocol, given.root)
-    except DefinitionError as error:
-        print(f"{DEFINITION}: {error}", file=sys.stderr)
-        return 1
-    return update(given.root, wanted, check=given.check, source=DEFINITION)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run((SOURCE, outputs)))

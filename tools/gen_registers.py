@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 
 import registers_cpp
-from generated import arguments, update
-from svd import MEMBER, PACKAGE, Peripheral, Register, SvdError, obtain, read
+from generated import run
+from svd import MEMBER, PACKAGE, Peripheral, Register, obtain, read
+
+SOURCE = f"{MEMBER} of {PACKAGE}"
 
 
 def table(peripherals: dict[str, Peripheral]) -> str:
@@ -39,20 +42,14 @@ def _register(register: Register) -> str:
     )
 
 
-def main() -> int:
-    """Run the command line; returns the exit code."""
-    given = arguments(__doc__.splitlines()[0])
-    try:
-        peripherals = read(obtain(given.root))
-    except SvdError as error:
-        print(error, file=sys.stderr)
-        return 1
-    wanted = {
+def outputs(root: Path) -> dict[str, str]:
+    """Return the emulator's table and the firmware's header."""
+    peripherals = read(obtain(root))
+    return {
         "tools/due_emulator/sam3x_registers.json": table(peripherals),
         "firmware/due/sam3x.h": registers_cpp.header(peripherals),
     }
-    return update(given.root, wanted, check=given.check, source=f"{MEMBER} of {PACKAGE}")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run((SOURCE, outputs)))

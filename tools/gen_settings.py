@@ -9,10 +9,11 @@ import json
 import re
 import sys
 import textwrap
+from pathlib import Path
 
 from fltea.settings.config import SETTINGS, TABLES
 from fltea.settings.setting import Declared, declared
-from generated import arguments, update
+from generated import run
 
 SOURCE = "host/fltea/settings"
 CPP = "firmware/core/filter_settings.h"
@@ -91,17 +92,12 @@ def _line(one: Declared) -> str:
     return f"{pair:<27} # {one.setting.meaning}{unit}"
 
 
-def with_example(page: str) -> str:
-    """Return the page with the example as it has to be."""
-    return re.sub(r"(?s)(\n```toml\n).*?(\n```\n)", lambda m: m[1] + example() + m[2], page, count=1)
-
-
-def main() -> int:
-    """Write the files, or compare them; return the exit status."""
-    asked = arguments(__doc__.splitlines()[0])
-    page = (asked.root / PAGE).read_text(encoding="utf-8")
-    return update(asked.root, {CPP: cpp(), PAGE: with_example(page)}, check=asked.check, source=SOURCE)
+def outputs(root: Path) -> dict[str, str]:
+    """Return the header, and the page with the example as it has to be."""
+    page = (root / PAGE).read_text(encoding="utf-8")
+    text = re.sub(r"(?s)(\n```toml\n).*?(\n```\n)", lambda m: m[1] + example() + m[2], page, count=1)
+    return {CPP: cpp(), PAGE: text}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run((SOURCE, outputs)))

@@ -10,15 +10,14 @@ Each file has comment lines, then one line a sample: y and u (inputs, to be read
 files that differ and exits 1.
 """
 
-import argparse
 import random
 import sys
 from pathlib import Path
 
-from generated import update
+from generated import run
 from mpmath import mp, mpf
 
-FOLDER = Path(__file__).resolve().parents[1] / "tests/estimator/golden"
+SOURCE, FOLDER = "tools/make_golden.py", "tests/estimator/golden"
 SAMPLES = 200
 COLUMNS = "y u x P alpha alpha_P alpha_Q f f_P f_Q"
 
@@ -139,18 +138,10 @@ def text(number: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> int:
-    """Write the files, or compare them."""
-    parser = argparse.ArgumentParser(description="Golden estimates of the paper's examples.")
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
-    check = parser.parse_args().check
-    return update(
-        FOLDER,
-        {f"example_{number}.txt": text(number) for number in (1, 2, 3)},
-        check=check,
-        source="tools/make_golden.py",
-    )
+def outputs(root: Path) -> dict[str, str]:
+    """Return the three files."""
+    return {f"{FOLDER}/example_{number}.txt": text(number) for number in (1, 2, 3)}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run((SOURCE, outputs)))

@@ -5,7 +5,6 @@ zlib's, and the layouts and the text of the schema hash are typed by hand (vecto
 writes nothing, names the files that differ and exits 1.
 """
 
-import argparse
 import math
 import struct
 import sys
@@ -13,9 +12,10 @@ import zlib
 from pathlib import Path
 
 from cobs import cobs
-from generated import update
+from generated import run
 from vectors_schema import CODES, HASH, layouts
 
+SOURCE = "tools/make_vectors.py"
 HELLO, SAMPLE, STATUS, FAULT, ESTIMATE, ESTIMATOR, FIT, SPECTRUM, UNKNOWN = 1, 2, 3, 4, 5, 6, 7, 8, 200
 LAYOUTS = layouts()
 
@@ -379,19 +379,11 @@ def streams() -> str:
     return text
 
 
-def main() -> int:
-    """Run the command line; returns the exit code."""
-    parser = argparse.ArgumentParser(description="Write the generated vectors of protocol/vectors.")
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
-    check = parser.parse_args().check
-    wanted = {"good.txt": good(), "bad.txt": bad(), "streams.txt": streams()}
-    return update(
-        Path(__file__).resolve().parents[1],
-        {f"protocol/vectors/{name}": text for name, text in wanted.items()},
-        check=check,
-        source="tools/make_vectors.py",
-    )
+def outputs(root: Path) -> dict[str, str]:
+    """Return the three files."""
+    texts = {"good": good(), "bad": bad(), "streams": streams()}
+    return {f"protocol/vectors/{name}.txt": text for name, text in texts.items()}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run((SOURCE, outputs)))

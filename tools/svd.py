@@ -31,7 +31,7 @@ SHA256 = "3b27e853322faa1946dcbb1664eb62346c0f76931d15ecaa9345c6afa07fb363"
 CACHE = "build/svd/ATSAM3X8E.svd"
 
 
-class SvdError(Exception):
+class SvdError(ValueError):
     """The description could not be fetched, or is not the one that this project was made with."""
 
 
