@@ -15,7 +15,7 @@ HEAD = "| kind | what happened | what to do |\n|---|---|---|\n"
 
 def table() -> str:
     """Return the rows, one a kind."""
-    return "".join(f"| `{kind.name}` | {kind.meaning} | {kind.remedy} |\n" for kind in ERROR_KINDS)
+    return "".join(f"| `{name}` | {kind.meaning} | {kind.remedy} |\n" for name, kind in ERROR_KINDS.items())
 
 
 def outputs(root: Path) -> dict[str, str]:

@@ -105,7 +105,7 @@ def sensor_traps(y: Iterable[ArrayLike], lsb: Sequence[float | None]) -> tuple[T
 
 def source_trap(kind: str, text: str) -> Trap:
     """Return what the recording itself reported, as one of the kinds of `error` records."""
-    remedy = next((one.remedy for one in ERROR_KINDS if one.name == kind), "")
+    remedy = ERROR_KINDS[kind].remedy if kind in ERROR_KINDS else ""
     return Trap(kind, "note", text, remedy)
 
 

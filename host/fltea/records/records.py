@@ -72,13 +72,18 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     longest_step_us: int | None = None
 
 
-class Sample(Record, frozen=True, tag="sample"):
-    """One sample in physical units, times and sequence unwrapped."""
+class Placed(Record, frozen=True):
+    """Base of what belongs to the sample `seq`."""
 
     seq: int
     epoch: int
     device_us: int
     host_ns: int
+
+
+class Sample(Placed, frozen=True, tag="sample"):
+    """One sample in physical units, times and sequence unwrapped."""
+
     gyro_dps: tuple[float, ...]
     accel_ms2: tuple[float, ...] | None = None
     temperature_c: float | None = None
@@ -104,13 +109,9 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unit: str = GYRO_UNIT
 
 
-class Estimate(Record, frozen=True, tag="estimate"):
+class Estimate(Placed, frozen=True, tag="estimate"):
     """The estimates of all axes after one sample; the accelerometer's only where `--channels` names them."""
 
-    seq: int
-    epoch: int
-    device_us: int
-    host_ns: int
     variant: str
     axes: dict[str, AxisEstimate]
 
@@ -130,45 +131,33 @@ class DeviceAxisEstimate(AxisEstimate, frozen=True, forbid_unknown_fields=True, 
     why_not: WhyNot | None = None
 
 
-class DeviceEstimates(Record, frozen=True, tag="device_estimate"):
+class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
     """The device's own estimates after one sample, beside the host's, which `Estimate` holds.
 
     comparable: at least one axis has differences.
     """
 
-    seq: int
-    epoch: int
-    device_us: int
-    host_ns: int
     variant: str
     axes: dict[str, DeviceAxisEstimate]
     comparable: bool
 
 
-class DeviceFits(Record, frozen=True, tag="device_fit"):
+class DeviceFits(Placed, frozen=True, tag="device_fit"):
     """The device's own maximum-likelihood fit of one axis, beside `Fit`, which is this computer's.
 
     The place is that of the newest sample when it came. A fit whose bins the device sends comes twice: at
     once, and with `spectrum`.
     """
 
-    seq: int
-    epoch: int
-    device_us: int
-    host_ns: int
     axes: dict[str, DeviceAxisFit]
 
 
-class Fit(Record, frozen=True, tag="fit"):
+class Fit(Placed, frozen=True, tag="fit"):
     """The maximum-likelihood fit of all axes after the sample `seq`; comes a few samples later.
 
     samples: of how many. Epochs of the same sensor are fitted together.
     """
 
-    seq: int
-    epoch: int
-    device_us: int
-    host_ns: int
     samples: int
     axes: dict[str, AxisFit]
 

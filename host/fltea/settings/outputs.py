@@ -22,12 +22,6 @@ Recorded = Literal[
 
 RECORDED: tuple[Recorded, ...] = get_args(Recorded)
 
-NAMES = Setting(
-    "Further names under which browsers may ask for it, such as that of a proxy in front.",
-    example=("pi.example",),
-)
-
-
 LOOPBACK = "127.0.0.1"
 
 
@@ -207,7 +201,29 @@ class MqttConfig(Table, frozen=True):
         return BrokerAddress(host, port, tls)
 
 
-class DashboardConfig(Table, frozen=True):
+class Listening(Table, frozen=True):
+    """What listens at an address; off without one."""
+
+    address: str | int | None = None
+    names: Annotated[
+        tuple[str, ...],
+        Setting(
+            "Further names under which browsers may ask for it, such as that of a proxy in front.",
+            example=("pi.example",),
+        ),
+    ] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.address is not None:
+            self.listen()
+
+    def listen(self) -> tuple[str, int]:
+        """Host and port; raises ValueError if there can be no such address."""
+        return listen_address(str(self.address))
+
+
+class DashboardConfig(Listening, frozen=True):
     """The live page; off without an address."""
 
     address: Annotated[
@@ -222,7 +238,6 @@ class DashboardConfig(Table, frozen=True):
             example=5006,
         ),
     ] = None
-    names: Annotated[tuple[str, ...], NAMES] = ()
     visitors: Annotated[int, Setting("Pages that may be open at a time.", unit="pages", least=1)] = 20
     record: Annotated[
         bool | None,
@@ -239,22 +254,13 @@ class DashboardConfig(Table, frozen=True):
         ),
     ] = "recordings"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.address is not None:
-            self.listen()
-
-    def listen(self) -> tuple[str, int]:
-        """Host and port; raises ValueError if there can be no such address."""
-        return listen_address(str(self.address))
-
     @property
     def may_record(self) -> bool:
         """Whether pages may start and stop recordings."""
         return is_loopback(self.listen()[0]) and not self.names if self.record is None else self.record
 
 
-class MetricsConfig(Table, frozen=True):
+class MetricsConfig(Listening, frozen=True):
     """Metrics for Prometheus; off without an address."""
 
     address: Annotated[
@@ -270,12 +276,6 @@ class MetricsConfig(Table, frozen=True):
             example=9100,
         ),
     ] = None
-    names: Annotated[tuple[str, ...], NAMES] = ()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.address is not None:
-            listen_address(str(self.address))
 
 
 class StateConfig(Table, frozen=True):
