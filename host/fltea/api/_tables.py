@@ -1,8 +1,8 @@
 """Results as tables of pandas, which is an extra."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from fltea.records.fit import FitAllan, FitSpectrum, Interval
 from fltea.records.whole_file import whole_file
@@ -61,6 +61,33 @@ class FittedAxis(Protocol):
     @property
     def spectrum(self) -> FitSpectrum | None:
         """The curve of the spectrum."""
+
+
+T_co = TypeVar("T_co", bound=FittedAxis, covariant=True)
+
+
+class ByAxis(Mapping[str, T_co]):
+    """What was found out about each axis, by its name. A notebook shows all axes."""
+
+    def __init__(self, axes: Mapping[str, T_co]) -> None:
+        self._axes = dict(axes)
+
+    def __getitem__(self, axis: str) -> T_co:
+        return self._axes[axis]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._axes)
+
+    def __len__(self) -> int:
+        return len(self._axes)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table with a row an axis: verdict, and every figure with the ends of its interval.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return frame([row(name, found) for name, found in self.items()])
 
 
 def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:

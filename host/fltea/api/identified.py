@@ -1,12 +1,11 @@
 """What is found out about the noise of one axis, and of all axes of a recording."""
 
-from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import msgspec
 
 from fltea.api._html import axis_html, page
-from fltea.api._tables import frame, row
+from fltea.api._tables import ByAxis, frame, row
 from fltea.identification.axis import AxisResult
 from fltea.records.fit import FitAllan, FitSpectrum, Interval, VerdictKind
 
@@ -71,31 +70,11 @@ class Identified(msgspec.Struct, frozen=True):
         return page(axis_html(self.axis, self, of))
 
 
-class Report(Mapping[str, Identified]):
+class Report(ByAxis[Identified]):
     """What was found out about each axis, by its name. A notebook shows all axes."""
-
-    def __init__(self, axes: Mapping[str, Identified]) -> None:
-        self._axes = dict(axes)
-
-    def __getitem__(self, axis: str) -> Identified:
-        return self._axes[axis]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._axes)
-
-    def __len__(self) -> int:
-        return len(self._axes)
 
     def __repr__(self) -> str:
         return f"Report({', '.join(f'{name}: {found.verdict}' for name, found in self.items())})"
-
-    def to_pandas(self) -> "pd.DataFrame":
-        """Return a table with a row an axis, as `Identified.to_pandas`.
-
-        Raises:
-            UsageError: pandas is not installed.
-        """
-        return frame([row(name, found) for name, found in self.items()])
 
     def _repr_html_(self) -> str:
         return "".join(found._repr_html_() for found in self.values())

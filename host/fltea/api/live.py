@@ -1,50 +1,28 @@
 """The live fit without a daemon: arrays in as they come, fits out whenever they are wanted."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 from numpy.typing import ArrayLike
 
 from fltea.api._check import finite, period_s
 from fltea.api._html import axis_html, page
-from fltea.api._tables import frame, row
+from fltea.api._tables import ByAxis
 from fltea.records.fit import AxisFit
+from fltea.records.records import AXES
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
 
-if TYPE_CHECKING:
-    import pandas as pd
 
-GYRO = ("gyro_x", "gyro_y", "gyro_z")
-
-
-class LiveReport(Mapping[str, AxisFit]):
+class LiveReport(ByAxis[AxisFit]):
     """The fits of all axes by name, of as many samples. A notebook shows all axes."""
 
     def __init__(self, axes: Mapping[str, AxisFit], samples: int, rate_hz: float) -> None:
-        self._axes = dict(axes)
+        super().__init__(axes)
         self.samples, self.rate_hz = samples, rate_hz
-
-    def __getitem__(self, axis: str) -> AxisFit:
-        return self._axes[axis]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._axes)
-
-    def __len__(self) -> int:
-        return len(self._axes)
 
     def __repr__(self) -> str:
         axes = ", ".join(f"{name}: {fit.verdict}" for name, fit in self.items())
         return f"LiveReport({self.samples} samples, {axes})"
-
-    def to_pandas(self) -> "pd.DataFrame":
-        """Return a table with a row an axis: verdict, and every figure with the ends of its interval.
-
-        Raises:
-            UsageError: pandas is not installed.
-        """
-        return frame([row(name, fit) for name, fit in self.items()])
 
     def _repr_html_(self) -> str:
         heading = f"{self.samples:,} samples at {self.rate_hz:g} Hz"
@@ -65,7 +43,7 @@ class Live:
     """
 
     def __init__(
-        self, rate_hz: float, axes: Sequence[str] = GYRO, *, unit: str = "deg/s", memory: str | None = None
+        self, rate_hz: float, axes: Sequence[str] = AXES, *, unit: str = "deg/s", memory: str | None = None
     ) -> None:
         names = (axes,) if isinstance(axes, str) else tuple(axes)
         if not names or len(set(names)) != len(names):

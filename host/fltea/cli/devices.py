@@ -48,12 +48,9 @@ def devices(
         for entry in [*ports, *buses, *sensors]:
             print(msgspec.json.encode(entry).decode())
         return
-    for port in ports:
-        print_lines("\n".join(map(visible, _port_lines(port))))
-    for bus in buses:
-        print_lines("\n".join(map(visible, _bus_lines(bus))))
-    for sensor in sensors:
-        print_lines("\n".join(map(visible, _iio_lines(sensor))))
+    found_lines = [*map(_port_lines, ports), *map(_bus_lines, buses), *map(_iio_lines, sensors)]
+    for lines in found_lines:
+        print_lines("\n".join(map(visible, lines)))
     if not any(port.is_board for port in ports):
         print(
             "No Arduino Due on its programming port (the one beside the power socket). Is the cable in, and "
@@ -77,11 +74,7 @@ def _port_lines(port: "Port") -> list[str]:
     facts += [port.device] if port.device != port.path else []
     facts += [f"USB {port.usb_id}"] if port.usb_id else []
     facts += [f"serial number {port.serial_number}"] if port.serial_number else []
-    lines = [port.path, INDENT + ", ".join(facts)]
-    if port.remedy is not None:
-        lines.append(f"{INDENT}no permission: {port.remedy}")
-    if port.holders:
-        lines.append(f"{INDENT}in use by {', '.join(map(str, port.holders))}")
+    lines = [port.path, INDENT + ", ".join(facts), *_in_the_way(port)]
     if port.hello is not None:
         hello = port.hello
         lines.append(f"{INDENT}says HELLO: {hello.firmware_version}, {hello.sensor}, {hello.rate_hz:g} Hz")
@@ -93,24 +86,24 @@ def _port_lines(port: "Port") -> list[str]:
 
 
 def _bus_lines(bus: "Bus") -> list[str]:
-    lines = [bus.path, f"{INDENT}I²C bus{f', {bus.driver}' if bus.driver else ''}"]
-    if bus.remedy is not None:
-        lines.append(f"{INDENT}no permission: {bus.remedy}")
-    return lines
+    return [bus.path, f"{INDENT}I²C bus{f', {bus.driver}' if bus.driver else ''}", *_in_the_way(bus)]
 
 
 def _iio_lines(sensor: "IioDevice") -> list[str]:
     facts = [f"{sensor.name}: {' and '.join(sensor.sensors)}, by a driver of the kernel (IIO)"]
     facts += [f"{sensor.rate_hz:g} Hz"] if sensor.rate_hz is not None else []
     facts += [f"trigger {sensor.trigger or 'none'}"] if sensor.trigger is not None else []
-    lines = [sensor.path, INDENT + ", ".join(facts)]
-    if sensor.remedy is not None:
-        lines.append(f"{INDENT}no permission: {sensor.remedy}")
-    if sensor.holders:
-        lines.append(f"{INDENT}in use by {', '.join(map(str, sensor.holders))}")
-    elif sensor.remedy is None and "gyroscope" in sensor.sensors:
+    lines = [sensor.path, INDENT + ", ".join(facts), *_in_the_way(sensor)]
+    if sensor.remedy is None and not sensor.holders and "gyroscope" in sensor.sensors:
         lines.append(f"{INDENT}fltea run --source iio:{sensor.name}")
     return lines
+
+
+def _in_the_way(found: "Port | Bus | IioDevice") -> list[str]:
+    """Lines that say why it cannot be used now."""
+    holders = ", ".join(map(str, getattr(found, "holders", ())))
+    lines = [] if found.remedy is None else [f"{INDENT}no permission: {found.remedy}"]
+    return [*lines, f"{INDENT}in use by {holders}"] if holders else lines
 
 
 @takes_settings(["record.folder"])

@@ -1,27 +1,25 @@
 """The command `fltea identify`: flags to requests, and results to a terminal."""
 
-import contextlib
 import io
 import json as json_module
 import re
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fltea.cli import exports, many
-from fltea.cli.output import print_result, say
+from fltea.cli.output import print_result, progress_bar, say
 from fltea.cli.setting_flags import FILTERS, RECORDING, ConfigFile, takes_settings
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import UsageError
-from fltea.records.visible import visible_lines
 from fltea.settings.extras import load
 
 if TYPE_CHECKING:
-    from fltea.identification.run import FileReport, Progress
+    from fltea.identification.run import FileReport
     from fltea.identification.workers import Workers
 
 
@@ -226,8 +224,14 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
     here = any(is_of_this_process(path) for one in requests for path in getattr(one, "paths", ()))
     readers = Here() if dask or len(requests) == 1 or here else None
     try:
-        with _bar() as progress:
-            return identify_all(requests, settings, workers, readers, progress)
+        with progress_bar() as show:
+            return identify_all(
+                requests,
+                settings,
+                workers,
+                readers,
+                lambda text, done, total: show(text, completed=done, total=total),
+            )
     finally:
         workers.close()
 
@@ -244,26 +248,6 @@ def _workers(jobs: int | None, dask: str | None) -> "Workers":
         "fltea.identification.dask_workers", "distributed", "dask", "--dask needs"
     ).DaskWorkers(dask)
     return workers
-
-
-@contextlib.contextmanager
-def _bar() -> "Iterator[Progress]":
-    """Show a bar on stderr, if that is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("reading", total=None)
-        yield lambda text, done, total: bar.update(
-            task, completed=done, total=total, description=visible_lines(text)
-        )
 
 
 def _show(reports: "Sequence[FileReport]") -> None:

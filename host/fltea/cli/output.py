@@ -15,8 +15,11 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def progress_bar(total: int) -> Iterator[Callable[[str, int], None]]:
-    """Show a bar on stderr, if that is a terminal; what it gives takes a text and a number of steps done."""
+def progress_bar(total: int | None = None) -> Iterator[Callable[..., None]]:
+    """Show a bar on stderr, if that is a terminal.
+
+    What it gives takes a text, and how far it is as rich's `Progress.update` does: `advance` or `completed`.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -29,7 +32,7 @@ def progress_bar(total: int) -> Iterator[Callable[[str, int], None]]:
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=total)
-        yield lambda text, steps: bar.update(task, advance=steps, description=visible_lines(text))
+        yield lambda text, **far: bar.update(task, description=visible_lines(text), **far)
 
 
 def say(text: str) -> None:

@@ -11,7 +11,6 @@ from fltea.cli.output import print_result, progress_bar, say
 from fltea.records.errors import UsageError
 
 if TYPE_CHECKING:
-    from fltea.lab.reproduce.report import Report
     from fltea.lab.reproduce.runs import Options
 
 DEFAULT_SEEDS = 1000
@@ -123,7 +122,9 @@ def reproduce(
         everything=everything,
     )
     report = Report(request)
-    rows = _with_progress(report)
+    with progress_bar(report.steps) as show:
+        report.progress = lambda text, steps: show(text, advance=steps)
+        rows = report.run()
     if as_json:
         print_result(json.dumps({"tables": rows}, ensure_ascii=False, allow_nan=False) + "\n")
     else:
@@ -135,18 +136,11 @@ def reproduce(
 def _score(seeds: int, options: "Options", as_json: bool) -> None:
     from fltea.lab.reproduce.score import document, score, steps
 
-    with progress_bar(steps(seeds)) as advance:
-        rows = score(seeds, options, advance)
+    with progress_bar(steps(seeds)) as show:
+        rows = score(seeds, options, lambda text, done: show(text, advance=done))
     print_result(
         json.dumps({"score": rows}, ensure_ascii=False, allow_nan=False) + "\n" if as_json else document(rows)
     )
-
-
-def _with_progress(report: "Report") -> dict[str, list[dict[str, object]]]:
-    """Run `report` with a bar on stderr."""
-    with progress_bar(report.steps) as advance:
-        report.progress = advance
-        return report.run()
 
 
 def bench(

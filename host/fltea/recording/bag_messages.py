@@ -5,6 +5,9 @@ from typing import NamedTuple
 
 from fltea.recording.bag_imu import IMU_TYPES, Encoding
 
+LONGEST_MESSAGE = 1 << 16
+"""Bytes; an Imu message has 350."""
+
 
 class Topic(NamedTuple):
     """Whose messages they are. encoding: how they are written; None: in none of those that are known."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from fltea.recording.bag_files import PACKED
-from fltea.recording.bag_messages import Batch, Topic, encoding_of
+from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic, encoding_of
 from fltea.recording.files import Note
 from fltea.recording.session import LATEST_NS
 from fltea.records.events import Ints
@@ -26,9 +26,6 @@ from fltea.settings.limits import Limits
 
 AT_ONCE = 4096
 """Messages of a batch."""
-
-LONGEST_MESSAGE = 1 << 16
-"""Bytes; an Imu message has 350."""
 
 NO_TIME = LATEST_NS + 1
 """In place of what is no time."""

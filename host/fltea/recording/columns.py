@@ -63,7 +63,7 @@ class Chosen(NamedTuple):
 
     def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Numbers of the columns that are read, (n, places): in place to deg/s or counts, and m/s²."""
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             values[:, : len(self.gyro)] *= self.factor
             if self.accel:
                 values[:, len(self.needed) :] *= self.accel_ms2

@@ -123,8 +123,3 @@ def listed(names: Sequence[str]) -> str:
     """Names of columns or arrays, for a message."""
     known = [name if name.isprintable() and len(name) < LONGEST_NAME else shown(name) for name in names]
     return ", ".join(known[:MOST_NAMES]) + (f", … {len(known)} in all" if len(known) > MOST_NAMES else "")
-
-
-def too_large(gyro: NDArray[np.float64], lsb_per_dps: float | None) -> NDArray[np.bool_]:
-    """Mark the rows with a rate that no gyroscope has."""
-    return np.asarray((np.abs(gyro) > LARGEST_DPS * (lsb_per_dps or 1.0)).any(axis=1))

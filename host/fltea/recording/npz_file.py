@@ -19,7 +19,6 @@ from fltea.recording.files import (
     Stored,
     check_span,
     listed,
-    too_large,
 )
 from fltea.recording.npz_arrays import NpzArrays
 from fltea.recording.sample_times import LONGEST_S
@@ -140,18 +139,16 @@ class _Check:
         host_s = block.device_s if block.host_s is None else block.host_s
         if self._first is None:
             self._first = float(block.device_s[0]), float(host_s[0])
-        steps = np.diff(block.device_s, prepend=self._last[0])
-        if (steps <= 0).any() or np.abs(block.device_s).max() > LONGEST_S:
-            row = self._rows + int(np.argmax(steps <= 0))
-            raise UsageError(f"{path}: time_s does not increase in row {row}, or is beyond {LONGEST_S:g} s.")
-        steps = np.diff(host_s, prepend=self._last[1])
-        if (steps < 0).any():
-            row = self._rows + int(np.argmax(steps < 0))
-            raise UsageError(f"{path}: t_host_s runs backwards in row {row}.")
-        beyond = too_large(block.gyro, block.lsb_per_dps)
-        if beyond.any():
-            row = self._rows + int(np.argmax(beyond))
-            raise UsageError(f"{path}: {key} is more than {LARGEST_DPS:g} deg/s in row {row}.")
+        stands = np.diff(block.device_s, prepend=self._last[0]) <= 0
+        beyond = np.abs(block.gyro).max(axis=1) > LARGEST_DPS * (block.lsb_per_dps or 1.0)
+        for bad, what in (
+            (stands, "time_s does not increase"),
+            (np.abs(block.device_s) > LONGEST_S, f"time_s is beyond {LONGEST_S:g} s"),
+            (np.diff(host_s, prepend=self._last[1]) < 0, "t_host_s runs backwards"),
+            (beyond, f"{key} is more than {LARGEST_DPS:g} deg/s"),
+        ):
+            if bad.any():
+                raise UsageError(f"{path}: {what} in row {self._rows + int(np.argmax(bad))}.")
         self._last = float(block.device_s[-1]), float(host_s[-1])
         self._rows += len(host_s)
 

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from fltea.recording.bag_files import MCAP, ROS1, SQLITE, files_of
 from fltea.recording.bag_imu import Encoding, read_imu
-from fltea.recording.bag_messages import Batch, Topic
+from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic
 from fltea.recording.bag_ros1 import read_ros1
 from fltea.recording.bag_ros2 import read_mcap, read_sqlite, unpacked_file
 from fltea.recording.files import (
     AT_ONCE,
-    LARGEST_DPS,
     MOST_NAMES,
     PER_UNIT,
     Note,
@@ -29,6 +28,7 @@ from fltea.recording.message_stamps import Stamps, Times, is_arrival, is_uneven,
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
+from fltea.recording.table import is_of_sensor
 from fltea.recording.unpack import unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible
@@ -44,9 +44,6 @@ MOST_NOTES = 5
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 """What a message begins with that was packed by itself."""
-
-LONGEST_MESSAGE = 1 << 16
-"""Bytes; one has 350."""
 
 
 def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
@@ -190,7 +187,7 @@ class _Messages:
             messages = tuple(map(_unpacked, messages))
         imu = read_imu(messages, self._encoding)
         self._unusable += len(messages) - len(imu.row)
-        numbers = _of_sensor(imu.gyro_rads, LARGEST_DPS / PER_UNIT["rad/s"])
+        numbers = is_of_sensor(imu.gyro_rads * PER_UNIT["rad/s"])
         self._not_numbers += len(numbers) - int(np.count_nonzero(numbers))
         stamp_ns, arrival_ns = imu.stamp_ns, np.array(arrivals, np.int64)[imu.row]
         self._measured |= bool(imu.measured.any())
@@ -202,7 +199,7 @@ class _Messages:
         gyro, accel = imu.gyro_rads[keep] * PER_UNIT["rad/s"], imu.accel_ms2[keep]
         self._moves |= bool(gyro.any())
         self._accel_moves |= bool(accel.any())
-        self._bad_accel += int(np.count_nonzero(~_of_sensor(accel, LARGEST_DPS)))
+        self._bad_accel += int(np.count_nonzero(~is_of_sensor(accel)))
         size = (self._spool.length("gyro") + len(gyro)) * NUMBERS * NUMBER_BYTES
         if size > self._limits.whole_bytes:
             raise self._limits.whole_too_large(str(self._path), size)
@@ -263,7 +260,7 @@ class _Messages:
             names = ["gyro", "accel", "stamp", "arrival"]
             spool = Spool()
             for values in self._spool.blocks(names, AT_ONCE):
-                keep = _of_sensor(values[1], LARGEST_DPS)
+                keep = is_of_sensor(values[1])
                 for name, column in zip(names, values, strict=True):
                     spool.append(name, column[keep])
             self._spool.close()
@@ -328,11 +325,6 @@ class _Messages:
         if len(stamps.epoch_row):
             told.append(f"the clock was set {len(stamps.epoch_row)} times; a new stretch begins at each")
         return stamps, no_stamps, [Note("bag_stamps", f"{where}: {'; '.join(told)}.")] if told else []
-
-
-def _of_sensor(values: NDArray[np.float64], largest: float) -> NDArray[np.bool_]:
-    """Which rows are numbers that a sensor may give; NaN compares as False."""
-    return np.asarray((np.abs(values) <= largest).all(axis=1))
 
 
 def _unpacked(message: bytes) -> bytes:

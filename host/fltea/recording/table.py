@@ -81,9 +81,9 @@ def samples_of(rows: Rows, chosen: Chosen) -> Samples:
     return Samples(numbers, ordinal, values[:, :axes], time, accel, left_out)
 
 
-def is_acceleration(accel: Floats) -> Marks:
-    """Mark the rows that hold an acceleration."""
-    return np.asarray((np.abs(accel) <= LARGEST_DPS).all(axis=1))
+def is_of_sensor(values: Floats) -> Marks:
+    """Mark the rows of numbers that a sensor may give, in deg/s or m/s²; NaN is none."""
+    return np.asarray((np.abs(values) <= LARGEST_DPS).all(axis=1))
 
 
 def gather(
@@ -168,7 +168,7 @@ class _Table:
 
     def _add_accel(self, numbers: Ints, accel: Floats) -> None:
         """Keep it, unless it is not there for each sample: then the accelerometer is left out."""
-        good = is_acceleration(accel)
+        good = is_of_sensor(accel)
         if good.all():
             self._spool.append("accel", accel)
             return

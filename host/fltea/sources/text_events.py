@@ -10,7 +10,7 @@ import numpy as np
 from fltea.recording.columns import Chosen
 from fltea.recording.files import parse_units
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
-from fltea.recording.table import Rows, Samples, is_acceleration, samples_of
+from fltea.recording.table import Rows, Samples, is_of_sensor, samples_of
 from fltea.recording.text_rows import REASONS, TextReader
 from fltea.records.errors import UsageError
 from fltea.records.events import (
@@ -164,7 +164,7 @@ class TextEvents:
     def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
         """An accelerometer that is not there for each sample is left out from then on."""
         assert samples.accel is not None
-        if not self._has_accel or is_acceleration(samples.accel).all():
+        if not self._has_accel or is_of_sensor(samples.accel).all():
             return
         self._has_accel = False
         self._hello_due = True
