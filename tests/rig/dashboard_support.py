@@ -1,10 +1,13 @@
 """Records as a running pipeline gives them, for the tests of the page; fits are made up (fit_support)."""
 
+import json
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import msgspec
+import numpy as np
 from blocks import as_block, records_of
+from bokeh.document import Document
 from fltea.records.events import Break, Event, RawSample
 from fltea.records.records import (
     AXES,
@@ -25,6 +28,9 @@ from fltea.settings.config import Config
 from fltea.settings.estimator import EstimateOn, EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.page import Page
+from fltea.sinks.page.tables import Table
+from fltea.sinks.page.tiers import Cursor
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
@@ -111,6 +117,31 @@ def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
         for record in group:
             history.write(record)
     return history
+
+
+def columns(history: DeviceHistory, table: Table, axis: str, window: int = 0) -> dict[str, np.ndarray]:
+    """The columns of an axis as a figure of one window gets them."""
+    values = history.tables.read(table, window, Cursor()).values
+    return {name: values[:, place] for name, place in history.tables.columns(table, axis).items()}
+
+
+class Browser:
+    """The other side of a page, in this thread."""
+
+    def __init__(self, *histories: DeviceHistory) -> None:
+        self.page = Page(Document(), {history.name: history for history in histories})
+
+    def choose(self, **choice: Any) -> None:
+        usual: dict[str, Any] = {"device": "", "axis": "", "window": None, "ack": self.page._tick}
+        self.page._control.data = {name: [value] for name, value in {**usual, **choice}.items()}
+
+    def update(self, **choice: Any) -> dict[str, Any]:
+        """What the page has to say, once it has taken the choice and what was sent before."""
+        self.choose(**choice)
+        self.page.update()
+        said: dict[str, Any] = json.loads(self.page._facts.data["json"][0])
+        self.choose()
+        return said
 
 
 def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:

@@ -7,17 +7,9 @@ from typing import Any, ClassVar
 
 import pytest
 from blocks import as_items
+from example_records import GOOD, STATS
 from fltea.records import clock
-from fltea.records.records import (
-    AnyRecord,
-    AxisEstimate,
-    Estimate,
-    Gap,
-    LinkStats,
-    Sample,
-    SampleStats,
-    Stats,
-)
+from fltea.records.records import AnyRecord, Estimate, Gap, Sample, Stats
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt import link, status
 from fltea.sinks.mqtt import sink as mqtt
@@ -26,7 +18,6 @@ from fltea.sinks.mqtt.sink import MqttSink
 from host_support import hello
 
 S = 10**9
-AXIS = AxisEstimate(0.4, 0.1, -1.0, 0.2, 0.0, 0.0, True)
 
 
 def sample(seq: int = 0) -> Sample:
@@ -34,22 +25,11 @@ def sample(seq: int = 0) -> Sample:
 
 
 def estimate(seq: int) -> Estimate:
-    return Estimate(seq, 1, seq, seq, "joint", {"gyro_x": AXIS}, device="due")
+    return Estimate(seq, 1, seq, seq, "joint", {"gyro_x": GOOD}, device="due")
 
 
 def stats() -> Stats:
-    return Stats(
-        epoch=1,
-        host_ns=1,
-        rate_hz=None,
-        clock_ppm=None,
-        startup_remaining=0,
-        link=LinkStats(),
-        samples=SampleStats(0, 0, 0, 0, 0),
-        axes={},
-        board=None,
-        device="due",
-    )
+    return STATS
 
 
 def gap(seq: int = 0) -> Gap:

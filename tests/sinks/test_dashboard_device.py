@@ -1,13 +1,11 @@
 """The page of a device that estimates by itself: its own estimates alone, or beside the host's."""
 
-import json
 from collections.abc import Callable
 
 import msgspec
 import numpy as np
 import pytest
-from bokeh.document import Document
-from dashboard_support import alone, both, records, told, with_breaks
+from dashboard_support import Browser, alone, both, columns, records, told, with_breaks
 from fltea.records.records import (
     ACCEL_AXES,
     AXES,
@@ -20,18 +18,11 @@ from fltea.records.records import (
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.page import Page
-from fltea.sinks.page.tables import Table
 from fltea.sinks.page.tiers import Cursor
 from fltea.sinks.page.words import apart
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 SLOW = "n=700&rate_hz=20"
-
-
-def columns(history: DeviceHistory, table: Table, axis: str, window: int = 0) -> dict[str, np.ndarray]:
-    values = history.tables.read(table, window, Cursor()).values
-    return {name: values[:, place] for name, place in history.tables.columns(table, axis).items()}
 
 
 def status(history: DeviceHistory) -> tuple[str, str]:
@@ -269,15 +260,12 @@ def test_page_draws_what_belongs_to_each_device_and_empties_the_rest() -> None:
     }
     for name, history in histories.items():
         history.name = name
-    page = Page(Document(), histories)
+    browser = Browser(*histories.values())
     lengths = {}
     for name in ("both", "alone", "both", "host"):
-        page._control.data = {"device": [name], "axis": ["gyro_y"], "window": [0], "ack": [page._tick]}
-        page._acknowledged = page._tick
-        page.update()
-        said = json.loads(page._facts.data["json"][0])
+        said = browser.update(device=name, axis="gyro_y", window=0)
         assert said["device"] == name
-        f = page._figures
+        f = browser.page._figures
         lengths[said["estimator"]] = (
             len(f.rows.data["y"]),
             len(f.estimates.data["alpha"]),

@@ -3,20 +3,12 @@
 import msgspec
 import numpy as np
 import pytest
-from dashboard_support import records, told, with_breaks
+from dashboard_support import columns, records, told, with_breaks
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves, with_fits
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Gap, Sample, Stats
 from fltea.settings.estimator import EstimatorConfig
-from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.tables import Table
-from fltea.sinks.page.tiers import Cursor
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
-
-
-def columns(history: DeviceHistory, table: Table, axis: str, window: int = 0) -> dict[str, np.ndarray]:
-    values = history.tables.read(table, window, Cursor()).values
-    return {name: values[:, place] for name, place in history.tables.columns(table, axis).items()}
 
 
 def of(kind: type, group: list[AnyRecord]) -> list[AnyRecord]:

@@ -9,27 +9,24 @@ import threading
 import time
 from typing import Any
 
+import example_records
 import msgspec
 import pytest
 from blocks import as_items
+from example_records import GOOD, INVALID
 from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.ports import SinkClosed
 from fltea.records.records import (
     ACCEL_UNIT,
     AnyRecord,
     AxisEstimate,
-    AxisStats,
-    DeviceStatus,
     Epoch,
     Error,
     Estimate,
     EstimatorInfo,
     Fit,
     Gap,
-    LinkStats,
     Sample,
-    SampleStats,
-    Stats,
 )
 from fltea.sinks.ndjson import BUFFER, NdjsonSink
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, Trend, sparkline
@@ -50,19 +47,7 @@ EPOCH = Epoch(
     8,
     EstimatorInfo("triple", "host", "direct", "off", 3000, 500, "startup", "auto"),
 )
-GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "not rejected")
-INVALID = AxisEstimate(None, None, None, None, None, None, False)
-STATS = Stats(
-    epoch=3,
-    host_ns=9,
-    rate_hz=99.317,
-    clock_ppm=-62.4,
-    startup_remaining=123,
-    link=LinkStats(bytes=5, frames=4, bad_frames={"crc": 2, "cobs": 3}, reconnects=1),
-    samples=SampleStats(1234, 56, 7, 8, 9),
-    axes={"gyro_x": AxisStats(0.1, 0.02, 0, {"order_box": 3})},
-    board=DeviceStatus(1, 2, 3, 4, 5, "user"),
-)
+STATS = msgspec.structs.replace(example_records.STATS, device=None)
 ERROR = Error("silent", "nothing [bold]came[/bold] for [5 s]", 1)
 
 
@@ -243,7 +228,7 @@ def test_numbers_and_units_at_every_width(width: int) -> None:
         "gyro_y",
         "not valid",
         "epoch 3  sample 701  delivered 1234  lost 56",
-        "bad frames 5  reconnects 1  99.32 Hz  clock -62 ppm",
+        "bad frames 5  reconnects 1  99.50 Hz  clock -62 ppm",
         "epoch 3 begins at sample 700: gap",
     ):
         assert part in text

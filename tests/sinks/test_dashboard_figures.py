@@ -1,18 +1,18 @@
-"""The figures of spectrum and Allan deviation draw what the fit says, and are sent only when it is new."""
+"""The figures draw what records and fits say, and a page is sent only what is new."""
 
-import json
 import math
 from typing import Any
 
 import numpy as np
 import pytest
-from bokeh.document import Document
-from dashboard_support import records, told
+from dashboard_support import Browser, records, told
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, curves, fit_after, with_curves
-from fltea.records.records import Sample
+from fltea.records.records import Estimate, Sample
 from fltea.sinks.page.curve_figures import CurveFigures
 from fltea.sinks.page.figures import Figures
-from fltea.sinks.page.page import Page, closed
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.page import closed
+from fltea.sinks.page.tiers import WINDOWS
 from msgspec.structs import replace
 
 
@@ -86,15 +86,8 @@ def test_curves_are_sent_once_and_again_only_when_they_changed(monkeypatch: pyte
     found = records("n=400")
     last = next(r for r in reversed(found) if isinstance(r, Sample))
     history = told(found, [fit_after(last, {"gyro_x": with_curves(FRACTIONAL), "gyro_y": WHITE})])
-    page = Page(Document(), {"due": history})
-
-    def update(**choice: Any) -> dict[str, Any]:
-        usual = {"device": "", "axis": "", "window": None, "ack": page._tick}
-        page._control.data = {name: [value] for name, value in {**usual, **choice}.items()}
-        page.update()
-        said: dict[str, Any] = json.loads(page._facts.data["json"][0])
-        return said
-
+    browser = Browser(history)
+    update, density = browser.update, browser.page._curves.density
     for _ in range(3):
         said = update()
     assert shown == ["gyro_x"]
@@ -106,12 +99,12 @@ def test_curves_are_sent_once_and_again_only_when_they_changed(monkeypatch: pyte
     update()
     update()
     assert shown == ["gyro_x", "gyro_x"]
-    assert page._curves.density.data["density"][0] == curves(2.0)[0].density[0]
+    assert density.data["density"][0] == curves(2.0)[0].density[0]
     said = update(axis="gyro_y")
     update()
     assert shown == ["gyro_x", "gyro_x", "gyro_y"]
     assert not said["curves"]["spectrum"] or said["axis"] != "gyro_y"
-    assert len(page._curves.density.data["hz"]) == 0
+    assert len(density.data["hz"]) == 0
 
 
 def test_an_area_has_no_height_where_nothing_is_known_however_it_is_cut() -> None:
@@ -134,3 +127,79 @@ def test_an_interval_that_is_far_wider_does_not_flatten_what_is_shown() -> None:
     figures.fit()
     assert figures.f.y_range.start == pytest.approx(-2 - 0.25)
     assert figures.f.y_range.end == pytest.approx(0.5 + 0.25)
+
+
+# --- what a page sends ---
+
+
+@pytest.fixture(scope="module")
+def browser() -> Browser:
+    return Browser(told(records("n=400")), DeviceHistory("other", "host"))
+
+
+def test_figures_hold_the_estimates_and_only_the_new_ones_are_sent() -> None:
+    found = records("n=400")
+    history = told(found[:-1])
+    browser = Browser(history)
+    told_first = browser.update()
+    rows = browser.page._figures.estimates
+    last = next(r for r in reversed(found) if isinstance(r, Estimate))
+    browser.choose(window=0)
+    told_now = browser.update()
+    assert told_first["seq"] == told_now["seq"] == last.seq
+    x = last.axes["gyro_x"]
+    assert (rows.data["alpha"][-1], rows.data["f"][-1]) == (x.alpha, x.f)
+    assert rows.data["alpha_high"][-1] == x.alpha + x.alpha_std
+    assert rows.data["alpha_low"][-1] == x.alpha - x.alpha_std
+    before = len(rows.data["alpha"])
+    history.write(replace(found[-3], seq=last.seq + 1))
+    history.write(replace(found[-3], seq=last.seq + 2))
+    browser.update()
+    assert len(rows.data["alpha"]) == before + 1
+
+
+def test_source_of_a_page_does_not_outgrow_its_window() -> None:
+    found = records("n=3400")
+    history = told(found[:200])
+    browser = Browser(history)
+    browser.choose(window=0)
+    for k in range(200, len(found), 100):
+        for record in found[k : k + 100]:
+            history.write(record)
+        browser.update()
+    assert len(browser.page._figures.estimates.data["alpha"]) == 30 * 100 + 2
+
+
+def test_choices(browser: Browser) -> None:
+    assert browser.update()["axis"] == "gyro_x"
+    said = browser.update(axis="gyro_z", window=2)
+    assert (said["axis"], said["window"]) == ("gyro_z", 2)
+    assert browser.update(device="other")["device"] == "other"
+    assert browser.update(device="due", axis="gyro_y")["axis"] == "gyro_y"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"axis": ["gyro_q"]},
+        {"axis": [3]},
+        {"axis": [None]},
+        {"device": [["due"]]},
+        {"device": ["<script>"]},
+        {"window": [len(WINDOWS)]},
+        {"window": [-1]},
+        {"window": ["0"]},
+        {"ack": ["x"]},
+        {"ack": [None]},
+        {},
+        {"device": []},
+        {"device": ["due"], "axis": "gyro_x"},
+        {"ack": [1, 2]},
+    ],
+)
+def test_choices_that_make_no_sense_change_nothing(browser: Browser, data: dict[str, Any]) -> None:
+    before = browser.update()
+    browser.page._on_control("data", None, data)
+    after = browser.update()
+    for name in ("device", "axis", "window", "axes"):
+        assert after[name] == before[name]
