@@ -61,7 +61,7 @@ class Worker:
         return " ".join(text for one, text in self.told if one == kind)
 
     def serves_all(self) -> bool:
-        return all(self.frames.serves(number) for number in range(PARTITIONS))
+        return all(self.frames.partitions.serves(number) for number in range(PARTITIONS))
 
 
 @pytest.fixture
@@ -219,12 +219,12 @@ def test_leases_have_room_when_snapshots_have_none(server: Callable[..., NatsSer
     worker = start(server(), snapshots_mb=1)
     wait_until(worker.serves_all, "all partitions")
     for k in range(3):
-        assert worker.frames.keep(0, f"d{k}", bytes(400_000))
+        assert worker.frames.partitions.keep(0, f"d{k}", bytes(400_000))
     wait_until(lambda: bool(worker.told), "word of it")
     assert "raise ingest.snapshots_mb" in worker.texts("snapshot_failed")
-    renewed = {number: held.revision for number, held in worker.frames._partitions._held.items()}
+    renewed = {number: held.revision for number, held in worker.frames.partitions._held.items()}
     wait_until(
-        lambda: all(h.revision > renewed[n] for n, h in worker.frames._partitions._held.items()), "renewals"
+        lambda: all(h.revision > renewed[n] for n, h in worker.frames.partitions._held.items()), "renewals"
     )
     assert worker.serves_all()
 
@@ -272,9 +272,9 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
         for item in worker.inbox.take(0.1):
             items.append(item)
             if isinstance(item, Resumed):
-                worker.frames.resume(item.partition)
-            elif isinstance(item, Message) and worker.frames.serves(partition):
-                worker.frames.walked(partition, item.mark)
+                worker.frames.partitions.resume(item.partition)
+            elif isinstance(item, Message) and worker.frames.partitions.serves(partition):
+                worker.frames.partitions.walked(partition, item.mark)
                 walked.append(int(item.data))
         return bool(walked) and walked[-1] == last
 
@@ -287,11 +287,11 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     numbers = itertools.count()
     ask(one, publish)
     wait_until(lambda: hears(19), "the first messages")
-    held = worker.frames._partitions._held[partition]
+    held = worker.frames.partitions._held[partition]
     held.renewed_s -= 10
-    assert not worker.frames.serves(partition)
+    assert not worker.frames.partitions.serves(partition)
     held.renewed_s += 10
-    assert not worker.frames.serves(partition), "a renewal that came late"
+    assert not worker.frames.partitions.serves(partition), "a renewal that came late"
     ask(one, publish)
     ask(one, publish)
     wait_until(lambda: hears(59), "all of them")
@@ -309,9 +309,9 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
     for name, mark, unix_s in (("a", 3, 1000), ("b", 4, 4600), ("gone", 1, 4600)):
         data = pack(Kept(mark, unix_s * 10**9))
         assert data is not None
-        assert first.frames.keep(0, name, data)
-    assert first.frames.keep(0, "other_version", b"?")
-    first.frames.drop(0, "gone")
+        assert first.frames.partitions.keep(0, name, data)
+    assert first.frames.partitions.keep(0, "other_version", b"?")
+    first.frames.partitions.drop(0, "gone")
 
     async def publish(client: Any) -> None:
         for _ in range(9):
@@ -319,13 +319,13 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
         await client.flush()
 
     ask(one, publish)
-    wait_until(lambda: all(put.done() for put in first.frames._puts), "the snapshots")
+    wait_until(lambda: all(put.done() for put in first.frames.partitions._puts), "the snapshots")
     first.frames.close()
     second = start(one)
     wait_until(second.serves_all, "all partitions again")
     found = [item for item in second.inbox.take(1) if isinstance(item, Served) and item.partition == 0]
     assert {name: kept.mark for name, kept in found[0].kept.items()} == {"a": 3, "b": 4}
-    assert second.frames.done[0] == 3
+    assert second.frames.partitions.done[0] == 3
     assert "from message 4: 2 devices" in second.texts("partition_taken")
     assert "Snapshots of 1 more cannot be read" in second.texts("partition_taken")
     assert not second.texts("nats_lost"), "a worker that has left is no fault"

@@ -9,6 +9,7 @@ from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.ports import Departed, Sink
 from fltea.records.records import Epoch, Gap, Hello, Stats
 from fltea.service.hub import Hub
+from fltea.service.ingest.devices import Line
 from fltea.service.ingest.inbox import Inbox, Left, Served
 from fltea.service.ingest.kept import Kept, pack, unpack
 from fltea.service.ingest.leases import LEASE_S, Lease, Sightings, is_free, lease_of, share, surplus
@@ -34,6 +35,10 @@ class FakeReceiver:
         self.unix_offset_ns = unix_offset_ns()
         self.kept: dict[str, bytes] = {}
         self.mine = {0, 1}
+
+    @property
+    def partitions(self) -> "FakeReceiver":
+        return self
 
     def start(self) -> None: ...
 
@@ -85,23 +90,23 @@ class Worker:
         self._outlet = self.hub.add(self.sink)
         self.ingest = Ingest(config, self.hub, lambda inbox, report: self.receiver, lambda *_: None)  # type: ignore[arg-type, return-value]
 
+    @property
+    def lines(self) -> dict[str, Line]:
+        return self.ingest.devices.lines
+
     def say(self, device: str, second: int, mark: int, partition: int = 0) -> None:
         arrived_ns = 1000 * S + second * S - self.receiver.unix_offset_ns
         self.ingest.inbox.put(device, second_of(0, second), partition, mark, arrived_ns)
         self.turn()
 
     def turn(self) -> None:
-        for item in self.ingest.inbox.take(0):
-            if isinstance(item, Served | Left):
-                self.ingest._on_partition(item)
-            else:
-                self.ingest._take(item)
+        self.ingest.take_all(0)
 
     def keep(self, device: str = "a") -> Kept:
         """The device's snapshot, taken now."""
-        for line in self.ingest._lines.values():
+        for line in self.lines.values():
             line.kept_ns = -(10**18)
-        self.ingest._keep_snapshots(0)
+        self.ingest.snapshots.keep_due(self.lines, 0)
         kept = unpack(self.receiver.kept[device])
         assert kept is not None
         return kept
@@ -194,7 +199,7 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
     assert worker.receiver.done == {0: 7, 1: 8}
     worker.ingest.inbox.post(Left(0))
     worker.turn()
-    assert set(worker.ingest._lines) == {"b"}
+    assert set(worker.lines) == {"b"}
     worker.say("b", 4, 10, partition=1)
     worker.say("b", 5, 11, partition=0)
     assert worker.receiver.done == {0: 7, 1: 10}, "a name is of one partition"
@@ -221,9 +226,9 @@ def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
         worker.keep(name)
     worker.ingest._on_partition(Left(1))
     assert set(worker.receiver.kept) == {"a", "b"}, "who has it now goes on with it"
-    for line in worker.ingest._lines.values():
+    for line in worker.lines.values():
         line.heard_ns = line.looked_ns = -(10**18)
-    worker.ingest._look(host_ns())
+    worker.ingest.look(host_ns())
     assert set(worker.receiver.kept) == {"b"}
     worker.end()
 
@@ -235,11 +240,11 @@ def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later:
     for k in range(4):
         worker.ingest.inbox.put("a", second_of(0, k), 0, k + 1, host_ns() - 3600 * S + k * S)
         worker.turn()
-    for line in worker.ingest._lines.values():
+    for line in worker.lines.values():
         line.looked_ns = -(10**18)
     if later:
-        worker.ingest._catching_up._behind_ns.clear()
-    worker.ingest._look(host_ns())
+        worker.ingest.catching_up._behind_ns.clear()
+    worker.ingest.look(host_ns())
     told = [getattr(one, "kind", "") for one in worker.end().sink.items]
     assert told.count("silent") == later
 
@@ -338,7 +343,7 @@ def nothing(worker: Worker) -> None: ...
 
 
 def stands_still(worker: Worker) -> None:
-    worker.ingest._hearing.looked_ns -= 60 * S
+    worker.ingest.hearing.looked_ns -= 60 * S
 
 
 def is_cut_off(worker: Worker) -> None:
@@ -347,7 +352,7 @@ def is_cut_off(worker: Worker) -> None:
 
 def has_just_come_back(worker: Worker) -> None:
     worker.receiver.connected = False
-    worker.ingest._look(host_ns())
+    worker.ingest.look(host_ns())
     worker.receiver.connected = True
 
 
@@ -357,13 +362,13 @@ def test_nobody_is_silent_or_forgotten_while_nobody_could_be_heard(act: Callable
     for k in range(4):
         worker.say("a", k, k + 1)
         worker.say("b", k, k + 1, partition=1)
-    worker.ingest._catching_up._behind_ns.clear()
+    worker.ingest.catching_up._behind_ns.clear()
     act(worker)
     for name, ago_s in (("a", 300), ("b", 1000)):
-        line = worker.ingest._lines[name]
+        line = worker.lines[name]
         line.looked_ns = line.heard_ns = host_ns() - ago_s * S
-    worker.ingest._look(host_ns())
+    worker.ingest.look(host_ns())
     could_hear = act is nothing
-    assert list(worker.ingest._lines) == (["a"] if could_hear else ["a", "b"])
+    assert list(worker.lines) == (["a"] if could_hear else ["a", "b"])
     told = [getattr(one, "kind", "") for one in worker.end().sink.items]
     assert told.count("silent") == could_hear

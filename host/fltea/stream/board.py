@@ -26,15 +26,16 @@ from fltea.stream.board_notices import BoardNotices
 from fltea.stream.board_samples import RecentSample, RecentSamples
 from fltea.stream.board_settings import host_settings, info_of
 from fltea.stream.live import LiveFits, settled_by
-from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
+from fltea.stream.stages import Beginning, Item, Notice, Stage, Standing
 
 
-class BoardEstimates:
+class BoardEstimates(Stage):
     """Follows the board's own estimates.
 
     Where it alone estimates, they become `Estimate` records; else `DeviceEstimates` compare them with this
     computer's, which computes with the board's settings as soon as it knows them. fits: the live fits,
-    whose verdict on white noise the records state.
+    whose verdict on white noise the records state. Nothing of a board is ever saved: it begins its window
+    with each boot.
     """
 
     def __init__(self, config: Config, fits: LiveFits | None = None) -> None:
@@ -76,9 +77,6 @@ class BoardEstimates:
         self._newest.clear()
         self._sequence = None
 
-    def bridge(self, count: int) -> None:
-        """Do nothing: nothing of a board is ever saved."""
-
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
         """Remember samples; their estimates come later."""
         yield from self._notices.unused(int(host_ns[0]))
@@ -116,10 +114,6 @@ class BoardEstimates:
             standing.axes = self._axes_stats()
             standing.gyro = info_of(s) if s else None
         return standing
-
-    def save(self) -> Saved | None:
-        """A board begins its window with each boot."""
-        return None
 
     def _on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:
         self.stated = stated

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +12,13 @@ from fltea.estimator.lanes import Reason
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import AxisColumns, Block, Bools
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, Ints
+from fltea.records.events import Ints
 from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, EstimatorInfo
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.stream.live import LiveFits, SettledFit, settled_by
-from fltea.stream.stages import Beginning, Item, Notice, Saved, Standing
+from fltea.stream.stages import Beginning, Item, Notice, Saved, Stage, Standing
 from fltea.stream.tuning import handed_over
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
@@ -29,11 +28,8 @@ LONGEST_BRIDGE = 30_000
 """Missing samples that an estimator of unlimited memory predicts: half a second's work."""
 
 
-class Estimated(NamedTuple):
-    """What the channels of a sensor make of a block; columns is None while their window fills."""
-
-    columns: AxisColumns | None
-    lost: list[tuple[int, str, Reason]]
+Loss = tuple[int, str, Reason]
+"""The row with which an axis became invalid, its name, and why."""
 
 
 class Channels:
@@ -67,14 +63,17 @@ class Channels:
         """Samples until the start-up window is full."""
         return self._bank.startup_remaining
 
-    def run(self, values: Array) -> Estimated:
-        """Take samples (n, axes of the sensor); no more than `startup_remaining` while the window fills."""
+    def run(self, values: Array) -> tuple[AxisColumns | None, list[Loss]]:
+        """Take samples (n, axes of the sensor); no more than `startup_remaining` while the window fills.
+
+        Returns the columns, None while the window fills, and which axes became invalid.
+        """
         self._tune()
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
         fills = self.startup_remaining > 0
         found = self._bank.run(own)
         if fills:
-            return Estimated(None, [])
+            return None, []
         columns = AxisColumns(
             self._names,
             self._unit,
@@ -87,7 +86,7 @@ class Channels:
             found.valid,
             *self._null(found.valid.shape),
         )
-        return Estimated(columns, [(row, self._names[lane], why) for row, lane, why in found.lost])
+        return columns, [(row, self._names[lane], why) for row, lane, why in found.lost]
 
     def _tune(self) -> None:
         """Hand what the fit knows of the noise to the filters."""
@@ -199,7 +198,7 @@ def _at(config: EstimatorConfig, table: str, rate_hz: float) -> EstimatorConfig:
         raise UsageError(f"{table}: at {rate_hz:g} Hz: {error}.") from error
 
 
-class HostEstimates:
+class HostEstimates(Stage):
     """Lets the channels of both sensors take every sample.
 
     settings: gives those of the gyroscope's axes, asked for whenever an epoch begins; None if a board alone
@@ -212,53 +211,37 @@ class HostEstimates:
         self._config = config
         self._settled = settled_by(fits)
         self._settings = settings
-        self._gyro: Channels | None = None
-        self._accel: Channels | None = None
-        self._told_lost = OnceAMinute()
+        self._sensors: dict[str, Channels] = {}
+        self._lost_reported = OnceAMinute()
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch, from what was saved if it fits."""
-        hello, saved = beginning.hello, beginning.saved
-        h = 1.0 / hello.rate_hz
+        hello, saved = beginning.hello, beginning.saved or Saved(None, None)
         gyro, accel = beginning.axes(self._config.channels)
-        self._gyro = self._accel = None
+        self._sensors = {}
         if gyro and self._settings is not None:
-            state, resolution = saved.gyro if saved else None, resolution_dps(hello)
-            self._gyro = Channels(
-                gyro,
-                _at(self._settings(), "estimator", hello.rate_hz),
-                h,
-                resolution,
-                GYRO_UNIT,
-                self._settled,
-                state,
-            )
+            settings = _at(self._settings(), "estimator", hello.rate_hz)
+            sensor = gyro, settings, 1 / hello.rate_hz, resolution_dps(hello), GYRO_UNIT
+            self._sensors["gyro"] = Channels(*sensor, self._settled, saved.gyro)
         if accel:
-            state, resolution = saved.accel if saved else None, accel_resolution_ms2(hello)
-            self._accel = Channels(
-                accel,
-                _at(self._config.accel, "accel", hello.rate_hz),
-                h,
-                resolution,
-                ACCEL_UNIT,
-                self._settled,
-                state,
-            )
+            settings = _at(self._config.accel, "accel", hello.rate_hz)
+            sensor = accel, settings, 1 / hello.rate_hz, accel_resolution_ms2(hello), ACCEL_UNIT
+            self._sensors["accel"] = Channels(*sensor, self._settled, saved.accel)
 
     def bridge(self, count: int) -> None:
         """Bridge the time for which the program stood still."""
-        for channels in self._channels():
+        for channels in self._sensors.values():
             channels.bridge(count)
 
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
         """Give the samples on with their estimates."""
-        for channels in self._channels() if missing else ():
+        for channels in self._sensors.values() if missing else ():
             for axis, why in channels.on_missing(missing):
                 yield from self._lost(axis, why, int(host_ns[0]))
         begin, n = 0, len(block)
         while begin < n:
-            filling = [c for c in self._channels() if c.startup_remaining]
-            end = min([n, *(begin + c.startup_remaining for c in filling)])
+            filling = [one for one in self._sensors.values() if one.startup_remaining]
+            end = min([n, *(begin + one.startup_remaining for one in filling)])
             part = block if (begin, end) == (0, n) else block.rows(begin, end)
             yield from self._estimate(part, host_ns[begin:end])
             now_ns = int(host_ns[end - 1])
@@ -267,42 +250,33 @@ class HostEstimates:
                     yield from channels.notices(now_ns)
             begin = end
 
-    def on_event(self, event: Event) -> Iterator[Item]:
-        """Ignore all other events."""
-        return iter(())
-
-    def forget(self) -> None:
-        """The next epoch begins with new channels anyway."""
-
     def standing(self) -> Standing:
         """Return how the filters get on."""
+        info = {name: channels.info() for name, channels in self._sensors.items()}
         return Standing(
-            startup_remaining=max((c.startup_remaining for c in self._channels()), default=0),
-            axes={axis: stats for c in self._channels() for axis, stats in c.stats()},
-            gyro=self._gyro.info() if self._gyro else None,
-            accel=self._accel.info() if self._accel else None,
+            startup_remaining=max((one.startup_remaining for one in self._sensors.values()), default=0),
+            axes={axis: stats for one in self._sensors.values() for axis, stats in one.stats()},
+            gyro=info.get("gyro"),
+            accel=info.get("accel"),
         )
 
     def save(self) -> Saved | None:
         """Both sensors' estimators; None while one of them has nothing to keep."""
-        saved = Saved(self._gyro.save() if self._gyro else None, self._accel.save() if self._accel else None)
-        unfinished = (self._gyro and not saved.gyro) or (self._accel and not saved.accel)
-        return None if unfinished or not any(saved) else saved
-
-    def _channels(self) -> list[Channels]:
-        return [one for one in (self._gyro, self._accel) if one is not None]
+        found = {name: channels.save() for name, channels in self._sensors.items()}
+        return Saved(found.get("gyro"), found.get("accel")) if found and all(found.values()) else None
 
     def _estimate(self, block: Block, host_ns: Ints) -> Iterator[Item]:
         found: list[AxisColumns] = []
-        lost: list[tuple[int, str, Reason]] = []
+        lost: list[Loss] = []
         variant = ""
-        for channels, values in ((self._gyro, block.gyro_dps), (self._accel, block.accel_ms2)):
+        for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
+            channels = self._sensors.get(name)
             if channels is None or values is None:
                 continue
-            estimated = channels.run(values)
-            lost += estimated.lost
-            if estimated.columns is not None:
-                found.append(estimated.columns)
+            columns, lost_of_sensor = channels.run(values)
+            lost += lost_of_sensor
+            if columns is not None:
+                found.append(columns)
                 variant = variant or channels.config.variant
         if found:
             block = replace(block, variant=variant, estimates=tuple(found))
@@ -317,7 +291,7 @@ class HostEstimates:
             yield block.rows(begin, len(block)) if begin else block
 
     def _lost(self, axis: str, why: Reason, now_ns: int) -> Iterator[Notice]:
-        if self._told_lost.is_due(axis, now_ns):
+        if self._lost_reported.is_due(axis, now_ns):
             yield Notice(*explain_lost(axis, why), now_ns)
 
 

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.records.block import Block
-from fltea.records.events import Event, Ints
+from fltea.records.events import Ints
 from fltea.records.fit import AxisFit
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream.fit_times import CURVES_S, Done, FitLoad, FitTimes, Turns, period_s, turns
-from fltea.stream.stages import Beginning, Item, Moment, Saved, SavedFits, Standing
+from fltea.stream.stages import Beginning, Item, Moment, Saved, SavedFits, Stage, Standing
 
 BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
@@ -62,8 +62,8 @@ class _Begun(NamedTuple):
     left: Iterator[tuple[str, AxisFit]]
 
 
-class LiveFits:
-    """Fits the axes of both sensors, whoever estimates them.
+class LiveFits(Stage):
+    """Fits the axes of both sensors, whoever estimates them; the next HELLO decides whether anything is kept.
 
     prompt: samples come at their own pace. load: what the fits of this program share. number: which of its
     devices this is, from 0.
@@ -147,13 +147,6 @@ class LiveFits:
             yield part
             yield from self._after(number + end - begin - 1)
             begin = end
-
-    def on_event(self, event: Event) -> Iterator[Item]:
-        """Ignore all other events."""
-        return iter(())
-
-    def forget(self) -> None:
-        """Forget nothing: the next HELLO decides whether anything is kept."""
 
     def last(self) -> Iterator[Item]:
         """A fit of everything with its curves, at the end; none if that has just been published.

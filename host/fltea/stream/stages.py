@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import Block
@@ -88,7 +88,7 @@ class Standing:
     fit_period_s: float | None = None
 
 
-class Stage(Protocol):
+class Stage:
     """Takes samples in blocks, and gives them on with what it makes of them."""
 
     def begin(self, beginning: Beginning) -> None:
@@ -103,15 +103,19 @@ class Stage(Protocol):
 
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
         """Take samples; host_ns (n,): their arrival, monotonic. missing: how many were lost just before."""
+        raise NotImplementedError
 
     def on_event(self, event: Event) -> Iterator[Item]:
-        """Take anything else that the source says."""
+        """Take anything else that the source says; most stages need nothing of it."""
+        return iter(())
 
     def forget(self) -> None:
         """Believe nothing of samples until now: the device, its boot or its sensor may be another."""
 
     def standing(self) -> Standing:
         """Return how the stage gets on."""
+        return Standing()
 
     def save(self) -> Saved | None:
-        """What `Beginning.saved` takes; None while there is nothing to keep."""
+        """Return what `Beginning.saved` takes; None while there is nothing to keep."""
+        return None

@@ -29,11 +29,14 @@ NEW_ONLY = 2
 class MqttFrames:
     """Receives, in a thread of its own, until closed; a broker that is away is tried again.
 
-    connected: whether the broker has us now. Reported once an outage: why, and that it is over.
+    connected: whether the broker has us now. Reported once an outage: why, and that it is over. No other worker
+    shares what it receives, so it has no partitions.
 
     Raises:
         UsageError: settings or secrets that cannot be used.
     """
+
+    partitions: None = None
 
     def __init__(self, settings: MqttConfig, inbox: Inbox, report: Report) -> None:
         self._broker = Broker(settings)

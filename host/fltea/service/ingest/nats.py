@@ -7,7 +7,6 @@ Who takes over goes on from there.
 """
 
 import asyncio
-import concurrent.futures
 import os
 import secrets
 import ssl
@@ -16,7 +15,6 @@ import time
 from typing import NamedTuple
 
 from nats.aio.client import Client
-from nats.errors import Error as NatsError
 
 from fltea.records.errors import UsageError
 from fltea.records.ports import Report
@@ -35,9 +33,6 @@ AGAIN_S = 1.0
 PROBE_S = 60.0
 """From one look at the server's mapping to the next: its settings may be loaded again at any time."""
 
-PUTS = 64
-"""Snapshots on their way to the store; further ones wait for their next turn."""
-
 
 class _Login(NamedTuple):
     """What it takes to reach the server; servers: one, or several of a cluster."""
@@ -51,7 +46,7 @@ class _Login(NamedTuple):
 class NatsFrames:
     """Serves its share of the partitions, in a thread of its own, until closed.
 
-    url: one server, or several with commas between. worker: name of this process, unlike all others'.
+    url: the first server. worker: name of this process, unlike all others'. partitions: those that it serves.
     """
 
     def __init__(self, config: Config, inbox: Inbox, report: Report) -> None:
@@ -60,10 +55,7 @@ class NatsFrames:
         self.worker = f"{config.name}-{secrets.token_hex(4)}"
         self.connected = False
         self._reports = Reports(self.url, report)
-        self._partitions = Partitions(self.worker, config.ingest.partitions, inbox, self._reports)
-        self._store: Store
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._puts: set[concurrent.futures.Future[None]] = set()
+        self.partitions = Partitions(self.worker, config.ingest.partitions, inbox, self._reports)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="nats", daemon=True)
 
@@ -77,60 +69,6 @@ class NatsFrames:
         if self._thread.is_alive():
             self._thread.join(2.0)
 
-    @property
-    def done(self) -> dict[int, int]:
-        """The last message of each partition that was walked."""
-        return self._partitions.done
-
-    @property
-    def unix_offset_ns(self) -> int:
-        """From `host_ns` to the server's time."""
-        return self._partitions.unix_offset_ns
-
-    def serves(self, partition: int) -> bool:
-        """Return whether this worker may still walk messages of a partition; asked for each one."""
-        return self._partitions.serves(partition)
-
-    def resume(self, partition: int) -> None:
-        """Take note that from here on come the messages that were left out."""
-        self._partitions.resume(partition)
-
-    def walked(self, partition: int, mark: int) -> None:
-        """Take note of the last message that was walked."""
-        self._partitions.walked(partition, mark)
-
-    def keep(self, partition: int, device: str, data: bytes) -> bool:
-        """Store a snapshot, in the background; False if too many are on their way."""
-        return self.serves(partition) and self._in_background(f"{partition}.{device}", data)
-
-    def drop(self, partition: int, device: str) -> None:
-        """Delete a snapshot, in the background. If that fails, who is next finds the device silent."""
-        if self.serves(partition):
-            self._in_background(f"{partition}.{device}", None)
-
-    def _in_background(self, key: str, data: bytes | None) -> bool:
-        self._puts = {one for one in self._puts if not one.done()}
-        loop = self._loop
-        if loop is None or len(self._puts) >= PUTS:
-            return False
-        put = self._put(key, data)
-        try:
-            self._puts.add(asyncio.run_coroutine_threadsafe(put, loop))
-        except RuntimeError:  # the connection has just ended
-            put.close()
-            return False
-        return True
-
-    async def _put(self, key: str, data: bytes | None) -> None:
-        snapshots = self._store.snapshots
-        try:
-            await (snapshots.delete(key) if data is None else snapshots.put(key, data))
-        except NatsError as error:
-            if data is not None:
-                self._reports.snapshot(key, error)
-
-    # --- the connection ---
-
     def _run(self) -> None:
         while not self._stop.is_set():
             try:
@@ -139,11 +77,10 @@ class NatsFrames:
                 self.connected = False
                 if not self._stop.is_set():
                     self._reports.down(error)
-            self._partitions.let_go_of_all()
+            self.partitions.let_go_of_all()
             self._stop.wait(AGAIN_S)
 
     async def _serve(self) -> None:
-        self._loop = asyncio.get_running_loop()
         self._reports.begin()
         client = Client()
         try:
@@ -159,29 +96,30 @@ class NatsFrames:
                 error_cb=_ignore,
             )
             self._reports.on_server()
-            self._store = self._partitions.store = Store(self._settings, client.jetstream(timeout=STOP_S / 2))
-            await self._store.prepare()
-            self._reports.differences(self._store.differs)
-            await self._partitions.renew()  # a server whose store is full fails here, and is not back
+            store = Store(self._settings, client.jetstream(timeout=STOP_S / 2))
+            await store.prepare()
+            self._reports.differences(store.differs)
+            self.partitions.begin(store)
+            await self.partitions.renew()  # a server whose store is full fails here, and is not back
             renewed_s, probed_s = time.monotonic(), -PROBE_S
             self.connected = True
             if self._reports.back():
-                self._partitions.wait_for_others()
+                self.partitions.wait_for_others()
             while not self._stop.is_set():
                 if client.is_closed:
                     raise ConnectionError("the connection was lost")
                 if time.monotonic() - renewed_s >= RENEW_S:
                     renewed_s = time.monotonic()
-                    await self._partitions.renew()
+                    await self.partitions.renew()
                 if time.monotonic() - probed_s >= PROBE_S:
                     probed_s = time.monotonic()
                     self._reports.mapping(await mapping.look(client, self.worker, self._settings.partitions))
-                await self._partitions.share_out()
+                await self.partitions.share_out()
                 await asyncio.sleep(LOOK_S)
-            await self._partitions.give_all_back()
+            await self.partitions.give_all_back()
         finally:
-            self.connected, self._loop = False, None
-            self._partitions.let_go_of_all()
+            self.connected = False
+            self.partitions.let_go_of_all()
             await client.close()
 
 

@@ -1,15 +1,17 @@
 """The partitions that a worker serves: their leases in the store, and who pulls their messages.
 
-`serves`, `resume`, and `walked` are called by the thread that walks the messages, all else by the loop of the
-connection.
+`serves`, `resume`, `walked`, `keep`, and `drop` are called by the thread that walks the messages, all else by the
+loop of the connection.
 """
 
 import asyncio
+import concurrent.futures
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import msgspec
+from nats.errors import Error as NatsError
 from nats.js.errors import KeyWrongLastSequenceError
 
 from fltea.records.clock import host_ns, unix_offset_ns
@@ -27,6 +29,9 @@ STEADY_NS = 50_000_000
 PULL, PULL_S = 64, 0.5
 LOOKS = 4
 """After so many pulls in vain it is asked whether our consumer still exists: the server does not say so."""
+
+PUTS = 64
+"""Snapshots on their way to the store; further ones wait for their next turn."""
 
 ROOM_BYTES = 4_000_000
 """What may wait here; the rest waits in the stream."""
@@ -68,6 +73,12 @@ class Partitions:
         self._held: dict[int, Held] = {}
         self._sightings = Sightings()
         self._takes_from_s = 0.0
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._puts: set[concurrent.futures.Future[None]] = set()
+
+    def begin(self, store: Store) -> None:
+        """Begin with a connection, in whose loop this is called; `let_go_of_all` ends it."""
+        self.store, self._loop = store, asyncio.get_running_loop()
 
     def wait_for_others(self) -> None:
         """Take nothing for a while, since the server was away."""
@@ -91,6 +102,35 @@ class Partitions:
     def walked(self, partition: int, mark: int) -> None:
         """Take note of the last message that was walked."""
         self.done[partition] = mark
+
+    def keep(self, partition: int, device: str, data: bytes) -> bool:
+        """Store a snapshot, in the background; False if too many are on their way."""
+        return self._in_background(partition, device, data)
+
+    def drop(self, partition: int, device: str) -> None:
+        """Delete a snapshot, in the background. If that fails, who is next finds the device silent."""
+        self._in_background(partition, device, None)
+
+    def _in_background(self, partition: int, device: str, data: bytes | None) -> bool:
+        self._puts = {one for one in self._puts if not one.done()}
+        loop = self._loop
+        if not self.serves(partition) or loop is None or len(self._puts) >= PUTS:
+            return False
+        put = self._put(f"{partition}.{device}", data)
+        try:
+            self._puts.add(asyncio.run_coroutine_threadsafe(put, loop))
+        except RuntimeError:  # the connection has just ended
+            put.close()
+            return False
+        return True
+
+    async def _put(self, key: str, data: bytes | None) -> None:
+        snapshots = self.store.snapshots
+        try:
+            await (snapshots.delete(key) if data is None else snapshots.put(key, data))
+        except NatsError as error:
+            if data is not None:
+                self._reports.snapshot(key, error)
 
     async def renew(self) -> None:
         """Renew the leases, which shows others that this worker lives."""
@@ -202,6 +242,7 @@ class Partitions:
 
     def let_go_of_all(self) -> None:
         """Serve no partition any more, since the connection has ended."""
+        self._loop = None
         for partition in list(self._held):
             self._let_go(partition)
 

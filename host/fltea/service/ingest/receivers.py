@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import partial
 from urllib.parse import urlsplit
 
 import msgspec
@@ -9,7 +10,7 @@ import msgspec
 from fltea.records.errors import UsageError
 from fltea.records.ports import Report
 from fltea.service.ingest.inbox import Inbox
-from fltea.service.ingest.loop import Receiver
+from fltea.service.ingest.receiver import Receiver
 from fltea.settings.config import Config
 from fltea.settings.extras import load
 
@@ -22,7 +23,13 @@ def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
     """
     source = config.source or ""
     if source.startswith("nats:"):
-        return _of_nats(config)
+        if not all(map(_is_address, source.split(","))):  # the text repeats none: a password may be in it
+            raise UsageError(
+                "--source nats: give nats://HOST[:PORT], PORT 1 to 65535, or several with commas between. "
+                "User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
+            )
+        module = load("fltea.service.ingest.nats", "nats", "nats", "a source of NATS needs")
+        return partial(module.NatsFrames, config)
     if "://" not in source:
         raise UsageError(
             "--source mqtt: give the broker's address: mqtt://HOST[:PORT] or mqtts://HOST[:PORT]."
@@ -32,28 +39,7 @@ def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
     except ValueError as error:  # its text does not repeat the address, in which a password may be
         raise UsageError(f"--source: {str(error).replace('broker', 'an mqtt source', 1)}.") from error
     module = load("fltea.service.ingest.mqtt", "paho", "mqtt", "a source behind a broker needs")
-
-    def make(inbox: Inbox, report: Report) -> Receiver:
-        found: Receiver = module.MqttFrames(settings, inbox, report)
-        return found
-
-    return make
-
-
-def _of_nats(config: Config) -> Callable[[Inbox, Report], Receiver]:
-    for url in (config.source or "").split(","):
-        if not _is_address(url):  # the text repeats none: a password may be in it
-            raise UsageError(
-                "--source nats: give nats://HOST[:PORT], PORT 1 to 65535, or several with commas between. "
-                "User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
-            )
-    module = load("fltea.service.ingest.nats", "nats", "nats", "a source of NATS needs")
-
-    def make(inbox: Inbox, report: Report) -> Receiver:
-        found: Receiver = module.NatsFrames(config, inbox, report)
-        return found
-
-    return make
+    return partial(module.MqttFrames, settings)
 
 
 def _is_address(url: str) -> bool:

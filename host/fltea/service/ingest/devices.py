@@ -1,0 +1,129 @@
+"""The devices behind a shared source: each is a line with a walk of its own, until it is given up."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import msgspec
+
+from fltea.records.clock import host_ns, unix_offset_ns
+from fltea.records.events import Chunk
+from fltea.records.ports import Report
+from fltea.records.repeat import OnceAMinute
+from fltea.service.hub import Hub
+from fltea.service.ingest.inbox import Inbox
+from fltea.service.ingest.receiver import Shared
+from fltea.service.walk import Walk
+from fltea.settings.config import Config
+from fltea.sources.frames import FramesSource
+from fltea.stream.fit_times import FitLoad
+from fltea.stream.snapshot import DeviceState
+
+TICK_NS = 2 * 10**9
+"""A device that has sent nothing for this long is looked at, and then as often: it may be silent."""
+
+STATS_S = 10
+"""Seconds from one statistics of a device to the next: each second a tenth of the devices has its turn."""
+
+FAULT_NS = 60 * 10**9
+"""A device whose line broke, by a fault of ours or by settings that do not fit it, is tried again then."""
+
+
+@dataclass
+class Line:
+    """A device. partition, mark: of the last message that it walked, where there are partitions.
+
+    kept_ns: when its last snapshot was taken; is_whole: it had the estimators.
+    """
+
+    walk: Walk
+    source: FramesSource
+    heard_ns: int
+    looked_ns: int
+    partition: int | None = None
+    mark: int = 0
+    kept_ns: int = 0
+    is_whole: bool = False
+
+
+class Devices:
+    """Opens, walks and gives up the lines of all devices, in one thread.
+
+    config: of every device. url: of the broker. shared: this worker's share, if there are several workers.
+    load: what the live fits of all devices share.
+    """
+
+    def __init__(
+        self, config: Config, hub: Hub, inbox: Inbox, url: str, report: Report, shared: Shared | None
+    ) -> None:
+        self.lines: dict[str, Line] = {}
+        self.load = FitLoad()
+        self._config, self._hub, self._inbox, self._url = config, hub, inbox, url
+        self._report, self._shared = report, shared
+        self._broken_ns: dict[str, int] = {}
+        self._opened = 0
+        self._once_a_minute = OnceAMinute()
+
+    def offset_ns(self) -> int:
+        """Return what to add to `host_ns` for Unix time: that of the stream if there is one."""
+        return self._shared.unix_offset_ns if self._shared is not None else unix_offset_ns()
+
+    def is_broken(self, name: str, now_ns: int) -> bool:
+        """Whether the line of a device broke of late, so that nothing is made of it."""
+        return now_ns < self._broken_ns.get(name, 0)
+
+    def open(
+        self, name: str, now_ns: int, partition: int | None = None, saved: DeviceState | None = None
+    ) -> Line:
+        """Begin a line, with the estimators that another worker saved if there are any."""
+        url = f"{self._url}/{name}"
+        source = FramesSource(url, lambda: self._inbox.overflow_bytes[name])
+        config = msgspec.structs.replace(self._config, name=name, source=url)
+        walk = Walk(source, config, self._hub, None, self.load, self._opened, STATS_S, saved)
+        self._opened += 1
+        line = self.lines[name] = Line(walk, source, now_ns, now_ns, partition)
+        self.load.devices = len(self.lines)
+        for event in source.open(now_ns, self.offset_ns()):
+            walk.take(event)
+        return line
+
+    def walk(self, name: str, item: Chunk | None) -> None:
+        """Let a line take what came, or that nothing did; one that breaks is given up, the others go on."""
+        line = self.lines[name]
+        try:
+            for event in line.source.take(item):
+                line.walk.take(event)
+        except Exception as error:
+            self._broken_ns[name] = host_ns() + FAULT_NS
+            self._give_up(name, moved=False)
+            if self._once_a_minute.is_due("line_broken", host_ns()):
+                text = f"{name}: nothing more is made of it for a minute: {type(error).__name__}: {error}"
+                self._report("line_broken", text)
+
+    def finish(self, name: str, *, moved: bool) -> None:
+        """End a line with its last statistics. moved: another worker goes on with the device."""
+        self.lines[name].walk.finish()
+        self._give_up(name, moved=moved)
+
+    def look(self, now_ns: int, is_silent: Callable[[Line], bool]) -> None:
+        """Let silent devices know that time passes, and give up those that were silent for too long.
+
+        is_silent: whether it is known that nothing of the device is still on its way.
+        """
+        forget_ns = int(self._config.ingest.forget_s * 1e9)
+        for name, line in list(self.lines.items()):
+            if now_ns - line.looked_ns < TICK_NS:
+                continue
+            if now_ns - line.heard_ns >= forget_ns:
+                self.finish(name, moved=False)
+            elif is_silent(line):
+                line.looked_ns = now_ns
+                self.walk(name, None)
+        self._broken_ns = {name: ns for name, ns in self._broken_ns.items() if ns > now_ns}
+
+    def _give_up(self, name: str, *, moved: bool) -> None:
+        line = self.lines.pop(name)
+        if not moved and line.partition is not None and self._shared is not None:
+            self._shared.drop(line.partition, name)  # else who takes over goes back to where it was then
+        self._hub.depart(name, moved=moved)
+        self.load.devices = max(1, len(self.lines))
+        self._inbox.forget(name)
