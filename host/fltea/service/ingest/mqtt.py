@@ -29,8 +29,8 @@ NEW_ONLY = 2
 class MqttFrames:
     """Receives, in a thread of its own, until closed; a broker that is away is tried again.
 
-    connected: whether the broker has us now. Reported once an outage: why, and that it is over. No other worker
-    shares what it receives, so it has no partitions.
+    connected: whether the broker has us now. Reported once an outage: why, and that it is over. partitions:
+    there are none, since no other worker shares what it receives.
 
     Raises:
         UsageError: settings or secrets that cannot be used.

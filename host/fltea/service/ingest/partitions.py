@@ -1,7 +1,7 @@
 """The partitions that a worker serves: their leases in the store, and who pulls their messages.
 
-`serves`, `resume`, `walked`, `keep`, and `drop` are called by the thread that walks the messages, all else by the
-loop of the connection.
+`serves`, `resume`, `walked`, `keep`, and `drop` are called by the thread that walks the messages, all else by
+the loop of the connection.
 """
 
 import asyncio
