@@ -7,20 +7,12 @@ import pytest
 import typer
 from fake_system import FakeSystem
 from fltea.cli.devices import devices, doctor
-from fltea.machine import host_system
 from fltea.machine.doctor import hearing
 from fltea.machine.doctor.hearing import Heard
 from fltea.records.events import Trouble
 from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_NATIVE_PORT
 from host_support import hello
-
-
-@pytest.fixture
-def system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeSystem:
-    system = FakeSystem(tmp_path)
-    monkeypatch.setattr(host_system, "System", lambda: system)
-    return system
 
 
 def test_a_list_for_a_person(system: FakeSystem, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,11 +13,6 @@ from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_NATIVE_PORT
 
 
-@pytest.fixture
-def system(tmp_path: Path) -> FakeSystem:
-    return FakeSystem(tmp_path)
-
-
 def test_boards_come_first_and_each_port_says_what_it_is(system: FakeSystem) -> None:
     system.plug("/dev/ttyS0", None, None, None, "n/a")
     system.plug("/dev/ttyUSB0", 0x0403, 0x6001, "FT9", "FT232R USB UART")

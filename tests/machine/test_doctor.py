@@ -23,11 +23,6 @@ from fltea.settings.config import load_configs
 from fltea.settings.extras import how_to_install
 
 
-@pytest.fixture
-def system(tmp_path: Path) -> FakeSystem:
-    return FakeSystem(tmp_path)
-
-
 def outputs(system: FakeSystem, **settings: object) -> list[Finding]:
     (config,) = load_configs(None, {name.replace("__", "."): value for name, value in settings.items()})
     return list(check_outputs([config], system))

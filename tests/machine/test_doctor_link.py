@@ -1,7 +1,5 @@
 """`fltea doctor` on a serial port: from the cable to what the device said."""
 
-from pathlib import Path
-
 import msgspec
 import pytest
 from fake_system import FakeSystem, finding_of, levels
@@ -26,12 +24,9 @@ OLDER = msgspec.structs.replace(HELLO, firmware_version="0.0.9 due")
 STATUS = DeviceStatus(0, 0, 0, 0, 0, "user")
 
 
-@pytest.fixture
-def system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeSystem:
-    """A machine whose devices all say the same."""
-    system = FakeSystem(tmp_path)
+@pytest.fixture(autouse=True)
+def all_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks_link, "hear", lambda url, baud, hear_s: heard())
-    return system
 
 
 def heard(**changes: object) -> Heard:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from fltea.cli import app
 from fltea.machine import flash
 from fltea.records.errors import FlteaError, UsageError
 from fltea.wire import layout as wire
@@ -37,9 +38,18 @@ def board() -> Iterator[SpeakingPort]:
 class Tools:
     """A folder that is the whole PATH of the command."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(
+        self, folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        self.folder, self._monkeypatch, self._capfd = folder, monkeypatch, capfd
         (folder / "bin").mkdir()
+        for name, value in self._environment().items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.setattr(flash, "HOLD_S", 1e-3)
+        monkeypatch.setattr(flash, "SETTLE_S", 1e-3)
+
+    def _environment(self) -> dict[str, str]:
+        return {"PATH": str(self.folder / "bin"), "HOME": str(self.folder), "COLUMNS": "200"}
 
     def add(self, name: str, *, code: int = 0, version: str = "1.6.1-arduino", folder: str = "bin") -> Path:
         script = self.folder / folder / name
@@ -59,19 +69,31 @@ class Tools:
         return path.read_text().splitlines() if path.exists() else []
 
     def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """The command in this process, with less waiting."""
+        self._monkeypatch.setattr(sys, "argv", ["fltea", "flash", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            app.main()
+        said = self._capfd.readouterr()
+        code = ended.value.code
+        return subprocess.CompletedProcess(
+            arguments, code if isinstance(code, int) else 0, said.out, said.err
+        )
+
+    def run_alone(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """The same as a program."""
         return subprocess.run(
             [sys.executable, "-m", "fltea", "flash", *arguments],
             capture_output=True,
             encoding="utf-8",
-            env={"PATH": str(self.folder / "bin"), "HOME": str(self.folder), "COLUMNS": "200"},
+            env=self._environment(),
             timeout=PATIENCE_S,
             stdin=subprocess.DEVNULL,
         )
 
 
 @pytest.fixture
-def tools(tmp_path: Path) -> Tools:
-    return Tools(tmp_path)
+def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Tools:
+    return Tools(tmp_path, monkeypatch, capfd)
 
 
 @pytest.fixture
@@ -84,7 +106,7 @@ def image(tmp_path: Path) -> Path:
 
 def test_bossac_after_a_touch_at_1200_baud(tools: Tools, board: SpeakingPort, image: Path) -> None:
     tools.add("bossac")
-    done = tools.run("--port", board.port, "--image", image, "--yes")
+    done = tools.run_alone("--port", board.port, "--image", image, "--yes")
     assert (done.returncode, done.stderr) == (0, "")
     assert "runs '0.1.0 due 12ab34cd'" in done.stdout
     name = board.port.removeprefix("/dev/")
@@ -136,7 +158,7 @@ def test_arduino_cli_comes_first_then_platformio_then_bossac(tools: Tools, board
 def test_a_dry_run_does_nothing(tools: Tools, board: SpeakingPort, image: Path) -> None:
     tools.add("bossac")
     before = board.speed()
-    done = tools.run("--port", board.port, "--image", image, "--dry-run")
+    done = tools.run_alone("--port", board.port, "--image", image, "--dry-run")
     assert done.returncode == 0
     touch, erase, calm, erase_again, write = (line.split("#")[0].strip() for line in done.stdout.splitlines())
     assert (touch, erase) == (f"stty -F {board.port} 1200", "sleep 1")
@@ -248,40 +270,45 @@ def ports(monkeypatch: pytest.MonkeyPatch, *found: tuple[str, int | None, int | 
     monkeypatch.setattr(flash.list_ports, "comports", lambda: listed)
 
 
+DUE, NATIVE = (0x2341, 0x003D), (0x2341, 0x003E)
+
+
 @pytest.mark.parametrize("vid", [0x2341, 0x2A03])
 def test_the_only_due_is_found(monkeypatch: pytest.MonkeyPatch, vid: int) -> None:
-    ports(
-        monkeypatch, ("/dev/ttyS0", None, None), ("/dev/ttyACM7", vid, 0x003D), ("/dev/ttyACM8", vid, 0x003E)
-    )
+    plugged = [("/dev/ttyS0", None, None), ("/dev/ttyACM7", vid, 0x003D), ("/dev/ttyACM8", vid, 0x003E)]
+    ports(monkeypatch, *plugged)
     assert flash.find_port(None) == "/dev/ttyACM7"
 
 
-def test_several_dues_are_a_question(monkeypatch: pytest.MonkeyPatch) -> None:
-    ports(monkeypatch, ("/dev/ttyACM1", 0x2341, 0x3D), ("/dev/ttyACM0", 0x2341, 0x3D))
-    with pytest.raises(UsageError, match="/dev/ttyACM0, /dev/ttyACM1"):
-        flash.find_port(None)
-
-
-def test_the_native_port_is_the_wrong_one(monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> None:
-    ports(monkeypatch, (board.port, 0x2341, 0x003E))
-    with pytest.raises(FlteaError, match="native port"):
-        flash.find_port(None)
-    with pytest.raises(UsageError, match="native port"):
-        flash.find_port(board.port)
-
-
-def test_another_device_is_never_touched(monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> None:
-    ports(monkeypatch, (board.port, 0x0403, 0x6001))
-    with pytest.raises(UsageError, match="0403:6001"):
-        flash.find_port(board.port)
-    with pytest.raises(FlteaError, match="no Arduino Due found"):
-        flash.find_port(None)
+@pytest.mark.parametrize(
+    ("usb_id", "wanted", "error", "text"),
+    [
+        (DUE, False, UsageError, "/dev/pts/.*, /dev/ttyACM0"),
+        (NATIVE, False, FlteaError, "native port"),
+        (NATIVE, True, UsageError, "native port"),
+        ((0x0403, 0x6001), True, UsageError, "0403:6001"),
+        ((0x0403, 0x6001), False, FlteaError, "no Arduino Due found"),
+    ],
+    ids=["several", "native", "native by name", "another by name", "another"],
+)
+def test_no_other_port_is_ever_touched(
+    usb_id: tuple[int, int],
+    wanted: bool,
+    error: type[FlteaError],
+    text: str,
+    monkeypatch: pytest.MonkeyPatch,
+    board: SpeakingPort,
+) -> None:
+    ports(monkeypatch, (board.port, *usb_id), *([("/dev/ttyACM0", *DUE)] if usb_id == DUE else []))
+    with pytest.raises(error, match=text) as refused:
+        flash.find_port(board.port if wanted else None)
+    assert type(refused.value) is error
 
 
 def test_a_link_to_the_port_will_do(
     monkeypatch: pytest.MonkeyPatch, board: SpeakingPort, tmp_path: Path
 ) -> None:
-    ports(monkeypatch, (board.port, 0x2341, 0x003D))
+    ports(monkeypatch, (board.port, *DUE))
     link = tmp_path / "due"
     link.symlink_to(board.port)
     assert flash.find_port(str(link)) == board.port

@@ -1,8 +1,6 @@
 """The touch at 1200 baud: what a pseudo-terminal is set to, in which order, before the tool runs."""
 
 import errno
-import os
-import pty
 import termios
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,31 +9,20 @@ import pytest
 import serial
 from fltea.machine import flash
 from fltea.records.errors import FlteaError
-
-
-class Board:
-    """A pseudo-terminal that says nothing."""
-
-    def __init__(self) -> None:
-        self.ends = pty.openpty()
-        self.port = os.ttyname(self.ends[1])
-
-    def speed(self) -> int:
-        return int(termios.tcgetattr(self.ends[1])[4])
+from speaking_port import SpeakingPort, speaking
 
 
 @pytest.fixture
-def board() -> Iterator[Board]:
-    board = Board()
-    yield board
-    for end in board.ends:
-        os.close(end)
+def board() -> Iterator[SpeakingPort]:
+    """A board that says nothing."""
+    with speaking(lambda turn: b"", 60) as port:
+        yield port
 
 
 class Line:
     """Writes down what happens to the port, each with the speed that the terminal has just then."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, board: Board) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> None:
         self.seen: list[tuple[str, object, int]] = []
         self.dtr_error: BaseException | None = OSError(errno.ENOTTY, "what a pseudo-terminal says")
         self.sleep_error: BaseException | None = None
@@ -74,7 +61,7 @@ class Line:
 
 
 @pytest.fixture
-def line(monkeypatch: pytest.MonkeyPatch, board: Board) -> Line:
+def line(monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> Line:
     return Line(monkeypatch, board)
 
 
@@ -82,7 +69,9 @@ ERASE_AND_RESET_S = 180 * 256 * 256 / 16e6
 """Ticks of the USB chip's timer (16 MHz through two divisions by 256)."""
 
 
-def test_the_touch_holds_1200_baud_until_erased_and_leaves_another_rate(board: Board, line: Line) -> None:
+def test_the_touch_holds_1200_baud_until_erased_and_leaves_another_rate(
+    board: SpeakingPort, line: Line
+) -> None:
     flash.touch(board.port, line.sleep)
     hold_s = line.seen[2][1]
     assert line.seen == [
@@ -96,7 +85,7 @@ def test_the_touch_holds_1200_baud_until_erased_and_leaves_another_rate(board: B
     assert board.speed() == termios.B115200
 
 
-def test_a_port_without_a_dtr_line_is_no_failure_but_a_broken_one_is(board: Board, line: Line) -> None:
+def test_a_port_without_a_dtr_line_is_no_failure_but_a_broken_one_is(board: SpeakingPort, line: Line) -> None:
     line.dtr_error = OSError(errno.EIO, "broken")
     with pytest.raises(FlteaError, match=r"was lost during the touch.*broken"):
         flash.touch(board.port, line.sleep)
@@ -104,7 +93,7 @@ def test_a_port_without_a_dtr_line_is_no_failure_but_a_broken_one_is(board: Boar
 
 
 @pytest.mark.parametrize("where", ["dtr", "sleep"])
-def test_an_interrupted_touch_leaves_no_1200_baud(where: str, board: Board, line: Line) -> None:
+def test_an_interrupted_touch_leaves_no_1200_baud(where: str, board: SpeakingPort, line: Line) -> None:
     if where == "dtr":
         line.dtr_error = KeyboardInterrupt()
     else:
@@ -116,7 +105,7 @@ def test_an_interrupted_touch_leaves_no_1200_baud(where: str, board: Board, line
 
 
 def test_a_port_that_is_unplugged_during_the_touch_is_a_plain_error(
-    board: Board, line: Line, monkeypatch: pytest.MonkeyPatch
+    board: SpeakingPort, line: Line, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unplugged(*_: object) -> None:
         raise termios.error(errno.EIO, "gone")
@@ -141,7 +130,7 @@ def tool(folder: Path, code: int) -> str:
     return str(script)
 
 
-def test_bossac_starts_after_the_touch_and_a_pause(board: Board, line: Line, tmp_path: Path) -> None:
+def test_bossac_starts_after_the_touch_and_a_pause(board: SpeakingPort, line: Line, tmp_path: Path) -> None:
     plan = flash.Plan("bossac", board.port, True, [tool(tmp_path, 0)], None)
 
     def sleep(duration_s: float) -> None:
@@ -157,7 +146,7 @@ def test_bossac_starts_after_the_touch_and_a_pause(board: Board, line: Line, tmp
 
 
 def test_a_tool_that_cannot_be_started_after_the_touch_leaves_word_of_the_erased_board(
-    board: Board, line: Line, tmp_path: Path
+    board: SpeakingPort, line: Line, tmp_path: Path
 ) -> None:
     plan = flash.Plan("bossac", board.port, True, [str(tmp_path / "none")], None)
     with pytest.raises(FlteaError, match=r"could not be started.*ERASE"):
@@ -165,7 +154,7 @@ def test_a_tool_that_cannot_be_started_after_the_touch_leaves_word_of_the_erased
 
 
 def test_a_tool_that_touches_the_port_itself_may_leave_1200_baud(
-    board: Board, line: Line, tmp_path: Path
+    board: SpeakingPort, line: Line, tmp_path: Path
 ) -> None:
     plan = flash.Plan("platformio", board.port, False, [tool(tmp_path, 4)], None)
     with pytest.raises(FlteaError, match=r"exit code 4.*[Uu]nplug the USB cable"):

@@ -7,18 +7,10 @@ import pytest
 from fake_iio import FakeIio, imu
 from fake_system import FakeSystem
 from fltea.cli.devices import devices
-from fltea.machine import host_system
 from fltea.machine.devices import find_iio
 from fltea.machine.doctor.diagnosis import check_source
 from fltea.machine.doctor.finding import Finding
 from fltea.settings.config import Config
-
-
-@pytest.fixture
-def system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeSystem:
-    system = FakeSystem(tmp_path)
-    monkeypatch.setattr(host_system, "System", lambda: system)
-    return system
 
 
 def found(system: FakeSystem, rest: str = "bmi160") -> dict[str, Finding]:
