@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -239,75 +239,56 @@ def _counts(values: Values) -> NDArray[np.int32]:
 
 
 def published_table(paths: Sequence[Path], what: What, limits: Limits = DEFAULT_LIMITS) -> Table:
-    """Return a table with one row a record: estimates of either kind, or fits."""
-    return fit_table(paths, limits) if what == "fits" else estimate_table(paths, what, limits)
+    """Return a table with one row a record as published: estimates of either kind, or fits.
 
-
-def fit_table(paths: Sequence[Path], limits: Limits = DEFAULT_LIMITS) -> Table:
-    """Return a table with one row a fit; what the data did not define stays empty.
+    What was not valid, or the data did not define, stays empty. what: "device_estimates" are those that the
+    device made beside the host's.
 
     Raises:
-        UsageError: no recording, or one without fits.
+        UsageError: no recording, or one without such records.
     """
-    records = _published(paths, "fit", _fit, limits)
+    records = _published(paths, what.removesuffix("s"), limits)
     first = next(records, None)
     if first is None:
         raise UsageError(
-            f"{paths[0]}: holds no fits. Make them of its samples: fltea run -s replay:{paths[0]}"
+            f"{paths[0]}: holds no estimates of a device beside the host's (--estimate-on both)."
+            if what == "device_estimates"
+            else f"{paths[0]}: holds no {what}. Make them of its samples: fltea run -s replay:{paths[0]}"
         )
     units = {axis: "ms2" if axis in ACCEL_AXES else "dps" for axis in first.axes}
-    columns = ["time_s", *OF_ALL, "samples"]
-    for axis, unit in units.items():
-        columns += [f"fractional_{axis}", f"null_p_{axis}"]
-        for name in OF_A_FIT.values():
-            columns += [name.format(end=end, axis=axis, unit=unit) for end in ("", "_low", "_high")]
+    columns = ["time_s", *OF_ALL]
+    if isinstance(first, _Fit):
+        columns += ["samples", *(name for axis, unit in units.items() for name in _fit_columns(axis, unit))]
+    kind = DeviceAxisEstimate if what == "device_estimates" else AxisEstimate
+    places = [(axis, field) for axis in units for field in kind.__struct_fields__ if field in OF_AN_AXIS]
+    if isinstance(first, _Estimate):
+        columns += [OF_AN_AXIS[field].format(axis=axis, unit=units[axis]) for axis, field in places]
 
     def rows() -> Iterator[list[Any]]:
         for record in chain([first], records):
             time_s = round((record.host_ns - first.host_ns) * 1e-9, 9)
-            row = [time_s, *(getattr(record, name) for name in OF_ALL), record.samples]
-            for axis in units:
-                one = record.axes.get(axis)
-                row += [None, None] if one is None else [int(one.verdict == "fractional"), one.null_p]
-                for field in OF_A_FIT:
-                    p = Interval() if one is None else getattr(one, field)
-                    row += [p.value, p.low, p.high]
+            row = [time_s, *(getattr(record, name) for name in OF_ALL)]
+            if isinstance(record, _Estimate):
+                row += [_number(record.axes.get(axis, {}).get(field)) for axis, field in places]
+            else:
+                row += [record.samples, *(x for axis in units for x in _fit_values(record.axes.get(axis)))]
             yield row
 
     return Table(columns, rows())
 
 
-def estimate_table(paths: Sequence[Path], what: What = "estimates", limits: Limits = DEFAULT_LIMITS) -> Table:
-    """Return a table with one row an estimate as published; what was not valid stays empty.
+def _fit_columns(axis: str, unit: str) -> list[str]:
+    ends = [(name, end) for name in OF_A_FIT.values() for end in ("", "_low", "_high")]
+    named = [name.format(end=end, axis=axis, unit=unit) for name, end in ends]
+    return [f"fractional_{axis}", f"null_p_{axis}", *named]
 
-    what: "estimates", or "device_estimates" for those that the device made beside the host's.
 
-    Raises:
-        UsageError: no recording, or one without estimates.
-    """
-    records = _published(paths, what.removesuffix("s"), _estimate, limits)
-    first = next(records, None)
-    if first is None and what == "device_estimates":
-        raise UsageError(
-            f"{paths[0]}: holds no estimates of a device beside the host's (--estimate-on both)."
-        )
-    if first is None:
-        raise UsageError(
-            f"{paths[0]}: holds no estimates. Make them of its samples: fltea run -s replay:{paths[0]}"
-        )
-    kind = DeviceAxisEstimate if what == "device_estimates" else AxisEstimate
-    units = {axis: "ms2" if axis in ACCEL_AXES else "dps" for axis in first.axes}
-    places = [(axis, field) for axis in units for field in kind.__struct_fields__ if field in OF_AN_AXIS]
-    names = (OF_AN_AXIS[field].format(axis=axis, unit=units[axis]) for axis, field in places)
-    columns = ["time_s", *OF_ALL, *names]
-
-    def rows() -> Iterator[list[Any]]:
-        for record in chain([first], records):
-            time_s = round((record.host_ns - first.host_ns) * 1e-9, 9)
-            values = (record.axes.get(axis, {}).get(field) for axis, field in places)
-            yield [time_s, *(getattr(record, name) for name in OF_ALL), *(_number(value) for value in values)]
-
-    return Table(columns, rows())
+def _fit_values(one: AxisFit | None) -> list[float | None]:
+    row: list[float | None] = [None, None] if one is None else [int(one.verdict == "fractional"), one.null_p]
+    for field in OF_A_FIT:
+        p = Interval() if one is None else getattr(one, field)
+        row += [p.value, p.low, p.high]
+    return row
 
 
 def gather_rows(spool: Spool, table: Table) -> int:
@@ -321,44 +302,39 @@ def gather_rows(spool: Spool, table: Table) -> int:
     return count
 
 
-class _Estimate(msgspec.Struct, frozen=True):
-    """An estimate of any kind as it was published, null fields left out."""
+class _Published(msgspec.Struct, frozen=True):
+    """What every record has that belongs to a sample, null fields left out."""
 
     host_ns: Whole
     device_us: Whole
     seq: Whole
     epoch: Whole
+
+
+class _Estimate(_Published, frozen=True):
     axes: dict[Axis, dict[str, int | float | bool | str | None]] = {}
 
 
-class _Fit(msgspec.Struct, frozen=True):
-    """A fit as it was published, null fields left out."""
-
-    host_ns: Whole
-    device_us: Whole
-    seq: Whole
-    epoch: Whole
+class _Fit(_Published, frozen=True):
     samples: Whole
     axes: dict[Axis, AxisFit] = {}
 
 
 _estimate, _fit = msgspec.json.Decoder(_Estimate), msgspec.json.Decoder(_Fit)
-_Kind = TypeVar("_Kind", _Estimate, _Fit)
 
 
-def _published(
-    paths: Sequence[Path], topic: str, decoder: "msgspec.json.Decoder[_Kind]", limits: Limits
-) -> Iterator[_Kind]:
+def _published(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[_Estimate | _Fit]:
     """Yield the records of one kind in a recording, as they were published."""
     if is_one_file(paths[0]):
         return
     from fltea.sources.mcap import read_entries
 
+    decode = _fit.decode if topic == "fit" else _estimate.decode
     for part in open_mcap(paths, "")().parts:
         for entry in read_entries(part, limits):
             if isinstance(entry, Entry) and entry.topic == topic:
                 try:
-                    yield decoder.decode(entry.data)
+                    yield decode(entry.data)
                 except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets
                     raise UsageError(f"{part.path}: a {topic} in it is damaged ({error}).") from error
 

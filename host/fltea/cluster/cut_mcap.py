@@ -1,7 +1,6 @@
 """Pieces of MCAP files, fltea's and ROS': some chunks each, behind all that the file says of itself."""
 
 import struct
-from collections.abc import Iterator
 from io import BytesIO
 from typing import NamedTuple
 
@@ -9,7 +8,8 @@ import msgspec
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, DataEnd, Footer, Metadata, MetadataIndex
+from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Metadata, MetadataIndex, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from fltea.cluster.cut import Cut, Ranges, even_pieces
@@ -65,18 +65,6 @@ def _bytes(out: RecordBuilder) -> bytes:
 _TAIL = _tail()
 
 
-def _records(data: bytes) -> Iterator[tuple[int, bytes, bytes]]:
-    """Kind, content and the whole of each record."""
-    at = 0
-    while at + HEAD.size <= len(data):
-        kind, length = HEAD.unpack_from(data, at)
-        end = at + HEAD.size + length
-        if end > len(data):
-            return
-        yield kind, data[at + HEAD.size : end], data[at:end]
-        at = end
-
-
 def _one(source: Ranges, begin: int, kind: int) -> bytes:
     """The content of the record of some kind that begins there."""
     found, length = HEAD.unpack(source.read(begin, begin + HEAD.size))
@@ -93,21 +81,22 @@ def _summary(source: Ranges) -> _Summary | None:
     begin = Footer.read(_stream(footer[HEAD.size :])).summary_start
     if not 0 < begin < source.size or source.size - begin > MOST_SUMMARY_BYTES:
         return None
-    descriptions, chunks, end, metadata = b"", [], 0, []
-    for kind, content, whole in _records(source.read(begin, source.size - FOOTER_BYTES)):
-        if kind in (Opcode.SCHEMA, Opcode.CHANNEL):
-            descriptions += whole
-        elif kind == Opcode.CHUNK_INDEX:
-            chunk = ChunkIndex.read(_stream(content))
-            chunks.append(chunk.chunk_start_offset)
-            end = max(end, chunk.chunk_start_offset + chunk.chunk_length)
-        elif kind == Opcode.METADATA_INDEX:
-            metadata.append(MetadataIndex.read(_stream(content)))
+    descriptions, chunks, end, metadata = RecordBuilder(), [], 0, []
+    for record in StreamReader(BytesIO(source.read(begin, source.size)), skip_magic=True).records:
+        match record:
+            case Schema() | Channel():
+                record.write(descriptions)
+            case ChunkIndex():
+                chunks.append(record.chunk_start_offset)
+                end = max(end, record.chunk_start_offset + record.chunk_length)
+            case MetadataIndex():
+                metadata.append(record)
     _, length = HEAD.unpack(source.read(magic, magic + HEAD.size))
     if not chunks or end > begin or length > MAX_DESCRIPTION_BYTES:
         return None
     header = source.read(0, magic + HEAD.size + length)
-    return _Summary(header, descriptions, sorted(chunks), end, sorted(metadata, key=lambda one: one.offset))
+    metadata.sort(key=lambda one: one.offset)
+    return _Summary(header, _bytes(descriptions), sorted(chunks), end, metadata)
 
 
 def _session(source: Ranges, summary: _Summary) -> PartInfo | None:

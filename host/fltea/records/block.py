@@ -5,7 +5,7 @@ An output makes records of a block only as far as it prints them.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -74,6 +74,10 @@ def _nullable(column: Array) -> Sequence[float | None]:
     return [value if math.isfinite(value) else None for value in values]
 
 
+COLUMNS = ("seq", "device_us", "host_ns", "gyro_dps", "accel_ms2", "temperature_c", "flags")
+"""Fields of a block that have a row a sample."""
+
+
 @dataclass(frozen=True)
 class Block:
     """n samples, rows of all columns, of one epoch.
@@ -112,24 +116,9 @@ class Block:
 
     def rows(self, begin: int, end: int) -> "Block":
         """Return the block of some of its rows."""
-
-        def cut(column: Array | None) -> Array | None:
-            return None if column is None else column[begin:end]
-
-        return Block(
-            self.device,
-            self.epoch,
-            self.seq[begin:end],
-            self.device_us[begin:end],
-            self.host_ns[begin:end],
-            self.gyro_dps[begin:end],
-            cut(self.accel_ms2),
-            cut(self.temperature_c),
-            None if self.flags is None else self.flags[begin:end],
-            self.variant,
-            tuple(columns.rows(begin, end) for columns in self.estimates),
-            self.every,
-        )
+        columns = {name: getattr(self, name) for name in COLUMNS}
+        cut = {name: column[begin:end] for name, column in columns.items() if column is not None}
+        return replace(self, **cut, estimates=tuple(one.rows(begin, end) for one in self.estimates))
 
     def due(self, every: int) -> slice:
         """Return the rows whose number is a multiple of `every`.
@@ -156,30 +145,17 @@ class Block:
 
     def samples(self, chosen: slice = slice(None)) -> Iterator[Sample]:
         """Yield a record for each of the chosen rows."""
-        n = len(self.seq[chosen])
-        nothing = [None] * n
+        n, epoch, device = len(self.seq[chosen]), self.epoch, self.device
         columns = zip(
-            self.seq[chosen].tolist(),
-            self.device_us[chosen].tolist(),
-            self.host_ns[chosen].tolist(),
+            *self._places(chosen),
             map(tuple, self.gyro_dps[chosen].tolist()),
-            nothing if self.accel_ms2 is None else map(tuple, self.accel_ms2[chosen].tolist()),
-            nothing if self.temperature_c is None else self.temperature_c[chosen].tolist(),
+            [None] * n if self.accel_ms2 is None else map(tuple, self.accel_ms2[chosen].tolist()),
+            [None] * n if self.temperature_c is None else self.temperature_c[chosen].tolist(),
             [0] * n if self.flags is None else self.flags[chosen].tolist(),
             strict=True,
         )
         for seq, device_us, host_ns, gyro, accel, temperature, flags in columns:
-            yield Sample(
-                seq,
-                self.epoch,
-                device_us,
-                host_ns,
-                gyro,
-                accel,
-                temperature,
-                flags,
-                device=self.device,
-            )
+            yield Sample(seq, epoch, device_us, host_ns, gyro, accel, temperature, flags, device=device)
 
     def estimate_records(self, chosen: slice = slice(None)) -> Iterator[Estimate]:
         """Yield a record for each of the chosen rows; none while the start-up window fills."""
@@ -188,12 +164,9 @@ class Block:
         epoch, variant, device = self.epoch, self.variant, self.device
         first, *others = (columns.of_rows(chosen) for columns in self.estimates)
         axes = first if not others else (a | b for a, b in zip(first, *others, strict=True))
-        places = zip(
-            self.seq[chosen].tolist(),
-            self.device_us[chosen].tolist(),
-            self.host_ns[chosen].tolist(),
-            axes,
-            strict=True,
-        )
-        for seq, device_us, host_ns, found in places:
+        for seq, device_us, host_ns, found in zip(*self._places(chosen), axes, strict=True):
             yield Estimate(seq, epoch, device_us, host_ns, variant, found, device=device)
+
+    def _places(self, chosen: slice) -> list[list[int]]:
+        """Numbers and times of the chosen rows."""
+        return [column[chosen].tolist() for column in (self.seq, self.device_us, self.host_ns)]
