@@ -1,7 +1,9 @@
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from mosquitto_support import Stage
 from support import Processes
 
 if TYPE_CHECKING:
@@ -13,6 +15,15 @@ def processes() -> Iterator[Processes]:
     started = Processes()
     yield started
     started.kill()
+
+
+@pytest.fixture
+def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
+    """Brokers and servers, and who listens to them."""
+    for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
+        monkeypatch.delenv(name, raising=False)
+    with Stage(tmp_path) as one:
+        yield one
 
 
 @pytest.fixture(scope="module")

@@ -1,19 +1,12 @@
 """`fltea doctor` and `fltea devices` as commands, on this machine and on the stand-in's pseudo-terminal."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support import PATIENCE_S, Processes
-
-
-def fltea(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "fltea", *arguments], capture_output=True, encoding="utf-8", timeout=PATIENCE_S
-    )
+from host_support import fltea
+from support import Processes
 
 
 def findings(output: str) -> dict[str, dict[str, Any]]:

@@ -1,7 +1,6 @@
 """`fltea fleet` as its user has it: a real broker with its usual limits, the real command, a real browser."""
 
 import base64
-import contextlib
 import json
 import os
 import re
@@ -11,43 +10,33 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from browser_support import PATIENCE_MS, Watched, browsers
+from browser_support import PATIENCE_MS, Watched
 from host_support import fltea_here
-from mosquitto_support import Mosquitto, free_port, make_authority, tool
-from paho.mqtt.client import Client
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from mosquitto_support import Mosquitto, Stage, make_authority, tool
 from playwright.sync_api import Browser, expect
 from support import PATIENCE_S, ROOT, wait_until
+
+from tools.faults.program import Program
+from tools.faults.server import Server, free_port
 
 SENSORS = 200
 HOSTILE = "<img src=x onerror=alert(1)>"
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    yield from browsers()
-
-
-class Running:
+class Running(Program):
     """The command, and what its page answers."""
 
-    def __init__(self, folder: Path, port: int, *arguments: str | Path) -> None:
-        command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", f"127.0.0.1:{port}", "--listen", "0"]
-        self._log = folder / f"fleet{len(os.listdir(folder))}.log"
-        with self._log.open("wb") as log:
-            self.process = subprocess.Popen([*command, *arguments], stderr=log, stdout=log)
-        wait_until(lambda: "the fleet is at" in self.said(), "the page")
-        found = re.search(r"http://\S+:(\d+)/", self.said())
+    def __init__(self, broker: Mosquitto, *arguments: str | Path) -> None:
+        super().__init__(["fleet", "--mqtt", f"127.0.0.1:{broker.port}", "--listen", "0", *arguments])
+        self.wait_for(lambda: "the fleet is at" in self.stderr, "the page")
+        found = re.search(r"http://\S+:(\d+)/", self.stderr)
         assert found is not None
         self.url = found[0]
-
-    def said(self) -> str:
-        return self._log.read_text()
 
     def ask(self, path: str, **headers: str) -> Any:
         request = urllib.request.Request(self.url + path, headers=headers)
@@ -60,32 +49,23 @@ class Running:
         refused.value.close()
         return refused.value.code
 
-    def stop(self) -> int:
-        self.process.send_signal(signal.SIGINT)
-        return self.process.wait(PATIENCE_S)
+
+Start = Callable[..., Running]
 
 
-class Stage(contextlib.ExitStack):
-    """Starts programs and leaves none behind."""
+@pytest.fixture
+def broker(stage: Stage) -> Mosquitto:
+    return stage.broker(usual_limits=True)
 
-    def fleet(self, folder: Path, port: int, *arguments: str | Path) -> Running:
-        running = Running(folder, port, *arguments)
-        self.callback(running.process.wait)
-        self.callback(running.process.kill)
+
+@pytest.fixture
+def start(stage: Stage, broker: Mosquitto) -> Start:
+    def make(*arguments: str | Path) -> Running:
+        running = Running(broker, *arguments)
+        stage.callback(running.kill)
         return running
 
-
-@pytest.fixture
-def stage() -> Iterator[Stage]:
-    with Stage() as stage:
-        yield stage
-
-
-@pytest.fixture
-def broker(tmp_path: Path) -> Iterator[Mosquitto]:
-    broker = Mosquitto(tmp_path / "broker", usual_limits=True)
-    yield broker
-    broker.stop(signal.SIGKILL)
+    return make
 
 
 def load(port: int, sensors: int = SENSORS, rounds: int = 1) -> dict[str, Any]:
@@ -96,34 +76,23 @@ def load(port: int, sensors: int = SENSORS, rounds: int = 1) -> dict[str, Any]:
     return found
 
 
-class Stranger:
-    """Somebody who publishes what no daemon does."""
-
-    def __init__(self, port: int) -> None:
-        self.client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
-        self.client.connect("127.0.0.1", port)
-        self.client.loop_start()
-
-    def say(self, topic: str, payload: bytes, *, retain: bool = True) -> None:
-        self.client.publish(topic, payload, qos=1, retain=retain).wait_for_publish(PATIENCE_S)
-
-
 def test_of_200_sensors_the_three_bad_ones_stand_out(
-    stage: Stage, broker: Mosquitto, tmp_path: Path, browser: Browser
+    stage: Stage, broker: Mosquitto, start: Start, tmp_path: Path, chromium: Browser
 ) -> None:
     """The broker has it all before the fleet comes; it would drop most of it if it were asked for at once."""
     assert load(broker.port)["acknowledged"] == 4 * SENSORS
-    stranger = Stranger(broker.port)
-    stranger.say(f"fltea/{HOSTILE}/hello", json.dumps({"rate_hz": 100.0, "sensor": HOSTILE}).encode())
-    stranger.say(f"fltea/{HOSTILE}/status", json.dumps({"status": "online", "source": HOSTILE}).encode())
-    stranger.say(f"fltea/{HOSTILE}/fit", b"{}")
-    running = stage.fleet(tmp_path, broker.port, "--history", tmp_path / "fleet.db", "--look-every", "500ms")
+    said = {"hello": {"rate_hz": 100.0, "sensor": HOSTILE}, "status": {"status": "online", "source": HOSTILE}}
+    stranger = stage.client(broker.port)
+    for kind, content in {**said, "fit": {}}.items():
+        sent = stranger.publish(f"fltea/{HOSTILE}/{kind}", json.dumps(content), qos=1, retain=True)
+        sent.wait_for_publish(PATIENCE_S)
+    running = start("--history", tmp_path / "fleet.db", "--look-every", "500ms")
     wait_until(lambda: sum(running.ask("api/summary")["axes"].values()) == 3 * SENSORS, "all fits")
     wait_until(lambda: len({one["device_id"] for one in running.ask("api/summary")["odd"]}) == 3, "a look")
     found = running.ask("api/summary")
     assert {int(one["device_id"], 16) for one in found["odd"]} == {3, 31, 57}
     assert (found["sensors"], found["fits"], found["connected"]) == (SENSORS + 1, SENSORS, True)
-    watched = Watched(browser, running.url)
+    watched = Watched(chromium, running.url)
     page = watched.page
     page.wait_for_selector("body[data-ready=yes]")
     assert page.locator("#odd li").count() == len(found["odd"])  # of one sensor N and its density
@@ -138,24 +107,21 @@ def test_of_200_sensors_the_three_bad_ones_stand_out(
     expect(page.locator("#sensor-body h3")).to_have_count(3, timeout=PATIENCE_MS)
     assert page.locator("img").count() == 0
     assert watched.complaints == []
-    stranger.client.disconnect()
-    stranger.client.loop_stop()
-    assert running.stop() == 0
+    assert running.end(signal.SIGINT)[0] == 0
 
 
 @pytest.mark.slow
 def test_alerts_are_published_and_a_broker_that_went_comes_back(
-    stage: Stage, broker: Mosquitto, tmp_path: Path
+    stage: Stage, broker: Mosquitto, start: Start
 ) -> None:
     heard: list[tuple[str, Any]] = []
     load(broker.port, sensors=70)
-    watcher = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
-    watcher.on_message = lambda client, data, m: heard.append((m.topic, json.loads(m.payload)))
-    watcher.on_connect = lambda client, *_: client.subscribe("fltea/fleet/#")
-    watcher.reconnect_delay_set(1, 1)
-    watcher.connect("127.0.0.1", broker.port)
-    watcher.loop_start()
-    running = stage.fleet(tmp_path, broker.port, "--look-every", "200ms")
+    stage.client(
+        broker.port,
+        on_message=lambda client, data, m: heard.append((m.topic, json.loads(m.payload))),
+        on_connect=lambda client, *_: client.subscribe("fltea/fleet/#"),
+    )
+    running = start("--look-every", "200ms")
     wait_until(lambda: sum(topic == "fltea/fleet/alert" for topic, _ in heard) == 4, "alerts")
     wait_until(lambda: '"count": 4' in json.dumps(heard), "the list of alerts")
     told = [alert for topic, alert in heard if topic == "fltea/fleet/alert"]
@@ -178,16 +144,14 @@ def test_alerts_are_published_and_a_broker_that_went_comes_back(
     before = len(lists)
     lists = [content for topic, content in heard if topic == "fltea/fleet/alerts"]
     assert len(lists) > before  # a broker that has forgotten it is told again
-    assert running.said().count("broker_lost") == 1
-    watcher.disconnect()
-    watcher.loop_stop()
+    assert running.stderr.count("broker_lost") == 1
 
 
-def test_the_page_is_for_those_who_know_the_password(stage: Stage, broker: Mosquitto, tmp_path: Path) -> None:
+def test_the_page_is_for_those_who_know_the_password(start: Start, tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_text("me:hunter2:x\n")
     secret.chmod(0o600)
-    running = stage.fleet(tmp_path, broker.port, "--password-file", secret)
+    running = start("--password-file", secret)
     good = "Basic " + base64.b64encode(b"me:hunter2:x").decode()
     assert running.ask("api/summary", Authorization=good)["sensors"] == 0
     for bad in ("", "Basic", "Basic !!!", "Basic \xe9", good[:-4], "Bearer x"):
@@ -223,12 +187,9 @@ def test_mistakes(arguments: list[str], words: str) -> None:
     assert (done.returncode, words in done.stderr) == (2, True), done.stderr
 
 
-def answers(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
-
-
-def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(tmp_path: Path) -> None:
+def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(
+    stage: Stage, tmp_path: Path
+) -> None:
     """tools/deploy/mosquitto as it stands, but for its folders and its port."""
     authority, port = tmp_path / "authority", free_port()
     ca = make_authority(authority)
@@ -245,41 +206,32 @@ def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(tmp
         "listener 8883", f"listener {port} 127.0.0.1"
     )
     (tmp_path / "conf").write_text(text + ("user root\n" if os.geteuid() == 0 else ""))
+    server = Server([tool("mosquitto"), "-c", tmp_path / "conf"], [port], tmp_path / "log")
+    stage.callback(server.kill)
     heard: list[str] = []
-    with subprocess.Popen([tool("mosquitto"), "-c", tmp_path / "conf"], stderr=subprocess.DEVNULL) as process:
-        try:
-            wait_until(lambda: answers(port), "the broker")
-            fleet, a = (
-                Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5) for _ in "12"
-            )
-            reasons: dict[int, str] = {}
-            a.on_publish = lambda client, data, mid, reason, properties: reasons.update(
-                {mid: reason.getName()}
-            )
-            fleet.on_message = lambda client, data, message: heard.append(message.topic)
-            for client, user in ((fleet, "fleet"), (a, "a")):
-                client.username_pw_set(user, f"{user}-secret")
-                client.tls_set(str(ca))
-                client.connect("localhost", port)
-                client.loop_start()
-            subscribed: list[object] = []
-            fleet.on_subscribe = lambda *_: subscribed.append(_)
-            fleet.subscribe("fltea/#", qos=1)
-            wait_until(lambda: bool(subscribed), "the subscription")
-            mids = {
-                topic: a.publish(topic, b"{}", qos=1).mid for topic in ("fltea/b/fit", "x", "fltea/a/fit")
-            }
-            wait_until(lambda: len(reasons) == 3, "answers")
-            wait_until(lambda: bool(heard), "what is allowed")
-            assert {topic: reasons[mid] for topic, mid in mids.items()} == {
-                "fltea/b/fit": "Not authorized", "x": "Not authorized", "fltea/a/fit": "Success",
-            }  # fmt: skip
-            assert heard == ["fltea/a/fit"]
-            for client in (fleet, a):
-                client.disconnect()
-                client.loop_stop()
-        finally:
-            process.kill()
+    subscribed: list[object] = []
+    reasons: dict[int, str] = {}
+    stage.client(
+        port,
+        login=("fleet", "fleet-secret"),
+        ca=ca,
+        on_connect=lambda client, *_: client.subscribe("fltea/#", qos=1),
+        on_subscribe=lambda *_: subscribed.append(_),
+        on_message=lambda client, data, message: heard.append(message.topic),
+    )
+    wait_until(lambda: bool(subscribed), "the subscription")
+
+    def answered(client: object, data: object, mid: int, reason: Any, properties: object) -> None:
+        reasons[mid] = reason.getName()
+
+    a = stage.client(port, login=("a", "a-secret"), ca=ca, on_publish=answered)
+    mids = {topic: a.publish(topic, b"{}", qos=1).mid for topic in ("fltea/b/fit", "x", "fltea/a/fit")}
+    wait_until(lambda: len(reasons) == 3, "answers")
+    wait_until(lambda: bool(heard), "what is allowed")
+    assert {topic: reasons[mid] for topic, mid in mids.items()} == {
+        "fltea/b/fit": "Not authorized", "x": "Not authorized", "fltea/a/fit": "Success",
+    }  # fmt: skip
+    assert heard == ["fltea/a/fit"]
 
 
 @pytest.mark.slow

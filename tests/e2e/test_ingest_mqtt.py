@@ -1,7 +1,6 @@
 """Frames of many devices through a real broker: each becomes a device of its own, under its topic's name."""
 
 import json
-from pathlib import Path
 
 import pytest
 from fltea.records.errors import UsageError
@@ -9,32 +8,15 @@ from fltea.service.daemon import run
 from fltea.settings.config import load_configs
 from frames_messages import second_of
 from mosquitto_support import Stage
-from paho.mqtt.client import Client
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from support import QUICK, Processes, wait_until
 
 SECONDS = 6
 
 
-@pytest.fixture
-def stage(tmp_path: Path):
-    with Stage(tmp_path) as one:
-        yield one
-
-
-def publisher(port: int) -> Client:
-    client = Client(CallbackAPIVersion.VERSION2, "boards", protocol=MQTTProtocolVersion.MQTTv5)
-    client.connect("localhost", port)
-    client.loop_start()
-    return client
-
-
 def test_each_topic_is_a_device_and_nothing_of_it_is_lost(stage: Stage, processes: Processes) -> None:
     broker = stage.broker()
     url = f"mqtt://localhost:{broker.port}"
-    client = publisher(broker.port)
-    stage.callback(client.loop_stop)
-    stage.callback(client.disconnect)
+    client = stage.client(broker.port, "boards")
     client.publish("fltea/old/frames", second_of(9, 0), qos=1, retain=True).wait_for_publish(10)
     watcher = stage.watcher(broker.port)
     daemon = processes.daemon("-s", url, "--mqtt", url, "--set", "name=lab", "--format", "ndjson", *QUICK)
@@ -87,9 +69,7 @@ def test_a_broker_that_goes_and_comes_back(stage: Stage, processes: Processes) -
     daemon.wait_for(lambda: "broker_lost" in daemon.errors(), "word of it")
     broker.start()
     daemon.wait_for(lambda: "broker_back" in daemon.errors(), "the broker's return")
-    client = publisher(broker.port)
-    stage.callback(client.loop_stop)
-    stage.callback(client.disconnect)
+    client = stage.client(broker.port, "boards")
     for second in range(3):
         client.publish("fltea/left/frames", second_of(0, second), qos=1)
     daemon.wait_for(lambda: len(daemon.of("estimate")) == 150, "its samples")

@@ -10,23 +10,17 @@ from typing import Any
 import nats
 import nats.js.errors
 import pytest
+from fltea.records.errors import UsageError
+from fltea.service.ingest.receivers import receiver_of
+from fltea.settings.config import load_configs
 from frames_messages import second_of
-from mosquitto_support import make_authority
-from nats_support import PARTITIONS, NatsServer, single, three_nodes
+from mosquitto_support import Stage, make_authority
+from nats_support import PARTITIONS, single, three_nodes
 from support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
 
 DEVICES = ("s0", "s1", "s2", "s3", "s4", "s5")
 SNAPSHOT_S = 2
 EVERY = 10
-
-
-@pytest.fixture
-def servers():
-    made: list[NatsServer] = []
-    yield made
-    for one in made:
-        if one.process.poll() is None:
-            one.stop()
 
 
 def worker(processes: Processes, url: str, name: str, *more: str) -> Daemon:
@@ -86,10 +80,11 @@ def estimated(*daemons: Daemon) -> dict[str, Counter[int]]:
 
 @pytest.mark.slow
 def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
-    tmp_path: Path, processes: Processes, servers: list[NatsServer]
+    tmp_path: Path, processes: Processes, stage: Stage
 ) -> None:
-    servers.append(single(tmp_path / "nats"))
-    url = f"nats://127.0.0.1:{servers[0].port}"
+    server = single(tmp_path / "nats")
+    stage.callback(server.kill)
+    url = f"nats://127.0.0.1:{server.port}"
     first = worker(processes, url, "first")
     boards, begin_s = Boards(url), time.monotonic()
 
@@ -139,12 +134,14 @@ def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
 
 @pytest.mark.slow
 def test_three_nodes_with_tls_and_accounts(
-    tmp_path: Path, processes: Processes, servers: list[NatsServer], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, processes: Processes, stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ca = make_authority(tmp_path / "ca")
     folder = tmp_path / "nodes"
     folder.mkdir()
-    servers += three_nodes(folder, tmp_path / "ca")
+    servers = three_nodes(folder, tmp_path / "ca")
+    for one in servers:
+        stage.callback(one.kill)
     monkeypatch.setenv("FLTEA_NATS_USER", "worker")
     monkeypatch.setenv("FLTEA_NATS_PASSWORD", "worker-secret")
     urls = ",".join(f"nats://localhost:{one.port}" for one in servers)
@@ -163,7 +160,7 @@ def test_three_nodes_with_tls_and_accounts(
 
     daemon.wait_for(heard(lambda: daemon.of("estimate")), "estimates through the cluster")
     wait_until(lambda: boards.publish("s2") or "permissions violation" in str(boards.refused), "the refusal")
-    servers[0].stop()
+    servers[0].kill()
     count = len(daemon.of("estimate"))
     daemon.wait_for(heard(lambda: len(daemon.of("estimate")) > count + 1000 // EVERY), "a node less")
     boards.close()
@@ -187,10 +184,6 @@ def test_three_nodes_with_tls_and_accounts(
     ],
 )
 def test_an_address_that_is_none_is_refused_without_its_password(url: str) -> None:
-    from fltea.records.errors import UsageError
-    from fltea.service.ingest.receivers import receiver_of
-    from fltea.settings.config import load_configs
-
     with pytest.raises(UsageError, match="nats://HOST") as caught:
         receiver_of(load_configs(None, {}, [url])[0])
     assert "secret" not in str(caught.value)
@@ -198,7 +191,4 @@ def test_an_address_that_is_none_is_refused_without_its_password(url: str) -> No
 
 @pytest.mark.parametrize("url", ["nats://host", "nats://host:4222,nats://10.0.0.1:1", "nats://[::1]:4222"])
 def test_an_address_with_or_without_port_is_not_refused(url: str) -> None:
-    from fltea.service.ingest.receivers import receiver_of
-    from fltea.settings.config import load_configs
-
     receiver_of(load_configs(None, {}, [url])[0])

@@ -19,29 +19,25 @@ from fltea.service.ingest.nats import NatsFrames
 from fltea.service.ingest.nats_reports import explain_no_connection
 from fltea.service.ingest.store import Unfit
 from fltea.settings.config import load_configs
-from mosquitto_support import free_port
-from nats_support import PARTITIONS, NatsServer, mapping, single
-from paho.mqtt.client import Client
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from mosquitto_support import Stage
+from nats_support import PARTITIONS, mapping, single
+from paho.mqtt.enums import MQTTProtocolVersion
 from support import wait_until
 
+from tools.faults.server import Server, free_port
 from tools.nats_users import render
 
 Start = Callable[..., "Worker"]
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[Callable[..., NatsServer]]:
-    made: list[NatsServer] = []
+def server(stage: Stage, tmp_path: Path) -> Callable[..., Server]:
+    def make(**options: Any) -> Server:
+        one = single(tmp_path / "nats", **options)
+        stage.callback(one.kill)
+        return one
 
-    def make(**options: Any) -> NatsServer:
-        made.append(single(tmp_path / f"nats{len(made)}", **options))
-        return made[-1]
-
-    yield make
-    for one in made:
-        if one.process.poll() is None:
-            one.stop()
+    return make
 
 
 class Worker:
@@ -68,7 +64,7 @@ class Worker:
 def start() -> Iterator[Start]:
     made: list[Worker] = []
 
-    def make(server: NatsServer, **settings: Any) -> Worker:
+    def make(server: Server, **settings: Any) -> Worker:
         made.append(Worker(f"nats://127.0.0.1:{server.port}", **settings))
         return made[-1]
 
@@ -77,7 +73,7 @@ def start() -> Iterator[Start]:
         one.frames.close()
 
 
-def ask(server: NatsServer, what: Callable[[Any], Coroutine[Any, Any, Any]], **options: Any) -> Any:
+def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **options: Any) -> Any:
     """What a client of the server finds."""
 
     async def connected() -> Any:
@@ -96,7 +92,7 @@ async def subjects(client: Any) -> dict[str, int]:
 
 
 def test_a_server_that_maps_rightly_is_looked_at_without_a_trace(
-    server: Callable[..., NatsServer], start: Start
+    server: Callable[..., Server], start: Start
 ) -> None:
     one = server()
     worker = start(one)
@@ -115,7 +111,7 @@ def test_a_server_that_maps_rightly_is_looked_at_without_a_trace(
     ],
 )
 def test_a_server_that_maps_otherwise_is_told_with_the_line_to_write(
-    maps: str, text: str, server: Callable[..., NatsServer], start: Start
+    maps: str, text: str, server: Callable[..., Server], start: Start
 ) -> None:
     worker = start(server(maps=maps))
     wait_until(lambda: bool(worker.texts("nats_mapping")), "word of it")
@@ -124,7 +120,7 @@ def test_a_server_that_maps_otherwise_is_told_with_the_line_to_write(
 
 
 def test_limits_that_differ_are_told_and_changed_if_asked_for(
-    server: Callable[..., NatsServer], start: Start
+    server: Callable[..., Server], start: Start
 ) -> None:
     one = server()
     wait_until(start(one).serves_all, "the first")
@@ -155,7 +151,7 @@ def test_limits_that_differ_are_told_and_changed_if_asked_for(
     ],
 )
 def test_a_server_that_cannot_keep_frames_is_told(
-    store: str, text: str, server: Callable[..., NatsServer], start: Start
+    store: str, text: str, server: Callable[..., Server], start: Start
 ) -> None:
     worker = start(server(store=store))
     wait_until(lambda: bool(worker.told), "word of it")
@@ -197,7 +193,7 @@ def test_a_port_of_another_program_is_told() -> None:
 
 
 def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(
-    server: Callable[..., NatsServer], start: Start
+    server: Callable[..., Server], start: Start
 ) -> None:
     one = server()
     wait_until(start(one, keep_s=70).serves_all, "the stream")
@@ -215,7 +211,7 @@ def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(
     assert ask(one, flood) == {p1: 1000, p2: 100}
 
 
-def test_leases_have_room_when_snapshots_have_none(server: Callable[..., NatsServer], start: Start) -> None:
+def test_leases_have_room_when_snapshots_have_none(server: Callable[..., Server], start: Start) -> None:
     worker = start(server(), snapshots_mb=1)
     wait_until(worker.serves_all, "all partitions")
     for k in range(3):
@@ -231,7 +227,7 @@ def test_leases_have_room_when_snapshots_have_none(server: Callable[..., NatsSer
 
 @pytest.mark.slow
 def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
-    server: Callable[..., NatsServer], start: Start, caplog: pytest.LogCaptureFixture
+    server: Callable[..., Server], start: Start, caplog: pytest.LogCaptureFixture
 ) -> None:
     one = server()
     worker = start(one)
@@ -257,7 +253,7 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
 
 
 def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
-    server: Callable[..., NatsServer], start: Start
+    server: Callable[..., Server], start: Start
 ) -> None:
     """A worker that got no time to renew; nobody took its partition meanwhile."""
     one = server()
@@ -300,7 +296,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 
 
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
-    server: Callable[..., NatsServer], start: Start
+    server: Callable[..., Server], start: Start
 ) -> None:
     """One was kept by a worker whose clock is an hour ahead; another device was given up before."""
     one = server()
@@ -332,7 +328,7 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
 
 
 def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
-    server: Callable[..., NatsServer], start: Start, monkeypatch: pytest.MonkeyPatch
+    server: Callable[..., Server], start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """This machine's is an hour behind the server's."""
     behind_ns = unix_offset_ns() - 3600 * 10**9
@@ -358,7 +354,7 @@ def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
     assert abs(heard[0].arrived_ns - host_ns()) < 1800 * 10**9, "not an hour"
 
 
-def test_a_board_publishes_under_its_own_name_only(tmp_path: Path, server: Callable[..., NatsServer]) -> None:
+def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Callable[..., Server]) -> None:
     """By NATS and by MQTT, with the accounts that the tool writes."""
     names = ["s1", "s2", "board-7"]
     accounts = render(names, PARTITIONS)
@@ -385,12 +381,9 @@ def test_a_board_publishes_under_its_own_name_only(tmp_path: Path, server: Calla
     mine = {f"fltea.frames.{partition_of('s1', PARTITIONS)}.s1": 1}
     assert ask(one, subjects, **worker) == mine
     for topic in ("fltea/frames/99/board-7", "fltea/s2/frames", "fltea/board-7/frames"):
-        client = Client(CallbackAPIVersion.VERSION2, "b", protocol=MQTTProtocolVersion.MQTTv311)
-        client.username_pw_set("board-7", secret["board-7"])
-        client.connect("127.0.0.1", mqtt_port)
-        client.loop_start()
+        login = ("board-7", secret["board-7"])
+        client = stage.client(mqtt_port, "b", version=MQTTProtocolVersion.MQTTv311, login=login)
         client.publish(topic, b"x", qos=1).wait_for_publish(5)
         client.disconnect()
-        client.loop_stop()
     theirs = {f"fltea.frames.{partition_of('board-7', PARTITIONS)}.board-7": 1}
     wait_until(lambda: ask(one, subjects, **worker) == mine | theirs, "the board's own frames, and no others")

@@ -12,10 +12,11 @@ import subprocess
 import sys
 import termios
 import time
-import tty
 import urllib.request
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -25,7 +26,12 @@ from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import fltea
-from support import PATIENCE_S, QUICK, ROOT, Processes, wait_until
+from support import PATIENCE_S, QUICK, ROOT, Processes, StandIn, wait_until
+
+from tools.board_voice import HELLO
+from tools.pty_port import PtyPort
+
+NOISE = "alpha=0.5&f=-1&seed=8"
 
 
 @pytest.fixture
@@ -33,28 +39,73 @@ def port(tmp_path: Path) -> Path:
     return tmp_path / "device"
 
 
-def test_every_sample_arrives_and_every_estimate_is_finite(processes: Processes, port: Path) -> None:
-    device = processes.stand_in(port, "--noise", "alpha=0.5&f=-1&seed=7")
-    daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
-    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 300, "300 estimates")
-    code, stderr = daemon.end()
-    assert device.stop() == 0
-    assert (code, stderr) == (0, "")
-    estimates = daemon.of("estimate")
+class Run(NamedTuple):
+    """What the command wrote of a whole run: into a file, and on stderr; and the exit codes of both ends."""
+
+    file: Path
+    stderr: str
+    codes: tuple[int, int]
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        return [record for record in self.records() if record["class"] == kind]
+
+    def records(self) -> list[dict[str, Any]]:
+        return [json.loads(line) for line in self.file.read_text().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Two hundred estimates and their samples."""
+    folder = tmp_path_factory.mktemp("live")
+    out, log = folder / "live.ndjson", folder / "log"
+    device = StandIn(folder / "device", "--noise", NOISE)
+    command = [sys.executable, "-m", "fltea", "run", "-s", f"serial:{folder / 'device'}", "--samples", *QUICK]
+    with out.open("wb") as stdout, log.open("wb") as stderr:
+        daemon = subprocess.Popen(command, stdout=stdout, stderr=stderr)
+    try:
+        wait_until(lambda: out.read_bytes().count(b'"class":"estimate"') >= 200, "200 estimates")
+        daemon.send_signal(signal.SIGINT)
+        code = daemon.wait(PATIENCE_S)
+    finally:
+        daemon.kill()
+        daemon.wait()
+        ended = device.stop()
+    return Run(out, log.read_text(), (code, ended))
+
+
+def test_every_sample_arrives_and_every_estimate_is_finite(run: Run) -> None:
+    assert (run.codes, run.stderr) == ((0, 0), "")
+    estimates = run.of("estimate")
     assert [e["seq"] for e in estimates] == list(range(50, 50 + len(estimates)))
     for estimate in estimates:
         for axis in estimate["axes"].values():
             assert axis["valid"]
             known = {key: value for key, value in axis.items() if key not in ("null_p", "whiteness", "unit")}
             assert all(math.isfinite(v) for v in known.values())
-    assert [r["class"] for r in daemon.records[:2]] == ["hello", "epoch"]
-    last = daemon.of("stats")[-1]
-    assert last["samples"]["delivered"] == 50 + len(estimates)
+    assert [r["class"] for r in run.records()[:2]] == ["hello", "epoch"]
+    last = run.of("stats")[-1]
+    assert last["samples"]["delivered"] == len(run.of("sample")) == 50 + len(estimates)
     assert last["samples"]["lost"] == last["samples"]["gaps"] == 0
     assert last["link"]["bad_frames"] == {}
     assert last["board"]["reset_cause"] == "user"
     times = [e["host_ns"] for e in estimates]
     assert times == sorted(set(times))
+
+
+def test_the_wire_changes_no_value(run: Run) -> None:
+    """The estimates equal, to the last bit, those of the same quantised samples fed in directly."""
+    config = load_config(None, {"estimator.window": 200, "estimator.startup": 50}).estimator
+    noise, estimates = NoiseGenerator(parse_noise(NOISE)), run.of("estimate")
+    counts = [noise.step() for _ in range(50 + len(estimates))]
+    assert_published(estimates, fed_directly(np.array(counts) / 16.4, config, 1 / 16.4))
+
+
+def test_ndjson_with_samples_replays_to_the_same_estimates(run: Run) -> None:
+    again = fltea("run", "--source", f"replay:{run.file}", "--once", *QUICK)
+    assert (again.returncode, again.stderr) == (0, "")
+    replayed = [r for r in map(json.loads, again.stdout.splitlines()) if r["class"] == "estimate"]
+    for a, b in zip(run.of("estimate"), replayed, strict=True):
+        assert (a["seq"], a["device_us"], a["axes"]) == (b["seq"], b["device_us"], b["axes"])
 
 
 @pytest.mark.slow
@@ -98,21 +149,6 @@ def test_a_recording_ends_with_a_fit_of_everything(tmp_path: Path) -> None:
         assert len(axis["allan"]["tau_s"]) == len(axis["allan"]["model"]) > 5
 
 
-def test_the_wire_changes_no_value(processes: Processes, port: Path) -> None:
-    """The estimates equal, to the last bit, those of the same quantised samples fed in directly."""
-    query = "alpha=0.5&f=-1&seed=8"
-    device = processes.stand_in(port, "--noise", query)
-    daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
-    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 100, "100 estimates")
-    daemon.end()
-    device.stop()
-    config = load_config(None, {"estimator.window": 200, "estimator.startup": 50}).estimator
-    noise = NoiseGenerator(parse_noise(query))
-    estimates = daemon.of("estimate")
-    counts = [noise.step() for _ in range(50 + len(estimates))]
-    assert_published(estimates, fed_directly(np.array(counts) / 16.4, config, 1 / 16.4))
-
-
 def test_unplugged_and_back(processes: Processes, port: Path) -> None:
     device = processes.stand_in(port)
     daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
@@ -131,38 +167,38 @@ def test_unplugged_and_back(processes: Processes, port: Path) -> None:
     assert daemon.of("epoch")[1]["reason"] in ("restart", "discontinuity")
 
 
+@contextlib.contextmanager
+def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
+    """The command, of whose output the first byte is read and no more; and where the rest waits.
+
+    At the end it is ended by a signal.
+    """
+    command = [sys.executable, "-m", "fltea", "run", *arguments, *QUICK]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    try:
+        assert run.stdout is not None
+        run.stdout.read(1)
+        yield run, run.stdout.fileno()
+        run.send_signal(signal.SIGTERM)
+        assert run.wait(PATIENCE_S) == 0
+    finally:
+        run.kill()
+        run.communicate()
+
+
 def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Processes) -> None:
-    device = processes.stand_in(port)
-    run = subprocess.Popen(
-        [sys.executable, "-m", "fltea", "run", "-s", f"serial:{port}", "--samples", *QUICK],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    assert run.stdout is not None
-    run.stdout.read(1)  # it runs; from here on nobody reads
-    # A line that no longer fits into a page of the pipe begins the next: a quarter of it stays empty.
-    wait_until(lambda: _in_pipe(run.stdout.fileno()) > 45_000, "the pipe to be full")
-    run.send_signal(signal.SIGTERM)
-    assert run.wait(PATIENCE_S) == 0
-    run.communicate()
-    device.stop()
+    processes.stand_in(port)
+    with unread("-s", f"serial:{port}", "--samples") as (_, pipe):
+        # A line that no longer fits into a page of the pipe begins the next: a quarter of it stays empty.
+        wait_until(lambda: _in_pipe(pipe) > 45_000, "the pipe to be full")
 
 
 def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
     """All is read and queued, and nobody takes the last of it."""
-    run = subprocess.Popen(
-        [sys.executable, "-m", "fltea", "run", "-s", "synthetic:?n=1000", "--pace", "fast", "--once", *QUICK],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    assert run.stdout is not None
-    run.stdout.read(1)
-    wait_until(lambda: _in_pipe(run.stdout.fileno()) > 30_000, "the pipe to fill")
-    time.sleep(0.5)  # for the walk to end, which nothing outside shows
-    assert run.poll() is None
-    run.send_signal(signal.SIGTERM)
-    assert run.wait(PATIENCE_S) == 0
-    run.communicate()
+    with unread("-s", "synthetic:?n=1000", "--pace", "fast", "--once") as (run, pipe):
+        wait_until(lambda: _in_pipe(pipe) > 30_000, "the pipe to fill")
+        time.sleep(0.5)  # for the walk to end, which nothing outside shows
+        assert run.poll() is None
 
 
 def test_a_signal_ends_a_run_whose_log_nobody_reads(tmp_path: Path) -> None:
@@ -232,52 +268,25 @@ def test_a_busy_port_is_waited_for(processes: Processes, port: Path) -> None:
     device.stop()
 
 
-class FakeDevice:
-    """A pty that says what a test writes."""
-
-    def __init__(self) -> None:
-        self.master, slave = pty.openpty()
-        tty.setraw(slave)
-        self.path = os.ttyname(slave)
-        self._slave = slave
-
-    def write(self, data: bytes) -> None:
-        os.write(self.master, data)
-
-    def close(self) -> None:
-        os.close(self.master)
-        os.close(self._slave)
+@pytest.fixture
+def device() -> Iterator[PtyPort]:
+    """A port that says what a test sends."""
+    port = PtyPort(held=True)
+    yield port
+    port.close()
 
 
-def hello(**changes: object) -> wire.Hello:
-    fields = {
-        "protocol_major": wire.PROTOCOL_MAJOR,
-        "protocol_minor": wire.PROTOCOL_MINOR,
-        "schema_hash": wire.SCHEMA_HASH,
-        "boot_id": 1,
-        "device_id": bytes(16),
-        "firmware_version": "test",
-        "who_am_i": 0x71,
-        "sensor_starts": 1,
-        "sample_rate": 100_000,
-        "gyro_range": 2000,
-        "gyro_lsb": 164,
-        "accel_range": 2,
-        "accel_lsb": 16384,
-        "gyro_dlpf": 184,
-        "sampling_mode": 0,
-    }
-    return wire.Hello(**{**fields, **changes})  # type: ignore[arg-type]
-
-
-def test_another_protocol_version_is_refused_by_name_until_the_right_one_comes(processes: Processes) -> None:
-    device = FakeDevice()
-    daemon = processes.daemon("--source", f"serial:{device.path}", *QUICK)
+def test_another_protocol_version_is_refused_by_name_until_the_right_one_comes(
+    processes: Processes, device: PtyPort
+) -> None:
+    daemon = processes.daemon("--source", f"serial:{device.name}", *QUICK)
     sample = wire.Sample(1, 2, 3, 4, 5, 6, 7, 0)
-    other = b"\0" + encode(hello(protocol_major=9, schema_hash=0xDEADBEEF), 0, 0) + encode(sample, 0, 0)
+    other = (
+        b"\0" + encode(HELLO._replace(protocol_major=9, schema_hash=0xDEADBEEF), 0, 0) + encode(sample, 0, 0)
+    )
 
     def refused() -> bool:
-        device.write(other)
+        device.send(other)
         return bool(daemon.errors())
 
     daemon.wait_for(refused, "the refusal")
@@ -288,16 +297,17 @@ def test_another_protocol_version_is_refused_by_name_until_the_right_one_comes(p
     assert f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}" in text
     assert f"0x{wire.SCHEMA_HASH:08X}" in text
     assert not daemon.of("hello")
-    device.write(encode(hello(), 1, 0) + b"".join(encode(sample, k, k * 10_000) for k in range(60)))
+    samples = b"".join(encode(sample, k, k * 10_000) for k in range(60))
+    wait_until(lambda: device.send(encode(HELLO, 1, 0) + samples), "room")
     daemon.wait_for(lambda: bool(daemon.of("epoch")), "an epoch")
     assert daemon.end()[0] == 0
     assert daemon.of("stats")[-1]["link"]["refused"] > 0
-    device.close()
 
 
-def test_damage_is_counted_and_only_the_damaged_frames_are_lost(processes: Processes) -> None:
-    device = FakeDevice()
-    daemon = processes.daemon("--source", f"serial:{device.path}", *QUICK)
+def test_damage_is_counted_and_only_the_damaged_frames_are_lost(
+    processes: Processes, device: PtyPort
+) -> None:
+    daemon = processes.daemon("--source", f"serial:{device.name}", *QUICK)
     frames = [
         encode(wire.Sample(k % 7 - 3, -(k % 5), k % 3, 0, 0, 0, 0, 0), k, k * 10_000) for k in range(400)
     ]
@@ -306,9 +316,9 @@ def test_damage_is_counted_and_only_the_damaged_frames_are_lost(processes: Proce
         broken[5] ^= 0x40
         frames[k] = bytes(broken)
     daemon.wait_for(lambda: bool(daemon.of("stats")), "the daemon to have opened the port")
-    device.write(b"\0" + encode(hello(), 0, 0))
-    for frame in frames:
-        device.write(frame)
+    for data in (b"\0" + encode(HELLO, 0, 0), *frames):
+        wait_until(lambda data=data: device.send(data), "room")
+    wait_until(device.flush, "room for the last")
     daemon.wait_for(lambda: any(e["seq"] == 399 for e in daemon.of("estimate")), "the last sample")
     assert daemon.end()[0] == 0
     last = daemon.of("stats")[-1]
@@ -316,30 +326,6 @@ def test_damage_is_counted_and_only_the_damaged_frames_are_lost(processes: Proce
     assert last["samples"]["delivered"] == 397
     assert last["samples"]["lost"] == 3
     assert [(g["seq"], g["missing"]) for g in daemon.of("gap")] == [(100, 2), (250, 1)]
-    device.close()
-
-
-def test_ndjson_with_samples_replays_to_the_same_estimates(
-    processes: Processes, port: Path, tmp_path: Path
-) -> None:
-    device = processes.stand_in(port, "--noise", "seed=3")
-    out = tmp_path / "live.ndjson"
-    with out.open("wb") as file:
-        run = subprocess.Popen(
-            [sys.executable, "-m", "fltea", "run", "-s", f"serial:{port}", "--samples", *QUICK], stdout=file
-        )
-        wait_until(lambda: out.read_bytes().count(b'"class":"estimate"') > 100, "100 estimates")
-        run.send_signal(signal.SIGINT)
-        assert run.wait(PATIENCE_S) == 0
-    device.stop()
-    replay = processes.daemon("--source", f"replay:{out}", "--once", *QUICK)
-    assert replay.end(None) == (0, "")
-    live = [json.loads(line) for line in out.read_text().splitlines()]
-    live = [r for r in live if r["class"] == "estimate"]
-    again = replay.of("estimate")
-    assert len(live) == len(again) > 50
-    for a, b in zip(live, again, strict=True):
-        assert (a["seq"], a["device_us"], a["axes"]) == (b["seq"], b["device_us"], b["axes"])
 
 
 def test_make_run_shows_the_table_and_ctrl_c_ends_it_with_0(tmp_path: Path) -> None:

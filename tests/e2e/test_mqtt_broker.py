@@ -4,25 +4,18 @@ import json
 import os
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import pytest
 from fltea.records.records import Gap
 from fltea.sinks.mqtt import delivery, link
-from mosquitto_support import DAEMON, HELLO, WATCHER, Stage, free_port, last_status, make_authority, sample
+from mosquitto_support import DAEMON, HELLO, WATCHER, Stage, last_status, make_authority, sample
 from support import Processes, wait_until
 
+from tools.faults.server import free_port
+
 STATUS = "fltea/a0/status"
-
-
-@pytest.fixture
-def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
-    for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
-        monkeypatch.delenv(name, raising=False)
-    with Stage(tmp_path) as one:
-        yield one
 
 
 # --- the real command ---
@@ -132,7 +125,7 @@ def test_restarted_broker_without_a_memory_is_told_the_state_anew(stage: Stage, 
     driven = stage.drive(broker.port)
     driven.write(HELLO, sample(0))
     driven.until(lambda: driven.sink._link.up and not driven.sink._delivery._flight, "the broker")
-    broker.stop(signal.SIGKILL)
+    broker.kill()
     (tmp_path / "broker1/mosquitto.db").unlink(missing_ok=True)
     driven.until_told("broker_lost")
     broker.start()
@@ -168,11 +161,11 @@ def test_frozen_broker_blocks_nobody_and_what_it_cannot_take_is_counted(stage: S
     driven = stage.drive(broker.port)
     driven.write(HELLO, sample(0))
     driven.until(lambda: len(watcher.on("fltea/a0/sample")) == 1, "the first sample")
-    broker.freeze()
+    broker.pause()
     total = 2 * delivery.IN_FLIGHT
     driven.write(*map(sample, range(1, total)))
     assert total - 1 - delivery.IN_FLIGHT <= driven.sink.lost < total
-    broker.thaw()
+    broker.go_on()
     driven.write(Gap(0, 1, 1, 0, device="due"))
     driven.until(lambda: len(watcher.on("fltea/a0/gap")) == 1, "the broker")
     driven.until(lambda: not driven.sink._delivery._flight, "acknowledgements")

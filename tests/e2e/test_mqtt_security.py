@@ -1,6 +1,5 @@
 """MQTT against the real mosquitto: who is let in, and who is told why not."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,14 +13,6 @@ pytestmark = [  # the library leaves the socket of a handshake that failed to th
     pytest.mark.filterwarnings("ignore:.*unclosed <ssl.SSLSocket:ResourceWarning"),
     pytest.mark.filterwarnings("ignore:.*<ssl.SSLSocket:pytest.PytestUnraisableExceptionWarning"),
 ]
-
-
-@pytest.fixture
-def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
-    for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
-        monkeypatch.delenv(name, raising=False)
-    with Stage(tmp_path) as one:
-        yield one
 
 
 @pytest.fixture(scope="module")

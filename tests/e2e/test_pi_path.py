@@ -1,10 +1,5 @@
 """The Raspberry Pi's path beside the Due's: one noise, one way to set the sensor up, one estimate."""
 
-import json
-import os
-import signal
-import subprocess
-import sys
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -20,7 +15,8 @@ from fltea.settings.config import load_config
 from fltea.sources.as_wire import AsWire
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
-from support import QUICK
+from host_support import fltea, fltea_here
+from support import QUICK, Processes
 
 from tools.due_emulator.noise import fractional_world
 from tools.due_run import DueRun
@@ -132,47 +128,12 @@ def test_a_recording_replays_to_the_same_estimates() -> None:
     assert differing <= {"source", "protocol", "schema_hash", "host_ns", "device"}
 
 
-class PiCommand:
+def test_the_command(processes: Processes) -> None:
     """`fltea run` on a machine with a sensor on its bus."""
-
-    def __init__(self, *arguments: str, noise: str = NOISE) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, Path(__file__).with_name("pi_launcher.py"), noise, "run", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            env={**os.environ, "COLUMNS": "200"},
-        )
-        self.records: list[dict] = []
-
-    def read_until(self, kind: str, n: int) -> None:
-        assert self.process.stdout is not None
-        seen = 0
-        while seen < n:
-            line = self.process.stdout.readline()
-            assert line, f"the command ended before {n} {kind}: {self.records[-3:]}"
-            self.records.append(json.loads(line))
-            seen += self.records[-1]["class"] == kind
-
-    def end(self) -> tuple[int, str]:
-        self.process.send_signal(signal.SIGINT)
-        assert self.process.stdout is not None
-        assert self.process.stderr is not None
-        with self.process.stdout as out, self.process.stderr as err:
-            self.records += [json.loads(line) for line in out]
-            return self.process.wait(60), err.read().decode()
-
-    def of(self, kind: str) -> list[dict]:
-        return [record for record in self.records if record["class"] == kind]
-
-
-def test_the_command() -> None:
-    command = PiCommand("--source", SOURCE, "--samples", *QUICK)
-    try:
-        command.read_until("estimate", 120)
-        code, stderr = command.end()
-    finally:
-        command.process.kill()
-    assert (code, stderr) == (0, "")
+    launcher = (str(Path(__file__).with_name("pi_launcher.py")), NOISE)
+    command = processes.daemon("--source", SOURCE, "--samples", *QUICK, program=launcher)
+    command.wait_for(lambda: len(command.of("estimate")) >= 120, "estimates")
+    assert command.end() == (0, "")
     hello = command.of("hello")[0]
     assert (hello["source"], hello["sampling_mode"]) == ("i2c:/dev/i2c-1?addr=0x68", "fifo")
     samples = command.of("sample")
@@ -186,22 +147,7 @@ def test_the_command() -> None:
 
 
 def test_the_command_without_the_bus_says_what_to_do() -> None:
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "fltea",
-            "run",
-            "--source",
-            "i2c:///dev/i2c-77",
-            "--once",
-            "--format",
-            "ndjson",
-        ],
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    done = fltea("run", "--source", "i2c:///dev/i2c-77", "--once", "--format", "ndjson")
     assert done.returncode == 1
     assert "there is no I²C bus /dev/i2c-77" in done.stderr
     assert "raspi-config" in done.stderr
@@ -209,12 +155,7 @@ def test_the_command_without_the_bus_says_what_to_do() -> None:
 
 
 def test_the_command_with_a_bad_address() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "fltea", "run", "--source", "i2c:///dev/i2c-1?addr=0x40"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    done = fltea_here("run", "--source", "i2c:///dev/i2c-1?addr=0x40")
     assert done.returncode == 2
     assert "addr is 0x68 (AD0 at GND) or 0x69" in done.stderr.replace("\n", " ")
 

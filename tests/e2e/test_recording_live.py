@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from host_support import fltea
 from mcap.reader import make_reader
 from support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
 from tiers import slow
@@ -20,12 +21,6 @@ FLUSHED_S = 1.0
 @pytest.fixture
 def port(tmp_path: Path) -> Path:
     return tmp_path / "device"
-
-
-def fltea(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "fltea", *arguments], capture_output=True, text=True, timeout=PATIENCE_S
-    )
 
 
 def records(output: str, kind: str) -> list[dict]:

@@ -4,8 +4,6 @@ import contextlib
 import json
 import os
 import shutil
-import signal
-import socket
 import subprocess
 import threading
 from collections.abc import Callable
@@ -23,14 +21,10 @@ from paho.mqtt.properties import Properties
 from support import PATIENCE_S, wait_until
 from toolchain import missing
 
+from tools.faults.server import Server, free_port
+
 WATCHER, DAEMON, STRANGER = ("watcher", "w-secret"), ("fltea", "hunter2:with colon"), ("stranger", "s-secret")
 ACL = "user watcher\ntopic read #\nuser fltea\ntopic readwrite fltea/#\n"
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def tool(name: str) -> str:
@@ -59,7 +53,7 @@ def make_authority(folder: Path) -> Path:
     return ca
 
 
-class Mosquitto:
+class Mosquitto(Server):
     """A broker that can go and come back on the same port, with what it retained.
 
     authority: folder of `make_authority`; it then speaks TLS. secure: a password file and an access list.
@@ -76,10 +70,9 @@ class Mosquitto:
         usual_limits: bool = False,
     ) -> None:
         folder.mkdir()
-        self._program = tool("mosquitto")
-        self.port = free_port()
+        port = free_port()
         lines = [
-            f"listener {self.port} 127.0.0.1",
+            f"listener {port} 127.0.0.1",
             "persistence true",
             f"persistence_location {folder}/",
             f"allow_anonymous {'false' if secure else 'true'}",
@@ -101,31 +94,9 @@ class Mosquitto:
             access.write_text(ACL)
             access.chmod(0o600)
             lines += [f"password_file {passwords}", f"acl_file {access}"]
-        self._settings = folder / "mosquitto.conf"
-        self._settings.write_text("\n".join(lines) + "\n")
-        self._log = folder / "log"
-        self.start()
-
-    def start(self) -> None:
-        with self._log.open("ab") as log:
-            self.process = subprocess.Popen([self._program, "-c", self._settings], stdout=log, stderr=log)
-
-        def listening() -> bool:
-            assert self.process.poll() is None, self._log.read_text()
-            with socket.socket() as probe:
-                return probe.connect_ex(("127.0.0.1", self.port)) == 0
-
-        wait_until(listening, "the broker")
-
-    def stop(self, number: signal.Signals = signal.SIGTERM) -> None:
-        self.process.send_signal(number)
-        self.process.wait(PATIENCE_S)
-
-    def freeze(self) -> None:
-        self.process.send_signal(signal.SIGSTOP)
-
-    def thaw(self) -> None:
-        self.process.send_signal(signal.SIGCONT)
+        settings = folder / "mosquitto.conf"
+        settings.write_text("\n".join(lines) + "\n")
+        super().__init__([tool("mosquitto"), "-c", settings], [port], folder / "log")
 
 
 class Heard(NamedTuple):
@@ -225,8 +196,25 @@ class Stage(contextlib.ExitStack):
     def broker(self, **settings: Any) -> Mosquitto:
         self._brokers += 1
         one = Mosquitto(self._folder / f"broker{self._brokers}", **settings)
-        self.callback(one.stop, signal.SIGKILL)
+        self.callback(one.kill)
         return one
+
+    def client(self, port: int, name: str = "", **settings: Any) -> Client:
+        """A client that is connected. settings: version, login, ca; else what to do at an event."""
+        version = settings.pop("version", MQTTProtocolVersion.MQTTv5)
+        client = Client(CallbackAPIVersion.VERSION2, name, protocol=version)
+        if (login := settings.pop("login", None)) is not None:
+            client.username_pw_set(*login)
+        if (ca := settings.pop("ca", None)) is not None:
+            client.tls_set(str(ca))
+        for event, action in settings.items():
+            setattr(client, event, action)
+        client.reconnect_delay_set(1, 1)
+        client.connect("localhost", port)
+        client.loop_start()
+        self.callback(client.loop_stop)
+        self.callback(client.disconnect)
+        return client
 
     def watcher(self, *arguments: Any) -> Watcher:
         one = Watcher(*arguments)

@@ -2,44 +2,21 @@
 
 import os
 import shutil
-import signal
-import socket
-import subprocess
 from pathlib import Path
 
-from mosquitto_support import free_port, tool
-from support import PATIENCE_S, ROOT, wait_until
+from mosquitto_support import tool
+from support import ROOT
+
+from tools.faults.server import Server, free_port
 
 PARTITIONS = 4
 DEPLOYED = ROOT / "tools/deploy/nats"
 
 
-class NatsServer:
+def started(folder: Path, settings: Path, port: int, environment: dict[str, str]) -> Server:
     """One process, which listens once this is made."""
-
-    def __init__(self, folder: Path, settings: Path, port: int, environment: dict[str, str]) -> None:
-        self.port, self._folder = port, folder
-        self._log = folder / f"{settings.stem}-{port}.log"
-        self._command = [tool("nats-server"), "-c", str(settings)]
-        self._environment = {**os.environ, **environment}
-        self.start()
-
-    def start(self) -> None:
-        with self._log.open("ab") as log:
-            self.process = subprocess.Popen(
-                self._command, stdout=log, stderr=log, env=self._environment, cwd=self._folder
-            )
-
-        def listening() -> bool:
-            assert self.process.poll() is None, self._log.read_text()
-            with socket.socket() as probe:
-                return probe.connect_ex(("127.0.0.1", self.port)) == 0
-
-        wait_until(listening, "nats-server")
-
-    def stop(self, number: signal.Signals = signal.SIGKILL) -> None:
-        self.process.send_signal(number)
-        self.process.wait(PATIENCE_S)
+    command, log = [tool("nats-server"), "-c", settings], folder / f"{settings.stem}-{port}.log"
+    return Server(command, [port], log, env={**os.environ, **environment}, cwd=folder)
 
 
 def mapping(partitions: int = PARTITIONS) -> str:
@@ -48,7 +25,7 @@ def mapping(partitions: int = PARTITIONS) -> str:
     return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
 
 
-def single(folder: Path, maps: str | None = None, store: str = "8GB", more: str = "") -> NatsServer:
+def single(folder: Path, maps: str | None = None, store: str = "8GB", more: str = "") -> Server:
     """A server without TLS and accounts. maps: its mapping; store: size of JetStream's, "": it has none."""
     folder.mkdir()
     port = free_port()
@@ -62,10 +39,10 @@ def single(folder: Path, maps: str | None = None, store: str = "8GB", more: str 
         more,
     )
     settings.write_text("\n".join(lines))
-    return NatsServer(folder, settings, port, {})
+    return started(folder, settings, port, {})
 
 
-def three_nodes(folder: Path, authority: Path) -> list[NatsServer]:
+def three_nodes(folder: Path, authority: Path) -> list[Server]:
     """The nodes of tools/deploy/nats, with certificates of `make_authority`, all on the loopback."""
     for file in (
         *DEPLOYED.glob("*.conf"),
@@ -78,7 +55,7 @@ def three_nodes(folder: Path, authority: Path) -> list[NatsServer]:
         routes = routes.replace(f"node{k + 1}.example:6222", f"localhost:{ports[6 + k]}")
     (folder / "routes.conf").write_text(routes)
     return [
-        NatsServer(
+        started(
             folder,
             folder / "node.conf",
             ports[k],

@@ -3,8 +3,6 @@
 import asyncio
 import contextlib
 import json
-import shutil
-import subprocess
 from collections import Counter
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
@@ -14,15 +12,14 @@ from fltea.service.ingest import mapping
 from nats.js import JetStreamContext
 from nats.js.errors import NotFoundError, ServiceUnavailableError
 
-from tools.faults.broker import free_port, listens
-from tools.faults.program import PATIENCE_S, Skip, wait_until
+from tools.faults.server import Server, free_port, installed
 
 BUCKET, STREAM = "fltea_lanes", "FLTEA_FRAMES"
 BALLAST = "BALLAST"
 BALLAST_BYTES = 500_000
 
 
-class NatsServer:
+class NatsServer(Server):
     """With JetStream, the mapping that makes partitions, and MQTT; it may be killed and started again.
 
     store: the most that its files may take, in the words of its settings. before: a command that starts it.
@@ -34,26 +31,18 @@ class NatsServer:
     def __init__(
         self, folder: Path, partitions: int, *, store: str = "8GB", before: Sequence[str] = ()
     ) -> None:
-        program = shutil.which("nats-server", path="/usr/sbin:/usr/bin:/usr/local/bin")
-        if program is None:
-            raise Skip("nats-server is not installed: sudo apt-get install nats-server")
-        self.port, self.mqtt_port = free_port(), free_port()
+        port, self.mqtt_port = free_port(), free_port()
         settings = folder / "nats.conf"
         settings.write_text(
-            f"listen: 127.0.0.1:{self.port}\nserver_name: one\nmax_payload: 2MB\n"
+            f"listen: 127.0.0.1:{port}\nserver_name: one\nmax_payload: 2MB\n"
             f'jetstream {{ store_dir: "{folder}/js", max_file_store: {store} }}\n'
             f"mqtt {{ listen: 127.0.0.1:{self.mqtt_port} }}\n"
             f"{mapping.line(partitions)}\n"
         )
-        self._command = [*before, program, "-c", str(settings)]
         self._partitions = partitions
-        self.url = f"nats://127.0.0.1:{self.port}"
-        self.start()
-
-    def start(self) -> None:
-        """Start it, or start it again."""
-        self.process = subprocess.Popen(self._command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        wait_until(lambda: listens(self.port) and listens(self.mqtt_port), "nats-server")
+        self.url = f"nats://127.0.0.1:{port}"
+        command = [*before, installed("nats-server"), "-c", str(settings)]
+        super().__init__(command, [port, self.mqtt_port], folder / "nats.log")
 
     @contextlib.asynccontextmanager
     async def jetstream(self) -> AsyncIterator[JetStreamContext]:
@@ -109,8 +98,3 @@ class NatsServer:
     async def _empty_store(self) -> None:
         async with self.jetstream() as stream:
             await stream.delete_stream(BALLAST)
-
-    def kill(self) -> None:
-        """By `kill -9`."""
-        self.process.kill()
-        self.process.wait(PATIENCE_S)

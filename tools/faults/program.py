@@ -38,6 +38,7 @@ class Program:
 
     command: the words after `fltea`. clock: file with eight bytes that are added to its Unix time [ns];
     ports: file with the USB ports that it shall find (see `shim`). before: a command that starts it in turn.
+    program: what Python runs, if not fltea.
     """
 
     def __init__(
@@ -47,15 +48,18 @@ class Program:
         clock: Path | None = None,
         ports: Path | None = None,
         before: Sequence[str] = (),
+        program: Sequence[str] = (),
     ) -> None:
         shim = {"FLTEA_SHIM_CLOCK": clock, "FLTEA_SHIM_PORTS": ports}
         files = {name: str(file) for name, file in shim.items() if file is not None}
         path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+        program = program or ("-m", "tools.faults.shim" if files else "fltea")
+        own = {"PYTHONPATH": path, "COLUMNS": "200", "PYTHONFAULTHANDLER": "1"}
         self.process = subprocess.Popen(
-            [*before, sys.executable, "-m", "tools.faults.shim" if files else "fltea", *command],
+            [*before, sys.executable, *program, *command],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200", **files},
+            env={**os.environ, **own, **files},
         )
         self.records: list[dict[str, Any]] = []
         self.estimates_ns: list[int] = []
@@ -99,12 +103,27 @@ class Program:
         """Wait until the newest sample is this one."""
         self.wait_for(lambda: self._newest == (boot_id, sequence % (1 << 16)), "the last sample")
 
-    def end(self, number: signal.Signals = signal.SIGTERM) -> None:
-        """Send a signal and wait for the end; `code` and `stderr` are set."""
-        self.process.send_signal(number)
-        self.code = self.process.wait(PATIENCE_S)
+    def end(self, number: signal.Signals | None = signal.SIGTERM) -> tuple[int, str]:
+        """Send a signal, if one is given, and wait for the end; `code` and `stderr` are set and returned.
+
+        Raises:
+            TimeoutError: it did not end within a minute; with the places where its threads stand.
+        """
+        if number is not None:
+            self.process.send_signal(number)
+        hangs = False
+        try:
+            code = self.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            hangs = True
+            self.process.send_signal(signal.SIGABRT)
+            code = self.process.wait(PATIENCE_S)
+        self.code = code
         for thread in self._threads:
             thread.join(PATIENCE_S)
+        if hangs:
+            raise TimeoutError(f"the program did not end: {self.stderr}")
+        return code, self.stderr
 
     def kill(self) -> None:
         """End it by `kill -9`, if it still runs."""
@@ -117,10 +136,9 @@ class Program:
         with self.process.stdout as stream:
             for line in stream:
                 now_ns = time.monotonic_ns()
-                try:
-                    record = msgspec.json.decode(line)
-                except msgspec.DecodeError:  # cut by a kill
+                if not line.endswith(b"\n"):  # cut by a kill
                     break
+                record = msgspec.json.decode(line)
                 self.records.append(record)
                 match record["class"]:
                     case "epoch":

@@ -1,0 +1,79 @@
+"""Somebody else's program that listens at ports of this machine, and can go and come back."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tools.faults.program import PATIENCE_S, Skip, wait_until
+
+
+def free_port() -> int:
+    """A port of this machine that nobody has."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def listens(port: int) -> bool:
+    """Whether anybody listens at a port of this machine."""
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def installed(name: str) -> str:
+    """Where a program is.
+
+    Raises:
+        Skip: it is not installed.
+    """
+    found = shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin")
+    if found is None:
+        raise Skip(f"{name} is not installed: sudo apt-get install {name}")
+    return found
+
+
+class Server:
+    """It listens at all its ports once this is made. log: of all that it says. how: it is started."""
+
+    def __init__(self, command: Sequence[str | Path], ports: Sequence[int], log: Path, **how: Any) -> None:
+        self._command, self._ports, self._log, self._how = command, ports, log, how
+        self.port = ports[0]
+        self.start()
+
+    def start(self) -> None:
+        """Listen (again)."""
+        with self._log.open("ab") as log:
+            self.process = subprocess.Popen(self._command, stdout=log, stderr=log, **self._how)
+
+        def listening() -> bool:
+            if self.process.poll() is not None:
+                raise RuntimeError(f"{self._command[0]} ended: {self.said()}")
+            return all(map(listens, self._ports))
+
+        wait_until(listening, str(self._command[0]))
+
+    def stop(self, number: signal.Signals = signal.SIGTERM) -> None:
+        """End it, if it still runs."""
+        self.process.send_signal(number)
+        self.process.wait(PATIENCE_S)
+
+    def kill(self) -> None:
+        """End it at once, without a farewell."""
+        self.stop(signal.SIGKILL)
+
+    def pause(self) -> None:
+        """Stand still until `go_on`, and all lines to it with it."""
+        self.process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Go on after `pause`."""
+        self.process.send_signal(signal.SIGCONT)
+
+    def said(self) -> str:
+        """Its own log so far."""
+        return self._log.read_text(errors="replace")
