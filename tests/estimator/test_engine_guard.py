@@ -1,7 +1,9 @@
 """The guard: nothing leaves the bounds, every intervention is counted, and idle it changes nothing."""
 
 import itertools
-from typing import Any
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,7 +15,6 @@ from hypothesis import example as case
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from test_straight_loop import Walk, c, unscented  # type: ignore[import-not-found]  # beside this file
 
 Flags = NDArray[np.bool_]
 
@@ -202,6 +203,44 @@ def test_consistent_takes_the_variance_of_the_state_into_account() -> None:
     alpha = run(tuning, **one).alpha[0, 0]
     printed = with_(printed, parameter__R=0.0235 + alpha * 0.3 * alpha + 0.15)
     assert run(tuning, **one).f == run(printed, **one).f
+
+
+class Walk(NamedTuple):
+    """Settings and state of an order or parameter filter."""
+
+    value: float
+    P: float
+    Q: float
+    R: float
+    delta: float
+
+
+def c(a: float, n: int) -> list[float]:
+    result = [1.0]
+    for j in range(1, n + 1):
+        result.append(result[-1] * (1 - (a + 1) / j))
+    return result
+
+
+def unscented(walk: Walk, y: float, output: Callable[[float], float]) -> Walk:
+    P = walk.P + walk.Q
+    root = math.sqrt(3 * P)
+    points = [walk.value, walk.value + root, walk.value - root]
+    Y = [output(point) for point in points]
+    Wm, Wc = [2 / 3, 1 / 6, 1 / 6], [8 / 3, 1 / 6, 1 / 6]
+    predicted = sum(Wm[i] * Y[i] for i in range(3))
+    Pyy = walk.R
+    Pxy = 0.0
+    for i in range(3):
+        Pyy += Wc[i] * (Y[i] - predicted) ** 2
+        Pxy += Wc[i] * (points[i] - walk.value) * (Y[i] - predicted)
+    K = Pxy / Pyy
+    correction = K * (y - predicted)
+    return walk._replace(
+        value=walk.value + correction,
+        P=P - K * Pyy * K,
+        Q=(1 - walk.delta) * walk.Q + walk.delta * correction**2,
+    )
 
 
 def test_consistent_equals_a_straight_loop() -> None:

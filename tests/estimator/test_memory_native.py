@@ -11,6 +11,7 @@ from fltea.noise.weights import weights
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from memory_probe import DIRECT, SETS, Memory, math
+from tiers import slow
 
 ROOT = Path(__file__).resolve().parents[2]
 # The first test of each instruction set compiles its probe.
@@ -156,12 +157,12 @@ def bounds(order: float, digits: int) -> tuple[float, float]:
     return state, 10.0**-digits * (100 if order <= 1 else 10_000)
 
 
-@pytest.mark.parametrize("digits", [3, 6, 9])
-def test_weights_over_ten_million_samples(digits: int) -> None:
+@pytest.mark.parametrize(("digits", "farthest"), [(6, 1e5), slow(3, 1e7), slow(6, 1e7), slow(9, 1e7)])
+def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
     random = np.random.default_rng(3)
     ages: dict[float, list[int]] = {}
     for order in [-0.9, *random.uniform(-0.9, 3, 6), 0.999999, 1 + 1e-9, 2.9999]:
-        far = np.unique(np.exp(random.uniform(3, np.log(1e7), 12)).astype(int)).tolist()
+        far = np.unique(np.exp(random.uniform(3, np.log(farthest), 12)).astype(int)).tolist()
         ages[float(order)] = [1, 2, 14, 15, 16, 17, *far]
     for order, (state, variance) in weight_errors(Memory(digits), ages).items():
         # 1e-8: rounding over ten million samples, of weights that have become very small.

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -13,6 +13,13 @@ from fltea.records.records import AnyRecord, Estimate, Sample
 from fltea.stream.place import Place
 from hypothesis import strategies as st
 from place_one_by_one import Placed
+
+T = TypeVar("T")
+
+
+def of(kind: type[T], found: Iterable[object]) -> list[T]:
+    """Those of one kind among records, events or frames."""
+    return [one for one in found if isinstance(one, kind)]
 
 
 def as_block(*samples: RawSample) -> RawBlock:

@@ -1,11 +1,10 @@
 """A made-up board that estimates by itself: what it sends, in its order, and what a wire makes of it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from fltea.records.events import Chunk, Event, Opened
-from fltea.records.records import LinkStats
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
@@ -20,21 +19,6 @@ ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
 LSB_PER_DPS = 16.4
 PERIOD_US = 10_000
 START_NS = 10**9
-
-
-class WireSource:
-    """A source whose events a test feeds into the pipeline itself."""
-
-    live = prompt = False
-    unix_offset_ns = 0
-
-    def events(self) -> Iterator[Event]:
-        return iter(())
-
-    def link_stats(self) -> LinkStats:
-        return LinkStats()
-
-    def close(self) -> None: ...
 
 
 class Sent(NamedTuple):
@@ -106,7 +90,13 @@ def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0)
         yield from link.feed(chunk, chunk.host_ns)
 
 
-def changed(sent: Iterable[Sent], kind: type[wire.Message], **changes: object) -> Iterator[Sent]:
-    """The same with some fields of one kind of message replaced."""
+def changed(
+    sent: Iterable[Sent],
+    kind: type[wire.Message],
+    which: Callable[[Sent], bool] = lambda one: True,
+    **changes: object,
+) -> Iterator[Sent]:
+    """The same with some fields replaced in all messages of one kind, or in some of them."""
     for one in sent:
-        yield one._replace(message=one.message._replace(**changes)) if isinstance(one.message, kind) else one
+        is_meant = isinstance(one.message, kind) and which(one)
+        yield one._replace(message=one.message._replace(**changes)) if is_meant else one

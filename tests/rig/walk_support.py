@@ -1,12 +1,12 @@
 """Made-up samples, and the walk of a pipeline over them with windows that are soon full."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock, RawSample, block_of
 from fltea.records.records import AnyRecord, LinkStats
-from fltea.settings.config import load_config
+from fltea.settings.config import Config, load_config
 from fltea.stream.fit_times import FitLoad
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
@@ -16,14 +16,25 @@ COUNTS = np.rint(np.random.default_rng(5).normal((3, -40, 0), 8, (1300, 3))).ast
 
 
 class Source:
-    live = False
-    unix_offset_ns = 0
+    """A source whose events a test feeds into the pipeline itself."""
 
-    def __init__(self, prompt: bool) -> None:
-        self.prompt = prompt
+    live = False
+
+    def __init__(self, *, prompt: bool = False, unix_offset_ns: int = 0) -> None:
+        self.prompt, self.unix_offset_ns = prompt, unix_offset_ns
+
+    def events(self) -> Iterator[Event]:
+        return iter(())
 
     def link_stats(self) -> LinkStats:
-        return LinkStats()
+        return LinkStats(frames=7)
+
+    def close(self) -> None: ...
+
+
+def small_config(**changes: object) -> Config:
+    """Settings with windows that are soon full; `estimator__R` in place of estimator.R."""
+    return load_config(None, SMALL | {name.replace("__", "."): value for name, value in changes.items()})
 
 
 def raw(numbers: Iterable[int]) -> RawBlock:
@@ -41,6 +52,6 @@ def walk(
     number: int = 0,
     **set_: object,
 ) -> tuple[list[AnyRecord | Block], Pipeline]:
-    config = load_config(None, SMALL | {name.replace("__", "."): value for name, value in set_.items()})
-    pipeline = Pipeline(Source(prompt), config, state=state, load=FitLoad(devices), number=number)  # type: ignore[arg-type]
+    source, load = Source(prompt=prompt), FitLoad(devices)
+    pipeline = Pipeline(source, small_config(**set_), state=state, load=load, number=number)
     return [item for event in found for item in pipeline.feed(event)], pipeline

@@ -2,42 +2,32 @@
 
 import random
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import pytest
-from blocks import of_samples, records_of
+from blocks import of, of_samples, records_of
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawSample
-from fltea.records.records import AnyRecord, Epoch, Error, Estimate, LinkStats, Stats
+from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Stats
 from fltea.service.state import DeviceState, StateFile
-from fltea.settings.config import Config, load_config
+from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
+from walk_support import Source, small_config
 
 PERIOD_NS = 10**7
 S = 10**9
 BEGIN_NS = 1_700_000_000 * S
 
 
-class NoSource:
-    live = prompt = True
-    unix_offset_ns = BEGIN_NS
-
-    def events(self) -> Iterator[Event]:
-        return iter(())
-
-    def link_stats(self) -> LinkStats:
-        return LinkStats()
-
-    def close(self) -> None: ...
-
-
 def config(**changes: object) -> Config:
-    small = {"estimator.window": 50, "estimator.startup": 20, "accel.startup": 30, "accel.window": 40}
-    return load_config(None, small | {key.replace("__", "."): value for key, value in changes.items()})
+    return small_config(**{"accel__startup": 30, "accel__window": 40, "link__max_gap": 100} | changes)
+
+
+def source() -> Source:
+    return Source(prompt=True, unix_offset_ns=BEGIN_NS)
 
 
 def raw(k: int) -> RawSample:
@@ -53,7 +43,7 @@ def walk(pipeline: Pipeline, *events: Event | RawSample) -> list[AnyRecord]:
 
 
 def snapshot(settings: Config, samples: int = 200, **changes: object) -> DeviceState:
-    pipeline = Pipeline(NoSource(), settings)
+    pipeline = Pipeline(source(), settings)
     walk(pipeline, hello(**changes), *map(raw, range(samples)))
     state = pipeline.save()
     assert state is not None
@@ -64,7 +54,7 @@ def snapshot(settings: Config, samples: int = 200, **changes: object) -> DeviceS
 
 def later(state: DeviceState, settings: Config, begin: int, end: int, **changes: object) -> list[AnyRecord]:
     """Records of a run that begins with sample `begin`, by its own number, of a board that was reset."""
-    pipeline = Pipeline(NoSource(), settings, state=state)
+    pipeline = Pipeline(source(), settings, state=state)
     said = hello(**{"boot_id": 99, "host_ns": begin * PERIOD_NS, **changes})
     return walk(pipeline, said, *map(raw, range(begin, end)))
 
@@ -90,11 +80,11 @@ def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
 ) -> None:
     untuned = {"estimator.tuning": "startup", "accel.tuning": "startup"}  # the fit's seconds begin again
     settings = config(channels=channels, **untuned)
-    unbroken = Pipeline(NoSource(), settings)
+    unbroken = Pipeline(source(), settings)
     events = [hello(), *map(raw, range(200)), *map(raw, range(200 + missing, 400))]
     expected = estimates(walk(unbroken, *events))
     records = later(snapshot(settings), settings, 200 + missing, 400)
-    [epoch] = [r for r in records if isinstance(r, Epoch)]
+    [epoch] = of(Epoch, records)
     assert epoch.reason == "resumed"
     assert epoch.resumed_after_s == pytest.approx((1 + missing) * 0.01)
     found = estimates(records)
@@ -103,15 +93,15 @@ def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
 
 def test_a_date_that_was_set_in_between_does_not_change_the_age() -> None:
     """An epoch keeps the date of its beginning for its samples, for months; a snapshot must not."""
-    settings, source = config(), NoSource()
-    pipeline = Pipeline(source, settings)
+    settings, clock = config(), source()
+    pipeline = Pipeline(clock, settings)
     walk(pipeline, hello(), *map(raw, range(100)))
-    source.unix_offset_ns = BEGIN_NS + 3600 * S
+    clock.unix_offset_ns = BEGIN_NS + 3600 * S
     walk(pipeline, *map(raw, range(100, 200)))
-    state, after = pipeline.save(), NoSource()
-    after.unix_offset_ns = source.unix_offset_ns
+    state, after = pipeline.save(), source()
+    after.unix_offset_ns = clock.unix_offset_ns
     records = walk(Pipeline(after, settings, state=state), hello(), *map(raw, range(250, 260)))
-    [epoch] = [r for r in records if isinstance(r, Epoch)]
+    [epoch] = of(Epoch, records)
     assert (epoch.reason, epoch.resumed_after_s) == ("resumed", pytest.approx(0.51))
 
 
@@ -129,10 +119,10 @@ def test_bias_and_r_are_kept_and_no_start_up_window_begins() -> None:
     state = snapshot(settings)
     records = later(state, settings, 260, 300)
     assert next(r for r in records if isinstance(r, Estimate)).seq == 260
-    stats = [r for r in records if isinstance(r, Stats)]
+    stats = of(Stats, records)
     assert not stats or stats[-1].startup_remaining == 0
     assert state.gyro is not None
-    pipeline = Pipeline(NoSource(), settings, state=state)
+    pipeline = Pipeline(source(), settings, state=state)
     walk(pipeline, hello(), raw(260))
     assert pipeline.stats().axes["gyro_x"].bias == state.gyro.bias_dps[0]
     assert state.gyro.R[2] == pipeline.stats().axes["gyro_z"].R
@@ -155,9 +145,9 @@ def test_another_sensor_or_other_settings_begin_again(
     board: dict[str, object], settings: dict[str, object], text: str
 ) -> None:
     records = later(snapshot(config()), config(**settings), 200, 260, **board)
-    [error] = [r for r in records if isinstance(r, Error)]
+    [error] = of(Error, records)
     assert (error.kind, text in error.message) == ("state_unused", True)
-    [epoch] = [r for r in records if isinstance(r, Epoch)]
+    [epoch] = of(Epoch, records)
     assert (epoch.reason, epoch.resumed_after_s) == ("start", None)
     assert min(estimates(records)) == 220
 
@@ -167,22 +157,22 @@ def test_too_old_or_from_the_future() -> None:
     state = snapshot(settings)
     for unix_ns, text in ((state.unix_ns - 3 * S, "s old"), (state.unix_ns + 9 * S, "future")):
         records = later(msgspec.structs.replace(state, unix_ns=unix_ns), settings, 200, 230)
-        [error] = [r for r in records if isinstance(r, Error)]
+        [error] = of(Error, records)
         assert text in error.message
     records = later(msgspec.structs.replace(state, unix_ns=state.unix_ns - S), settings, 200, 230)
-    assert [r.reason for r in records if isinstance(r, Epoch)] == ["resumed"]
+    assert [r.reason for r in of(Epoch, records)] == ["resumed"]
 
 
 def test_only_the_first_epoch_resumes() -> None:
     settings = config()
-    pipeline = Pipeline(NoSource(), settings, state=snapshot(settings))
+    pipeline = Pipeline(source(), settings, state=snapshot(settings))
     records = walk(pipeline, hello(), *map(raw, range(200, 220)), hello(boot_id=3), *map(raw, range(40)))
-    assert [r.reason for r in records if isinstance(r, Epoch)] == ["resumed", "restart"]
+    assert [r.reason for r in of(Epoch, records)] == ["resumed", "restart"]
 
 
 def test_nothing_is_kept_of_a_start_up_window() -> None:
     for settings, samples in ((config(), 20), (config(channels=["gyro_x", "accel_x"]), 25)):
-        pipeline = Pipeline(NoSource(), settings)
+        pipeline = Pipeline(source(), settings)
         walk(pipeline, hello(), *map(raw, range(samples - 1)))
         assert pipeline.save() is None
 
@@ -305,9 +295,9 @@ def test_a_snapshot_that_is_not_sound_is_set_aside_and_the_window_begins(
     broken = msgspec.structs.replace(state, gyro=msgspec.structs.replace(state.gyro, **damaged))
     held = written(path, left=broken, right=other)
     file, said = state_file(path)
-    pipeline = Pipeline(NoSource(), config(), state=file.found["left"], refuse=lambda: file.refuse("left"))
+    pipeline = Pipeline(source(), config(), state=file.found["left"], refuse=lambda: file.refuse("left"))
     records = walk(pipeline, hello(boot_id=99, host_ns=200 * PERIOD_NS), *map(raw, range(200, 260)))
-    [error] = [r for r in records if isinstance(r, Error)]
+    [error] = of(Error, records)
     assert error.kind == "state_unused"
     assert reason in error.message
     assert min(estimates(records)) == 220

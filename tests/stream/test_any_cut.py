@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pytest
-from blocks import cuts, in_blocks, ndjson, one_by_one, records_of
+from blocks import cuts, in_blocks, ndjson, of, one_by_one, records_of
 from estimating_board import ESTIMATOR, Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
@@ -15,10 +15,10 @@ from fltea.settings.config import Config, load_config
 from fltea.stream.pipeline import Pipeline
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tiers import slow
+from walk_support import SMALL
 from wire_story import HAPPENINGS, Moment, Story, StorySource, stories, torn
 
-T = TypeVar("T")
-SMALL = {"estimator.window": 50, "estimator.startup": 20, "link.max_gap": 60}
 RUNAWAY = {
     "estimator.R": 1e-4,
     "estimator.bias": "none",
@@ -105,20 +105,21 @@ def walk_events(chosen: Config, found: Iterable[Event]) -> list[Any]:
     return [*(item for event in found for item in pipeline.feed(event)), *pipeline.finish()]
 
 
-@given(stories(), st.sampled_from(SETTINGS), st.data())
-@settings(max_examples=15)
-def test_samples_in_blocks_of_any_cut_give_the_same_records(
-    story: Story, changes: dict[str, Any], data: st.DataObject
-) -> None:
-    chosen, found = config(changes), blocks_of(story)
-    whole = ndjson(walk_events(chosen, found))
-    assert ndjson(walk_events(chosen, one_by_one(found))) == whole
-    cut: list[Event] = []
-    for event in found:
-        cut += (
-            in_blocks(event, data.draw(cuts(len(event.sequence)))) if isinstance(event, RawBlock) else [event]
-        )
-    assert ndjson(walk_events(chosen, cut)) == whole
+@pytest.mark.parametrize("examples", [15, slow(40)])
+def test_samples_in_blocks_of_any_cut_give_the_same_records(examples: int) -> None:
+    @given(stories(), st.sampled_from(SETTINGS), st.data())
+    @settings(max_examples=examples)
+    def holds(story: Story, changes: dict[str, Any], data: st.DataObject) -> None:
+        chosen, found = config(changes), blocks_of(story)
+        whole = ndjson(walk_events(chosen, found))
+        assert ndjson(walk_events(chosen, one_by_one(found))) == whole
+        cut: list[Event] = []
+        for event in found:
+            is_block = isinstance(event, RawBlock)
+            cut += in_blocks(event, data.draw(cuts(len(event.sequence)))) if is_block else [event]
+        assert ndjson(walk_events(chosen, cut)) == whole
+
+    holds()
 
 
 @pytest.mark.parametrize("who", ["device", "both"])
@@ -127,15 +128,11 @@ def test_a_board_that_estimates_gives_the_same_records_in_any_cut(who: str, stat
     """Also one that never does, of which is told after five seconds."""
     found = list(events(Board(stated, late=3).run(noise(700))))
     if stated is None:
-        found = [found[0], RawBlock._make(map(np.concatenate, zip(*only(RawBlock, found), strict=True)))]
+        found = [found[0], RawBlock._make(map(np.concatenate, zip(*of(RawBlock, found), strict=True)))]
     chosen = config({"estimator.estimate_on": who, "output.every": 3})
     whole = ndjson(walk_events(chosen, found))
     assert ndjson(walk_events(chosen, one_by_one(found))) == whole
     assert any(b"no_device_estimates" in line for line in whole) == (stated is None)
-
-
-def only(kind: type[T], found: Iterable[object]) -> list[T]:
-    return [one for one in found if isinstance(one, kind)]
 
 
 @pytest.mark.parametrize(("changes", "kind"), [(RUNAWAY, b"axis_runaway"), (HELD, b"axis_bound")])
@@ -157,7 +154,7 @@ def test_records_of_a_block_are_those_of_its_parts(
     n: int, changes: dict[str, Any], every: int, data: st.DataObject
 ) -> None:
     story = Story(0, 150, ((120, "constant"),), (50,))
-    blocks = only(Block, walk_events(config(changes | {"output.every": 1}), blocks_of(story)))
+    blocks = of(Block, walk_events(config(changes | {"output.every": 1}), blocks_of(story)))
     last = blocks[-1]
     first = data.draw(st.integers(0, len(last) - 1))
     block = last.rows(first, first + n)
@@ -165,15 +162,11 @@ def test_records_of_a_block_are_those_of_its_parts(
     parts = [part for part in (block.rows(0, end), block.rows(end, len(block))) if len(part)]
     all_of_it = list(block.records())
     assert all_of_it == records_of(parts)
-    assert [one.seq for one in only(Sample, all_of_it)] == block.seq.tolist()
-    assert list(block.records(estimates=False)) == only(Sample, all_of_it)
-    assert list(block.records(samples=False)) == only(Estimate, all_of_it)
+    assert [one.seq for one in of(Sample, all_of_it)] == block.seq.tolist()
+    assert list(block.records(estimates=False)) == of(Sample, all_of_it)
+    assert list(block.records(samples=False)) == of(Estimate, all_of_it)
     thin = replace(block, every=every)
     assert list(thin.records()) == [one for one in all_of_it if one.seq % every == 0]
     assert thin.weight == len(list(thin.records()))
-    assert thin.last_estimate() == next((one for one in reversed(only(Estimate, thin.records()))), None)
+    assert thin.last_estimate() == next((one for one in reversed(of(Estimate, thin.records()))), None)
     assert list(thin.records()) == records_of(replace(part, every=every) for part in parts)
-
-
-def test_the_last_moment_counts_also_where_its_sample_cannot_be_used() -> None:
-    check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], {})

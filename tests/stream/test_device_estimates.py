@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import TypeVar
+from typing import Any
 
 import msgspec
 import pytest
-from blocks import as_block, records_of
-from estimating_board import ESTIMATOR, Board, Sent, WireSource, changed, events, noise
+from blocks import as_block, of, records_of
+from estimating_board import ESTIMATOR, Board, Sent, changed, events, noise
 from fltea.records.events import Event, LinkDown, RawBlock, RawSample, host_ns_of
 from fltea.records.records import (
     AnyRecord,
@@ -19,28 +19,23 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
-from fltea.settings.config import Config, load_config
+from fltea.settings.config import load_config
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
 from fltea.wire.message_events import axis_event, estimator_event, hello_event
 from host_support import WIRE_HELLO
 from own_estimator import TRIPLE
+from walk_support import Source
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 STARTUP = ESTIMATOR.startup
 PRINTED = TRIPLE._replace(startup=STARTUP, remaining=STARTUP, guard=wire.EstimatorGuard.FAITHFUL)
-T = TypeVar("T")
 
 
 def pipeline(who: str, **settings: object) -> Pipeline:
-    return Pipeline(WireSource(), config(who, **settings))
-
-
-def config(who: str, **settings: object) -> Config:
-    return load_config(
-        None, {"estimator.estimate_on": who, **{k.replace("__", "."): v for k, v in settings.items()}}
-    )
+    changes = {"estimator__estimate_on": who} | settings
+    return Pipeline(Source(), load_config(None, {k.replace("__", "."): v for k, v in changes.items()}))
 
 
 def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
@@ -51,8 +46,14 @@ def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
     return records
 
 
-def of(kind: type[T], records: Iterable[AnyRecord]) -> list[T]:
-    return [record for record in records if isinstance(record, kind)]
+def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
+    """What is published of the device: its estimates alone, or beside the host's."""
+    return of(Estimate if who == "device" else DeviceEstimates, records)
+
+
+def reasons(compared: Iterable[DeviceEstimates], *axes: str) -> set[str | None]:
+    """Why axes, by default all, are not compared."""
+    return {a.why_not for e in compared for name, a in e.axes.items() if name in (axes or AXES)}
 
 
 def exact(sent: Iterable[Sent]) -> Iterator[Event]:
@@ -156,7 +157,7 @@ def test_the_sequence_wraps_and_estimates_come_late(who: str) -> None:
     sent = list(Board(late=20, first=65_500).run(noise(200)))
     walk = pipeline(who)
     records = feed(walk, events(sent))
-    found = of(Estimate if who == "device" else DeviceEstimates, records)
+    found = estimates_of(who, records)
     assert [e.seq for e in found] == list(range(65_500 + STARTUP, 65_500 + 180))
     if who == "both":
         assert all(e.comparable for e in found)
@@ -179,7 +180,7 @@ def test_an_axis_that_is_lost_on_the_line_costs_only_itself(who: str) -> None:
     assert sent[k + 1].message.axis == wire.Axis.GYRO_Y
     del sent[k + 1]
     walk = pipeline(who)
-    found = {e.seq: e for e in of(Estimate if who == "device" else DeviceEstimates, feed(walk, events(sent)))}
+    found = {e.seq: e for e in estimates_of(who, feed(walk, events(sent)))}
     assert sorted(found) == list(range(STARTUP, 100))
     assert list(found[60].axes) == ["gyro_x", "gyro_z"]
     assert all(len(e.axes) == 3 for seq, e in found.items() if seq != 60)
@@ -211,7 +212,7 @@ def test_a_device_that_restarts_begins_anew(who: str) -> None:
     walk = pipeline(who)
     records = feed(walk, events([*first, *second[:1]], link))
     records += feed(walk, events([one._replace(at=0) for one in stray] + second[1:], link, start=120))
-    found = of(Estimate if who == "device" else DeviceEstimates, records)
+    found = estimates_of(who, records)
     assert [(e.epoch, e.seq) for e in found] == [(n, k) for n in (1, 2) for k in range(STARTUP, 95)]
     if who == "both":
         assert all(e.comparable for e in found)
@@ -252,7 +253,7 @@ def test_with_other_settings_nothing_is_compared_though_the_ages_agree() -> None
     assert [e.seq for e in compared] == list(range(STARTUP, 250))
     assert not any(e.comparable for e in compared)
     assert {a.alpha_difference for e in compared for a in e.axes.values()} == {None}
-    assert {a.why_not for e in compared for a in e.axes.values()} == {"other_settings"}
+    assert reasons(compared) == {"other_settings"}
 
 
 def test_a_device_that_was_already_running_cannot_be_compared() -> None:
@@ -263,19 +264,14 @@ def test_a_device_that_was_already_running_cannot_be_compared() -> None:
     assert len(compared) > 150
     assert not any(e.comparable for e in compared)
     assert {a.alpha_difference for e in compared for a in e.axes.values()} == {None}
-    assert {a.why_not for e in compared for a in e.axes.values()} == {"other_start"}
+    assert reasons(compared) == {"other_start"}
     assert all(a.valid and a.alpha is not None for e in compared for a in e.axes.values())
 
 
 def test_what_was_skipped_is_told_once_a_minute_and_not_compared() -> None:
-    sent = list(Board().run(noise(200)))
     flags = wire.EstimateFlags.VALID | wire.EstimateFlags.SKIPPED
-    skipped = [
-        one._replace(message=one.message._replace(flags=flags))
-        if isinstance(one.message, wire.Estimate) and one.at >= 100
-        else one
-        for one in sent
-    ]
+    sent = Board().run(noise(200))
+    skipped = list(changed(sent, wire.Estimate, lambda one: one.at >= 100, flags=flags))
     skipped += [Sent(200 + 100 * k, ESTIMATOR._replace(skipped=k), 0) for k in range(130)]
     walk = pipeline("both")
     records = feed(walk, events(skipped))
@@ -295,25 +291,25 @@ def test_a_constant_axis_is_null_and_told_once() -> None:
         told = [e for e in of(Error, records) if e.kind == "constant_axis"]
         assert len(told) == 1, who
         assert "gyro_y" in told[0].message
-        for e in of(Estimate if who == "device" else DeviceEstimates, records):
+        for e in estimates_of(who, records):
             assert [a.valid for a in e.axes.values()] == [True, False, True]
             assert e.axes["gyro_y"].alpha is None
         assert of(Stats, records)[-1].axes["gyro_y"].R is None
     compared = of(DeviceEstimates, records)
     assert all(e.comparable and e.axes["gyro_y"].alpha_difference is None for e in compared)
-    assert {e.axes["gyro_y"].why_not for e in compared} == {"device_not_valid"}
-    assert {e.axes["gyro_x"].why_not for e in compared} == {None}
+    assert reasons(compared, "gyro_y") == {"device_not_valid"}
+    assert reasons(compared, "gyro_x") == {None}
 
 
 def test_a_device_that_says_that_an_axis_is_lost_is_believed() -> None:
-    sent = list(Board().run(noise(100)))
-    sent = [
-        one._replace(message=one.message._replace(flags=0, alpha=0.0))
-        if isinstance(one.message, wire.Estimate) and one.message.axis == 2 and one.at % 20 == 10
-        else one
-        for one in sent
-    ]
-    records = feed(pipeline("device"), events(sent))
+    lost = changed(
+        Board().run(noise(100)),
+        wire.Estimate,
+        lambda one: one.message.axis == 2 and one.at % 20 == 10,
+        flags=0,
+        alpha=0.0,
+    )
+    records = feed(pipeline("device"), events(lost))
     assert [e.kind for e in of(Error, records)] == ["axis_bound"], "once a minute"
     invalid = {e.seq for e in of(Estimate, records) if not e.axes["gyro_z"].valid}
     assert invalid == {30, 50, 70, 90}
@@ -325,7 +321,7 @@ def test_what_is_not_finite_is_published_as_null(who: str, field: str) -> None:
     sent = list(Board().run(noise(60)))
     for bad in (math.nan, math.inf):
         records = feed(pipeline(who), events(changed(sent, wire.Estimate, **{field: bad})))
-        found = of(Estimate if who == "device" else DeviceEstimates, records)
+        found = estimates_of(who, records)
         assert len(found) == 60 - STARTUP
         for e in found:
             for a in e.axes.values():
@@ -366,7 +362,7 @@ def test_a_host_that_estimates_alone_does_not_listen_to_the_device() -> None:
 def test_only_the_axes_that_were_asked_for(who: str) -> None:
     walk = pipeline(who, channels=["gyro_z", "accel_x"], accel__startup=40, accel__window=50)
     records = feed(walk, events(Board().run(noise(100))))
-    found = of(Estimate if who == "device" else DeviceEstimates, records)
+    found = estimates_of(who, records)
     found = [e for e in found if "gyro_z" in e.axes]
     assert {tuple(e.axes) for e in found} == {("gyro_z",)}
     assert [e.seq for e in found] == list(range(STARTUP, 100))
@@ -411,6 +407,6 @@ def test_another_device_on_the_same_port_has_said_nothing_yet() -> None:
 def test_a_step_without_a_measurement_has_no_innovation(who: str) -> None:
     flags = wire.EstimateFlags.VALID | wire.EstimateFlags.MISSING
     records = feed(pipeline(who), events(changed(Board().run(noise(50)), wire.Estimate, flags=flags)))
-    found = of(Estimate if who == "device" else DeviceEstimates, records)
+    found = estimates_of(who, records)
     assert len(found) == 50 - STARTUP
     assert all(a.valid and a.innovation is None for e in found for a in e.axes.values())

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from blocks import records_of
-from estimating_board import Board, Sent, WireSource, events, noise
+from estimating_board import Board, Sent, events, noise
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import AnyRecord, DeviceFits, Sample
 from fltea.settings.config import load_config
@@ -28,6 +28,7 @@ from fltea.wire.message_events import bins_event, fit_event
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, Group
+from walk_support import Source
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 FIT = wire.Fit(
@@ -311,7 +312,7 @@ def with_fits(sent: Iterable[Sent]) -> Iterator[Sent]:
 
 @pytest.mark.parametrize("who", ["both", "device"])
 def test_the_pipeline_tells_them(who: str) -> None:
-    walk = Pipeline(WireSource(), load_config(None, {"estimator.estimate_on": who}))
+    walk = Pipeline(Source(), load_config(None, {"estimator.estimate_on": who}))
     found: list[AnyRecord] = records_of(
         item for event in events(with_fits(Board().run(noise(200)))) for item in walk.feed(event)
     )
@@ -330,7 +331,7 @@ def test_the_pipeline_tells_them(who: str) -> None:
 
 
 def test_a_host_that_estimates_alone_says_nothing_of_them() -> None:
-    walk = Pipeline(WireSource(), load_config(None, {"estimator.estimate_on": "host"}))
+    walk = Pipeline(Source(), load_config(None, {"estimator.estimate_on": "host"}))
     found = records_of(
         item for event in events(with_fits(Board().run(noise(200)))) for item in walk.feed(event)
     )

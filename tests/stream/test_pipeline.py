@@ -1,14 +1,12 @@
 """The walk as a whole, on made-up events: what comes out, in which order, and what is counted."""
 
 import random
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
 
 import msgspec
 import numpy as np
 import pytest
-from blocks import as_block, records_of
+from blocks import as_block, of, records_of
 from engine_cases import ESTIMATES, reference_run
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import UsageError
@@ -21,35 +19,22 @@ from fltea.records.records import (
     Estimate,
     Gap,
     Hello,
-    LinkStats,
     Sample,
     Stats,
 )
-from fltea.settings.config import Config, load_config
 from fltea.sources.replay import ReplaySource
 from fltea.stream.pipeline import Pipeline
+from walk_support import Source, small_config
 
 PERIOD_NS = 10**7
 PRINTED = {"estimator__guard": "off", "estimator__variant": "triple"}
-T = TypeVar("T")
 
 
-class ListSource:
-    live = prompt = False
-    unix_offset_ns = 1_000_000_000_000
-
-    def events(self) -> Iterator[Event]:
-        return iter(())
-
-    def link_stats(self) -> LinkStats:
-        return LinkStats(frames=7)
-
-    def close(self) -> None: ...
+UNIX_OFFSET_NS = 1_000_000_000_000
 
 
-def config(**changes: object) -> Config:
-    small = {"estimator.window": 50, "estimator.startup": 20}
-    return load_config(None, {**small, **{k.replace("__", "."): v for k, v in changes.items()}})
+def pipeline_of(**changes: object) -> Pipeline:
+    return Pipeline(Source(unix_offset_ns=UNIX_OFFSET_NS), small_config(**{"link__max_gap": 100} | changes))
 
 
 def hello(boot_id: int = 1, lsb: float | None = 16.4, sensor_starts: int = 1) -> Hello:
@@ -70,12 +55,8 @@ def feed(pipeline: Pipeline, *events: Event | RawSample) -> list[AnyRecord]:
     return records_of(item for event in blocks for item in pipeline.feed(event))
 
 
-def of(kind: type[T], records: list[AnyRecord]) -> list[T]:
-    return [r for r in records if isinstance(r, kind)]
-
-
 def test_order_of_records_and_first_estimate_after_the_startup_window() -> None:
-    pipeline = Pipeline(ListSource(), config())
+    pipeline = pipeline_of()
     records = feed(pipeline, hello(), *(raw(k) for k in range(20)))
     assert [type(r).__name__ for r in records] == ["Hello", "Epoch"] + ["Sample"] * 20
     assert [(r.seq, r.gyro_dps) for r in of(Sample, records)] == [
@@ -92,14 +73,14 @@ def test_order_of_records_and_first_estimate_after_the_startup_window() -> None:
     assert stats.startup_remaining == 0
     assert stats.link.frames == 7
     assert stats.axes["gyro_x"].R is not None
-    assert first.host_ns == ListSource.unix_offset_ns + 20 * PERIOD_NS
+    assert first.host_ns == UNIX_OFFSET_NS + 20 * PERIOD_NS
 
 
 def test_a_short_gap_is_bridged_in_the_same_epoch() -> None:
     events = [raw(k) for k in range(60) if not 30 <= k < 35]
-    pipeline = Pipeline(ListSource(), config())
+    pipeline = pipeline_of()
     records = feed(pipeline, hello(), *events)
-    assert of(Gap, records) == [Gap(30, 5, 1, ListSource.unix_offset_ns + 35 * PERIOD_NS, device="due")]
+    assert of(Gap, records) == [Gap(30, 5, 1, UNIX_OFFSET_NS + 35 * PERIOD_NS, device="due")]
     assert len(of(Epoch, records)) == 1
     assert [e.seq for e in of(Estimate, records)] == [*range(20, 30), *range(35, 60)]
     samples = pipeline.stats().samples
@@ -108,7 +89,7 @@ def test_a_short_gap_is_bridged_in_the_same_epoch() -> None:
 
 def test_a_long_gap_begins_a_new_epoch_with_a_new_startup_window() -> None:
     events = [raw(k) for k in range(100) if not 30 <= k < 50]
-    records = feed(Pipeline(ListSource(), config(link__max_gap=19)), hello(), *events)
+    records = feed(pipeline_of(link__max_gap=19), hello(), *events)
     assert [(g.seq, g.missing, g.epoch) for g in of(Gap, records)] == [(30, 20, 1)]
     assert [(e.epoch, e.reason, e.seq) for e in of(Epoch, records)] == [(1, "start", 0), (2, "gap", 50)]
     assert [e.seq for e in of(Estimate, records) if e.epoch == 2] == list(range(70, 100))
@@ -119,7 +100,7 @@ def test_a_long_gap_begins_a_new_epoch_with_a_new_startup_window() -> None:
 def test_a_restart_begins_anew_and_says_hello_once_a_boot() -> None:
     first = [hello(1), raw(0), hello(1), raw(1)]
     second = [hello(2), *(raw(k) for k in range(25))]
-    records = feed(Pipeline(ListSource(), config()), *first, *second)
+    records = feed(pipeline_of(), *first, *second)
     assert [h.boot_id for h in of(Hello, records)] == [1, 2]
     assert [(e.reason, e.boot_id) for e in of(Epoch, records)] == [("start", 1), ("restart", 2)]
     assert all(e.epoch == 2 for e in of(Estimate, records))
@@ -131,18 +112,18 @@ def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path, sens
     late = [raw(k)._replace(device_us=(k * 10_000 + 7_000_000) % 2**32) for k in range(60, 100)]
     after = hello(sensor_starts=sensor_starts)
     events = [hello(), *(raw(k) for k in range(60)), after, late[0], after, *late[1:]]
-    live = feed(Pipeline(ListSource(), config()), *events)
+    live = feed(pipeline_of(), *events)
     assert [(e.reason, e.seq) for e in of(Epoch, live)] == [("start", 0), ("discontinuity", 61)]
     path = tmp_path / "live.ndjson"
     path.write_bytes(b"".join(msgspec.json.encode(r) + b"\n" for r in live))
     source = ReplaySource(path)
-    again = feed(Pipeline(source, config()), *source.events())
+    again = feed(Pipeline(source, small_config()), *source.events())
     assert [(e.reason, e.seq) for e in of(Epoch, again)] == [("start", 0), ("discontinuity", 61)]
     assert [(e.seq, e.axes) for e in of(Estimate, again)] == [(e.seq, e.axes) for e in of(Estimate, live)]
 
 
 def test_after_link_down_nothing_is_believed_before_hello() -> None:
-    pipeline = Pipeline(ListSource(), config())
+    pipeline = pipeline_of()
     feed(pipeline, hello(), raw(0), raw(1), LinkDown(2 * PERIOD_NS))
     assert feed(pipeline, raw(2), raw(3)) == []
     records = feed(pipeline, hello(), raw(4))
@@ -154,7 +135,7 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
     events = [
         raw(k, (random.Random(k).gauss(0, 0.1), 0.25, random.Random(k).gauss(0, 0.2))) for k in range(30)
     ]
-    pipeline = Pipeline(ListSource(), config())
+    pipeline = pipeline_of()
     records = feed(pipeline, hello(lsb=None), *events)
     assert [e.kind for e in of(Error, records)] == ["constant_axis"]
     assert "gyro_y" in of(Error, records)[0].message
@@ -168,7 +149,7 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
 
 def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
     """An offset of some deg/s that nobody removes makes the printed algorithm diverge."""
-    pipeline = Pipeline(ListSource(), config(estimator__bias="none", estimator__R=1e-4, **PRINTED))
+    pipeline = pipeline_of(estimator__bias="none", estimator__R=1e-4, **PRINTED)
     events = [raw(k, tuple(g + 500 for g in raw(k).gyro)) for k in range(400)]
     records = feed(pipeline, hello(), *events)
     lines = msgspec.json.encode(records)
@@ -195,30 +176,26 @@ def test_every_estimate_names_its_variant_and_every_epoch_its_estimator() -> Non
         {},
     ):
         changes = {f"estimator__{key}": value for key, value in settings.items()}
-        chosen = config(**changes)
-        records = feed(Pipeline(ListSource(), chosen), hello(), *(raw(k) for k in range(30)))
-        assert {e.variant for e in of(Estimate, records)} == {chosen.estimator.variant}
+        chosen = small_config(**changes).estimator
+        records = feed(pipeline_of(**changes), hello(), *(raw(k) for k in range(30)))
+        assert {e.variant for e in of(Estimate, records)} == {chosen.variant}
         info = of(Epoch, records)[0].estimator
-        assert (info.estimate_on, info.memory, info.variant, info.guard) == (
-            "host",
-            chosen.estimator.memory,
-            chosen.estimator.variant,
-            chosen.estimator.guard,
-        )
+        expected = ("host", chosen.memory, chosen.variant, chosen.guard)
+        assert (info.estimate_on, info.memory, info.variant, info.guard) == expected
 
 
 @pytest.mark.parametrize(("memory", "tolerance"), [("direct", 1e-10), ("compressed", 1e-5)])
 def test_the_walk_gives_the_estimates_of_the_reference(memory: str, tolerance: float) -> None:
     lost = (100, 101, 200)
-    chosen = config(estimator__memory=memory, **PRINTED)
-    pipeline = Pipeline(ListSource(), chosen)
+    changes = {"estimator__memory": memory, **PRINTED}
+    pipeline, estimator = pipeline_of(**changes), small_config(**changes).estimator
     records = feed(pipeline, hello(), *(raw(k) for k in range(300) if k not in lost))
-    found, first = of(Estimate, records), chosen.estimator.startup_needed
+    found, first = of(Estimate, records), estimator.startup_needed
     assert [one.seq for one in found] == [k for k in range(first, 300) if k not in lost]
     samples = {sample.seq: sample.gyro_dps for sample in of(Sample, records)}
     y = np.array([samples.get(k, (np.nan,) * 3) for k in range(first, 300)])
     for i, (axis, stats) in enumerate(pipeline.stats().axes.items()):
-        settings = LaneSettings(chosen.estimator, 0.01, stats.R)
+        settings = LaneSettings(estimator, 0.01, stats.R)
         missing = np.isnan(y[:, i])
         expected = reference_run(settings, y[:, i] - stats.bias, np.zeros(len(y)), missing)
         ours = [(one.axes[axis].alpha, one.axes[axis].f, one.axes[axis].state) for one in found]
@@ -227,20 +204,20 @@ def test_the_walk_gives_the_estimates_of_the_reference(memory: str, tolerance: f
 
 
 def test_guard_interventions_are_published_by_cause() -> None:
-    pipeline = Pipeline(ListSource(), config(estimator__R=1e-4, estimator__guard="consistent"))
+    pipeline = pipeline_of(estimator__R=1e-4, estimator__guard="consistent")
     records = feed(pipeline, hello(), *(raw(k, tuple(50 * g for g in raw(k).gyro)) for k in range(400)))
     assert "axis_bound" in [e.kind for e in of(Error, records)]
     assert pipeline.stats().axes["gyro_x"].interventions["state_bound"] > 100
 
 
 def test_stats_come_once_a_second_even_when_nothing_else_does() -> None:
-    pipeline = Pipeline(ListSource(), config())
+    pipeline = pipeline_of()
     records = feed(pipeline, *(Tick(k * 250_000_000) for k in range(21)))
     assert len(of(Stats, records)) == len(records) == 5
 
 
 def test_stats_go_out_before_the_first_event_of_a_new_second() -> None:
-    records = feed(Pipeline(ListSource(), config()), hello(), *(raw(k) for k in range(50, 350)))
+    records = feed(pipeline_of(), hello(), *(raw(k) for k in range(50, 350)))
     places = [k for k, record in enumerate(records) if isinstance(record, Stats)]
     after = [records[k + 1] for k in places]
     assert [s.seq for s in after if isinstance(s, Sample)] == [100, 200, 300]
@@ -252,24 +229,22 @@ def test_stats_go_out_before_the_first_event_of_a_new_second() -> None:
 def test_thinned_are_samples_and_estimates_alike_and_nothing_else(every: int) -> None:
     """Also while the start-up window fills; what is estimated is the same."""
     events = [hello(), *(raw(k) for k in range(300) if k not in (100, 101))]
-    thin = feed(Pipeline(ListSource(), config(output__every=every)), *events)
+    thin = feed(pipeline_of(output__every=every), *events)
     assert thin == [
-        r
-        for r in feed(Pipeline(ListSource(), config()), *events)
-        if not isinstance(r, Sample | Estimate) or r.seq % every == 0
+        r for r in feed(pipeline_of(), *events) if not isinstance(r, Sample | Estimate) or r.seq % every == 0
     ]
 
 
 def test_trouble_and_device_counters_are_passed_on() -> None:
-    pipeline = Pipeline(ListSource(), config())
+    pipeline = pipeline_of()
     status = DeviceStatus(1, 2, 3, 4, 5, "watchdog")
     records = feed(pipeline, Trouble("silent", "text", 5), status)
-    assert records == [Error("silent", "text", 5 + ListSource.unix_offset_ns, device="due")]
+    assert records == [Error("silent", "text", 5 + UNIX_OFFSET_NS, device="due")]
     assert pipeline.stats().board == status
 
 
 def test_fixed_bias_and_r_need_no_startup_window() -> None:
-    pipeline = Pipeline(ListSource(), config(estimator__bias=0.5, estimator__R=[0.1, 0.2, 0.3]))
+    pipeline = pipeline_of(estimator__bias=0.5, estimator__R=[0.1, 0.2, 0.3])
     records = feed(pipeline, hello(), raw(0))
     assert [type(r).__name__ for r in records] == ["Hello", "Epoch", "Sample", "Estimate"]
     axes = pipeline.stats().axes
@@ -278,6 +253,6 @@ def test_fixed_bias_and_r_need_no_startup_window() -> None:
 
 
 def test_settings_that_do_not_fit_the_axes_are_the_users_mistake() -> None:
-    pipeline = Pipeline(ListSource(), config(estimator__R=[0.1, 0.2]))
+    pipeline = pipeline_of(estimator__R=[0.1, 0.2])
     with pytest.raises(UsageError, match="R needs one value, or 3"):
         feed(pipeline, hello(), raw(0))

@@ -1,11 +1,11 @@
 """The chain at 10 Hz, 1 kHz and 8 kHz: nothing in it may take the Due's 100 Hz for granted."""
 
 from collections.abc import Iterator
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pytest
-from blocks import records_of
+from blocks import of, records_of
 from dashboard_support import told
 from fltea.records.block import Block
 from fltea.records.errors import UsageError
@@ -21,7 +21,6 @@ LASTS_S = 2
 STARTUP_S = 1
 LOST_S = (1.2, 1.7)
 S = 1_000_000_000
-T = TypeVar("T")
 
 
 def events(rate_hz: int, *, gap: bool) -> Iterator[Event]:
@@ -43,10 +42,6 @@ def walk(rate_hz: int, *, gap: bool = False, **changes: Any) -> list[AnyRecord |
     pipeline = Pipeline(SyntheticSource("", realtime=False), config)
     found = [output for event in events(rate_hz, gap=gap) for output in pipeline.feed(event)]
     return [*found, *pipeline.finish(), pipeline.stats()]
-
-
-def of(kind: type[T], records: list[Any]) -> list[T]:
-    return [record for record in records if isinstance(record, kind)]
 
 
 @pytest.mark.parametrize("rate_hz", [10, 1000, slow(8000)])
